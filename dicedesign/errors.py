@@ -1,0 +1,50 @@
+"""The exception tree.
+
+Every error a user can cause names the thing, what was expected, what came, and the remedy. The
+command line prints the message on one line and exits with 2; nothing else of the tree is caught.
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "DegenerateBodyError",
+    "DiceError",
+    "EngravingError",
+    "InputError",
+    "MeshFileError",
+    "OutputError",
+    "OutsideHullError",
+    "RecipeError",
+]
+
+
+class DiceError(Exception):
+    """Base of all errors raised on purpose by this package."""
+
+
+class InputError(DiceError, ValueError):
+    """What was handed in cannot be used; the message says what would do."""
+
+
+class MeshFileError(InputError):
+    """A mesh or point file is missing, unreadable or empty."""
+
+
+class DegenerateBodyError(InputError):
+    """The points span no volume: too few, coplanar, collinear, not finite, or zero volume."""
+
+
+class OutsideHullError(InputError):
+    """The center of mass is not strictly inside the convex hull."""
+
+
+class RecipeError(InputError):
+    """A recipe has an unknown key, a wrong type or an impossible value."""
+
+
+class EngravingError(InputError):
+    """A label does not fit its facet, or the engraved solid failed a check."""
+
+
+class OutputError(DiceError, OSError):
+    """A result cannot be written where it was asked for."""

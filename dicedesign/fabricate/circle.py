@@ -1,0 +1,69 @@
+"""The largest circle in a convex polygon."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.optimize import linprog
+
+from dicedesign.errors import InputError
+
+__all__ = ["inscribed_circle", "signed_area"]
+
+
+def signed_area(polygon: np.ndarray) -> float:
+    """Area of a (m, 2) polygon in its unit squared, positive if it runs counter-clockwise."""
+    x, y = (polygon - polygon.mean(axis=0)).T
+    return 0.5 * float(x @ np.roll(y, -1) - np.roll(x, -1) @ y)
+
+
+def inscribed_circle(polygon: np.ndarray) -> tuple[np.ndarray, float]:
+    """Largest circle in a convex polygon; of several, the one nearest to the mean of the corners.
+
+    Parameters
+    ----------
+    polygon : (m, 2) float, corners in order, either way around.
+
+    Returns
+    -------
+    center : (2,) float64, and radius : float, in the polygon's unit.
+
+    Raises
+    ------
+    InputError : fewer than three corners, not finite, no area, or no circle (not convex).
+    """
+    polygon = np.asarray(polygon, dtype=np.float64)
+    if polygon.ndim != 2 or polygon.shape[1] != 2 or len(polygon) < 3:
+        raise InputError(f"a polygon must have shape (m, 2) with m >= 3, got {polygon.shape}.")
+    area = signed_area(polygon)
+    if not math.isfinite(area) or area == 0.0:
+        raise InputError(f"a polygon must have finite corners and an area, got area {area}.")
+    middle = polygon.mean(axis=0)
+    scale = math.sqrt(abs(area))
+    corners = (polygon - middle) / scale
+    edges = np.roll(corners, -1, axis=0) - corners
+    lengths = np.linalg.norm(edges, axis=1)
+    corners, edges, lengths = corners[lengths > 0], edges[lengths > 0], lengths[lengths > 0]
+    outward = np.sign(area) * np.column_stack([edges[:, 1], -edges[:, 0]]) / lengths[:, None]
+    offsets = np.einsum("ij,ij->i", outward, corners)
+
+    widest = linprog(
+        (0, 0, -1),
+        A_ub=np.column_stack([outward, np.ones(len(outward))]),
+        b_ub=offsets,
+        bounds=[(None, None), (None, None), (0, None)],
+    )
+    if not widest.success or widest.x[2] <= 0:
+        raise InputError(f"no circle fits the polygon of {len(polygon)} corners: is it convex?")
+    # Between parallel edges the center is free to slide: take the place nearest to the middle.
+    reach = np.array([(1, 0, -1), (-1, 0, -1), (0, 1, -1), (0, -1, -1)])
+    nearest = linprog(
+        (0, 0, 1),
+        A_ub=np.vstack([np.column_stack([outward, np.zeros(len(outward))]), reach]),
+        b_ub=np.concatenate([offsets - widest.x[2], np.zeros(4)]),
+        bounds=[(None, None), (None, None), (0, None)],
+    )
+    center = nearest.x[:2] if nearest.success else widest.x[:2]
+    radius = float((offsets - outward @ center).min())
+    return middle + scale * center, scale * radius

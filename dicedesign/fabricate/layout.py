@@ -1,0 +1,166 @@
+"""Where a label goes on its facet, how large it is and which way is up.
+
+Lengths are in millimetres.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from numbers import Real
+
+import numpy as np
+
+from dicedesign.errors import EngravingError, InputError
+from dicedesign.fabricate.circle import inscribed_circle, signed_area
+from dicedesign.fabricate.glyphs import text_section
+
+__all__ = ["EngravingOptions", "Placement", "inscribed_circle", "place_label", "place_labels"]
+
+
+@dataclass(frozen=True)
+class EngravingOptions:
+    """How labels are sized and cut.
+
+    Raises InputError for a value out of its range.
+    """
+
+    depth_mm: float = 0.6
+    """Depth of the pockets below the facet, above 0. It does not scale with the die."""
+    margin: float = 0.15
+    """Part of the facet's inscribed radius that labels keep free, in [0, 1)."""
+    min_height_mm: float = 2.5
+    """Smallest legible digit height, above 0."""
+    max_height_mm: float = 8.0
+    """Largest digit height, at least `min_height_mm`."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
+                raise InputError(f"{field.name} must be a finite number, got {value!r}.")
+        for name in ("depth_mm", "min_height_mm"):
+            if getattr(self, name) <= 0:
+                raise InputError(f"{name} must be above 0, got {getattr(self, name)}.")
+        if not 0 <= self.margin < 1:
+            raise InputError(f"margin must be at least 0 and below 1, got {self.margin}.")
+        if self.max_height_mm < self.min_height_mm:
+            raise InputError(
+                f"max_height_mm must be at least min_height_mm ({self.min_height_mm}), "
+                f"got {self.max_height_mm}."
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A label in its place: the point (x, y) of its outlines, in digit heights, lies at
+    `frame @ (height * x, height * y, 0, 1)` on the facet."""
+
+    text: str
+    frame: np.ndarray
+    """(4, 4) float64, rigid: local x (right), y (up), z (out of the facet) to the body, in mm."""
+    height: float
+    """Digit height in mm."""
+    facet: int
+    """Index of the facet that bears the label."""
+
+
+def _fit(
+    text: str, polygon: np.ndarray, normal: np.ndarray, facet: int, options: EngravingOptions
+) -> tuple[Placement, float]:
+    """The label as large as it fits, and the facet's inscribed radius."""
+    polygon = np.asarray(polygon, dtype=np.float64)
+    outward = np.asarray(normal, dtype=np.float64) / np.linalg.norm(normal)
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    edges -= np.outer(edges @ outward, outward)
+    lengths = np.linalg.norm(edges, axis=1)
+    right = edges[lengths.argmax()] / lengths.max()
+    up = np.cross(outward, right)
+    origin = polygon.mean(axis=0)
+    flat = (polygon - origin) @ np.column_stack([right, up])
+    if signed_area(flat) < 0:
+        raise InputError(
+            f"the corners of facet {facet} must run counter-clockwise seen from outside, got them "
+            "clockwise; reverse them or turn the normal."
+        )
+    center, radius = inscribed_circle(flat)
+    left, bottom, far_right, top = text_section(text).bounds()
+    height = (1 - options.margin) * 2 * radius / math.hypot(far_right - left, top - bottom)
+    height = min(height, options.max_height_mm)
+    start = center - 0.5 * height * np.array([left + far_right, bottom + top])
+    frame = np.eye(4)
+    frame[:3] = np.column_stack([right, up, outward, origin + start[0] * right + start[1] * up])
+    return Placement(text, frame, height, facet), radius
+
+
+def place_label(
+    text: str,
+    polygon: np.ndarray,
+    normal: np.ndarray,
+    facet: int,
+    options: EngravingOptions,
+    size_mm: float,
+) -> Placement:
+    """Place one label; see `place_labels`, of which this is the case of one facet."""
+    return place_labels([text], [polygon], [normal], [facet], options, size_mm)[0]
+
+
+def place_labels(
+    texts: Sequence[str],
+    polygons: Sequence[np.ndarray],
+    normals: Sequence[np.ndarray] | np.ndarray,
+    facets: Sequence[int],
+    options: EngravingOptions,
+    size_mm: float,
+) -> list[Placement]:
+    """Place labels on their facets, each as large as fits.
+
+    A label's bounding box, bar included, is centred on the facet's inscribed circle and fits within
+    that circle less the margin. The longest edge of the facet is at the bottom of the text.
+
+    Parameters
+    ----------
+    texts : k labels.
+    polygons : k arrays (m, 3) float, mm, convex facets, counter-clockwise seen from outside.
+    normals : k arrays (3,) float, outward, of any length above 0.
+    facets : k indices of the facets, for messages and placements.
+    options : sizes and margin.
+    size_mm : present largest distance between two vertices of the die, above 0.
+
+    Returns
+    -------
+    list of k placements.
+
+    Raises
+    ------
+    InputError : the sequences differ in length, a facet is clockwise or degenerate, or size_mm is
+        not above 0.
+    EngravingError : a label is too small to read or cannot be drawn. Of several too small ones the
+        message is about that which needs the largest die, and gives a size_mm that does for all.
+    """
+    if not len(texts) == len(polygons) == len(normals) == len(facets):
+        raise InputError(
+            "labels need one polygon, one normal and one facet index each, got "
+            f"{len(texts)} labels, {len(polygons)} polygons, {len(normals)} normals and "
+            f"{len(facets)} indices."
+        )
+    if not (math.isfinite(size_mm) and size_mm > 0):
+        raise InputError(f"size_mm must be a finite number above 0, got {size_mm}.")
+    fits = [
+        _fit(text, polygon, normal, facet, options)
+        for text, polygon, normal, facet in zip(texts, polygons, normals, facets, strict=True)
+    ]
+    too_small = [fit for fit in fits if fit[0].height < options.min_height_mm]
+    if too_small:
+        worst, radius = min(too_small, key=lambda fit: fit[0].height)
+        needed = size_mm * options.min_height_mm / worst.height
+        rounded_up = (math.floor(10 * needed) + 1) / 10
+        raise EngravingError(
+            f"label {worst.text!r} does not fit facet {worst.facet}: the inscribed circle of "
+            f"diameter {2 * radius:.2f} mm takes digits {worst.height:.2f} mm high, expected at "
+            f"least min_height_mm = {options.min_height_mm:g} ({len(too_small)} of {len(texts)} "
+            f"labels are too small at size_mm = {size_mm:g}). Use size_mm = {rounded_up:.1f} or "
+            "more, or a shorter label, a smaller margin or a smaller min_height_mm."
+        )
+    return [placement for placement, _ in fits]

@@ -1,0 +1,95 @@
+"""Which point of a body is its center of mass."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.geometry.body import Body
+from dicedesign.geometry.mass import is_closed, solid_properties
+from dicedesign.geometry.winding import consistent_winding
+from dicedesign.tolerances import VOLUME_TOLERANCE
+
+__all__ = ["resolve_center_of_mass"]
+
+
+def resolve_center_of_mass(
+    body: Body,
+    hull_centroid: NDArray[np.float64],
+    request: Literal["hull"] | ArrayLike | None = None,
+) -> tuple[NDArray[np.float64], str, tuple[str, ...]]:
+    """Center of mass of a body, where it comes from, and what had to be assumed.
+
+    Parameters
+    ----------
+    body : Body
+        The body; its triangles, if any, need not be closed or consistently wound.
+    hull_centroid : (3,) float
+        Centroid of the body's convex hull, taken for a point cloud, an open mesh or on request.
+    request : "hull", (3,) float or None
+        Three numbers are taken as they are, in the unit of the points; None decides by the mesh.
+
+    Returns
+    -------
+    center : (3,) float
+        Unit of the points. That it lies inside the hull is not checked here.
+    source : str
+        "uniform solid", "uniform solid hull" or "given".
+    notes : tuple of str
+        What was assumed or re-oriented, one sentence each.
+
+    Raises
+    ------
+    InputError
+        The request is neither "hull" nor three finite numbers.
+    DegenerateBodyError
+        The mesh is closed and encloses no volume.
+    """
+    if isinstance(request, str):
+        if request != "hull":
+            raise _bad_request(request)
+        return hull_centroid, "uniform solid hull", ()
+    if request is not None:
+        return _given(request), "given", ()
+    if body.triangles is None:
+        return hull_centroid, "uniform solid hull", ("the body has no triangles",)
+
+    notes = []
+    triangles = body.triangles
+    if not is_closed(triangles):
+        oriented = consistent_winding(triangles)
+        if oriented is None:
+            return hull_centroid, "uniform solid hull", ("the mesh is not closed",)
+        changed = np.count_nonzero((oriented != triangles).any(axis=1))
+        notes.append(f"reversed {changed} triangles that were wound against their neighbors")
+        triangles = oriented
+    volume, centroid = solid_properties(body.points, triangles)
+    extent = float(np.ptp(body.points, axis=0).max())
+    if abs(volume) <= VOLUME_TOLERANCE * extent**3:
+        raise DegenerateBodyError(
+            f"{body.name}: the mesh is closed but encloses no volume ({volume:.3g} at an extent "
+            f"of {extent:.3g}), so it has no center of mass; give one with --com x,y,z or take "
+            "that of the convex hull with --com hull"
+        )
+    if volume < 0 and not notes:
+        notes.append("the mesh is oriented inward and was taken as a solid all the same")
+    return centroid, "uniform solid", tuple(notes)
+
+
+def _given(request: ArrayLike) -> NDArray[np.float64]:
+    try:
+        center = np.asarray(request, dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise _bad_request(request) from error
+    if center.shape != (3,) or not np.isfinite(center).all():
+        raise _bad_request(request)
+    return center
+
+
+def _bad_request(request: object) -> InputError:
+    return InputError(
+        f'center of mass: expected "hull" or three finite numbers x,y,z, got {request!r}'
+    )

@@ -1,0 +1,304 @@
+"""The convex hull with polygonal facets, as half-edges.
+
+Qhull gives triangles; coplanar ones are merged here, so that a cube has six facets. Half-edges are
+stored facet by facet, counter-clockwise seen from outside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import ConvexHull as QhullHull
+from scipy.spatial import QhullError
+
+from dicedesign.errors import DegenerateBodyError
+from dicedesign.geometry.coplanar import facet_labels
+from dicedesign.geometry.mass import solid_properties
+from dicedesign.tolerances import (
+    COPLANAR_TOLERANCE,
+    COPLANAR_TOLERANCE_FLOAT32,
+    FLATNESS_TOLERANCE,
+)
+
+__all__ = ["ConvexHull", "convex_hull"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ConvexHull:
+    """A convex polyhedron with polygonal facets.
+
+    Attributes
+    ----------
+    vertices: (n, 3) corners only; points inside facets or edges are left out.
+    source: (n,) index of each corner in the points the hull was made from.
+    facet_start: (m + 1,) half-edges of facet f are `facet_start[f] : facet_start[f + 1]`.
+    tail: (h,) vertex where a half-edge starts.
+    twin: (h,) the opposite half-edge, which lies in the neighbouring facet.
+    """
+
+    vertices: Floats
+    source: Integers
+    facet_start: Integers
+    tail: Integers
+    twin: Integers
+
+    @cached_property
+    def facet(self) -> Integers:
+        """(h,) the facet to the left of each half-edge."""
+        return np.repeat(np.arange(len(self.facet_start) - 1), np.diff(self.facet_start))
+
+    @cached_property
+    def next(self) -> Integers:
+        """(h,) the following half-edge of the same facet."""
+        following = np.arange(1, len(self.tail) + 1)
+        following[self.facet_start[1:] - 1] = self.facet_start[:-1]
+        return following
+
+    @cached_property
+    def previous(self) -> Integers:
+        """(h,) the preceding half-edge of the same facet."""
+        preceding = np.arange(-1, len(self.tail) - 1)
+        preceding[self.facet_start[:-1]] = self.facet_start[1:] - 1
+        return preceding
+
+    @cached_property
+    def head(self) -> Integers:
+        """(h,) vertex where a half-edge ends."""
+        return self.tail[self.next]
+
+    @cached_property
+    def outgoing(self) -> tuple[Integers, Integers]:
+        """Half-edges by the vertex they leave: `(start (n + 1,), half_edges (h,))`."""
+        order = np.argsort(self.tail, kind="stable")
+        degree = np.bincount(self.tail, minlength=len(self.vertices))
+        return np.concatenate([[0], np.cumsum(degree)]), order
+
+    @cached_property
+    def area_vectors(self) -> Floats:
+        """(m, 3) outward normals of length twice the facet's area, in squared length units."""
+        anchor = self.vertices[self.tail[self.facet_start[:-1]]][self.facet]
+        a = self.vertices[self.tail] - anchor
+        b = self.vertices[self.head] - anchor
+        return np.add.reduceat(np.linalg.cross(a, b), self.facet_start[:-1], axis=0)
+
+    @cached_property
+    def normals(self) -> Floats:
+        """(m, 3) outward unit normals."""
+        vectors = self.area_vectors
+        return vectors / np.sqrt((vectors * vectors).sum(-1))[:, None]
+
+    @cached_property
+    def areas(self) -> Floats:
+        """(m,) facet areas."""
+        return 0.5 * np.sqrt((self.area_vectors**2).sum(-1))
+
+    @cached_property
+    def triangles(self) -> Integers:
+        """(t, 3) the facets as fans of triangles, counter-clockwise seen from outside."""
+        first = self.facet_start[:-1][self.facet]
+        inner = np.flatnonzero((self.next != first) & (np.arange(len(self.tail)) != first))
+        return np.stack([self.tail[first[inner]], self.tail[inner], self.head[inner]], axis=1)
+
+    @cached_property
+    def volume(self) -> float:
+        """Volume of the solid hull, in cubed length units."""
+        return solid_properties(self.vertices, self.triangles)[0]
+
+    @cached_property
+    def centroid(self) -> Floats:
+        """(3,) center of mass of the uniform solid hull."""
+        return solid_properties(self.vertices, self.triangles)[1]
+
+    def polygon(self, facet: int) -> Floats:
+        """(k, 3) corners of a facet, counter-clockwise seen from outside."""
+        return self.vertices[self.tail[self.facet_start[facet] : self.facet_start[facet + 1]]]
+
+    def diameter(self) -> float:
+        """Largest vertex-to-vertex distance."""
+        if len(self.vertices) < 2000:
+            from scipy.spatial.distance import pdist
+
+            return float(pdist(self.vertices).max())
+        return max(
+            float(np.sqrt(((self.vertices - x) ** 2).sum(-1)).max()) for x in self.vertices
+        )
+
+
+def convex_hull(points: ArrayLike, coplanar_tolerance: float | None = None) -> ConvexHull:
+    """Convex hull of points, with coplanar triangles merged into polygonal facets.
+
+    Parameters
+    ----------
+    points: (n, 3) in any length unit.
+    coplanar_tolerance: largest distance from a facet's plane, relative to half the extent of the
+        points. Default: `COPLANAR_TOLERANCE`, or `COPLANAR_TOLERANCE_FLOAT32` for float32 points.
+
+    Raises
+    ------
+    DegenerateBodyError: fewer than 4 points, NaN or infinity, all points on a plane or a line.
+    """
+    given = np.asarray(points)
+    if given.ndim != 2 or given.shape[1] != 3:
+        raise DegenerateBodyError(
+            f"points: expected an array of shape (n, 3), got shape {given.shape}; "
+            "pass one row x, y, z for each point"
+        )
+    if coplanar_tolerance is None:
+        single = given.dtype == np.float32
+        coplanar_tolerance = COPLANAR_TOLERANCE_FLOAT32 if single else COPLANAR_TOLERANCE
+    positions = given.astype(np.float64)
+    if len(positions) < 4:
+        raise DegenerateBodyError(
+            f"points: expected at least 4 that span a solid, got {len(positions)}"
+        )
+    if not np.isfinite(positions).all():
+        bad = int(np.flatnonzero(~np.isfinite(positions).all(axis=1))[0])
+        raise DegenerateBodyError(
+            f"points: expected finite coordinates, got {positions[bad].tolist()} in row {bad}; "
+            "remove or repair that point"
+        )
+    lower, upper = positions.min(axis=0), positions.max(axis=0)
+    local = positions - (lower + upper) / 2.0
+    scale = float(np.abs(local).max())
+    if scale == 0.0:
+        raise DegenerateBodyError("points: expected points that span a solid, got one repeated")
+    try:
+        qhull = QhullHull(local / scale)
+    except QhullError as error:
+        raise _flat_error(local) from error
+    magnitude = max(float(np.abs(lower).max()), float(np.abs(upper).max()))
+    rounding = 4.0 * np.finfo(np.float64).eps * magnitude / scale
+    tolerance = coplanar_tolerance + (rounding if coplanar_tolerance > 0.0 else 0.0)
+    triangles, neighbors = _oriented(qhull, local / scale)
+    for factor in (1.0, 10.0, 100.0, 1000.0):
+        labels = facet_labels(local / scale, triangles, neighbors, factor * tolerance)
+        hull = _half_edges(positions, triangles, neighbors, labels)
+        if hull is not None:
+            return hull
+    raise _flat_error(local)
+
+
+def _flat_error(local: Floats) -> DegenerateBodyError:
+    extents = np.linalg.svd(local, compute_uv=False)
+    rank = int((extents > FLATNESS_TOLERANCE * extents[0]).sum())
+    where = {1: "on one line", 2: "on one plane"}.get(rank, "too close to one plane")
+    return DegenerateBodyError(
+        f"points: expected points that span a solid, got {len(local)} points {where}; "
+        "a body needs thickness in all three directions"
+    )
+
+
+def _oriented(qhull: QhullHull, points: Floats) -> tuple[Integers, Integers]:
+    """Qhull's triangles turned counter-clockwise seen from outside, with their neighbours:
+    `neighbors[t, k]` lies across the edge opposite to corner k."""
+    triangles = qhull.simplices.astype(np.int64)
+    neighbors = qhull.neighbors.astype(np.int64)
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    outward = (np.linalg.cross(b - a, c - a) * qhull.equations[:, :3]).sum(-1)
+    flip = outward < 0.0
+    if (_edge_parity(triangles, neighbors) != (flip[:, None] ^ flip[neighbors])).any():
+        flip = _propagated_flip(triangles, neighbors, outward)
+    triangles[flip] = triangles[flip][:, [0, 2, 1]]
+    neighbors[flip] = neighbors[flip][:, [0, 2, 1]]
+    return triangles, neighbors
+
+
+def _edge_parity(triangles: Integers, neighbors: Integers) -> NDArray[np.bool_]:
+    """(t, 3) True where a triangle and its neighbour run along their common edge in the same
+    direction, so that exactly one of the two must be turned."""
+    parity = np.empty(triangles.shape, dtype=bool)
+    for k in range(3):
+        start, end = triangles[:, (k + 1) % 3], triangles[:, (k + 2) % 3]
+        other = triangles[neighbors[:, k]]
+        position = np.argmax(other == start[:, None], axis=1)
+        parity[:, k] = other[np.arange(len(other)), (position + 1) % 3] == end
+    return parity
+
+
+def _propagated_flip(
+    triangles: Integers, neighbors: Integers, outward: Floats
+) -> NDArray[np.bool_]:
+    """Turn every triangle consistently with the one whose orientation is clearest (slivers have
+    normals that are only rounding noise)."""
+    parity = _edge_parity(triangles, neighbors)
+    start = int(np.argmax(np.abs(outward)))
+    flip = np.zeros(len(triangles), dtype=bool)
+    flip[start] = outward[start] < 0.0
+    seen = np.zeros(len(triangles), dtype=bool)
+    seen[start] = True
+    stack = [start]
+    while stack:
+        t = stack.pop()
+        for k in range(3):
+            other = int(neighbors[t, k])
+            if not seen[other]:
+                seen[other] = True
+                flip[other] = flip[t] ^ parity[t, k]
+                stack.append(other)
+    return flip
+
+
+def _half_edges(
+    points: Floats, triangles: Integers, neighbors: Integers, labels: Integers
+) -> ConvexHull | None:
+    """Polygonal half-edge structure of labelled triangles, or None where it is no polyhedron."""
+    border = labels[:, None] != labels[neighbors]
+    triangle, corner = np.nonzero(border)
+    tail = triangles[triangle, (corner + 1) % 3]
+    head = triangles[triangle, (corner + 2) % 3]
+    facet = labels[triangle]
+    facets = int(labels.max()) + 1
+    count = np.bincount(facet, minlength=facets)
+    if len(tail) < 12 or (count < 3).any():
+        return None
+    # The follower of a half-edge starts, in the same facet, where it ends.
+    size = np.int64(len(points))
+    key = facet * size + tail
+    order = np.argsort(key)
+    found = np.minimum(np.searchsorted(key[order], facet * size + head), len(order) - 1)
+    follower = order[found]
+    if (key[follower] != facet * size + head).any():
+        return None
+    walk = _walk_facets(facet, follower, count)
+    if walk is None:
+        return None
+    tail, facet = tail[walk], facet[walk]
+    keep = np.bincount(tail, minlength=len(points))[tail] >= 3
+    tail, facet = tail[keep], facet[keep]
+    count = np.bincount(facet, minlength=facets)
+    if (count < 3).any():
+        return None
+    facet_start = np.concatenate([[0], np.cumsum(count)])
+    source, tail = np.unique(tail, return_inverse=True)
+    bare = ConvexHull(points[source], source, facet_start, tail, np.empty(0, dtype=np.int64))
+    size = np.int64(len(source))
+    forward, backward = bare.tail * size + bare.head, bare.head * size + bare.tail
+    order = np.argsort(forward)
+    found = np.minimum(np.searchsorted(forward[order], backward), len(order) - 1)
+    twin = order[found]
+    if (forward[twin] != backward).any() or len(source) - len(tail) // 2 + facets != 2:
+        return None
+    return ConvexHull(bare.vertices, source, facet_start, tail, twin)
+
+
+def _walk_facets(facet: Integers, follower: Integers, count: Integers) -> Integers | None:
+    """Half-edges in walking order, facet by facet, or None if a facet's border is not one loop."""
+    start = np.concatenate([[0], np.cumsum(count)])
+    current = np.empty(len(count), dtype=np.int64)
+    current[facet[::-1]] = np.arange(len(facet))[::-1]
+    first = current.copy()
+    walk = np.empty(len(facet), dtype=np.int64)
+    active = np.arange(len(count))
+    for step in range(int(count.max())):
+        if step > 0 and (current[active] == first[active]).any():
+            return None
+        walk[start[active] + step] = current[active]
+        current[active] = follower[current[active]]
+        active = active[count[active] > step + 1]
+    return walk if (current == first).all() else None

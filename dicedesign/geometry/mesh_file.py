@@ -1,0 +1,153 @@
+"""Read a triangle mesh, a polygon mesh or a point cloud from a file."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
+from dicedesign.geometry.body import Body, make_body
+from dicedesign.geometry.text_mesh import TEXT_READERS
+from dicedesign.tolerances import ROUNDED_DIGITS
+
+__all__ = ["is_rounded", "read_body"]
+
+_REMEDY = "export it again as STL, PLY or OBJ"
+
+
+def read_body(path: str | Path) -> Body:
+    """Read a body from a mesh or point file.
+
+    OBJ, OFF and XYZ are read by this package, all other formats (STL, PLY, GLB, glTF, 3MF and
+    more) by trimesh, which is imported only then. A file of several meshes gives one body, each
+    mesh at its place in the scene; lines are ignored, and so are points beside a mesh.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; its ending says the format.
+
+    Returns
+    -------
+    Body
+        Named by the path. It counts as single precision when its numbers are (see `is_rounded`).
+
+    Raises
+    ------
+    MeshFileError
+        The file is missing, of an unknown format, damaged or without points.
+    DegenerateBodyError
+        A coordinate is not finite, or there are fewer than 4 distinct points.
+    """
+    path = Path(path)
+    _check_file(path)
+    reader = TEXT_READERS.get(path.suffix.lower())
+    if reader is not None:
+        points, triangles = reader(path)
+        rounded, count = is_rounded(points), 1
+    else:
+        points, triangles, rounded, count = _read_scene(path)
+    if len(points) == 0:
+        raise MeshFileError(f"{path}: expected a mesh or points, found neither; {_REMEDY}")
+    try:
+        body = make_body(points, triangles, name=str(path), single_precision=rounded)
+    except DegenerateBodyError:
+        raise
+    except InputError as error:
+        raise MeshFileError(str(error)) from error
+    if count == 1:
+        return body
+    notes = (f"joined {count} parts of the file", *body.notes)
+    return Body(body.points, body.triangles, body.name, body.single_precision, notes)
+
+
+def is_rounded(points: NDArray[np.float64]) -> bool:
+    """Whether coordinates from a file carry no more than single precision.
+
+    They do when all are float32 values, or all have at most `ROUNDED_DIGITS` significant decimal
+    digits. Numbers that are short by themselves, such as the corners of a unit cube, count too.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+        As they stand in the file, before any transform.
+    """
+    with np.errstate(over="ignore"):
+        if np.array_equal(points, points.astype(np.float32)):
+            return True
+    digits = ROUNDED_DIGITS - 1
+    return all(float(f"{value:.{digits}e}") == value for value in points.flat)
+
+
+def _check_file(path: Path) -> None:
+    if path.is_dir():
+        raise MeshFileError(f"{path}: expected a mesh or point file, got a directory; name a file")
+    try:
+        with path.open("rb") as file:
+            empty = not file.read(1)
+    except FileNotFoundError as error:
+        raise MeshFileError(f"{path}: no such file; check the path") from error
+    except OSError as error:
+        raise MeshFileError(f"{path}: cannot be opened: {error.strerror}") from error
+    if empty:
+        raise MeshFileError(f"{path}: the file is empty; {_REMEDY}")
+
+
+def _read_scene(
+    path: Path,
+) -> tuple[NDArray[np.float64], NDArray[np.int64], bool, int]:
+    """Points, triangles, whether they were rounded, and the number of parts, by trimesh."""
+    with _quiet():
+        import trimesh
+        from trimesh.exchange.load import mesh_formats
+
+        endings = {f".{name}" for name in mesh_formats()} | set(TEXT_READERS)
+        if path.suffix.lower() not in endings:
+            raise MeshFileError(
+                f"{path}: unknown file ending {path.suffix!r}; expected one of "
+                f"{', '.join(sorted(endings))}"
+            )
+        try:
+            scene = trimesh.load(str(path), force="scene", process=False)
+            nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
+            parts = [(scene.geometry[name], np.asarray(matrix)) for matrix, name in nodes]
+        except Exception as error:  # its readers raise whatever their parsing runs into
+            raise MeshFileError(
+                f"{path}: cannot be read as a {path.suffix.lower()} file; {_REMEDY}"
+            ) from error
+    meshes = [part for part in parts if len(getattr(part[0], "faces", ())) > 0]
+    clouds = [part for part in parts if isinstance(part[0], trimesh.Trimesh | trimesh.PointCloud)]
+    points, triangles = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)]
+    rounded, count = False, 0
+    for geometry, matrix in meshes or clouds:
+        own = np.asarray(geometry.vertices, dtype=np.float64).reshape(-1, 3)
+        rounded = rounded or is_rounded(own)
+        points.append(own if np.array_equal(matrix, np.eye(4)) else _transformed(own, matrix))
+        if meshes:
+            triangles.append(np.asarray(geometry.faces, dtype=np.int64) + count)
+        count += len(own)
+    return np.concatenate(points), np.concatenate(triangles), rounded, len(meshes or clouds)
+
+
+def _transformed(points: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Silence the log and the warnings of trimesh."""
+    logger = logging.getLogger("trimesh")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.setLevel(level)

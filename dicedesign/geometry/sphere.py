@@ -1,0 +1,77 @@
+"""Formulas on the Gauss sphere, written once for NumPy arrays and torch tensors alike.
+
+Functions that differ between the two libraries take the module as `xp` (`numpy` or `torch`).
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["angle_between", "oblique_projection", "rotation_between", "signed_solid_angle"]
+
+
+def oblique_projection(u: Any, along: Any, normal: Any) -> Any:
+    """Move `u` parallel to `along` until it is perpendicular to `normal`.
+
+    With `along = r_p` and `normal` the edge vector this is the point where a flow line of the cell
+    of vertex p crosses the arc of that edge; with `along = normal` it is the orthogonal projection
+    that gives a saddle direction (eq. 7, 8). Only the direction of the result has a meaning.
+
+    u, along, normal: (..., 3), NumPy or torch; returns (..., 3).
+    """
+    step = (u * normal).sum(-1) / (along * normal).sum(-1)
+    return u - along * step[..., None]
+
+
+def signed_solid_angle(n: Any, a: Any, b: Any, xp: ModuleType) -> Any:
+    """Signed area in (-2 pi, 2 pi) of the spherical triangle (n, a, b), positive if n, a, b turn
+    counter-clockwise seen from outside. Vectors need not be normalised.
+
+    n, a, b: (..., 3); returns (...).
+    Source: Van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30(2), 1983; used in eq. 10.
+    """
+    norm_n, norm_a, norm_b = (xp.sqrt((x * x).sum(-1)) for x in (n, a, b))
+    determinant = (n * xp.linalg.cross(a, b)).sum(-1)
+    denominator = (
+        norm_n * norm_a * norm_b
+        + (n * a).sum(-1) * norm_b
+        + (n * b).sum(-1) * norm_a
+        + (a * b).sum(-1) * norm_n
+    )
+    return 2.0 * xp.atan2(determinant, denominator)
+
+
+def angle_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angle in [0, pi] between vectors a and b (..., 3), exact for small and flat angles."""
+    cross = np.linalg.cross(a, b)
+    return np.arctan2(np.sqrt((cross * cross).sum(-1)), (a * b).sum(-1))
+
+
+def rotation_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The rotation (3, 3) by the smallest angle that turns the direction of a onto that of b.
+
+    For opposite directions the axis is chosen perpendicular to a, along the coordinate axis where
+    a is smallest.
+    """
+    a = a / np.linalg.norm(a)
+    b = b / np.linalg.norm(b)
+    sine_axis = np.linalg.cross(a, b)
+    cosine = float(a @ b)
+    if cosine < 0.0 and float(sine_axis @ sine_axis) < np.finfo(np.float64).eps ** 2:
+        axis = np.eye(3)[np.argmin(np.abs(a))]
+        axis = axis - a * (axis @ a)
+        axis /= np.linalg.norm(axis)
+        return 2.0 * np.outer(axis, axis) - np.eye(3)
+    # Two reflections: through the bisector (stable for every angle below pi).
+    bisector = a + b
+    if cosine < 0.0:
+        # a + b cancels near pi; its direction is that of (a x b) x (a - b).
+        bisector = np.linalg.cross(np.linalg.cross(a, b), a - b)
+    bisector /= np.linalg.norm(bisector)
+    reflect_a = np.eye(3) - 2.0 * np.outer(a, a)
+    reflect_bisector = np.eye(3) - 2.0 * np.outer(bisector, bisector)
+    return reflect_bisector @ reflect_a

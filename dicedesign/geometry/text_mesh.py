@@ -1,0 +1,158 @@
+"""Readers of the plain text formats OBJ, OFF and XYZ: positions and faces, nothing else.
+
+They take polygons of any size, relative OBJ indices, comments and any separator, and say on which
+line a file is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.errors import MeshFileError
+
+__all__ = ["TEXT_READERS", "read_obj", "read_off", "read_xyz"]
+
+Geometry = tuple[NDArray[np.float64], NDArray[np.int64]]
+Line = tuple[int, list[str]]
+
+
+def read_obj(path: Path) -> Geometry:
+    """Positions and fan-triangulated faces of a Wavefront OBJ file.
+
+    Texture and normal indices are skipped, so seams in them do not split vertices. Groups and
+    objects are joined. A fan has the signed volume and centroid of its polygon, convex or not.
+
+    Parameters
+    ----------
+    path : Path
+        An existing file.
+
+    Returns
+    -------
+    points : (n, 3) float
+    triangles : (t, 3) int
+        Zero-based, t = 0 for a point cloud; not yet checked against n.
+
+    Raises
+    ------
+    MeshFileError
+        A `v` or `f` line cannot be read.
+    """
+    points: list[list[float]] = []
+    triangles: list[list[int]] = []
+    for number, fields in _lines(path):
+        if fields[0] == "v":
+            points.append(_position(path, number, fields[1:]))
+        elif fields[0] == "f":
+            corners = [field.partition("/")[0] for field in fields[1:]]
+            indices = _integers(path, number, corners)
+            if 0 in indices:
+                raise _bad_line(path, number, fields, "vertex numbers other than 0")
+            polygon = [i - 1 if i > 0 else len(points) + i for i in indices]
+            triangles += _fan(path, number, fields, polygon)
+    return _arrays(points, triangles)
+
+
+def read_off(path: Path) -> Geometry:
+    """Positions and fan-triangulated faces of an ASCII OFF file, colored or not.
+
+    Parameters, results and errors are those of `read_obj`.
+    """
+    lines = list(_lines(path))
+    if not lines or lines[0][1][0].upper() not in {"OFF", "COFF", "NOFF", "CNOFF"}:
+        raise MeshFileError(f"{path}: expected an ASCII OFF file, whose first line is OFF")
+    number, header = lines[0]
+    if len(header) > 1:
+        lines[0] = (number, header[1:])
+    else:
+        del lines[0]
+    counts = _integers(path, lines[0][0], lines[0][1][:2]) if lines else []
+    if len(counts) != 2 or min(counts) < 0 or len(lines) - 1 < sum(counts):
+        raise MeshFileError(
+            f"{path}: expected the numbers of vertices and faces and then as many lines, got "
+            f"{counts} and {max(len(lines) - 1, 0)} lines; export the file again"
+        )
+    rows, faces = lines[1 : 1 + counts[0]], lines[1 + counts[0] : 1 + sum(counts)]
+    points = [_position(path, number, fields) for number, fields in rows]
+    triangles: list[list[int]] = []
+    for number, fields in faces:
+        (size,) = _integers(path, number, fields[:1])
+        polygon = _integers(path, number, fields[1 : 1 + size])
+        if len(polygon) != size:
+            raise _bad_line(path, number, fields, f"{size} vertex numbers")
+        triangles += _fan(path, number, fields, polygon)
+    return _arrays(points, triangles)
+
+
+def read_xyz(path: Path) -> Geometry:
+    """Points of a text file, the first three numbers of every line; further columns are skipped.
+
+    Parameters, results and errors are those of `read_obj`, without triangles.
+    """
+    points = [_position(path, number, fields) for number, fields in _lines(path, ",;")]
+    return _arrays(points, [])
+
+
+TEXT_READERS: Final[dict[str, Callable[[Path], Geometry]]] = {
+    ".obj": read_obj,
+    ".off": read_off,
+    ".xyz": read_xyz,
+}
+"""The reader of each file ending, in lower case."""
+
+
+def _lines(path: Path, separators: str = "") -> Iterator[Line]:
+    """Number and fields of every line that holds any, comments and continuations resolved."""
+    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    to_space = str.maketrans(dict.fromkeys(separators, " "))
+    pending, start = "", 0
+    for number, line in enumerate(text.split("\n"), start=1):
+        start = start or number
+        line = pending + line.partition("#")[0].rstrip()
+        if line.endswith("\\"):
+            pending = line[:-1] + " "
+            continue
+        if fields := line.translate(to_space).split():
+            yield start, fields
+        pending, start = "", 0
+
+
+def _position(path: Path, number: int, fields: Sequence[str]) -> list[float]:
+    try:
+        x, y, z = (float(field) for field in fields[:3])
+    except ValueError as error:
+        raise _bad_line(path, number, fields, "three coordinates") from error
+    return [x, y, z]
+
+
+def _integers(path: Path, number: int, fields: Sequence[str]) -> list[int]:
+    try:
+        return [int(field) for field in fields]
+    except ValueError as error:
+        raise _bad_line(path, number, fields, "whole numbers") from error
+
+
+def _fan(path: Path, number: int, fields: Sequence[str], polygon: list[int]) -> list[list[int]]:
+    if len(polygon) < 3:
+        raise _bad_line(path, number, fields, "a face of at least 3 vertices")
+    return [[polygon[0], b, c] for b, c in zip(polygon[1:-1], polygon[2:], strict=True)]
+
+
+def _bad_line(path: Path, number: int, fields: Sequence[str], expected: str) -> MeshFileError:
+    got = ascii(" ".join(fields)[:40])
+    return MeshFileError(
+        f"{path}: line {number}: expected {expected}, got {got}; correct the line or export the "
+        "file again"
+    )
+
+
+def _arrays(points: list[list[float]], triangles: list[list[int]]) -> Geometry:
+    return (
+        np.array(points, dtype=np.float64).reshape(-1, 3),
+        np.array(triangles, dtype=np.int64).reshape(-1, 3),
+    )

@@ -1,0 +1,175 @@
+"""Classification of a hull's facets, edges and vertices by how the body behaves on them.
+
+Three signs decide everything: whether distance from the center of mass grows along a half-edge,
+on which side of a facet's edge the foot of the center of mass lies, and (in `tracing`) on which
+side of a facet normal a path passes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dicedesign.errors import InputError, OutsideHullError
+from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.sphere import oblique_projection
+from dicedesign.tolerances import BOUNDARY_TOLERANCE
+
+__all__ = ["Equilibria", "FacetKind", "classify"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
+
+
+class FacetKind(IntEnum):
+    """What a body does that stands on a facet (F0, F2, F1 of section 2.2.3)."""
+
+    STABLE = 0
+    ROLLS_OVER_EDGE = 1
+    ROLLS_TO_VERTEX = 2
+
+
+@dataclass(frozen=True)
+class Equilibria:
+    """A hull with a center of mass, and what each of its elements does.
+
+    Half-edges run from a vertex p (tail) to a vertex q (head); r_p = x_p - c.
+
+    Attributes
+    ----------
+    hull: the convex hull.
+    center_of_mass: (3,).
+    radii: (n, 3) vertices relative to the center of mass, r_p.
+    """
+
+    hull: ConvexHull
+    center_of_mass: Floats
+    radii: Floats
+
+    @cached_property
+    def edge_vectors(self) -> Floats:
+        """(h, 3) x_q - x_p of each half-edge."""
+        return self.hull.vertices[self.hull.head] - self.hull.vertices[self.hull.tail]
+
+    @cached_property
+    def growth(self) -> Floats:
+        """(h,) r_p . (x_q - x_p): positive where distance from c grows at the start."""
+        return (self.radii[self.hull.tail] * self.edge_vectors).sum(-1)
+
+    @cached_property
+    def ascending(self) -> Booleans:
+        """(h,) True where an ascending path may leave the cell of p for that of q."""
+        return self.growth > 0.0
+
+    @cached_property
+    def descending(self) -> Booleans:
+        """(h,) True where a descending path may leave the cell of p across this edge's arc."""
+        return self.growth < 0.0
+
+    @cached_property
+    def hinge(self) -> Booleans:
+        """(h,) True for edges whose nearest point to c is strictly inside (E2, section 2.2.2).
+        The others are cartwheel edges (E1)."""
+        return self.descending & self.descending[self.hull.twin]
+
+    @cached_property
+    def side(self) -> Floats:
+        """(h,) positive where the foot of c on the facet's plane is inside of this edge; zero or
+        negative where it is on the edge's line or outside."""
+        normals = self.hull.normals[self.hull.facet]
+        across = np.linalg.cross(self.edge_vectors, normals)
+        return (self.radii[self.hull.tail] * across).sum(-1)
+
+    @cached_property
+    def saddle(self) -> Booleans:
+        """(h,) True, for both half-edges, where the edge carries a saddle (section 2.3.3)."""
+        inside = self.side > 0.0
+        return self.hinge & inside & inside[self.hull.twin]
+
+    @cached_property
+    def saddle_directions(self) -> Floats:
+        """(h, 3) nearest point of each edge's line to c, relative to c (eq. 7, 8). Only hinge
+        edges have it inside the edge."""
+        v = self.edge_vectors
+        return oblique_projection(self.radii[self.hull.tail], v, v)
+
+    @cached_property
+    def maximum(self) -> Booleans:
+        """(n,) True for vertices on which the body can balance as on a peak (section 2.3.2)."""
+        return np.bincount(self.hull.tail[self.ascending], minlength=len(self.radii)) == 0
+
+    @cached_property
+    def stable(self) -> Booleans:
+        """(m,) True for facets on which the body rests (F0)."""
+        outside = self.hull.facet[self.side <= 0.0]
+        return np.bincount(outside, minlength=len(self.hull.normals)) == 0
+
+    @cached_property
+    def roll_edge(self) -> Integers:
+        """(m,) half-edge that the body on a facet rolls over (F2), or -1."""
+        target = np.full(len(self.hull.normals), -1, dtype=np.int64)
+        candidates = np.flatnonzero((self.side <= 0.0) & self.hinge)
+        length = np.sqrt((self.edge_vectors[candidates] ** 2).sum(-1))
+        # At most one edge faces the foot; a tie within rounding goes to the farthest outside.
+        order = candidates[np.argsort(-self.side[candidates] / length, kind="stable")[::1]]
+        target[self.hull.facet[order]] = order
+        return target
+
+    @cached_property
+    def roll_vertex(self) -> Integers:
+        """(m,) vertex that the body on a facet tips onto (F1), or -1."""
+        start = self.hull.facet_start[:-1]
+        squared = (self.radii[self.hull.tail] ** 2).sum(-1)
+        order = np.lexsort((squared, self.hull.facet))
+        nearest = self.hull.tail[order[start]]
+        return np.where(self.stable | (self.roll_edge >= 0), -1, nearest)
+
+    @cached_property
+    def facet_kind(self) -> Integers:
+        """(m,) `FacetKind` of each facet."""
+        kind = np.full(len(self.stable), int(FacetKind.ROLLS_TO_VERTEX))
+        kind[self.roll_edge >= 0] = FacetKind.ROLLS_OVER_EDGE
+        kind[self.stable] = FacetKind.STABLE
+        return kind
+
+
+def classify(hull: ConvexHull, center_of_mass: ArrayLike) -> Equilibria:
+    """Classify the elements of a hull for a center of mass.
+
+    Parameters
+    ----------
+    hull: the convex hull.
+    center_of_mass: (3,) in the hull's length unit, strictly inside the hull.
+
+    Raises
+    ------
+    InputError: the center is not three finite numbers.
+    OutsideHullError: the center lies on the boundary or outside.
+    """
+    center = np.asarray(center_of_mass, dtype=np.float64)
+    if center.shape != (3,) or not np.isfinite(center).all():
+        raise InputError(
+            f"center of mass: expected three finite numbers, got {center_of_mass!r}"
+        )
+    radii = hull.vertices - center
+    anchor = radii[hull.tail[hull.facet_start[:-1]]]
+    heights = (anchor * hull.normals).sum(-1)
+    lowest = int(np.argmin(heights))
+    scale = float(np.abs(hull.vertices - hull.vertices.mean(axis=0)).max())
+    if heights[lowest] <= BOUNDARY_TOLERANCE * scale:
+        where = (
+            f"{-heights[lowest]:.3g} outside"
+            if heights[lowest] < -BOUNDARY_TOLERANCE * scale
+            else "on the boundary, at"
+        )
+        raise OutsideHullError(
+            f"center of mass: expected a point strictly inside the hull, got "
+            f"{center.tolist()}, which is {where} facet {lowest} of the hull; a body of "
+            "nonnegative density has it inside. Give one within the hull or leave it out"
+        )
+    return Equilibria(hull, center, radii)

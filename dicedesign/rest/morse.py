@@ -1,0 +1,132 @@
+"""The Morse-Smale complex of the support function: which separatrices divide which basins.
+
+Only integers are found here (`Separatrices`); `separatrix_segments` turns them into points with
+formulas that NumPy and torch share.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.geometry.sphere import oblique_projection, signed_solid_angle
+from dicedesign.rest.equilibria import Equilibria
+from dicedesign.rest.tracing import ascend, destined_facets
+
+__all__ = ["Separatrices", "border_areas", "separatrices", "separatrix_points", "wraps"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Separatrices:
+    """The ascending separatrices of the saddles that divide two basins, as integers.
+
+    Branch 2 s runs from saddle s into the cell of its half-edge's head, branch 2 s + 1 into that
+    of its tail.
+
+    Attributes
+    ----------
+    rests: (k,) stable facets.
+    saddles: (s,) one half-edge for each dividing saddle.
+    basins: (s, 2) index into `rests` of the basin left and right of the half-edge.
+    saddle_ends: (s, 2) tail and head vertex of each saddle's half-edge.
+    crossed: (2 s, depth, 2) vertices p, q of the edges whose arcs a branch crosses, in order. A
+        branch that has arrived repeats its last edge (at first its saddle's), which moves nothing.
+    maxima: (2 s,) vertex at which a branch ends.
+    """
+
+    rests: Integers
+    saddles: Integers
+    basins: Integers
+    saddle_ends: Integers
+    crossed: Integers
+    maxima: Integers
+
+
+def separatrices(equilibria: Equilibria) -> Separatrices:
+    """Find the separatrices that divide basins (algorithm 3, lines 2 to 27).
+
+    Saddles whose two sides roll to the same facet are not traced.
+    """
+    hull = equilibria.hull
+    rests = np.flatnonzero(equilibria.stable)
+    empty = np.empty(0, dtype=np.int64)
+    saddles = np.flatnonzero(equilibria.saddle & (np.arange(len(hull.tail)) < hull.twin))
+    if len(rests) == 1:
+        saddles = empty
+    sides = np.stack([hull.facet[saddles], hull.facet[hull.twin[saddles]]], axis=1)
+    needed, inverse = np.unique(sides, return_inverse=True)
+    destined = destined_facets(equilibria, needed)[inverse].reshape(sides.shape)
+    dividing = destined[:, 0] != destined[:, 1]
+    saddles = saddles[dividing]
+    basins = np.searchsorted(rests, destined[dividing])
+    starts = np.stack([hull.head[saddles], hull.tail[saddles]], axis=1).ravel()
+    directions = np.repeat(equilibria.saddle_directions[saddles], 2, axis=0)
+    crossed, maxima = ascend(equilibria, np.repeat(saddles, 2), starts, directions)
+    return Separatrices(
+        rests,
+        saddles,
+        basins,
+        np.stack([hull.tail[saddles], hull.head[saddles]], axis=1),
+        np.stack([hull.tail[crossed], hull.head[crossed]], axis=2),
+        maxima,
+    )
+
+
+def separatrix_points(paths: Separatrices, vertices: Any, center: Any, xp: ModuleType) -> Any:
+    """Directions along every branch: the saddle, the crossings, the maximum.
+
+    paths: the separatrices of a hull.
+    vertices: (n, 3) and center: (3,), NumPy or torch.
+    Returns (2 s, depth + 2, 3), the crossings normalised. Segments after a branch has arrived at
+    its last crossing have length zero.
+    """
+    radii = vertices - center
+    tail, head = paths.saddle_ends[:, 0], paths.saddle_ends[:, 1]
+    v = vertices[head] - vertices[tail]
+    saddle = oblique_projection(radii[tail], v, v)
+    point = xp.stack([saddle, saddle], 1).reshape(-1, 3)
+    points = [point]
+    for step in range(paths.crossed.shape[1]):
+        p, q = paths.crossed[:, step, 0], paths.crossed[:, step, 1]
+        point = oblique_projection(point, radii[p], vertices[q] - vertices[p])
+        point = point / xp.sqrt((point * point).sum(-1))[:, None]
+        points.append(point)
+    points.append(radii[paths.maxima])
+    return xp.stack(points, 1)
+
+
+def border_areas(paths: Separatrices, points: Any, normals: Any, xp: ModuleType) -> Any:
+    """What each dividing saddle's border adds to the areas of the basins beside it.
+
+    points: (2 s, depth + 2, 3) from `separatrix_points`; normals: (k, 3) a reference direction for
+    each basin. A basin's area is the sum over its borders, up to a multiple of 4 pi, and as a sum
+    over closed loops does not depend on the reference.
+    Returns (s, 2) for `paths.basins`. Source: eq. 10.
+    """
+    a, b = points[:, :-1], points[:, 1:]
+    contributions = []
+    for column, sign in ((0, 1.0), (1, -1.0)):
+        reference = normals[np.repeat(paths.basins[:, column], 2)][:, None, :]
+        angles = signed_solid_angle(reference, a, b, xp).sum(-1).reshape(-1, 2)
+        # The branch into the head's cell runs along the left basin's border, the other against it.
+        contributions.append(sign * (angles[:, 0] - angles[:, 1]))
+    return xp.stack(contributions, 1)
+
+
+def wraps(areas: Floats) -> Integers:
+    """Multiples of 4 pi (k,) to add to signed areas (k,) so that they become the basins' areas.
+
+    A basin that contains the antipode of its own normal comes out too small by 4 pi; the sum tells
+    how many such basins there are, and they are the most negative ones.
+    """
+    missing = round(1.0 - float(areas.sum()) / (4.0 * np.pi))
+    added = np.zeros(len(areas), dtype=np.int64)
+    added[np.argsort(areas, kind="stable")[: max(missing, 0)]] = 1
+    return added

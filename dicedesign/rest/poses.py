@@ -1,0 +1,224 @@
+"""Resting poses of a body: the forward model's answer."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.body import Body, make_body
+from dicedesign.geometry.center_of_mass import resolve_center_of_mass
+from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.sphere import angle_between, rotation_between
+from dicedesign.rest.equilibria import Equilibria, classify
+from dicedesign.rest.morse import Separatrices, separatrices
+from dicedesign.rest.probabilities import basin_areas
+from dicedesign.rest.tracing import destined_facets
+from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32
+
+__all__ = ["MorseComplex", "RestPoses", "analyse", "rest_poses", "standing_transform"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class MorseComplex:
+    """The Morse-Smale complex of the support function on the Gauss sphere.
+
+    Directions point down in the body's frame. Rests are numbered as in `RestPoses`.
+
+    Attributes
+    ----------
+    minima: (k, 3) unit normals of the stable facets.
+    saddles: (s, 3) unit directions of the saddles that divide two basins.
+    saddle_basins: (s, 2) the two rests that a saddle divides.
+    maxima: (v, 3) unit directions of the balancing vertices.
+    polylines: for each saddle the unit points (m, 3) of its separatrix from maximum to maximum,
+        with the basin `saddle_basins[:, 0]` on its left; consecutive points span great arcs.
+    equilibria: the classified hull.
+    """
+
+    minima: Floats
+    saddles: Floats
+    saddle_basins: Integers
+    maxima: Floats
+    polylines: tuple[Floats, ...]
+    equilibria: Equilibria
+    rest_facets: Integers
+
+    @cached_property
+    def basin_of_facet(self) -> Integers:
+        """(m,) the rest to which each facet of the hull rolls."""
+        facets = np.arange(len(self.equilibria.hull.normals))
+        destined = destined_facets(self.equilibria, facets)
+        place = np.full(len(facets), -1, dtype=np.int64)
+        place[self.rest_facets] = np.arange(len(self.rest_facets))
+        return place[destined]
+
+
+@dataclass(frozen=True)
+class RestPoses:
+    """All rests of a body, the most probable first.
+
+    Attributes
+    ----------
+    normals: (k, 3) outward unit normals of the stable facets: the direction that points down.
+    probabilities: (k,) summing to 1.
+    facets: (k,) facet numbers in `hull`.
+    areas: (k,) areas of the facets stood on, in squared length units.
+    transforms: (k, 4, 4) rigid motions that stand the body on the plane z = 0 with the center of
+        mass on the z axis.
+    margins: (k,) angle in radians from the facet normal to the nearest saddle of its basin; pi for
+        a body with one rest.
+    center_of_mass: (3,) and the source it came from in words.
+    notes: what was repaired or assumed on the way.
+    seconds: wall-clock seconds spent on "hull" and on "rest".
+    """
+
+    hull: ConvexHull
+    normals: Floats
+    probabilities: Floats
+    facets: Integers
+    areas: Floats
+    transforms: Floats
+    margins: Floats
+    morse: MorseComplex
+    center_of_mass: Floats
+    center_of_mass_source: str
+    notes: tuple[str, ...]
+    seconds: dict[str, float]
+
+
+def standing_transform(normal: Floats, height: float, center_of_mass: Floats) -> Floats:
+    """Rigid motion (4, 4) that turns `normal` down by the smallest rotation and puts the center of
+    mass on the z axis at `height`."""
+    transform = np.eye(4)
+    transform[:3, :3] = rotation_between(normal, np.array([0.0, 0.0, -1.0]))
+    transform[:3, 3] = np.array([0.0, 0.0, height]) - transform[:3, :3] @ center_of_mass
+    return transform
+
+
+def rest_poses(
+    points_or_mesh: ArrayLike | Body,
+    center_of_mass: ArrayLike | Literal["hull"] | None = None,
+    *,
+    coplanar_tolerance: float | None = None,
+) -> RestPoses:
+    """All rests of a body with their probabilities.
+
+    Parameters
+    ----------
+    points_or_mesh: (n, 3) points in any length unit, a `Body`, or any mesh object with `vertices`
+        (n, 3) and triangular `faces` (t, 3), such as a `trimesh.Trimesh`.
+    center_of_mass: (3,) in the same unit, strictly inside the convex hull; "hull" for that of the
+        uniform solid hull; None for that of the uniform solid bounded by a closed mesh, or of the
+        hull for points and open meshes.
+    coplanar_tolerance: see `convex_hull`.
+
+    Raises
+    ------
+    DegenerateBodyError: fewer than 4 points, coplanar points, NaN or infinity, zero volume.
+    OutsideHullError: the center of mass is not strictly inside the hull.
+    InputError: `center_of_mass` is not three finite numbers.
+    """
+    if isinstance(points_or_mesh, Body):
+        body = points_or_mesh
+    elif hasattr(points_or_mesh, "vertices"):
+        faces = getattr(points_or_mesh, "faces", None)
+        body = make_body(points_or_mesh.vertices, faces, name="mesh")
+    else:
+        body = make_body(points_or_mesh)
+    started = time.perf_counter()
+    if coplanar_tolerance is None:
+        single = body.single_precision
+        coplanar_tolerance = COPLANAR_TOLERANCE_FLOAT32 if single else COPLANAR_TOLERANCE
+    hull = convex_hull(body.points, coplanar_tolerance)
+    hull_seconds = time.perf_counter() - started
+    request: ArrayLike | Literal["hull"] | None = center_of_mass
+    if request is not None and not isinstance(request, str):
+        request = np.asarray(request, dtype=np.float64)
+    elif isinstance(request, str) and request != "hull":
+        raise InputError(
+            f'center of mass: expected three numbers, "hull" or None, got {request!r}'
+        )
+    center, source, notes = resolve_center_of_mass(body, hull.centroid, request)
+    return analyse(hull, center, source, (*body.notes, *notes), hull_seconds)
+
+
+def analyse(
+    hull: ConvexHull,
+    center_of_mass: Floats,
+    center_of_mass_source: str = "given",
+    notes: tuple[str, ...] = (),
+    hull_seconds: float = 0.0,
+) -> RestPoses:
+    """All rests of a hull with a center of mass (3,) strictly inside it. Raises as `rest_poses`."""
+    started = time.perf_counter()
+    equilibria = classify(hull, center_of_mass)
+    paths = separatrices(equilibria)
+    areas, points = basin_areas(equilibria, paths)
+    order = np.argsort(-areas, kind="stable")
+    facets = paths.rests[order]
+    normals = hull.normals[facets]
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    morse = _complex(equilibria, paths, points, normals, facets, place)
+    feet = equilibria.radii[hull.tail[hull.facet_start[facets]]]
+    heights = (feet * normals).sum(-1)
+    transforms = np.stack(
+        [
+            standing_transform(n, h, equilibria.center_of_mass)
+            for n, h in zip(normals, heights, strict=True)
+        ]
+    )
+    margins = np.full(len(facets), np.pi)
+    for column in (0, 1):
+        basin = morse.saddle_basins[:, column]
+        np.minimum.at(margins, basin, angle_between(normals[basin], morse.saddles))
+    return RestPoses(
+        hull=hull,
+        normals=normals,
+        probabilities=areas[order] / (4.0 * np.pi),
+        facets=facets,
+        areas=hull.areas[facets],
+        transforms=transforms,
+        margins=margins,
+        morse=morse,
+        center_of_mass=equilibria.center_of_mass,
+        center_of_mass_source=center_of_mass_source,
+        notes=notes,
+        seconds={"hull": hull_seconds, "rest": time.perf_counter() - started},
+    )
+
+
+def _complex(
+    equilibria: Equilibria,
+    paths: Separatrices,
+    points: Floats,
+    normals: Floats,
+    facets: Integers,
+    place: Integers,
+) -> MorseComplex:
+    unit = points / np.sqrt((points * points).sum(-1))[..., None]
+    moving = np.ones(unit.shape[:2], dtype=bool)
+    moving[:, 1:] = (unit[:, 1:] != unit[:, :-1]).any(-1)
+    polylines = tuple(
+        np.concatenate([unit[2 * s + 1][moving[2 * s + 1]][:0:-1], unit[2 * s][moving[2 * s]]])
+        for s in range(len(paths.saddles))
+    )
+    peaks = equilibria.radii[equilibria.maximum]
+    return MorseComplex(
+        minima=normals,
+        saddles=unit[::2, 0],
+        saddle_basins=place[paths.basins],
+        maxima=peaks / np.sqrt((peaks * peaks).sum(-1))[:, None],
+        polylines=polylines,
+        equilibria=equilibria,
+        rest_facets=facets,
+    )

@@ -1,0 +1,54 @@
+"""Every numerical tolerance of the package, in one place.
+
+All are relative: lengths to the largest absolute coordinate of the centred points (`scale`),
+everything else dimensionless. Nothing else in the package decides by a bare small number.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+__all__ = [
+    "BOUNDARY_TOLERANCE",
+    "CLOSURE_TOLERANCE",
+    "COPLANAR_TOLERANCE",
+    "COPLANAR_TOLERANCE_FLOAT32",
+    "ENGRAVED_VOLUME_TOLERANCE",
+    "FLATNESS_TOLERANCE",
+    "PROBABILITY_SUM_TOLERANCE",
+    "ROUNDED_DIGITS",
+    "VOLUME_TOLERANCE",
+]
+
+COPLANAR_TOLERANCE: Final = 1e-11
+"""Two hull triangles are one facet when all corners lie within this distance of one plane, for
+coordinates that were computed in float64 (a rotated cube has errors near 1e-16)."""
+
+COPLANAR_TOLERANCE_FLOAT32: Final = 2e-6
+"""The same for coordinates that were rounded to float32 (STL, most PLY): 2^-24 per coordinate,
+times the extrapolation from a facet's largest triangle to its far corners."""
+
+FLATNESS_TOLERANCE: Final = 1e-12
+"""Points whose smallest extent over their largest is below this span no solid."""
+
+BOUNDARY_TOLERANCE: Final = 1e-13
+"""A center of mass nearer than this to a facet's plane counts as lying on the hull's boundary."""
+
+CLOSURE_TOLERANCE: Final = 1e-9
+"""The basins' areas must sum to 4 pi within this; a larger gap means a body so symmetric that a
+path runs exactly into a balance point, and is reported rather than returned."""
+
+PROBABILITY_SUM_TOLERANCE: Final = 1e-9
+"""Target probabilities must sum to 1 within this."""
+
+ENGRAVED_VOLUME_TOLERANCE: Final = 1e-4
+"""The volume that engraving takes away must be that of the labels within this part of it: the
+unevenness of a facet with float32 corners over the depth of a pocket."""
+
+ROUNDED_DIGITS: Final = 10
+"""Coordinates of a file that all have at most this many significant decimal digits were rounded
+more coarsely than COPLANAR_TOLERANCE allows for; they count as single precision."""
+
+VOLUME_TOLERANCE: Final = 1e-11
+"""A closed surface whose volume over its extent cubed is below this bounds no solid; at this size
+rounding leaves the centroid about five digits."""
