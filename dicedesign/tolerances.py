@@ -45,7 +45,7 @@ ENGRAVED_VOLUME_TOLERANCE: Final = 1e-4
 """The volume that engraving takes away must be that of the labels within this part of it: the
 unevenness of a facet with float32 corners over the depth of a pocket."""
 
-ROUNDED_DIGITS: Final = 10
+ROUNDED_DIGITS: Final = 12
 """Coordinates of a file that all have at most this many significant decimal digits were rounded
 more coarsely than COPLANAR_TOLERANCE allows for; they count as single precision."""
 

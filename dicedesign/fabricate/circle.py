@@ -36,8 +36,8 @@ def inscribed_circle(polygon: np.ndarray) -> tuple[np.ndarray, float]:
     polygon = np.asarray(polygon, dtype=np.float64)
     if polygon.ndim != 2 or polygon.shape[1] != 2 or len(polygon) < 3:
         raise InputError(f"a polygon must have shape (m, 2) with m >= 3, got {polygon.shape}.")
-    area = signed_area(polygon)
-    if not math.isfinite(area) or area == 0.0:
+    area = signed_area(polygon) if np.isfinite(polygon).all() else math.nan
+    if math.isnan(area) or area == 0.0:
         raise InputError(f"a polygon must have finite corners and an area, got area {area}.")
     middle = polygon.mean(axis=0)
     scale = math.sqrt(abs(area))

@@ -71,7 +71,13 @@ def _fit(
 ) -> tuple[Placement, float]:
     """The label as large as it fits, and the facet's inscribed radius."""
     polygon = np.asarray(polygon, dtype=np.float64)
-    outward = np.asarray(normal, dtype=np.float64) / np.linalg.norm(normal)
+    outward = np.asarray(normal, dtype=np.float64)
+    if polygon.ndim != 2 or polygon.shape[1] != 3 or outward.shape != (3,) or not outward.any():
+        raise InputError(
+            f"facet {facet} needs corners of shape (m, 3) and a normal of shape (3,) that is not "
+            f"zero, got shape {polygon.shape} and normal {outward.tolist()}."
+        )
+    outward = outward / np.linalg.norm(outward)
     edges = np.roll(polygon, -1, axis=0) - polygon
     edges -= np.outer(edges @ outward, outward)
     lengths = np.linalg.norm(edges, axis=1)

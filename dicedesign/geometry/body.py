@@ -74,7 +74,7 @@ def make_body(
     if not finite.all():
         first = int(np.argmin(finite))
         raise DegenerateBodyError(
-            f"{name}: {np.count_nonzero(~finite)} of {len(finite)} points are not finite, the "
+            f"{name}: {np.count_nonzero(~finite)} of {len(positions)} points are not finite, the "
             f"first is point {first}: {positions[first].tolist()}; remove them"
         )
     faces: NDArray[np.int64] | None = None
@@ -122,9 +122,8 @@ def weld(
     triangles : (u, 3) int or None
         Without those that lost a corner by the merging.
     """
-    positions = points + 0.0  # turns -0.0 into 0.0
-    order = np.lexsort(positions.T)
-    ranked = positions[order]
+    order = np.lexsort(points.T)
+    ranked = points[order]
     is_new = np.ones(len(order), dtype=bool)
     is_new[1:] = (ranked[1:] != ranked[:-1]).any(axis=1)
     group = np.empty(len(order), dtype=np.int64)
@@ -133,7 +132,7 @@ def weld(
     by_occurrence = np.argsort(first)
     new_index = np.empty_like(by_occurrence)
     new_index[by_occurrence] = np.arange(len(first))
-    kept = positions[first[by_occurrence]]
+    kept = points[first[by_occurrence]]
     if triangles is None:
         return kept, None
     faces = new_index[group[triangles]]

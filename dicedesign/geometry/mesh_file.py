@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,7 +115,8 @@ def _read_scene(
                 f"{', '.join(sorted(endings))}"
             )
         try:
-            scene = trimesh.load(str(path), force="scene", process=False)
+            loaded = trimesh.load(str(path), force="scene", process=False)
+            scene = cast("trimesh.Scene", loaded)
             nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
             parts = [(scene.geometry[name], np.asarray(matrix)) for matrix, name in nodes]
         except Exception as error:  # its readers raise whatever their parsing runs into
@@ -130,7 +132,9 @@ def _read_scene(
         rounded = rounded or is_rounded(own)
         points.append(own if np.array_equal(matrix, np.eye(4)) else _transformed(own, matrix))
         if meshes:
-            triangles.append(np.asarray(geometry.faces, dtype=np.int64) + count)
+            faces = np.asarray(geometry.faces, dtype=np.int64) + count
+            mirrored = np.linalg.det(matrix[:3, :3]) < 0  # a mirror turns a surface inside out
+            triangles.append(faces[:, ::-1] if mirrored else faces)
         count += len(own)
     return np.concatenate(points), np.concatenate(triangles), rounded, len(meshes or clouds)
 

@@ -7,6 +7,7 @@ line a file is wrong.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -115,7 +116,7 @@ def _lines(path: Path, separators: str = "") -> Iterator[Line]:
         start = start or number
         line = pending + line.partition("#")[0].rstrip()
         if line.endswith("\\"):
-            pending = line[:-1] + " "
+            pending = line[:-1]
             continue
         if fields := line.translate(to_space).split():
             yield start, fields
@@ -140,7 +141,7 @@ def _integers(path: Path, number: int, fields: Sequence[str]) -> list[int]:
 def _fan(path: Path, number: int, fields: Sequence[str], polygon: list[int]) -> list[list[int]]:
     if len(polygon) < 3:
         raise _bad_line(path, number, fields, "a face of at least 3 vertices")
-    return [[polygon[0], b, c] for b, c in zip(polygon[1:-1], polygon[2:], strict=True)]
+    return [[polygon[0], b, c] for b, c in pairwise(polygon[1:])]
 
 
 def _bad_line(path: Path, number: int, fields: Sequence[str], expected: str) -> MeshFileError:

@@ -16,8 +16,8 @@ def consistent_winding(triangles: NDArray[np.int64]) -> NDArray[np.int64] | None
     """Reverse as few triangles as needed for a closed, consistently oriented surface.
 
     Each triangle stands twice in a graph, once kept and once reversed, and two triangles that
-    share an edge link the copies that agree. A part of the surface is orientable when the two
-    copies of its triangles fall into separate components; the one that keeps more is taken.
+    share an edge link the copies that agree. An orientable part of the surface falls into two
+    components, one the reverse of the other, and the one that keeps more triangles is taken.
 
     Parameters
     ----------
@@ -50,8 +50,6 @@ def consistent_winding(triangles: NDArray[np.int64]) -> NDArray[np.int64] | None
     graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(2 * count, 2 * count))
     _, labels = connected_components(graph, directed=False)
     kept, reversed_ = labels[:count], labels[count:]
-    if (kept == reversed_).any():
-        return None
     weight = np.bincount(kept, minlength=int(labels.max()) + 1)
     flip = (weight[kept] < weight[reversed_]) | (
         (weight[kept] == weight[reversed_]) & (kept > reversed_)

@@ -1,0 +1,167 @@
+"""Resting probabilities as a differentiable function of vertices and center of mass.
+
+The integers (which facets are stable, which edges each separatrix crosses) come from the forward
+model in `dicedesign.rest`; the coordinates are evaluated again in torch with the same formulas. The
+result is exact and its gradient is that of the combinatorial cell the vertices lie in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from types import ModuleType
+from typing import cast
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.rest.equilibria import Equilibria, classify
+from dicedesign.rest.morse import (
+    Separatrices,
+    border_areas,
+    separatrices,
+    separatrix_points,
+    wraps,
+)
+
+__all__ = ["RestEvaluation", "differentiable_rest", "evaluate_rests", "hull_centroid"]
+
+_TORCH = cast(ModuleType, torch)
+
+
+@dataclass(frozen=True)
+class RestEvaluation:
+    """The rests of a hull, with coordinates in torch. Everything is computed on first use.
+
+    Attributes
+    ----------
+    equilibria: the classified hull, whose numbers are the integers of this evaluation.
+    vertices: (n, 3) hull vertices as tensor.
+    center: (3,) center of mass as tensor.
+    """
+
+    equilibria: Equilibria
+    vertices: Tensor
+    center: Tensor
+
+    @property
+    def hull(self) -> ConvexHull:
+        """The hull that the integers belong to."""
+        return self.equilibria.hull
+
+    @cached_property
+    def paths(self) -> Separatrices:
+        """The separatrices that divide basins; rests are numbered as in `paths.rests`."""
+        return separatrices(self.equilibria)
+
+    @cached_property
+    def probabilities(self) -> Tensor:
+        """(k,) probabilities of the rests (eq. 9, 10)."""
+        rests = len(self.paths.rests)
+        if rests == 1:
+            return torch.ones(1, dtype=torch.float64) + 0.0 * self.vertices.sum()
+        points = separatrix_points(self.paths, self.vertices, self.center, _TORCH)
+        # A closed loop's area does not depend on the reference direction: no gradient there.
+        reference = torch.as_tensor(self.hull.normals[self.paths.rests])
+        border = border_areas(self.paths, points, reference, _TORCH)
+        basins = torch.as_tensor(self.paths.basins.ravel())
+        areas = torch.zeros(rests, dtype=torch.float64).index_add(0, basins, border.reshape(-1))
+        added = torch.as_tensor(wraps(areas.detach().numpy()))
+        return areas / (4.0 * torch.pi) + added
+
+    def facet_normals(self, facets: NDArray[np.int64]) -> Tensor:
+        """(len(facets), 3) unit normals of facets, from the area vectors of their polygons."""
+        start, end = self.hull.facet_start[facets], self.hull.facet_start[facets + 1]
+        count = end - start
+        owner = np.repeat(np.arange(len(facets)), count)
+        within = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+        half_edges = start[owner] + within
+        anchor = self.vertices[self.hull.tail[start]][owner]
+        a = self.vertices[self.hull.tail[half_edges]] - anchor
+        b = self.vertices[self.hull.head[half_edges]] - anchor
+        cross = torch.linalg.cross(a, b)
+        vectors = torch.zeros((len(facets), 3), dtype=torch.float64)
+        vectors = vectors.index_add(0, torch.as_tensor(owner), cross)
+        return vectors / torch.linalg.vector_norm(vectors, dim=1, keepdim=True)
+
+    @cached_property
+    def rest_normals(self) -> Tensor:
+        """(k, 3) unit normals of the stable facets."""
+        return self.facet_normals(self.paths.rests)
+
+    def vertex_directions(self, vertices: NDArray[np.int64]) -> Tensor:
+        """(len(vertices), 3) unit directions from the center of mass to vertices (eq. 6)."""
+        radii = self.vertices[vertices] - self.center
+        return radii / torch.linalg.vector_norm(radii, dim=1, keepdim=True)
+
+
+def hull_centroid(vertices: Tensor, triangles: NDArray[np.int64]) -> Tensor:
+    """Center of mass (3,) of the uniform solid with vertices (n, 3) and triangles (t, 3)."""
+    origin = vertices.detach().mean(dim=0)
+    a, b, c = (vertices[triangles[:, k]] - origin for k in range(3))
+    sixfold = (a * torch.linalg.cross(b, c)).sum(-1)
+    moment = (sixfold[:, None] * (a + b + c)).sum(0) / 4.0
+    return origin + moment / sixfold.sum()
+
+
+def evaluate_rests(points: Tensor, center_of_mass: Tensor | None = None) -> RestEvaluation:
+    """Hull and rests of points.
+
+    Parameters
+    ----------
+    points: (n, 3) float64.
+    center_of_mass: (3,) float64, or None for that of the uniform solid hull.
+
+    Raises
+    ------
+    InputError: not float64 tensors of these shapes.
+    DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`.
+    """
+    if points.dtype != torch.float64 or points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(
+            f"vertices: expected a float64 tensor of shape (n, 3), got {points.dtype} of shape "
+            f"{tuple(points.shape)}; convert it with .double()"
+        )
+    hull = convex_hull(points.detach().numpy())
+    vertices = points[torch.as_tensor(hull.source)]
+    if center_of_mass is None:
+        center = hull_centroid(vertices, hull.triangles)
+    elif center_of_mass.dtype != torch.float64 or center_of_mass.shape != (3,):
+        raise InputError(
+            f"center of mass: expected a float64 tensor of shape (3,), got {center_of_mass.dtype} "
+            f"of shape {tuple(center_of_mass.shape)}"
+        )
+    else:
+        center = center_of_mass
+    return RestEvaluation(classify(hull, center.detach().numpy()), vertices, center)
+
+
+def differentiable_rest(
+    vertices: Tensor, center_of_mass: Tensor | None = None
+) -> tuple[Tensor, Tensor]:
+    """Rests of the convex hull of points, differentiable in the points and the center of mass.
+
+    Parameters
+    ----------
+    vertices: (n, 3) float64 tensor, any length unit; points inside the hull get zero gradient.
+    center_of_mass: (3,) float64 tensor strictly inside the hull, or None for that of the uniform
+        solid hull, whose own gradient is then included.
+
+    Returns
+    -------
+    normals: (k, 3) outward unit normals of the stable facets, the most probable first.
+    probabilities: (k,) summing to 1.
+
+    Raises
+    ------
+    InputError, DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`.
+
+    Source: algorithm 3, eq. 9 and 10; section 3.1.
+    """
+    rests = evaluate_rests(vertices, center_of_mass)
+    order = np.argsort(-rests.probabilities.detach().numpy(), kind="stable")
+    return rests.rest_normals[order], rests.probabilities[torch.as_tensor(order)]

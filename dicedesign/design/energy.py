@@ -1,0 +1,177 @@
+"""The energies of dice design, each its own function.
+
+`Clusters` says which rests count for which outcome. A cluster without a rest is never silent: every
+term that would have nothing to sum charges its largest possible value instead, so that losing an
+outcome can only raise an energy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from dicedesign.design.differentiable import RestEvaluation
+from dicedesign.errors import InputError
+
+__all__ = [
+    "Clusters",
+    "EnergyWeights",
+    "barycenter_energy",
+    "cluster",
+    "coplanar_energy",
+    "dice_energy",
+    "dice_simple_energy",
+    "neighbor_energy",
+    "total_energy",
+    "updated_directions",
+]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+LARGEST_SQUARED_DISTANCE = 4.0
+"""Between two unit vectors: what a cluster without a rest is charged."""
+
+
+@dataclass(frozen=True)
+class EnergyWeights:
+    """Weights of the regularizers in eq. 16; a term with weight 0 is not evaluated.
+
+    Attributes
+    ----------
+    coplanar: lambda_cl of eq. 13, not negative.
+    barycenter: lambda_bc of eq. 14, not negative.
+    neighbor: lambda_nb of eq. 15, not negative.
+    neighbor_radius: chord length epsilon of the ball B_epsilon(u_i) in eq. 15, positive.
+    """
+
+    coplanar: float = 0.1
+    barycenter: float = 2.0
+    neighbor: float = 0.1
+    neighbor_radius: float = 0.2
+
+    def __post_init__(self) -> None:
+        for name in ("coplanar", "barycenter", "neighbor"):
+            value = getattr(self, name)
+            if not 0.0 <= value < np.inf:
+                raise InputError(f"weights.{name}: expected a number not below 0, got {value:g}")
+        if not 0.0 < self.neighbor_radius <= 2.0:
+            raise InputError(
+                "weights.neighbor_radius: expected a chord length above 0 and at most 2, got "
+                f"{self.neighbor_radius:g}"
+            )
+
+    def scaled(self, factor: float) -> EnergyWeights:
+        """The same weights times a factor."""
+        return EnergyWeights(
+            self.coplanar * factor,
+            self.barycenter * factor,
+            self.neighbor * factor,
+            self.neighbor_radius,
+        )
+
+
+@dataclass(frozen=True)
+class Clusters:
+    """Which outcome each rest counts for.
+
+    Attributes
+    ----------
+    of_rest: (r,) outcome of each rest.
+    directions: (k, 3) the unit directions u_i of the outcomes.
+    """
+
+    of_rest: Integers
+    directions: Floats
+
+    def sums(self, probabilities: Tensor) -> Tensor:
+        """(k,) summed probabilities (r,) of each cluster."""
+        zeros = torch.zeros(len(self.directions), dtype=torch.float64)
+        return zeros.index_add(0, torch.as_tensor(self.of_rest), probabilities)
+
+    @property
+    def empty(self) -> int:
+        """Number of outcomes without a rest."""
+        return len(self.directions) - len(np.unique(self.of_rest))
+
+
+def cluster(rest_normals: Floats, directions: Floats) -> Clusters:
+    """Give each rest (r, 3) to the nearest of the directions (k, 3) (section 3.2)."""
+    return Clusters(np.argmax(rest_normals @ directions.T, axis=1), directions)
+
+
+def updated_directions(rest_normals: Floats, clusters: Clusters) -> Floats:
+    """(k, 3) the normalised means of the clusters' normals; an empty cluster keeps its direction
+    (section 3.2)."""
+    sums = np.zeros_like(clusters.directions)
+    np.add.at(sums, clusters.of_rest, rest_normals)
+    length = np.sqrt((sums * sums).sum(-1))[:, None]
+    return np.where(length > 0.0, sums / np.where(length > 0.0, length, 1.0), clusters.directions)
+
+
+def dice_simple_energy(probabilities: Tensor, assigned: Tensor) -> Tensor:
+    """E_diceSimple (eq. 11): squared differences of each facet's probability (r,) from the one
+    assigned to it (r,), which is 0 for facets without an outcome."""
+    return ((probabilities - assigned) ** 2).sum()
+
+
+def dice_energy(probabilities: Tensor, clusters: Clusters, target: Floats) -> Tensor:
+    """E_dice (eq. 12): squared differences of the clusters' probabilities from the target (k,)."""
+    return ((clusters.sums(probabilities) - torch.as_tensor(target)) ** 2).sum()
+
+
+def coplanar_energy(rest_normals: Tensor, clusters: Clusters) -> Tensor:
+    """E_cl (eq. 13): squared distances of normals (r, 3), over ordered pairs within a cluster."""
+    first, second = np.nonzero(clusters.of_rest[:, None] == clusters.of_rest[None, :])
+    return ((rest_normals[first] - rest_normals[second]) ** 2).sum()
+
+
+def barycenter_energy(rests: RestEvaluation, clusters: Clusters) -> Tensor:
+    """E_bc (eq. 14): squared distances of rest normals from the barycenter of their cluster's
+    region, which is the normalised mean of the maxima on the region's border."""
+    paths = rests.paths
+    sides = clusters.of_rest[paths.basins]
+    borders = np.flatnonzero(sides[:, 0] != sides[:, 1])
+    energy = LARGEST_SQUARED_DISTANCE * clusters.empty * torch.ones((), dtype=torch.float64)
+    if len(borders) == 0:
+        return energy
+    branch = np.stack([2 * borders, 2 * borders + 1], axis=1)
+    outcome = np.repeat(sides[borders].ravel(), 2)
+    peak = np.repeat(paths.maxima[branch][:, None, :], 2, axis=1).ravel()
+    outcome, peak = np.unique(np.stack([outcome, peak]), axis=1)
+    zeros = torch.zeros(clusters.directions.shape, dtype=torch.float64)
+    sums = zeros.index_add(0, torch.as_tensor(outcome), rests.vertex_directions(peak))
+    barycenters = sums / torch.linalg.vector_norm(sums, dim=1, keepdim=True).clamp_min(1e-300)
+    bordered = np.isin(clusters.of_rest, outcome)
+    own = barycenters[clusters.of_rest[bordered]]
+    return energy + ((rests.rest_normals[bordered] - own) ** 2).sum()
+
+
+def neighbor_energy(rests: RestEvaluation, clusters: Clusters, radius: float) -> Tensor:
+    """E_nb (eq. 15): squared distances from u_i of all facet normals within `radius` of it; stable
+    facets or not. An outcome without a facet nearby is charged the squared radius."""
+    normals = rests.hull.normals
+    squared = ((clusters.directions[:, None, :] - normals[None, :, :]) ** 2).sum(-1)
+    outcome, facet = np.nonzero(squared < radius**2)
+    alone = len(clusters.directions) - len(np.unique(outcome))
+    offset = rests.facet_normals(facet) - torch.as_tensor(clusters.directions[outcome])
+    return (offset**2).sum() + alone * radius**2
+
+
+def total_energy(
+    rests: RestEvaluation, clusters: Clusters, target: Floats, weights: EnergyWeights
+) -> dict[str, Tensor]:
+    """The weighted terms of eq. 16 by name; only those with a weight are evaluated."""
+    terms = {"dice": dice_energy(rests.probabilities, clusters, target)}
+    if weights.coplanar > 0.0:
+        terms["coplanar"] = weights.coplanar * coplanar_energy(rests.rest_normals, clusters)
+    if weights.barycenter > 0.0:
+        terms["barycenter"] = weights.barycenter * barycenter_energy(rests, clusters)
+    if weights.neighbor > 0.0:
+        near = neighbor_energy(rests, clusters, weights.neighbor_radius)
+        terms["neighbor"] = weights.neighbor * near
+    return terms

@@ -1,0 +1,100 @@
+"""Distributions a die is asked to have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import comb, isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.errors import InputError
+from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
+
+__all__ = ["Target", "binomial", "fair", "listed", "relabelled", "sum_of_dice"]
+
+
+@dataclass(frozen=True)
+class Target:
+    """Outcomes with their wanted probabilities.
+
+    Attributes
+    ----------
+    labels: (k,) distinct texts.
+    probabilities: (k,) positive, summing to 1.
+    """
+
+    labels: tuple[str, ...]
+    probabilities: NDArray[np.float64]
+
+
+def binomial(flips: int) -> Target:
+    """Number of heads among `flips` >= 1 fair coins: labels "0" .. "flips"."""
+    _at_least("binomial", flips, 1)
+    weights = [comb(flips, heads) / 2**flips for heads in range(flips + 1)]
+    return Target(tuple(str(heads) for heads in range(flips + 1)), np.array(weights))
+
+
+def sum_of_dice(sides: Sequence[int]) -> Target:
+    """Total of fair dice with the given numbers of sides, each >= 2 (eq. 22 for [6, 6])."""
+    if not sides:
+        raise InputError("sum_of_dice: expected at least one number of sides, got none")
+    weights = np.ones(1)
+    for count in sides:
+        _at_least("sum_of_dice", count, 2)
+        weights = np.convolve(weights, np.full(count, 1.0 / count))
+    first = len(sides)
+    return Target(tuple(str(first + i) for i in range(len(weights))), weights / weights.sum())
+
+
+def fair(outcomes: int) -> Target:
+    """`outcomes` >= 2 equally probable outcomes: labels "1" .. "outcomes"."""
+    _at_least("fair", outcomes, 2)
+    labels = tuple(str(i + 1) for i in range(outcomes))
+    return Target(labels, np.full(outcomes, 1.0 / outcomes))
+
+
+def listed(probabilities: Sequence[float], labels: Sequence[str] | None = None) -> Target:
+    """Any distribution, given by its probabilities; labels default to "1", "2", ...
+
+    Raises
+    ------
+    InputError: fewer than two outcomes, a probability not in (0, 1), a sum other than 1, or labels
+        that are not as many as the probabilities or not distinct.
+    """
+    values = np.asarray(probabilities, dtype=np.float64)
+    if values.ndim != 1 or len(values) < 2:
+        raise InputError(f"probabilities: expected at least two, got {list(probabilities)!r}")
+    for value in values:
+        if not isfinite(value) or not 0.0 < value < 1.0:
+            raise InputError(
+                f"probabilities: expected numbers between 0 and 1, got {value:g}; leave out "
+                "outcomes that never happen"
+            )
+    if abs(float(values.sum()) - 1.0) > PROBABILITY_SUM_TOLERANCE:
+        raise InputError(
+            f"probabilities: expected a sum of 1, got {values.sum():.12g}; write fractions such as "
+            "1/3 where decimals do not suffice"
+        )
+    return relabelled(Target(tuple(str(i + 1) for i in range(len(values))), values), labels)
+
+
+def relabelled(target: Target, labels: Sequence[str] | None) -> Target:
+    """The same distribution under other labels; None leaves it as it is. Raises InputError."""
+    if labels is None:
+        return target
+    texts = tuple(str(label) for label in labels)
+    if len(texts) != len(target.probabilities):
+        raise InputError(
+            f"labels: expected {len(target.probabilities)}, one for each outcome, got {len(texts)}"
+        )
+    if len(set(texts)) != len(texts):
+        twice = next(text for text in texts if texts.count(text) > 1)
+        raise InputError(f"labels: expected distinct labels, got {twice!r} more than once")
+    return Target(texts, target.probabilities)
+
+
+def _at_least(name: str, value: int, smallest: int) -> None:
+    if value < smallest:
+        raise InputError(f"{name}: expected a whole number of at least {smallest}, got {value}")

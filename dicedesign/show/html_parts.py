@@ -1,0 +1,76 @@
+"""Pieces of a self-contained HTML page; every text is escaped."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Sequence
+from html import escape
+from typing import Any, Final
+
+__all__ = ["figure_section", "list_section", "number", "page", "table_section"]
+
+_STYLE: Final = """
+:root { color-scheme: light; }
+body { margin: 0 auto; padding: 1rem; max-width: 60rem; background: #fff; color: #1f2933;
+  font: 16px/1.5 system-ui, sans-serif; overflow-wrap: anywhere; }
+h1 { font-size: 1.6rem; margin: .5rem 0 .25rem; }
+h2 { font-size: 1.15rem; margin: 2rem 0 .5rem; padding-top: .75rem; border-top: 1px solid #d9e0e7; }
+p { margin: .5rem 0; }
+.verdict { font-size: 1.05rem; padding: .6rem .8rem; background: #f3f5f7;
+  border-left: 4px solid #c2571a; }
+.note { color: #52606d; font-size: .9rem; }
+img { display: block; width: 100%; min-width: 36rem; height: auto; }
+ul { margin: .5rem 0; padding-left: 1.25rem; }
+.scroll { overflow-x: auto; }
+table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
+th, td { padding: .25rem .75rem; border-bottom: 1px solid #e4e9ee; text-align: right;
+  overflow-wrap: normal; }
+th:first-child, td:first-child { text-align: left; padding-left: 0; }
+"""
+
+
+def number(value: float | None, digits: int) -> str:
+    """A number with a count of significant digits, or "-" where there is none."""
+    return "-" if value is None else f"{value:.{digits}g}"
+
+
+def figure_section(title: str, image: bytes, caption: str) -> str:
+    """A section with a PNG and a line below it."""
+    data = b64encode(image).decode("ascii")
+    return (
+        f"<section><h2>{escape(title)}</h2>"
+        f'<div class="scroll"><img alt="{escape(title)}" src="data:image/png;base64,{data}"></div>'
+        f'<p class="note">{escape(caption)}</p></section>'
+    )
+
+
+def list_section(title: str, items: Sequence[str]) -> str:
+    """A section with a list of texts."""
+    entries = "".join(f"<li>{escape(item)}</li>" for item in items)
+    return f"<section><h2>{escape(title)}</h2><ul>{entries}</ul></section>"
+
+
+def table_section(
+    title: str, header: Sequence[str], rows: Sequence[Sequence[Any]], note: str = ""
+) -> str:
+    """A section with a table; the first column is aligned to the left."""
+    head = "".join(f"<th>{escape(text)}</th>" for text in header)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
+    )
+    below = f'<p class="note">{escape(note)}</p>' if note else ""
+    return (
+        f'<section><h2>{escape(title)}</h2><div class="scroll"><table>'
+        f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>{below}</section>"
+    )
+
+
+def page(title: str, parts: Sequence[str]) -> str:
+    """A whole document that opens offline."""
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(title)}</title><style>{_STYLE}</style></head><body>\n"
+        + "\n".join(parts)
+        + "\n</body></html>\n"
+    )

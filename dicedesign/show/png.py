@@ -1,0 +1,29 @@
+"""Figures without global state, and their PNG bytes."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from typing import Final
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+__all__ = ["PIXELS_PER_INCH", "agg_figure", "png_bytes"]
+
+PIXELS_PER_INCH: Final = 150
+"""Resolution of every PNG."""
+
+
+def agg_figure(width: float, height: float) -> Figure:
+    """An empty white figure of a size in inches, drawn by Agg."""
+    figure = Figure(figsize=(width, height), facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def png_bytes(figure: Figure) -> bytes:
+    """A figure as PNG at `PIXELS_PER_INCH`; the same figure gives the same bytes."""
+    buffer = BytesIO()
+    # The default metadata names the version of matplotlib.
+    figure.savefig(buffer, format="png", dpi=PIXELS_PER_INCH, metadata={"Software": None})
+    return buffer.getvalue()

@@ -1,0 +1,121 @@
+"""The report of a design: one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+from typing import Any, Final
+
+from dicedesign.fabricate.files import atomic_write
+from dicedesign.show.html_parts import figure_section, list_section, number, page, table_section
+
+__all__ = ["report_html", "write_report"]
+
+_FIGURES: Final = (
+    (
+        "bars",
+        "Target and achieved odds",
+        "Probability that the die comes to rest on the facet with each label.",
+    ),
+    (
+        "convergence",
+        "Error against run time",
+        "Largest difference of a probability from its target, and the energy, after each step.",
+    ),
+    (
+        "gauss_map",
+        "Where the die ends up",
+        "Every point is a direction of the die that points down when it is let go; its colour "
+        "tells on which facet the die comes to rest.",
+    ),
+    ("views", "The die from several sides", "All views have the same scale."),
+    ("labels", "Every label", "Each labelled facet seen straight from outside."),
+)
+
+_PRINTING: Final = (
+    "Print the STL file in millimetres with 100 % infill, so that the density is uniform: the odds "
+    "hold for a solid of one material. Let it cool, and remove supports without rounding edges. "
+    "The outcome of a throw is the label on the facet that the die rests on, i.e. the face down: "
+    "lift the die and read its underside. Roll it gently; the odds are for slow rolling from a "
+    "random orientation."
+)
+
+
+def report_html(result: Mapping[str, Any], images: Mapping[str, bytes]) -> str:
+    """The report as HTML.
+
+    Parameters
+    ----------
+    result: the design's result in its JSON form. Keys "name", "status", "message", "target" (k,),
+        "labels" (k,), "probabilities" (k,), "max_abs_error", "energy" (term to value),
+        "center_of_mass" (3,) in mm, "facets" (each with "label" or None, "probability",
+        "polygon_area_mm2", "inradius_mm" and "margin_deg"), "unstable_facets", "stages" (each with
+        "name" and "seconds") and "files" (kind to path).
+    images: PNG bytes of "bars", "convergence", "gauss_map", "views" and "labels"; sections of those
+        that are absent are left out.
+
+    Returns
+    -------
+    str, a whole document; the same for the same arguments.
+    """
+    error = number(result["max_abs_error"], 3)
+    parts = [
+        f"<h1>{escape(result['name'])}</h1>",
+        f'<p class="verdict"><strong>{escape(result["status"])}</strong>: '
+        f"{escape(result['message'])} (max |p − q| = {error})</p>",
+    ]
+    parts += [
+        figure_section(title, images[key], caption)
+        for key, title, caption in _FIGURES
+        if key in images
+    ]
+    parts += [_facets(result), _details(result)]
+    parts.append(
+        f"<section><h2>How to print and read the die</h2><p>{escape(_PRINTING)}</p></section>"
+    )
+    return page(result["name"], parts)
+
+
+def write_report(path: Path, result: Mapping[str, Any], images: Mapping[str, bytes]) -> None:
+    """Write `report_html` to a file in an existing folder. Raises OutputError if that fails."""
+    atomic_write(path, report_html(result, images).encode("utf-8"))
+
+
+def _facets(result: Mapping[str, Any]) -> str:
+    targets = dict(zip(result["labels"], result["target"], strict=True))
+    rows = []
+    for facet in result["facets"]:
+        label = facet["label"]
+        rows.append(
+            [
+                "-" if label is None else label,
+                f"{facet['probability']:.5f}",
+                "-" if label is None else f"{targets[label]:.5f}",
+                number(facet["polygon_area_mm2"], 4),
+                number(facet["inradius_mm"], 3),
+                number(facet["margin_deg"], 3),
+            ]
+        )
+    header = ["label", "probability", "target", "area (mm²)", "inscribed radius (mm)", "margin (°)"]
+    x, y, z = (f"{round(value, 3) + 0.0:.3f}" for value in result["center_of_mass"])
+    note = (
+        "Facets that the die can rest on; it cannot rest on its other "
+        f"{result['unstable_facets']}. The margin is the angle by which the die must be tipped to "
+        "leave the facet. "
+        f"Center of mass: ({x}, {y}, {z}) mm."
+    )
+    return table_section("Facets", header, rows, note)
+
+
+def _details(result: Mapping[str, Any]) -> str:
+    stages = [[stage["name"], f"{stage['seconds']:.2f}"] for stage in result["stages"]]
+    terms = [[term, number(value, 4)] for term, value in result["energy"].items()]
+    files = [f"{kind}: {file}" for kind, file in result["files"].items()]
+    return "\n".join(
+        [
+            table_section("Stages", ["stage", "time (s)"], stages),
+            table_section("Energy", ["term", "value"], terms),
+            list_section("Files", files),
+        ]
+    )

@@ -1,0 +1,113 @@
+"""A die from several sides, and each of its labels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from dicedesign.errors import InputError
+from dicedesign.show.palette import DARK
+from dicedesign.show.png import PIXELS_PER_INCH, agg_figure
+from dicedesign.show.raster import Camera
+from dicedesign.show.render import render_view
+
+__all__ = ["die_views_figure", "facet_views_figure"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_SIDES: Final[tuple[tuple[str, tuple[int, int, int]], ...]] = (
+    ("from +x", (1, 0, 0)),
+    ("from +y", (0, 1, 0)),
+    ("from +z", (0, 0, 1)),
+    ("from (1, 1, 1)", (1, 1, 1)),
+    ("from -x", (-1, 0, 0)),
+    ("from -y", (0, -1, 0)),
+    ("from -z", (0, 0, -1)),
+    ("from (-1, -1, -1)", (-1, -1, -1)),
+)
+_BODY_PIXELS: Final = 400
+_FACET_PIXELS: Final = 240
+_FACET_COLUMNS: Final = 6
+_FACET_FRAME: Final = 1.15
+_PLANE_TOLERANCE: Final = 1e-4
+
+
+def die_views_figure(vertices: Floats, triangles: Integers) -> Figure:
+    """A solid from six sides and two corners, all at one scale.
+
+    The body's z is upward; seen from +z and -z it is y.
+
+    vertices: (n, 3) in any length unit; triangles: (t, 3).
+    """
+    center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
+    radius = 1.03 * float(np.linalg.norm(vertices - center, axis=1).max())
+    pictures = []
+    for _, side in _SIDES:
+        direction = np.array(side, dtype=np.float64)
+        up = np.array([0.0, 1.0, 0.0] if side[:2] == (0, 0) else [0.0, 0.0, 1.0])
+        camera = Camera(direction, up, center, radius)
+        pictures.append(render_view(vertices, triangles, camera, _BODY_PIXELS))
+    return _grid(pictures, [title for title, _ in _SIDES], 4)
+
+
+def facet_views_figure(
+    vertices: Floats,
+    triangles: Integers,
+    normals: Floats,
+    ups: Floats,
+    titles: Sequence[str],
+) -> Figure:
+    """Each facet of a solid seen straight from outside, filling its picture.
+
+    Parameters
+    ----------
+    vertices: (n, 3) in any length unit, corners of the facets among them.
+    triangles: (t, 3).
+    normals: (k, 3) outward normals of the facets to show; k at least 1.
+    ups: (k, 3) directions upward on the pictures; not parallel to the normals.
+    titles: k texts.
+
+    Raises
+    ------
+    InputError: there is no facet, or not one normal, up and title for each.
+    """
+    if not 0 < len(normals) == len(ups) == len(titles):
+        raise InputError(
+            "facets: expected at least one, with one normal, one up direction and one title each, "
+            f"got {len(normals)} normals, {len(ups)} up directions and {len(titles)} titles"
+        )
+    extent = float(np.ptp(vertices, axis=0).max())
+    pictures = []
+    for normal, up in zip(normals, ups, strict=True):
+        heights = vertices @ (normal / np.linalg.norm(normal))
+        facet = vertices[heights >= heights.max() - _PLANE_TOLERANCE * extent]
+        frame = Camera(normal, up, facet[0], 1.0).frame()
+        low, high = (facet @ frame.T).min(axis=0), (facet @ frame.T).max(axis=0)
+        half_width = _FACET_FRAME * float((high - low).max()) / 2.0
+        camera = Camera(normal, up, (low + high) / 2.0 @ frame, half_width)
+        pictures.append(render_view(vertices, triangles, camera, _FACET_PIXELS))
+    return _grid(pictures, titles, min(_FACET_COLUMNS, len(pictures)))
+
+
+def _grid(pictures: Sequence[NDArray[np.uint8]], titles: Sequence[str], columns: int) -> Figure:
+    """Square pictures in rows, pixel for pixel, with a title above each."""
+    side = len(pictures[0]) / PIXELS_PER_INCH
+    gap, title_height = 0.16, 0.28
+    rows = math.ceil(len(pictures) / columns)
+    width, height = columns * (side + gap) + gap, rows * (side + gap + title_height) + gap
+    figure = agg_figure(width, height)
+    for k, (picture, title) in enumerate(zip(pictures, titles, strict=True)):
+        left = gap + (k % columns) * (side + gap)
+        top = height - gap - (k // columns) * (side + gap + title_height)
+        box = (left / width, (top - title_height - side) / height, side / width, side / height)
+        axes = figure.add_axes(box)
+        axes.imshow(picture)
+        axes.set_axis_off()
+        axes.set_title(title, fontsize=10, color=DARK, pad=3, parse_math=False)
+    return figure

@@ -1,0 +1,131 @@
+"""What `make_body` accepts, welds and refuses."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import trimesh
+
+from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.geometry.body import make_body, weld
+from dicedesign.geometry.mass import is_closed
+
+CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+TETRAHEDRON = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+
+
+def test_points_come_back_as_float64_in_their_order() -> None:
+    points = np.random.default_rng(0).normal(size=(50, 3))
+    body = make_body(points)
+    assert body.points.dtype == np.float64
+    np.testing.assert_array_equal(body.points, points)
+    assert body.triangles is None
+    assert body.name == "points"
+    assert not body.single_precision
+    assert body.notes == ()
+
+
+def test_the_caller_s_array_is_left_alone() -> None:
+    points = np.array(CORNERS, dtype=np.float64)
+    body = make_body(points)
+    points[0] = 7.0
+    assert (body.points != 7.0).all()
+
+
+def test_float32_counts_as_single_precision_and_integers_do_not() -> None:
+    assert make_body(np.array(CORNERS, dtype=np.float32)).single_precision
+    assert make_body(np.array(CORNERS, dtype=np.float16)).single_precision
+    assert not make_body(CORNERS).single_precision
+    assert not make_body(np.array(CORNERS, dtype=np.float64)).single_precision
+    assert make_body(CORNERS, single_precision=True).single_precision
+
+
+def test_a_split_surface_is_welded_closed() -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    split = np.asarray(mesh.triangles).reshape(-1, 3)
+    faces = np.arange(len(split)).reshape(-1, 3)
+    assert not is_closed(faces)
+    body = make_body(split, faces)
+    assert body.triangles is not None
+    assert len(body.points) == len(mesh.vertices)
+    assert is_closed(body.triangles)
+    np.testing.assert_array_equal(body.points[body.triangles], mesh.triangles)
+    assert body.notes == (
+        f"welded {len(split) - len(mesh.vertices)} points to others at equal positions",
+    )
+
+
+def test_welding_keeps_the_first_of_equal_positions_and_ignores_the_sign_of_zero() -> None:
+    points = np.array([[2.0, 0, 0], [1, 0, 0], [2, -0.0, 0], [1, 0, 1e-300], [1, 0, 0]])
+    kept, faces = weld(points, np.array([[0, 1, 3], [2, 4, 3], [0, 2, 3]]))
+    np.testing.assert_array_equal(kept, [[2, 0, 0], [1, 0, 0], [1, 0, 1e-300]])
+    np.testing.assert_array_equal(faces, [[0, 1, 2], [0, 1, 2]])
+    kept, faces = weld(points, None)
+    assert len(kept) == 3
+    assert faces is None
+
+
+def test_stray_points_and_collapsed_triangles_are_dropped_with_a_note() -> None:
+    points = [*CORNERS, [9, 9, 9], [0, 0, 0]]
+    body = make_body(points, [*TETRAHEDRON, [0, 1, 5]])
+    np.testing.assert_array_equal(body.points, CORNERS)
+    np.testing.assert_array_equal(body.triangles, TETRAHEDRON)
+    assert body.notes == (
+        "ignored 1 points that are on no triangle",
+        "welded 1 points to others at equal positions",
+        "dropped 1 triangles with a repeated corner",
+    )
+
+
+def test_a_mesh_without_whole_triangles_is_a_point_cloud() -> None:
+    assert make_body(CORNERS, np.empty((0, 3), dtype=np.int64)).triangles is None
+    assert make_body(CORNERS, [[0, 1, 1], [2, 3, 3]]).triangles is None
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ([], "die: points must be an (n, 3) array of real numbers, got shape (0,)"),
+        (np.empty((0, 3)), "got shape (0, 3)"),
+        ([1.0, 2.0, 3.0], "got shape (3,)"),
+        (np.zeros((5, 2)), "got shape (5, 2)"),
+        (np.zeros((2, 5, 3)), "got shape (2, 5, 3)"),
+        ([[1, 2, 3], [1, 2]], "got rows of different lengths"),
+        ([["a", "b", "c"]] * 4, "got dtype <U1"),
+        (np.zeros((4, 3), dtype=complex), "got dtype complex128"),
+    ],
+)
+def test_wrong_points_are_refused(points: object, message: str) -> None:
+    with pytest.raises(InputError, match=re.escape(message)):
+        make_body(points, name="die")
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_points_that_are_not_finite_are_refused(value: float) -> None:
+    points = np.array([*CORNERS, *CORNERS], dtype=np.float64)
+    points[5, 1] = points[6, 2] = value
+    with pytest.raises(DegenerateBodyError, match=r"die: 2 of 8 points .* first is point 5: \[1"):
+        make_body(points, name="die")
+
+
+@pytest.mark.parametrize("points", [CORNERS[:3], CORNERS[:3] * 4])
+def test_fewer_than_four_distinct_points_are_refused(points: list[list[float]]) -> None:
+    message = "die: expected at least 4 distinct points that span a solid, got 3; add points"
+    with pytest.raises(DegenerateBodyError, match=message):
+        make_body(points, name="die")
+
+
+@pytest.mark.parametrize(
+    ("triangles", "message"),
+    [
+        ([[0, 1, 2], [0, 1, 4]], "die: triangle 1 refers to point 4, but points are numbered 0 to"),
+        ([[0, -1, 2]], "die: triangle 0 refers to point -1"),
+        ([[0, 1, 2, 3]], "die: triangles must be an (n, 3) array of integer numbers, got shape"),
+        ([[0.0, 1.0, 2.0]], "integer numbers, got dtype float64"),
+    ],
+)
+def test_wrong_triangles_are_refused(triangles: object, message: str) -> None:
+    with pytest.raises(InputError, match=re.escape(message)):
+        make_body(CORNERS, triangles, name="die")

@@ -1,0 +1,118 @@
+"""The default center of mass, the requested one, and what is refused."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import trimesh
+
+from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.geometry.body import make_body
+from dicedesign.geometry.center_of_mass import resolve_center_of_mass
+
+HULL_CENTROID = np.array([0.1, 0.2, 0.3])
+
+
+def cone() -> tuple[np.ndarray, np.ndarray]:
+    """A pyramid over a 16-gon standing on z = 0, of height 2: its centroid is at z = 1/2."""
+    mesh = trimesh.creation.cone(radius=1.0, height=2.0, sections=16)
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+
+
+def test_a_closed_mesh_is_a_uniform_solid() -> None:
+    center, source, notes = resolve_center_of_mass(make_body(*cone()), HULL_CENTROID)
+    np.testing.assert_allclose(center, [0, 0, 0.5], atol=1e-14)
+    assert source == "uniform solid"
+    assert notes == ()
+
+
+def test_an_inward_mesh_has_the_same_center_and_a_note() -> None:
+    points, faces = cone()
+    body = make_body(points, faces[:, ::-1])
+    center, source, notes = resolve_center_of_mass(body, HULL_CENTROID)
+    np.testing.assert_allclose(center, [0, 0, 0.5], atol=1e-14)
+    assert source == "uniform solid"
+    assert notes == ("the mesh is oriented inward and was taken as a solid all the same",)
+
+
+def test_mixed_windings_are_repaired_with_a_note() -> None:
+    points, faces = cone()
+    mixed = faces.copy()
+    mixed[[0, 3, 5]] = mixed[[0, 3, 5], ::-1]
+    for triangles in (mixed, mixed[:, ::-1]):
+        body = make_body(points, triangles)
+        center, source, notes = resolve_center_of_mass(body, HULL_CENTROID)
+        np.testing.assert_allclose(center, [0, 0, 0.5], atol=1e-14)
+        assert source == "uniform solid"
+        assert notes == ("reversed 3 triangles that were wound against their neighbors",)
+
+
+def test_an_open_mesh_and_points_take_the_hull() -> None:
+    points, faces = cone()
+    for triangles, note in [
+        (faces[1:], "the mesh is not closed"),
+        (None, "the body has no triangles"),
+    ]:
+        center, source, notes = resolve_center_of_mass(make_body(points, triangles), HULL_CENTROID)
+        np.testing.assert_array_equal(center, HULL_CENTROID)
+        assert source == "uniform solid hull"
+        assert notes == (note,)
+
+
+def test_the_hull_can_be_asked_for() -> None:
+    center, source, notes = resolve_center_of_mass(make_body(*cone()), HULL_CENTROID, "hull")
+    np.testing.assert_array_equal(center, HULL_CENTROID)
+    assert source == "uniform solid hull"
+    assert notes == ()
+
+
+@pytest.mark.parametrize("request_", [np.array([1.0, 2.0, 3.0]), [1, 2, 3], (1.0, 2.0, 3.0)])
+def test_a_given_center_is_taken_as_it_is(request_: object) -> None:
+    center, source, notes = resolve_center_of_mass(make_body(*cone()), HULL_CENTROID, request_)
+    assert center.dtype == np.float64
+    np.testing.assert_array_equal(center, [1.0, 2.0, 3.0])
+    assert source == "given"
+    assert notes == ()
+
+
+@pytest.mark.parametrize(
+    "request_",
+    ["surface", [1.0, 2.0], [1.0, 2.0, np.nan], [[1.0, 2.0, 3.0]], ["a", "b", "c"], 4.0, [[1], []]],
+)
+def test_a_wrong_request_is_refused(request_: object) -> None:
+    message = 'center of mass: expected "hull" or three finite numbers x,y,z, got '
+    with pytest.raises(InputError, match=re.escape(message + repr(request_))):
+        resolve_center_of_mass(make_body(*cone()), HULL_CENTROID, request_)
+
+
+def doubled_sheet() -> tuple[np.ndarray, np.ndarray]:
+    points, faces = cone()
+    half = faces[: len(faces) // 2]
+    return points, np.vstack((half, half[:, ::-1]))
+
+
+def opposite_shells() -> tuple[np.ndarray, np.ndarray]:
+    points, faces = cone()
+    moved = points + np.array([3.0, 0.1, 0.2])
+    return np.vstack((points, moved)), np.vstack((faces, faces[:, ::-1] + len(points)))
+
+
+@pytest.mark.parametrize("make", [doubled_sheet, opposite_shells])
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_a_closed_mesh_without_volume_is_refused(make: object, scale: float) -> None:
+    points, faces = make()
+    body = make_body(points * scale, faces, name="sheet.stl")
+    message = r"^sheet\.stl: the mesh is closed but encloses no volume .*--com x,y,z .*--com hull$"
+    with pytest.raises(DegenerateBodyError, match=message):
+        resolve_center_of_mass(body, HULL_CENTROID)
+    assert resolve_center_of_mass(body, HULL_CENTROID, "hull")[1] == "uniform solid hull"
+
+
+def test_thin_solids_are_not_taken_for_empty() -> None:
+    mesh = trimesh.creation.box((1.0, 1e-5, 1e-5))
+    body = make_body(mesh.vertices + np.array([5.0, 0.0, 0.0]), mesh.faces)
+    center, source, _ = resolve_center_of_mass(body, HULL_CENTROID)
+    assert source == "uniform solid"
+    np.testing.assert_allclose(center, [5, 0, 0], atol=1e-8)

@@ -1,0 +1,373 @@
+"""Files of every kind: what is read, and the one line that tells what is wrong."""
+
+from __future__ import annotations
+
+import logging
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from dicedesign.errors import DegenerateBodyError, MeshFileError
+from dicedesign.geometry.mass import is_closed, solid_properties
+from dicedesign.geometry.mesh_file import is_rounded, read_body
+
+MODELS = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "models"
+
+CUBE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
+CUBE_FACES = "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n"
+
+
+def asymmetric() -> trimesh.Trimesh:
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    mesh.vertices = mesh.vertices * [1.0, 1.3, 0.7] + [0.1, 0.2, 0.3]
+    return mesh
+
+
+def write(folder: Path, name: str, content: str | bytes) -> Path:
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def assert_unit_cube(path: Path) -> None:
+    body = read_body(path)
+    assert body.triangles is not None
+    assert len(body.points) == 8
+    assert is_closed(body.triangles)
+    volume, centroid = solid_properties(body.points, body.triangles)
+    assert volume == pytest.approx(1.0)
+    np.testing.assert_allclose(centroid, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "tolerance"),
+    [("a.stl", 1e-7), ("a.ply", 1e-7), ("a.obj", 1e-7), ("a.off", 1e-9), ("a.glb", 1e-7)],
+)
+def test_a_written_mesh_is_read_back(tmp_path: Path, name: str, tolerance: float) -> None:
+    mesh = asymmetric()
+    mesh.export(tmp_path / name)
+    body = read_body(tmp_path / name)
+    assert body.triangles is not None
+    assert body.name == str(tmp_path / name)
+    assert body.single_precision
+    assert len(body.points) == len(mesh.vertices)
+    assert is_closed(body.triangles)
+    np.testing.assert_allclose(body.points[body.triangles], mesh.triangles, atol=tolerance)
+
+
+@pytest.mark.parametrize("name", ["A.STL", "a.stl"])
+def test_ascii_stl_in_any_case_of_the_ending(tmp_path: Path, name: str) -> None:
+    mesh = asymmetric()
+    path = write(tmp_path, name, mesh.export(file_type="stl_ascii"))
+    body = read_body(path)
+    assert len(body.points) == len(mesh.vertices)
+    assert body.notes == (
+        f"welded {3 * len(mesh.faces) - len(mesh.vertices)} points to others at equal positions",
+    )
+
+
+@pytest.mark.parametrize("name", ["c.ply", "c.xyz", "c.obj"])
+def test_a_point_cloud_is_read_back(tmp_path: Path, name: str) -> None:
+    points = np.random.default_rng(1).normal(size=(30, 3))
+    if name == "c.obj":
+        write(tmp_path, name, "".join(f"v {x} {y} {z}\n" for x, y, z in points))
+    else:
+        trimesh.PointCloud(points).export(tmp_path / name)
+    body = read_body(tmp_path / name)
+    assert body.triangles is None
+    np.testing.assert_allclose(body.points, points, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0 0 0\n1 0 0\n0 1 0\n0 0 1",
+        "0,0,0\n1,0,0\n0,1,0\n0,0,1\n",
+        "0; 0; 0\r\n1; 0; 0\r\n0; 1; 0\r\n0; 0; 1\r\n",
+        "# x y z\n\n0 0 0 255 9 9\n1 0 0 1 2 3\n0 1 0 7 7 7 # point\n0\t0\t1 0 0 0\n",
+        "0 0 0 .5\n1 0 0 .5\n0 1 0 .5\n0 0 1 .5\n",
+    ],
+)
+def test_xyz_in_all_its_columns(tmp_path: Path, text: str) -> None:
+    body = read_body(write(tmp_path, "c.xyz", text))
+    np.testing.assert_array_equal(body.points, [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        CUBE + CUBE_FACES,
+        CUBE + re.sub(r"(\d)", r"\1/7/9", CUBE_FACES),
+        CUBE + re.sub(r"(\d)", r"\1//9", CUBE_FACES),
+        CUBE + re.sub(r"(\d)", lambda m: str(int(m[1]) - 9), CUBE_FACES),
+        CUBE_FACES + CUBE,
+        "\ufeff" + (CUBE + "# cube\nmtllib none.mtl\n" + CUBE_FACES).replace("\n", " # x\r\n"),
+        (CUBE + CUBE_FACES).replace("f 4 3", "f 4 \\\n3").replace("v 0 0 0\n", "v 0 0 0 1 0 0\n"),
+        CUBE + "g top\n" + CUBE_FACES.replace("f 1 2 6 5", "usemtl red\no b\nf 1 2 6\nf 1 6 5"),
+    ],
+)
+def test_obj_polygons_indices_and_comments(tmp_path: Path, text: str) -> None:
+    assert_unit_cube(write(tmp_path, "cube.obj", text))
+
+
+def test_relative_obj_indices_count_from_the_face_line(tmp_path: Path) -> None:
+    shifted = CUBE.replace("v 0", "v 10").replace("v 1 ", "v 11 ")
+    faces = re.sub(r"(\d)", lambda m: str(int(m[1]) - 9), CUBE_FACES)
+    body = read_body(write(tmp_path, "two.obj", CUBE + faces + shifted + faces))
+    assert body.triangles is not None
+    assert len(body.points) == 16
+    np.testing.assert_array_equal(body.triangles[12:], body.triangles[:12] + 8)
+
+
+def test_a_polygon_that_is_not_convex_keeps_its_volume(tmp_path: Path) -> None:
+    outline = [(0, 0), (4, 0), (4, 1), (1, 1), (1, 4), (0, 4)]  # an L of area 7, height 2
+    points = "".join(f"v {x} {y} {z}\n" for z in (0, 2) for x, y in outline)
+    faces = "f 6 5 4 3 2 1\nf 7 8 9 10 11 12\n"
+    faces += "".join(
+        f"f {i + 1} {j + 1} {j + 7} {i + 7}\n" for i in range(6) for j in [(i + 1) % 6]
+    )
+    for rotation in range(6):
+        order = np.roll(np.arange(1, 7), rotation)
+        renumbered = re.sub(
+            r"\d+", lambda m, o=order: str(o[(int(m[0]) - 1) % 6] + 6 * (int(m[0]) > 6)), faces
+        )
+        rolled = np.array(points.splitlines()).reshape(2, 6)[:, np.argsort(order)]
+        body = read_body(write(tmp_path, "l.obj", "\n".join(rolled.ravel()) + "\n" + renumbered))
+        assert body.triangles is not None
+        assert is_closed(body.triangles)
+        volume, centroid = solid_properties(body.points, body.triangles)
+        assert volume == pytest.approx(14.0)
+        np.testing.assert_allclose(centroid, [(4 * 2 + 3 * 0.5) / 7, (4 * 0.5 + 3 * 2.5) / 7, 1])
+
+
+@pytest.mark.parametrize(
+    "head", ["OFF\n8 7 0", "OFF 8 7 0", "COFF\n# colored\n\n8 7", "off\n8 7 0"]
+)
+def test_off_polygons_of_mixed_size(tmp_path: Path, head: str) -> None:
+    points = CUBE.replace("v ", "")
+    faces = re.sub(r"(\d)", lambda m: str(int(m[1]) - 1), CUBE_FACES).replace("f", "4")
+    faces = faces.replace("4 0 1 5 4\n", "3 0 1 5\n3 0 5 4 255 0 0\n")
+    assert_unit_cube(write(tmp_path, "cube.off", f"{head}\n{points}{faces}"))
+
+
+def test_off_without_faces_is_a_point_cloud(tmp_path: Path) -> None:
+    body = read_body(write(tmp_path, "c.off", "OFF\n8 0 0\n" + CUBE.replace("v ", "")))
+    assert len(body.points) == 8
+    assert body.triangles is None
+
+
+def test_ply_polygons(tmp_path: Path) -> None:
+    header = "ply\nformat ascii 1.0\nelement vertex 8\n"
+    header += "".join(f"property double {axis}\n" for axis in "xyz")
+    header += "element face 6\nproperty list uchar int vertex_indices\nend_header\n"
+    faces = re.sub(r"(\d)", lambda m: str(int(m[1]) - 1), CUBE_FACES).replace("f", "4")
+    assert_unit_cube(write(tmp_path, "cube.ply", header + CUBE.replace("v ", "") + faces))
+
+
+def test_a_texture_that_cannot_be_loaded_is_not_spoken_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write(tmp_path, "skin.png", "no image")
+    header = "ply\nformat ascii 1.0\ncomment TextureFile skin.png\nelement vertex 8\n"
+    header += "".join(f"property double {axis}\n" for axis in "xyz")
+    path = write(tmp_path, "c.ply", header + "end_header\n" + CUBE.replace("v ", ""))
+    trimesh.load(path)
+    assert caplog.records != []
+    caplog.clear()
+    level = logging.getLogger("trimesh").level
+    assert len(read_body(path).points) == 8
+    assert caplog.records == []
+    assert logging.getLogger("trimesh").level == level
+
+
+def test_a_scene_is_joined_with_its_transforms(tmp_path: Path) -> None:
+    mesh = asymmetric()
+    mirrored = np.diag([-2.0, 1.0, 1.0, 1.0])
+    mirrored[:3, 3] = [10.0, 0.0, 0.0]
+    scene = trimesh.Scene()
+    scene.add_geometry(mesh, geom_name="part")
+    scene.graph.update(frame_to="again", matrix=mirrored, geometry="part")
+    path = write(tmp_path, "two.glb", scene.export(file_type="glb"))
+    body = read_body(path)
+    assert body.triangles is not None
+    assert body.notes == ("joined 2 parts of the file",)
+    assert body.single_precision
+    assert is_closed(body.triangles)
+    volume, centroid = solid_properties(body.points, body.triangles)
+    middle = mesh.center_mass
+    image = middle * [-2, 1, 1] + [10, 0, 0]
+    assert volume == pytest.approx(3 * mesh.volume, rel=1e-6)
+    np.testing.assert_allclose(centroid, (middle + 2 * image) / 3, atol=1e-5)
+
+
+def test_points_beside_a_mesh_are_ignored(tmp_path: Path) -> None:
+    mesh = asymmetric()
+    cloud = trimesh.PointCloud(10 * mesh.vertices)
+    path = write(tmp_path, "both.glb", trimesh.Scene([cloud, mesh]).export(file_type="glb"))
+    body = read_body(path)
+    assert body.triangles is not None
+    assert body.notes == ()
+    np.testing.assert_allclose(body.points[body.triangles], mesh.triangles, atol=1e-7)
+
+
+def test_an_open_mesh_is_read(tmp_path: Path) -> None:
+    mesh = asymmetric()
+    trimesh.Trimesh(mesh.vertices, mesh.faces[2:], process=False).export(tmp_path / "open.stl")
+    body = read_body(str(tmp_path / "open.stl"))
+    assert body.triangles is not None
+    assert len(body.triangles) == len(mesh.faces) - 2
+    assert not is_closed(body.triangles)
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [("spot", 829), ("bunny", 3301), ("koala", 3560), ("penguin", 3362), ("armadillo", 14587)],
+)
+def test_models_with_seams_are_closed(name: str, count: int, tmp_path: Path) -> None:
+    path = MODELS / f"{name}.obj"
+    if not path.exists():
+        pytest.skip(f"model file {path} is not here")
+    body = read_body(path)
+    assert body.triangles is not None
+    assert len(body.points) == count
+    assert is_closed(body.triangles)
+    split = trimesh.load_mesh(path, process=False)
+    split.export(tmp_path / "split.ply")  # the vertices as trimesh splits them at the seams
+    again = read_body(tmp_path / "split.ply")
+    assert again.triangles is not None
+    assert len(again.points) == count
+    assert is_closed(again.triangles)
+
+
+def test_precision_is_told_by_the_digits() -> None:
+    exact = np.random.default_rng(5).normal(size=(20, 3))
+    assert not is_rounded(exact)
+    assert not is_rounded(np.round(exact, 12))
+    assert is_rounded(np.round(exact, 6))
+    assert is_rounded(exact.astype(np.float32).astype(np.float64))
+
+
+def test_text_with_all_digits_is_double_precision(tmp_path: Path) -> None:
+    points = np.random.default_rng(5).normal(size=(20, 3))
+    text = "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in points.tolist())
+    body = read_body(write(tmp_path, "c.xyz", text))
+    assert not body.single_precision
+    np.testing.assert_array_equal(body.points, points)
+
+
+GARBAGE = np.random.default_rng(0).bytes(3000)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.stl", b"", "the file is empty; export it again as STL, PLY or OBJ"),
+        ("a.xyz", b"", "the file is empty; export it again as STL, PLY or OBJ"),
+        ("a.obj", "# nothing\n", "expected a mesh or points, found neither; export it again"),
+        ("a.stl", "hello world\n", "expected a mesh or points, found neither; export it again"),
+        ("a.stl", GARBAGE, "cannot be read as a .stl file; export it again as STL, PLY or OBJ"),
+        ("a.ply", GARBAGE, "cannot be read as a .ply file"),
+        ("a.glb", GARBAGE, "cannot be read as a .glb file"),
+        ("a.obj", GARBAGE, "expected a mesh or points, found neither"),
+        ("a.off", GARBAGE, "expected an ASCII OFF file, whose first line is OFF"),
+        ("a.xyz", GARBAGE, "line 1: expected three coordinates, got "),
+        ("a.foo", "hello", "unknown file ending '.foo'; expected one of .3"),
+        ("a", "hello", "unknown file ending ''; expected one of "),
+        (
+            "a.xyz",
+            "0 0 0\n1 2\n",
+            "line 2: expected three coordinates, got '1 2'; correct the line",
+        ),
+        ("a.xyz", "0 0 0\n1 2 x\n", "line 2: expected three coordinates, got '1 2 x'"),
+        ("a.obj", "v 0 0 0\nv 1 1\n", "line 2: expected three coordinates, got '1 1'"),
+        ("a.obj", CUBE + "f 1 2\n", "line 9: expected a face of at least 3 vertices, got 'f 1 2'"),
+        (
+            "a.obj",
+            CUBE + "f 1 2 0\n",
+            "line 9: expected vertex numbers other than 0, got 'f 1 2 0'",
+        ),
+        ("a.obj", CUBE + "f 1 2 b\n", "line 9: expected whole numbers, got '1 2 b'"),
+        (
+            "a.obj",
+            CUBE + "f 1 2 9\n",
+            "triangle 0 refers to point 8, but points are numbered 0 to 7",
+        ),
+        ("a.obj", CUBE + "f 1 2 -9\n", "triangle 0 refers to point -1, but points are numbered"),
+        ("a.off", "OFF\n", "expected the numbers of vertices and faces and then as many lines"),
+        ("a.off", "OFF\n4 1 0\n0 0 0\n", "got [4, 1] and 1 lines; export the file again"),
+        ("a.off", "OFF\n1 1\n0 0 0\n4 0 0 0\n", "line 4: expected 4 vertex numbers, got '4 0 0 0'"),
+        ("a.off", "OFF\n1 1\n0 0 0\n3 0 0 5\n", "triangle 0 refers to point 5"),
+    ],
+)
+def test_bad_files_are_refused_in_one_line(
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    name: str,
+    content: str | bytes,
+    message: str,
+) -> None:
+    path = write(tmp_path, name, content)
+    with pytest.raises(MeshFileError) as caught:
+        read_body(path)
+    text = str(caught.value)
+    assert text.startswith(f"{path}: ")
+    assert message in text
+    assert text.isprintable()
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", ["a.stl", "a.ply", "a.glb"])
+def test_truncated_files_are_refused(tmp_path: Path, name: str) -> None:
+    asymmetric().export(tmp_path / name)
+    whole = (tmp_path / name).read_bytes()
+    path = write(tmp_path, name, whole[:-30])
+    with pytest.raises(MeshFileError, match=f"cannot be read as a .{name[2:]} file"):
+        read_body(path)
+
+
+def test_missing_files_and_directories_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(MeshFileError, match=r"none\.stl: no such file; check the path$"):
+        read_body(tmp_path / "none.stl")
+    (tmp_path / "folder.stl").mkdir()
+    message = r"folder\.stl: expected a mesh or point file, got a directory; name a file$"
+    with pytest.raises(MeshFileError, match=message):
+        read_body(tmp_path / "folder.stl")
+    below = write(tmp_path, "file.txt", "x") / "a.stl"
+    with pytest.raises(MeshFileError, match=r"a\.stl: cannot be opened: Not a directory$"):
+        read_body(below)
+
+
+def test_bodies_without_solid_are_refused_by_the_path(tmp_path: Path) -> None:
+    path = write(tmp_path, "three.xyz", "0 0 0\n1 0 0\n0 1 0\n")
+    with pytest.raises(DegenerateBodyError, match=r"three\.xyz: expected at least 4 distinct"):
+        read_body(path)
+    path = write(tmp_path, "nan.xyz", "0 0 0\n1 0 0\n0 1 0\nnan 0 1\n0 0 1\n")
+    with pytest.raises(DegenerateBodyError, match=r"nan\.xyz: 1 of 5 points are not finite"):
+        read_body(path)
+
+
+@pytest.mark.parametrize("name", ["a.obj", "a.off", "a.xyz", "a.stl", "a.ply", "a.glb"])
+def test_reading_imports_no_more_than_it_needs(tmp_path: Path, name: str) -> None:
+    mesh = asymmetric()
+    cloud = trimesh.PointCloud(mesh.vertices)
+    (cloud if name == "a.xyz" else mesh).export(tmp_path / name)
+    heavy = {"torch", "matplotlib"}
+    if name in {"a.obj", "a.off", "a.xyz"}:  # trimesh itself imports manifold3d where it is there
+        heavy |= {"trimesh", "manifold3d"}
+    code = (
+        "import sys; from dicedesign.geometry.mesh_file import read_body; "
+        f"read_body({str(tmp_path / name)!r}); print(sorted({heavy!r} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=Path(__file__).resolve().parents[2],
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "[]\n", "")

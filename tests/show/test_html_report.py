@@ -1,0 +1,136 @@
+"""The HTML report."""
+
+from __future__ import annotations
+
+from html.parser import HTMLParser
+from typing import Any
+
+import pytest
+
+from dicedesign.errors import OutputError
+from dicedesign.show.bars import bars_figure
+from dicedesign.show.png import png_bytes
+from dicedesign.show.report import report_html, write_report
+
+VOID = {"meta", "img"}
+TITLES = {
+    "bars": "Target and achieved odds",
+    "convergence": "Error against run time",
+    "gauss_map": "Where the die ends up",
+    "views": "The die from several sides",
+    "labels": "Every label",
+}
+
+
+class Checker(HTMLParser):
+    """Fails on tags that are not closed in order; collects text, cells and image sources."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.cells: list[str] = []
+        self.text = ""
+        self.sources: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag == "img":
+            self.sources.append(dict(attrs)["src"] or "")
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+        if self.open and self.open[-1] == "td":
+            self.cells.append(data)
+
+
+def parsed(text: str) -> Checker:
+    checker = Checker()
+    checker.feed(text)
+    checker.close()
+    assert checker.open == []
+    return checker
+
+
+@pytest.fixture
+def result() -> dict[str, Any]:
+    facet = {"normal": [0.0, 0.0, 1.0], "polygon_area_mm2": 12.345, "inradius_mm": 3.2}
+    return {
+        "name": "two < three",
+        "status": "converged",
+        "message": "all odds are within 1e-4 of their targets",
+        "target": [0.5, 0.5],
+        "labels": ["heads", "<tails>"],
+        "probabilities": [0.4999, 0.5],
+        "max_abs_error": 1e-4,
+        "energy": {"odds": 1e-9, "smoothness & size": 0.25},
+        "center_of_mass": [-1e-17, 1.5, -2.0],
+        "facets": [
+            {**facet, "label": "heads", "probability": 0.4999, "margin_deg": 12.5},
+            {**facet, "label": "<tails>", "probability": 0.5, "margin_deg": 10.0},
+            {**facet, "label": None, "probability": 0.0001, "margin_deg": None},
+        ],
+        "unstable_facets": 4,
+        "history": [{"step": 0, "seconds": 0.0, "energy": 1.0, "max_abs_error": 1e-4}],
+        "stages": [{"name": "start", "seconds": 0.5}],
+        "files": {"solid": "out/die.stl"},
+    }
+
+
+@pytest.fixture
+def images() -> dict[str, bytes]:
+    return dict.fromkeys(TITLES, b"\x89PNG")
+
+
+def test_report_is_well_formed_and_complete(result, images):
+    page = parsed(report_html(result, images))
+    assert len(page.sources) == 5
+    assert {"heads", "<tails>", "-", "0.49990", "0.50000", "12.5", "3.2"} <= set(page.cells)
+    assert {"start", "0.50", "smoothness & size", "0.25"} <= set(page.cells)
+    for text in ("converged", result["message"], "max |p − q| = 0.0001", "solid: out/die.stl"):
+        assert text in page.text
+    assert "100 % infill" in page.text
+    assert "the face down" in page.text
+    assert "its other 4" in page.text
+    assert "(0.000, 1.500, -2.000) mm" in page.text
+    assert all(title in page.text for title in TITLES.values())
+
+
+def test_report_needs_nothing_else(result, images):
+    text = report_html(result, images)
+    assert "http" not in text
+    assert "<script" not in text
+    assert "<link" not in text
+    assert all(source.startswith("data:image/png;base64,") for source in parsed(text).sources)
+    assert 'name="viewport"' in text
+
+
+def test_report_escapes(result, images):
+    text = report_html(result, images)
+    assert "<tails>" not in text
+    assert "&lt;tails&gt;" in text
+    assert "<title>two &lt; three</title>" in text
+
+
+@pytest.mark.parametrize("missing", list(TITLES))
+def test_absent_images_leave_their_section_out(result, images, missing):
+    del images[missing]
+    page = parsed(report_html(result, images))
+    assert len(page.sources) == 4
+    assert TITLES[missing] not in page.text
+
+
+def test_write_report(tmp_path, result, images):
+    path = tmp_path / "report.html"
+    write_report(path, result, images)
+    assert path.read_text(encoding="utf-8") == report_html(result, images)
+    with pytest.raises(OutputError, match="cannot write"):
+        write_report(tmp_path / "missing" / "report.html", result, images)
+
+
+def test_report_embeds_a_real_figure(result):
+    image = png_bytes(bars_figure(["a"], result["target"][:1], result["target"][:1]))
+    assert len(report_html(result, {"bars": image})) > len(image)
