@@ -7,11 +7,12 @@ outcome can only raise an energy.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 from torch import Tensor
 
 from dicedesign.design.differentiable import RestEvaluation
@@ -26,6 +27,8 @@ __all__ = [
     "dice_energy",
     "dice_simple_energy",
     "neighbor_energy",
+    "outcome_facets",
+    "stability_energy",
     "total_energy",
     "updated_directions",
 ]
@@ -47,15 +50,20 @@ class EnergyWeights:
     barycenter: lambda_bc of eq. 14, not negative.
     neighbor: lambda_nb of eq. 15, not negative.
     neighbor_radius: chord length epsilon of the ball B_epsilon(u_i) in eq. 15, positive.
+    stability: weight of `stability_energy`, not negative; 0 is the paper's energy.
+    stability_margin: distance of a facet from the edge of (in)stability, relative to the
+        circumscribed radius, below which `stability_energy` acts; above 0 and at most 1.
     """
 
     coplanar: float = 0.1
     barycenter: float = 2.0
     neighbor: float = 0.1
     neighbor_radius: float = 0.2
+    stability: float = 0.1
+    stability_margin: float = 0.05
 
     def __post_init__(self) -> None:
-        for name in ("coplanar", "barycenter", "neighbor"):
+        for name in ("coplanar", "barycenter", "neighbor", "stability"):
             value = getattr(self, name)
             if not 0.0 <= value < np.inf:
                 raise InputError(f"weights.{name}: expected a number not below 0, got {value:g}")
@@ -65,13 +73,17 @@ class EnergyWeights:
                 f"{self.neighbor_radius:g}"
             )
 
-    def scaled(self, factor: float) -> EnergyWeights:
-        """The same weights times a factor."""
-        return EnergyWeights(
-            self.coplanar * factor,
-            self.barycenter * factor,
-            self.neighbor * factor,
-            self.neighbor_radius,
+        if not 0.0 < self.stability_margin <= 1.0:
+            raise InputError(
+                "weights.stability_margin: expected a fraction above 0 and at most 1, got "
+                f"{self.stability_margin:g}"
+            )
+
+    def relaxed(self, factor: float) -> EnergyWeights:
+        """The same with the barycenter and neighbor terms times a factor. Those two pull away from
+        the target; the coplanar and stability terms vanish on a finished die and stay."""
+        return replace(
+            self, barycenter=self.barycenter * factor, neighbor=self.neighbor * factor
         )
 
 
@@ -162,6 +174,38 @@ def neighbor_energy(rests: RestEvaluation, clusters: Clusters, radius: float) ->
     return (offset**2).sum() + alone * radius**2
 
 
+def stability_energy(rests: RestEvaluation, clusters: Clusters, margin: float) -> Tensor:
+    """Keeps one facet for each outcome stable and all others unstable, by a margin.
+
+    A facet's depth s is the signed distance of the foot of c from the nearest edge line, inside
+    positive, over the circumscribed radius. Facets with an outcome pay `max(0, 1 - s / margin)^2`,
+    the others the same with -s. Probabilities jump where a depth crosses zero; this wall in front
+    of the jump is what lets a smooth method walk along it. Not in the paper.
+    """
+    hull = rests.hull
+    normals = rests.facet_normals(np.arange(len(hull.normals)))
+    edges = rests.vertices[hull.head] - rests.vertices[hull.tail]
+    radii = rests.vertices - rests.center
+    circumscribed = float(torch.linalg.vector_norm(radii.detach(), dim=1).max())
+    across = torch.linalg.cross(edges, normals[hull.facet])
+    length = torch.linalg.vector_norm(edges, dim=1)
+    distance = (radii[hull.tail] * across).sum(-1) / (length * circumscribed)
+    far = torch.full((len(hull.normals),), torch.inf, dtype=torch.float64)
+    depth = far.scatter_reduce(0, torch.as_tensor(hull.facet), distance, "amin")
+    sign = torch.full((len(hull.normals),), -1.0, dtype=torch.float64)
+    sign[outcome_facets(hull.normals, clusters.directions)] = 1.0
+    return (torch.relu(1.0 - sign * depth / margin) ** 2).sum()
+
+
+def outcome_facets(normals: Floats, directions: Floats) -> Integers:
+    """(k,) distinct facets, of normals (m, 3), that lie nearest to the directions (k, 3) as a
+    whole (least sum of cosines lost)."""
+    row, column = linear_sum_assignment(-directions @ normals.T)
+    facets = np.empty(len(directions), dtype=np.int64)
+    facets[row] = column
+    return facets
+
+
 def total_energy(
     rests: RestEvaluation, clusters: Clusters, target: Floats, weights: EnergyWeights
 ) -> dict[str, Tensor]:
@@ -174,4 +218,7 @@ def total_energy(
     if weights.neighbor > 0.0:
         near = neighbor_energy(rests, clusters, weights.neighbor_radius)
         terms["neighbor"] = weights.neighbor * near
+    if weights.stability > 0.0:
+        wall = stability_energy(rests, clusters, weights.stability_margin)
+        terms["stability"] = weights.stability * wall
     return terms

@@ -1,0 +1,254 @@
+"""Gradient descent on the dice energy (section 3.3), with the hull recomputed at every trial."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.design.coordinates import Coordinates, FacetCoordinates, VertexCoordinates
+from dicedesign.design.energy import EnergyWeights
+from dicedesign.design.line_search import LineSearch
+from dicedesign.design.objective import Evaluation, Objective
+from dicedesign.design.sobolev import SobolevOptions, SobolevSolver, graph_laplacian
+from dicedesign.design.starts import Start
+from dicedesign.design.stopping import Status, Stopping
+from dicedesign.errors import InputError
+from dicedesign.geometry.hull import ConvexHull, convex_hull
+
+__all__ = ["DescentOptions", "DescentResult", "DescentStep", "descend_to_target"]
+
+Floats = NDArray[np.float64]
+
+STALL_WINDOW = 10
+STALL_DECREASE = 0.02
+SMALLEST_RELAXATION = 1e-6
+
+
+@dataclass(frozen=True)
+class DescentOptions:
+    """Options of `method: descent`.
+
+    Attributes
+    ----------
+    coordinates: "facets" keeps every facet flat; "vertices" moves vertices as the paper does.
+    weights: of the energy's terms.
+    sobolev: preconditioning of vertex gradients, or None; needs `coordinates` "vertices".
+    stopping: tolerance and limits.
+    relaxation: factor on the barycenter and neighbor weights each time progress stalls, in (0, 1);
+        those two terms shape the die first and then give way to the probabilities.
+    perturbation: standard deviation of the seeded noise on the starting parameters, which breaks
+        the ties of symmetric shapes; not negative.
+    """
+
+    coordinates: Literal["facets", "vertices"] = "facets"
+    weights: EnergyWeights = field(default_factory=EnergyWeights)
+    sobolev: SobolevOptions | None = None
+    stopping: Stopping = field(default_factory=Stopping)
+    relaxation: float = 0.5
+    perturbation: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if self.coordinates not in ("facets", "vertices"):
+            raise InputError(
+                f'coordinates: expected "facets" or "vertices", got {self.coordinates!r}'
+            )
+        if self.sobolev is not None and self.coordinates != "vertices":
+            raise InputError(
+                'sobolev: expected coordinates "vertices", whose gradient lives on the surface, '
+                f"got {self.coordinates!r}; leave sobolev out or change coordinates"
+            )
+        if not 0.0 < self.relaxation < 1.0:
+            raise InputError(f"relaxation: expected a number in (0, 1), got {self.relaxation:g}")
+        if not 0.0 <= self.perturbation < 1.0:
+            raise InputError(
+                f"perturbation: expected a number in [0, 1), got {self.perturbation:g}"
+            )
+
+
+@dataclass(frozen=True)
+class DescentStep:
+    """One accepted step: seconds since the start, weighted energy terms, largest |p - q|."""
+
+    step: int
+    seconds: float
+    energy: float
+    terms: dict[str, float]
+    error: float
+
+
+@dataclass(frozen=True)
+class DescentResult:
+    """Where a descent ended.
+
+    Attributes
+    ----------
+    status: why it stopped.
+    hull: the designed shape.
+    directions: (k, 3) where the outcomes are.
+    history: every accepted step, the first being the start.
+    evaluations: energies computed, those of rejected trials included.
+    """
+
+    status: Status
+    hull: ConvexHull
+    directions: Floats
+    history: tuple[DescentStep, ...]
+    evaluations: int
+
+
+def descend_to_target(
+    start: Start,
+    target: Floats,
+    options: DescentOptions,
+    *,
+    center_of_mass: Floats | None = None,
+    seed: int = 0,
+    on_step: Callable[[DescentStep], None] | None = None,
+) -> DescentResult:
+    """Move a starting shape until its rests have the target probabilities.
+
+    Parameters
+    ----------
+    start: shape and outcome directions.
+    target: (k,) wanted probability of each direction of the start.
+    options: see `DescentOptions`.
+    center_of_mass: (3,) fixed, in the start's length unit, or None for the uniform solid.
+    seed: of the perturbation.
+    on_step: called after every accepted step.
+
+    Raises
+    ------
+    InputError: the target does not have one probability for each direction.
+    DegenerateBodyError, OutsideHullError: the start is no solid with the center inside.
+    """
+    if len(target) != len(start.directions):
+        raise InputError(
+            f"target: expected {len(start.directions)} outcomes, one for each direction of the "
+            f"start, got {len(target)}"
+        )
+    return _Descent(start, target, options, center_of_mass, seed, on_step).run()
+
+
+class _Descent:
+    """The loop: direction, step, new hull, stop."""
+
+    def __init__(
+        self,
+        start: Start,
+        target: Floats,
+        options: DescentOptions,
+        center_of_mass: Floats | None,
+        seed: int,
+        on_step: Callable[[DescentStep], None] | None,
+    ) -> None:
+        origin = convex_hull(start.points).centroid if center_of_mass is None else center_of_mass
+        coordinates: Coordinates
+        if options.coordinates == "facets":
+            coordinates, parameters = FacetCoordinates.of(start.points, origin)
+        else:
+            coordinates, parameters = VertexCoordinates.of(start.points, origin)
+        noise = np.random.default_rng(seed).normal(size=parameters.shape)
+        self.options = options
+        self.relaxation = 1.0
+        self.objective = Objective(coordinates, target, options.weights, center_of_mass)
+        self.started = time.perf_counter()
+        self.on_step = on_step
+        self.line_search = LineSearch()
+        self.history: list[DescentStep] = []
+        self.energies: list[float] = []
+        self.evaluations = 1
+        self.current = self.objective.evaluate(
+            parameters + options.perturbation * noise, start.directions
+        ).refreshed()
+        self.sobolev: tuple[ConvexHull, SobolevSolver] | None = None
+
+    def run(self) -> DescentResult:
+        self._record()
+        status = None
+        while status is None:
+            status = self._advance()
+        hull = self.current.rests.hull
+        return DescentResult(
+            status, hull, self.current.directions, tuple(self.history), self.evaluations
+        )
+
+    def _advance(self) -> Status | None:
+        limit = self.options.stopping.limit(self.history[-1].step, self._seconds())
+        if limit is not None:
+            return limit
+        following = self.line_search.search(self.current, self._direction())
+        if following is not None:
+            self._accept(following)
+            if not self._stalled():
+                return None
+        # At rest under the present weights: done, or let the shaping terms give way.
+        if self.current.error <= self.options.stopping.tolerance:
+            return Status.CONVERGED
+        if self.relaxation == 0.0:
+            return Status.NO_PROGRESS if following is None else None
+        self._relax()
+        return None
+
+    def _direction(self) -> Floats:
+        gradient = self.current.gradient
+        if self.options.sobolev is None:
+            return gradient
+        hull = self.current.rests.hull
+        if self.sobolev is None or not _same_edges(self.sobolev[0], hull):
+            self.sobolev = (hull, SobolevSolver(graph_laplacian(hull), self.options.sobolev))
+        smooth = np.zeros((len(gradient) // 3, 3))
+        smooth[hull.source] = self.sobolev[1].solve(gradient.reshape(-1, 3)[hull.source])
+        return smooth.ravel()
+
+    def _accept(self, following: Evaluation) -> None:
+        pruned = self.objective.coordinates.pruned(following.parameters, following.rests)
+        if len(pruned) != len(following.parameters):
+            following = self.objective.evaluate(pruned, following.directions)
+            self.evaluations += 1
+            self.line_search.restart()
+        self.current = following.refreshed()
+        self._record()
+
+    def _stalled(self) -> bool:
+        if len(self.energies) <= STALL_WINDOW:
+            return False
+        recent = self.energies[-STALL_WINDOW:]
+        half = STALL_WINDOW // 2
+        return min(recent[:half]) - min(recent[half:]) < STALL_DECREASE * self.current.value
+
+    def _relax(self) -> None:
+        self.relaxation *= self.options.relaxation
+        if self.relaxation < SMALLEST_RELAXATION:
+            self.relaxation = 0.0
+        weights = self.options.weights.relaxed(self.relaxation)
+        self.objective = replace(self.objective, weights=weights)
+        self.current = self.current.under(self.objective)
+        self.line_search.restart()
+        self.energies.clear()
+
+    def _seconds(self) -> float:
+        return time.perf_counter() - self.started
+
+    def _record(self) -> None:
+        current = self.current
+        terms = {name: float(term.detach()) for name, term in current.terms.items()}
+        self.energies.append(current.value)
+        step = DescentStep(
+            len(self.history), self._seconds(), current.value, terms, current.error
+        )
+        self.history.append(step)
+        if self.on_step is not None:
+            self.on_step(step)
+
+
+def _same_edges(a: ConvexHull, b: ConvexHull) -> bool:
+    return (
+        len(a.tail) == len(b.tail)
+        and len(a.vertices) == len(b.vertices)
+        and bool((a.tail == b.tail).all() and (a.twin == b.twin).all())
+    )

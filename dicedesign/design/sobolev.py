@@ -1,0 +1,75 @@
+"""Sobolev preconditioning: gradients spread over the surface before a step is taken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, diags_array, eye_array
+from scipy.sparse.linalg import SuperLU, splu
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hull import ConvexHull
+
+__all__ = ["SobolevOptions", "SobolevSolver", "graph_laplacian", "sobolev_solve"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SobolevOptions:
+    """The operator `(I + lambda L)^-p` of section 3.3.
+
+    Attributes
+    ----------
+    smoothing: lambda, positive.
+    power: p, 1 to 4.
+    """
+
+    smoothing: float = 2.0
+    power: int = 2
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.smoothing < np.inf:
+            raise InputError(f"sobolev.smoothing: expected a positive number, got {self.smoothing}")
+        if not 1 <= self.power <= 4:
+            raise InputError(f"sobolev.power: expected 1 to 4, got {self.power}")
+
+
+def graph_laplacian(hull: ConvexHull) -> csc_array:
+    """(n, n) Laplacian L of the hull's edge graph: degree on the diagonal, -1 for each edge."""
+    size = len(hull.vertices)
+    adjacency = csc_array((np.ones(len(hull.tail)), (hull.tail, hull.head)), shape=(size, size))
+    return csc_array(diags_array(np.asarray(adjacency.sum(axis=0)).ravel()) - adjacency)
+
+
+@dataclass(frozen=True)
+class SobolevSolver:
+    """`(I + lambda L)^-p` with its factor, good for as long as the hull's edges stay the same.
+
+    Attributes
+    ----------
+    laplacian: (n, n) symmetric positive semidefinite.
+    options: lambda and p.
+    """
+
+    laplacian: csc_array
+    options: SobolevOptions
+
+    @cached_property
+    def _factor(self) -> SuperLU:
+        size = self.laplacian.shape[0]
+        return splu(csc_array(eye_array(size) + self.options.smoothing * self.laplacian))
+
+    def solve(self, gradient: Floats) -> Floats:
+        """Apply the operator to (n, d) right-hand sides."""
+        for _ in range(self.options.power):
+            gradient = self._factor.solve(gradient)
+        return gradient
+
+
+def sobolev_solve(laplacian: csc_array, gradient: Floats, options: SobolevOptions) -> Floats:
+    """`(I + lambda L)^-p gradient` in one call: `SobolevSolver(laplacian, options).solve(...)`."""
+    return SobolevSolver(laplacian, options).solve(gradient)

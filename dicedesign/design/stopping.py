@@ -1,0 +1,53 @@
+"""When a design ends, and what is said then."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from dicedesign.errors import InputError
+
+__all__ = ["Status", "Stopping"]
+
+
+class Status(Enum):
+    """Why a design stopped; the value is the message."""
+
+    CONVERGED = "reached the tolerance"
+    NO_PROGRESS = "no step lowers the energy any further; try another start, assignment or seed"
+    STEP_LIMIT = "reached the number of steps; allow more steps"
+    TIME_LIMIT = "ran out of time; allow more seconds"
+
+
+@dataclass(frozen=True)
+class Stopping:
+    """Limits of a design.
+
+    Attributes
+    ----------
+    tolerance: largest |p - q| wanted, above 0 and below 1.
+    steps: largest number of accepted steps, at least 0.
+    seconds: largest wall-clock time, positive.
+    """
+
+    tolerance: float = 1e-3
+    steps: int = 3000
+    seconds: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tolerance < 1.0:
+            raise InputError(f"tolerance: expected a number in (0, 1), got {self.tolerance:g}")
+        if self.steps < 0:
+            raise InputError(f"steps: expected a whole number not below 0, got {self.steps}")
+        if not 0.0 < self.seconds < np.inf:
+            raise InputError(f"seconds: expected a positive number, got {self.seconds:g}")
+
+    def limit(self, step: int, seconds: float) -> Status | None:
+        """The limit that has been reached, if any."""
+        if step >= self.steps:
+            return Status.STEP_LIMIT
+        if seconds >= self.seconds:
+            return Status.TIME_LIMIT
+        return None
