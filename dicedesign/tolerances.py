@@ -17,6 +17,7 @@ __all__ = [
     "FLATNESS_TOLERANCE",
     "PROBABILITY_SUM_TOLERANCE",
     "ROUNDED_DIGITS",
+    "SAME_REST_ANGLE",
     "VOLUME_TOLERANCE",
 ]
 
@@ -52,3 +53,7 @@ more coarsely than COPLANAR_TOLERANCE allows for; they count as single precision
 VOLUME_TOLERANCE: Final = 1e-11
 """A closed surface whose volume over its extent cubed is below this bounds no solid; at this size
 rounding leaves the centroid about five digits."""
+
+SAME_REST_ANGLE: Final = 0.08726646259971647
+"""Two rests are one outcome to the eye when their normals differ by at most this, in radians
+(5 degrees): the body then stands on nearly the same facet."""

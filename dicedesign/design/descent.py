@@ -19,6 +19,7 @@ from dicedesign.design.starts import Start
 from dicedesign.design.stopping import Status, Stopping
 from dicedesign.errors import InputError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.options import STRICT
 
 __all__ = ["DescentOptions", "DescentResult", "DescentStep", "descend_to_target"]
 
@@ -44,6 +45,8 @@ class DescentOptions:
     perturbation: standard deviation of the seeded noise on the starting parameters, which breaks
         the ties of symmetric shapes; not negative.
     """
+
+    __pydantic_config__ = STRICT
 
     coordinates: Literal["facets", "vertices"] = "facets"
     weights: EnergyWeights = field(default_factory=EnergyWeights)
@@ -161,7 +164,6 @@ class _Descent:
         self.line_search = LineSearch()
         self.history: list[DescentStep] = []
         self.energies: list[float] = []
-        self.evaluations = 1
         self.current = self.objective.evaluate(
             parameters + options.perturbation * noise, start.directions
         ).refreshed()
@@ -174,7 +176,11 @@ class _Descent:
             status = self._advance()
         hull = self.current.rests.hull
         return DescentResult(
-            status, hull, self.current.directions, tuple(self.history), self.evaluations
+            status,
+            hull,
+            self.current.directions,
+            tuple(self.history),
+            1 + self.line_search.evaluations,
         )
 
     def _advance(self) -> Status | None:
@@ -209,7 +215,6 @@ class _Descent:
         pruned = self.objective.coordinates.pruned(following.parameters, following.rests)
         if len(pruned) != len(following.parameters):
             following = self.objective.evaluate(pruned, following.directions)
-            self.evaluations += 1
             self.line_search.restart()
         self.current = following.refreshed()
         self._record()

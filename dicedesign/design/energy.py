@@ -17,6 +17,7 @@ from torch import Tensor
 
 from dicedesign.design.differentiable import RestEvaluation
 from dicedesign.errors import InputError
+from dicedesign.options import STRICT
 
 __all__ = [
     "Clusters",
@@ -54,6 +55,8 @@ class EnergyWeights:
     stability_margin: distance of a facet from the edge of (in)stability, relative to the
         circumscribed radius, below which `stability_energy` acts; above 0 and at most 1.
     """
+
+    __pydantic_config__ = STRICT
 
     coplanar: float = 0.1
     barycenter: float = 2.0

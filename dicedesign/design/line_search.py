@@ -26,10 +26,15 @@ class LineSearch:
 
     The guess knows the curvature along the last step; comparing with the worst of the last
     `MEMORY` energies rather than the last one lets it work in narrow valleys. A step is taken only
-    if it makes a solid. Sources: Barzilai and Borwein, IMA J. Numer. Anal. 8, 1988; Grippo, Lampariello
-    and Lucidi, SIAM J. Numer. Anal. 23, 1986.
+    if it makes a solid. Sources: Barzilai and Borwein, IMA J. Numer. Anal. 8, 1988; Grippo,
+    Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986.
+
+    Attributes
+    ----------
+    evaluations: energies computed so far.
     """
 
+    evaluations: int = 0
     _energies: list[float] = field(default_factory=list)
     _last: tuple[Floats, Floats, Floats, float] | None = None
     _steps: int = 0
@@ -52,6 +57,7 @@ class LineSearch:
         bound = max(self._energies)
         step = self._guess(parameters, gradient, descent)
         while step > SMALLEST_STEP:
+            self.evaluations += 1
             trial = at.objective.attempt(parameters - step * descent, at.directions)
             if trial is not None and trial.value <= bound - SUFFICIENT_DECREASE * step * slope:
                 self._last = (parameters, gradient, descent, step)

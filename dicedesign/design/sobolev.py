@@ -12,6 +12,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hull import ConvexHull
+from dicedesign.options import STRICT
 
 __all__ = ["SobolevOptions", "SobolevSolver", "graph_laplacian", "sobolev_solve"]
 
@@ -27,6 +28,8 @@ class SobolevOptions:
     smoothing: lambda, positive.
     power: p, 1 to 4.
     """
+
+    __pydantic_config__ = STRICT
 
     smoothing: float = 2.0
     power: int = 2

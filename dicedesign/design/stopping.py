@@ -8,6 +8,7 @@ from enum import Enum
 import numpy as np
 
 from dicedesign.errors import InputError
+from dicedesign.options import STRICT
 
 __all__ = ["Status", "Stopping"]
 
@@ -31,6 +32,8 @@ class Stopping:
     steps: largest number of accepted steps, at least 0.
     seconds: largest wall-clock time, positive.
     """
+
+    __pydantic_config__ = STRICT
 
     tolerance: float = 1e-3
     steps: int = 3000

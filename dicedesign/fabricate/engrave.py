@@ -12,8 +12,9 @@ import numpy as np
 from manifold3d import Error, Manifold, Mesh64, OpType
 
 from dicedesign.errors import EngravingError, InputError
+from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.glyphs import text_section
-from dicedesign.fabricate.layout import EngravingOptions, Placement
+from dicedesign.fabricate.layout import Placement
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
 __all__ = ["EngravedDie", "engrave", "solid"]

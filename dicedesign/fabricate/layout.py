@@ -7,49 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from numbers import Real
+from dataclasses import dataclass
 
 import numpy as np
 
 from dicedesign.errors import EngravingError, InputError
 from dicedesign.fabricate.circle import inscribed_circle, signed_area
+from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.glyphs import text_section
 
 __all__ = ["EngravingOptions", "Placement", "inscribed_circle", "place_label", "place_labels"]
-
-
-@dataclass(frozen=True)
-class EngravingOptions:
-    """How labels are sized and cut.
-
-    Raises InputError for a value out of its range.
-    """
-
-    depth_mm: float = 0.6
-    """Depth of the pockets below the facet, above 0. It does not scale with the die."""
-    margin: float = 0.15
-    """Part of the facet's inscribed radius that labels keep free, in [0, 1)."""
-    min_height_mm: float = 2.5
-    """Smallest legible digit height, above 0."""
-    max_height_mm: float = 8.0
-    """Largest digit height, at least `min_height_mm`."""
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
-                raise InputError(f"{field.name} must be a finite number, got {value!r}.")
-        for name in ("depth_mm", "min_height_mm"):
-            if getattr(self, name) <= 0:
-                raise InputError(f"{name} must be above 0, got {getattr(self, name)}.")
-        if not 0 <= self.margin < 1:
-            raise InputError(f"margin must be at least 0 and below 1, got {self.margin}.")
-        if self.max_height_mm < self.min_height_mm:
-            raise InputError(
-                f"max_height_mm must be at least min_height_mm ({self.min_height_mm}), "
-                f"got {self.max_height_mm}."
-            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,118 @@
+"""`dicedesign rest`: all rests of a mesh with their probabilities."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dicedesign.commands.vectors import vector
+from dicedesign.geometry.mesh_file import read_body
+from dicedesign.rest.poses import RestPoses, rest_poses
+
+__all__ = ["add_body_options", "add_parser", "poses_of", "rest_summary"]
+
+
+def add_parser(commands: Any) -> None:
+    """Add the subcommand to argparse's `commands`."""
+    parser = commands.add_parser(
+        "rest",
+        help="list the resting poses of a mesh with their probabilities",
+        description="List the resting poses of a mesh or point cloud with their probabilities.",
+    )
+    add_body_options(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser.add_argument(
+        "--figure", type=Path, metavar="FILE.png", help="draw the Morse-Smale complex"
+    )
+    parser.set_defaults(command=_rest)
+
+
+def add_body_options(parser: argparse.ArgumentParser) -> None:
+    """Options that say which body is meant."""
+    parser.add_argument("mesh", type=Path, metavar="MESH", help="STL, OBJ, PLY, OFF, GLB, XYZ, ...")
+    parser.add_argument(
+        "--com",
+        metavar="x,y,z|hull",
+        help="center of mass in the mesh's unit, or that of the uniform solid hull (default: of "
+        "the uniform solid; of its hull for point clouds and open meshes)",
+    )
+    parser.add_argument(
+        "--coplanar-tolerance",
+        type=float,
+        metavar="T",
+        help="merge hull triangles within this distance of one plane, relative to the body's half "
+        "extent (default: 1e-11, for rounded coordinates such as STL 2e-6)",
+    )
+
+
+def poses_of(options: argparse.Namespace) -> RestPoses:
+    """The rests of the body that the options name; notes go to stderr."""
+    com = options.com
+    center = com if com is None or com == "hull" else vector("--com", com)
+    poses = rest_poses(
+        read_body(options.mesh), center, coplanar_tolerance=options.coplanar_tolerance
+    )
+    for note in poses.notes:
+        print(f"note: {note}", file=sys.stderr)
+    return poses
+
+
+def rest_summary(poses: RestPoses) -> dict[str, Any]:
+    """The answer as plain data."""
+    return {
+        "center_of_mass": poses.center_of_mass.tolist(),
+        "center_of_mass_source": poses.center_of_mass_source,
+        "hull": {"vertices": len(poses.hull.vertices), "facets": len(poses.hull.normals)},
+        "rests": [
+            {
+                "normal": poses.normals[i].tolist(),
+                "probability": float(poses.probabilities[i]),
+                "transform": poses.transforms[i].tolist(),
+                "area": float(poses.areas[i]),
+                "margin_deg": float(np.degrees(poses.margins[i])),
+            }
+            for i in range(len(poses.probabilities))
+        ],
+        "seconds": poses.seconds,
+    }
+
+
+def _rest(options: argparse.Namespace) -> int:
+    poses = poses_of(options)
+    if options.figure is not None:
+        _draw(poses, options.figure)
+    print(json.dumps(rest_summary(poses), indent=1) if options.json else _table(options, poses))
+    return 0
+
+
+def _draw(poses: RestPoses, path: Path) -> None:
+    from dicedesign.fabricate.files import atomic_write
+    from dicedesign.show.gauss_map import gauss_map_figure
+    from dicedesign.show.png import png_bytes
+
+    atomic_write(path, png_bytes(gauss_map_figure(poses)))
+
+
+def _table(options: argparse.Namespace, poses: RestPoses) -> str:
+    center = ", ".join(f"{x:.6g}" for x in poses.center_of_mass)
+    milliseconds = 1e3 * sum(poses.seconds.values())
+    lines = [
+        f"{options.mesh}: {len(poses.probabilities)} resting poses, hull of "
+        f"{len(poses.hull.vertices)} vertices and {len(poses.hull.normals)} facets, "
+        f"{milliseconds:.1f} ms",
+        f"center of mass ({center}), {poses.center_of_mass_source}",
+        "",
+        "rest  probability   facet normal (down)            area       margin",
+    ]
+    for i, (p, n) in enumerate(zip(poses.probabilities, poses.normals, strict=True)):
+        normal = "  ".join(f"{x + 0.0:8.5f}" for x in n)
+        lines.append(
+            f"{i + 1:4d}  {100 * p:9.5f} %   {normal}   {poses.areas[i]:9.4g}  "
+            f"{np.degrees(poses.margins[i]):7.2f} deg"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,97 @@
+"""The parts of result.json, as plain data."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dicedesign.design.descent import DescentResult
+from dicedesign.design.targets import Target
+from dicedesign.design.verdict import Verdict
+from dicedesign.fabricate.circle import inscribed_circle
+from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.mass import solid_properties
+from dicedesign.geometry.sphere import rotation_between
+from dicedesign.rest.poses import analyse
+
+if TYPE_CHECKING:
+    from dicedesign.fabricate.engrave import EngravedDie
+
+__all__ = ["design_summary", "odds_summary", "target_summary"]
+
+
+def target_summary(target: Target) -> dict[str, Any]:
+    """What was wanted: "target" and "labels"."""
+    return {"target": target.probabilities.tolist(), "labels": list(target.labels)}
+
+
+def odds_summary(
+    verdict: Verdict, target: Target, engraved: EngravedDie | None
+) -> dict[str, Any]:
+    """What the die does: probabilities by label, its error, center of mass and facets. For an
+    engraved die also the same odds with the pockets' effect on the center of mass."""
+    hull, poses = verdict.hull, verdict.poses
+    label = {
+        int(facet): target.labels[outcome]
+        for outcome, facet in enumerate(verdict.facet_of_outcome)
+        if facet >= 0
+    }
+    facets = [
+        {
+            "label": label.get(int(facet)),
+            "normal": poses.normals[i].tolist(),
+            "probability": float(poses.probabilities[i]),
+            "polygon_area_mm2": float(poses.areas[i]),
+            "inradius_mm": _inradius(hull, int(facet)),
+            "margin_deg": float(np.degrees(poses.margins[i])),
+        }
+        for i, facet in enumerate(poses.facets)
+    ]
+    summary = {
+        "probabilities": verdict.probabilities.tolist(),
+        "max_abs_error": verdict.max_abs_error,
+        "center_of_mass": poses.center_of_mass.tolist(),
+        "facets": facets,
+        "unstable_facets": len(hull.normals) - len(poses.facets),
+    }
+    if engraved is not None:
+        odds = _engraved_odds(verdict, target, engraved)
+        summary["engraved_probabilities"] = odds.tolist()
+        summary["engraved_max_abs_error"] = float(np.abs(odds - target.probabilities).max())
+    return summary
+
+
+def _inradius(hull: ConvexHull, facet: int) -> float:
+    upright = rotation_between(hull.normals[facet], np.array([0.0, 0.0, 1.0]))
+    return inscribed_circle((hull.polygon(facet) @ upright.T)[:, :2])[1]
+
+
+def _engraved_odds(verdict: Verdict, target: Target, engraved: EngravedDie) -> np.ndarray:
+    """The pockets leave the hull as it is and move the center of mass."""
+    center = solid_properties(engraved.vertices, engraved.triangles)[1]
+    poses = analyse(verdict.hull, center)
+    outcome = dict(zip(verdict.poses.facets.tolist(), verdict.outcome_of_rest, strict=True))
+    odds = np.zeros(len(target.labels))
+    for facet, probability in zip(poses.facets.tolist(), poses.probabilities, strict=True):
+        if outcome.get(facet, -1) >= 0:
+            odds[outcome[facet]] += probability
+    return odds
+
+
+def design_summary(design: DescentResult) -> dict[str, Any]:
+    """How the design went: energy terms at the end and the history of steps."""
+    return {
+        "energy": design.history[-1].terms,
+        "evaluations": design.evaluations,
+        "history": [
+            {
+                "step": step.step,
+                "seconds": step.seconds,
+                "energy": step.energy,
+                "terms": step.terms,
+                "max_abs_error": step.error,
+            }
+            for step in design.history
+        ],
+    }
