@@ -37,11 +37,14 @@ def add_parser(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    import torch
     from tqdm import tqdm
 
     from dicedesign.pipeline import run_recipe
     from dicedesign.recipe import read_recipe
 
+    # Tensors here are far too small to share among threads.
+    torch.set_num_threads(1)
     recipe = read_recipe(options.recipe, options.changes)
     folder = options.out or Path("outputs") / recipe.name
     with tqdm(file=sys.stderr, disable=not sys.stderr.isatty(), unit=" steps") as bar:

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from dicedesign.design.differentiable import RestEvaluation
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hull import ConvexHull, convex_hull
 
 __all__ = ["Coordinates", "FacetCoordinates", "VertexCoordinates"]
 
@@ -78,8 +78,7 @@ class FacetCoordinates:
         Raises DegenerateBodyError if the origin is not strictly inside.
         """
         hull = convex_hull(points)
-        feet = hull.vertices[hull.tail[hull.facet_start[:-1]]] - origin
-        heights = (feet * hull.normals).sum(-1)
+        heights = _heights(hull, origin)
         if (heights <= 0.0).any():
             raise DegenerateBodyError(
                 f"facet coordinates: expected an origin inside the shape, got {origin.tolist()}"
@@ -88,12 +87,17 @@ class FacetCoordinates:
 
     def points(self, parameters: Tensor) -> Tensor:
         """See `Coordinates`: one corner for each triangle of the polar hull, from the three planes
-        that meet there."""
+        that meet there. Raises DegenerateBodyError if the half-spaces bound no solid."""
         count = parameters.shape[0] // 4
         normals = parameters[: 3 * count].reshape(count, 3)
         lengths = torch.linalg.vector_norm(normals, dim=1) * torch.exp(parameters[3 * count :])
         polar = normals / lengths[:, None]
         hull = convex_hull(polar.detach().numpy())
+        if (_heights(hull, np.zeros(3)) <= 0.0).any():
+            raise DegenerateBodyError(
+                "facet coordinates: expected half-spaces that bound a solid, got normals that "
+                "leave a direction open; take a smaller step"
+            )
         planes = polar[torch.as_tensor(hull.source[hull.triangles])]
         ones = torch.ones(len(planes), 3, dtype=torch.float64)
         return torch.as_tensor(self.origin) + torch.linalg.solve(planes, ones)
@@ -101,3 +105,9 @@ class FacetCoordinates:
     def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """See `Coordinates`: half-spaces that cut nothing stay, as they may cut again."""
         return parameters
+
+
+def _heights(hull: ConvexHull, origin: Floats) -> Floats:
+    """(m,) distances of the facets' planes from a point (3,), positive on the inside."""
+    feet = hull.vertices[hull.tail[hull.facet_start[:-1]]] - origin
+    return (feet * hull.normals).sum(-1)

@@ -20,6 +20,7 @@ from dicedesign.design.stopping import Status, Stopping
 from dicedesign.errors import InputError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.options import STRICT
+from dicedesign.rest.equilibria import classify
 
 __all__ = ["DescentOptions", "DescentResult", "DescentStep", "descend_to_target"]
 
@@ -126,7 +127,8 @@ def descend_to_target(
 
     Raises
     ------
-    InputError: the target does not have one probability for each direction.
+    InputError: the target does not have one probability for each direction, or the center of mass
+        is not three finite numbers.
     DegenerateBodyError, OutsideHullError: the start is no solid with the center inside.
     """
     if len(target) != len(start.directions):
@@ -149,7 +151,10 @@ class _Descent:
         seed: int,
         on_step: Callable[[DescentStep], None] | None,
     ) -> None:
-        origin = convex_hull(start.points).centroid if center_of_mass is None else center_of_mass
+        hull = convex_hull(start.points)
+        origin = hull.centroid
+        if center_of_mass is not None:
+            origin = center_of_mass = classify(hull, center_of_mass).center_of_mass
         coordinates: Coordinates
         if options.coordinates == "facets":
             coordinates, parameters = FacetCoordinates.of(start.points, origin)
@@ -186,14 +191,14 @@ class _Descent:
     def _advance(self) -> Status | None:
         limit = self.options.stopping.limit(self.history[-1].step, self._seconds())
         if limit is not None:
-            return limit
+            return Status.CONVERGED if self._reached() else limit
         following = self.line_search.search(self.current, self._direction())
         if following is not None:
             self._accept(following)
             if not self._stalled():
                 return None
         # At rest under the present weights: done, or let the shaping terms give way.
-        if self.current.error <= self.options.stopping.tolerance:
+        if self._reached():
             return Status.CONVERGED
         if self.relaxation == 0.0:
             return Status.NO_PROGRESS if following is None else None
@@ -218,6 +223,9 @@ class _Descent:
             self.line_search.restart()
         self.current = following.refreshed()
         self._record()
+
+    def _reached(self) -> bool:
+        return self.current.error <= self.options.stopping.tolerance
 
     def _stalled(self) -> bool:
         if len(self.energies) <= STALL_WINDOW:

@@ -10,14 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
-from typing import cast
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dicedesign.errors import InputError
+from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import (
@@ -27,10 +26,11 @@ from dicedesign.rest.morse import (
     separatrix_points,
     wraps,
 )
+from dicedesign.tolerances import CLOSURE_TOLERANCE
 
 __all__ = ["RestEvaluation", "differentiable_rest", "evaluate_rests", "hull_centroid"]
 
-_TORCH = cast(ModuleType, torch)
+_TORCH: ModuleType = torch
 
 
 @dataclass(frozen=True)
@@ -60,18 +60,29 @@ class RestEvaluation:
 
     @cached_property
     def probabilities(self) -> Tensor:
-        """(k,) probabilities of the rests (eq. 9, 10)."""
+        """(k,) probabilities of the rests (eq. 9, 10).
+
+        Raises DegenerateBodyError where the basins do not close, as `rest_poses` does.
+        """
         rests = len(self.paths.rests)
         if rests == 1:
-            return torch.ones(1, dtype=torch.float64) + 0.0 * self.vertices.sum()
+            anything = self.vertices.sum() + self.center.sum()
+            return torch.ones(1, dtype=torch.float64) + 0.0 * anything
         points = separatrix_points(self.paths, self.vertices, self.center, _TORCH)
         # A closed loop's area does not depend on the reference direction: no gradient there.
         reference = torch.as_tensor(self.hull.normals[self.paths.rests])
         border = border_areas(self.paths, points, reference, _TORCH)
         basins = torch.as_tensor(self.paths.basins.ravel())
         areas = torch.zeros(rests, dtype=torch.float64).index_add(0, basins, border.reshape(-1))
-        added = torch.as_tensor(wraps(areas.detach().numpy()))
-        return areas / (4.0 * torch.pi) + added
+        areas = areas + 4.0 * torch.pi * torch.as_tensor(wraps(areas.detach().numpy()))
+        gap = abs(float(areas.detach().sum()) - 4.0 * torch.pi)
+        if gap > CLOSURE_TOLERANCE or bool((areas.detach() <= 0.0).any()):
+            raise DegenerateBodyError(
+                f"vertices: their basins should cover the sphere once but differ by {gap:.3g} "
+                "steradian; a rolling path meets a balance point exactly, so symmetric is the "
+                "body. Move the vertices or the center of mass by a hair to break the tie"
+            )
+        return areas / (4.0 * torch.pi)
 
     def facet_normals(self, facets: NDArray[np.int64]) -> Tensor:
         """(len(facets), 3) unit normals of facets, from the area vectors of their polygons."""

@@ -1,8 +1,8 @@
 """The energies of dice design, each its own function.
 
-`Clusters` says which rests count for which outcome. A cluster without a rest is never silent: every
-term that would have nothing to sum charges its largest possible value instead, so that losing an
-outcome can only raise an energy.
+`Clusters` says which rests count for which outcome. An outcome without a rest, or without a facet,
+is never silent: the dice energy misses its whole target, and the barycenter, neighbor and stability
+terms charge the largest value that one facet can have.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ def dice_simple_energy(probabilities: Tensor, assigned: Tensor) -> Tensor:
 
 def dice_energy(probabilities: Tensor, clusters: Clusters, target: Floats) -> Tensor:
     """E_dice (eq. 12): squared differences of the clusters' probabilities from the target (k,)."""
-    return ((clusters.sums(probabilities) - torch.as_tensor(target)) ** 2).sum()
+    return ((clusters.sums(probabilities) - torch.as_tensor(target, dtype=torch.float64)) ** 2).sum()
 
 
 def coplanar_energy(rest_normals: Tensor, clusters: Clusters) -> Tensor:
@@ -196,17 +196,17 @@ def stability_energy(rests: RestEvaluation, clusters: Clusters, margin: float) -
     far = torch.full((len(hull.normals),), torch.inf, dtype=torch.float64)
     depth = far.scatter_reduce(0, torch.as_tensor(hull.facet), distance, "amin")
     sign = torch.full((len(hull.normals),), -1.0, dtype=torch.float64)
-    sign[outcome_facets(hull.normals, clusters.directions)] = 1.0
-    return (torch.relu(1.0 - sign * depth / margin) ** 2).sum()
+    wanted = outcome_facets(hull.normals, clusters.directions)
+    sign[wanted] = 1.0
+    missing = len(clusters.directions) - len(wanted)
+    wall = (torch.relu(1.0 - sign * depth / margin) ** 2).sum()
+    return wall + missing * (1.0 + 1.0 / margin) ** 2
 
 
 def outcome_facets(normals: Floats, directions: Floats) -> Integers:
     """(k,) distinct facets, of normals (m, 3), that lie nearest to the directions (k, 3) as a
-    whole (least sum of cosines lost)."""
-    row, column = linear_sum_assignment(-directions @ normals.T)
-    facets = np.empty(len(directions), dtype=np.int64)
-    facets[row] = column
-    return facets
+    whole (least sum of cosines lost); with m < k facets, those of the m outcomes that get one."""
+    return np.asarray(linear_sum_assignment(-directions @ normals.T)[1], dtype=np.int64)
 
 
 def total_energy(

@@ -78,5 +78,5 @@ class LineSearch:
         else:
             numerator, denominator = curvature, abs(float(bent @ (descent - old_descent)))
         if denominator == 0.0:
-            return 2.0 * old_step
+            return min(2.0 * old_step, LARGEST_STEP)
         return float(np.clip(numerator / denominator, 1e-8, LARGEST_STEP))

@@ -18,12 +18,25 @@ def signed_area(polygon: np.ndarray) -> float:
     return 0.5 * float(x @ np.roll(y, -1) - np.roll(x, -1) @ y)
 
 
-def inscribed_circle(polygon: np.ndarray) -> tuple[np.ndarray, float]:
-    """Largest circle in a convex polygon; of several, the one nearest to the mean of the corners.
+def centroid(polygon: np.ndarray) -> np.ndarray:
+    """Centroid (2,) of the area of a (m, 2) polygon; the mean of the corners if it has no area."""
+    middle = polygon.mean(axis=0)
+    corners = polygon - middle
+    following = np.roll(corners, -1, axis=0)
+    doubled = corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]
+    if doubled.sum() == 0.0:
+        return middle
+    return middle + doubled @ (corners + following) / (3.0 * doubled.sum())
+
+
+def inscribed_circle(polygon: np.ndarray, slack: float = 0.0) -> tuple[np.ndarray, float]:
+    """Largest circle in a convex polygon; of several, the one nearest to the polygon's centroid.
 
     Parameters
     ----------
     polygon : (m, 2) float, corners in order, either way around.
+    slack : in [0, 1), the part of the largest radius that may be given up to come nearer to the
+        centroid.
 
     Returns
     -------
@@ -39,7 +52,7 @@ def inscribed_circle(polygon: np.ndarray) -> tuple[np.ndarray, float]:
     area = signed_area(polygon) if np.isfinite(polygon).all() else math.nan
     if math.isnan(area) or area == 0.0:
         raise InputError(f"a polygon must have finite corners and an area, got area {area}.")
-    middle = polygon.mean(axis=0)
+    middle = centroid(polygon)
     scale = math.sqrt(abs(area))
     corners = (polygon - middle) / scale
     edges = np.roll(corners, -1, axis=0) - corners
@@ -56,12 +69,12 @@ def inscribed_circle(polygon: np.ndarray) -> tuple[np.ndarray, float]:
     )
     if not widest.success or widest.x[2] <= 0:
         raise InputError(f"no circle fits the polygon of {len(polygon)} corners: is it convex?")
-    # Between parallel edges the center is free to slide: take the place nearest to the middle.
+    # Between parallel edges the center is free to slide, and in a long facet nearly so.
     reach = np.array([(1, 0, -1), (-1, 0, -1), (0, 1, -1), (0, -1, -1)])
     nearest = linprog(
         (0, 0, 1),
         A_ub=np.vstack([np.column_stack([outward, np.zeros(len(outward))]), reach]),
-        b_ub=np.concatenate([offsets - widest.x[2], np.zeros(4)]),
+        b_ub=np.concatenate([offsets - (1.0 - slack) * widest.x[2], np.zeros(4)]),
         bounds=[(None, None), (None, None), (0, None)],
     )
     center = nearest.x[:2] if nearest.success else widest.x[:2]

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -17,6 +18,10 @@ from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.glyphs import text_section
 
 __all__ = ["EngravingOptions", "Placement", "inscribed_circle", "place_label", "place_labels"]
+
+
+CENTERING: Final = 0.12
+"""Part of the inscribed radius given up to bring a label nearer to the middle of its facet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +41,7 @@ class Placement:
 def _fit(
     text: str, polygon: np.ndarray, normal: np.ndarray, facet: int, options: EngravingOptions
 ) -> tuple[Placement, float]:
-    """The label as large as it fits, and the facet's inscribed radius."""
+    """The label as large as it fits, and the radius of the circle it fits in."""
     polygon = np.asarray(polygon, dtype=np.float64)
     outward = np.asarray(normal, dtype=np.float64)
     if polygon.ndim != 2 or polygon.shape[1] != 3 or outward.shape != (3,) or not outward.any():
@@ -57,7 +62,7 @@ def _fit(
             f"the corners of facet {facet} must run counter-clockwise seen from outside, got them "
             "clockwise; reverse them or turn the normal."
         )
-    center, radius = inscribed_circle(flat)
+    center, radius = inscribed_circle(flat, CENTERING)
     left, bottom, far_right, top = text_section(text).bounds()
     height = (1 - options.margin) * 2 * radius / math.hypot(far_right - left, top - bottom)
     height = min(height, options.max_height_mm)
@@ -89,8 +94,8 @@ def place_labels(
 ) -> list[Placement]:
     """Place labels on their facets, each as large as fits.
 
-    A label's bounding box, bar included, is centred on the facet's inscribed circle and fits within
-    that circle less the margin. The longest edge of the facet is at the bottom of the text.
+    A label's bounding box, bar included, is centred on a circle in the facet, nearly the largest and
+    nearly in the middle, and fits within that circle less the margin. The longest edge of the facet is at the bottom of the text.
 
     Parameters
     ----------
@@ -130,7 +135,7 @@ def place_labels(
         needed = size_mm * options.min_height_mm / worst.height
         rounded_up = (math.floor(10 * needed) + 1) / 10
         raise EngravingError(
-            f"label {worst.text!r} does not fit facet {worst.facet}: the inscribed circle of "
+            f"label {worst.text!r} does not fit facet {worst.facet}: the circle of "
             f"diameter {2 * radius:.2f} mm takes digits {worst.height:.2f} mm high, expected at "
             f"least min_height_mm = {options.min_height_mm:g} ({len(too_small)} of {len(texts)} "
             f"labels are too small at size_mm = {size_mm:g}). Use size_mm = {rounded_up:.1f} or "

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import cast
+from typing import Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
 from dicedesign.geometry.body import Body, make_body
+from dicedesign.geometry.stl import read_stl
 from dicedesign.geometry.text_mesh import TEXT_READERS
 from dicedesign.tolerances import ROUNDED_DIGITS
 
@@ -21,11 +22,17 @@ __all__ = ["is_rounded", "read_body"]
 
 _REMEDY = "export it again as STL, PLY or OBJ"
 
+_READERS: Final[dict[str, Callable[[Path], tuple[NDArray[np.float64], NDArray[np.int64]]]]] = {
+    **TEXT_READERS,
+    ".stl": read_stl,
+}
+"""The reader of each file ending, in lower case, that needs no other package."""
+
 
 def read_body(path: str | Path) -> Body:
     """Read a body from a mesh or point file.
 
-    OBJ, OFF and XYZ are read by this package, all other formats (STL, PLY, GLB, glTF, 3MF and
+    STL, OBJ, OFF and XYZ are read by this package, all other formats (PLY, GLB, glTF, 3MF and
     more) by trimesh, which is imported only then. A file of several meshes gives one body, each
     mesh at its place in the scene; lines are ignored, and so are points beside a mesh.
 
@@ -48,7 +55,7 @@ def read_body(path: str | Path) -> Body:
     """
     path = Path(path)
     _check_file(path)
-    reader = TEXT_READERS.get(path.suffix.lower())
+    reader = _READERS.get(path.suffix.lower())
     if reader is not None:
         points, triangles = reader(path)
         rounded, count = is_rounded(points), 1
@@ -108,7 +115,7 @@ def _read_scene(
         import trimesh
         from trimesh.exchange.load import mesh_formats
 
-        endings = {f".{name}" for name in mesh_formats()} | set(TEXT_READERS)
+        endings = {f".{name}" for name in mesh_formats()} | set(_READERS)
         if path.suffix.lower() not in endings:
             raise MeshFileError(
                 f"{path}: unknown file ending {path.suffix!r}; expected one of "

@@ -15,6 +15,7 @@ import trimesh
 from dicedesign.errors import DegenerateBodyError, MeshFileError
 from dicedesign.geometry.mass import is_closed, solid_properties
 from dicedesign.geometry.mesh_file import is_rounded, read_body
+from dicedesign.geometry.stl import read_stl
 
 MODELS = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "models"
 
@@ -69,6 +70,41 @@ def test_ascii_stl_in_any_case_of_the_ending(tmp_path: Path, name: str) -> None:
     assert body.notes == (
         f"welded {3 * len(mesh.faces) - len(mesh.vertices)} points to others at equal positions",
     )
+
+
+@pytest.mark.parametrize("kind", ["stl", "stl_ascii"])
+@pytest.mark.parametrize("solids", [1, 2])
+def test_stl_agrees_with_trimesh(tmp_path: Path, kind: str, solids: int) -> None:
+    meshes = [asymmetric().apply_translation([5.0 * i, 0, 0]) for i in range(solids)]
+    if kind == "stl":
+        content = trimesh.util.concatenate(meshes).export(file_type="stl")
+    else:
+        content = "\n".join(mesh.export(file_type="stl_ascii") for mesh in meshes)
+    path = write(tmp_path, "a.stl", content)
+    other = trimesh.util.concatenate(trimesh.load(path, force="scene", process=False).dump())
+    points, triangles = read_stl(path)
+    np.testing.assert_array_equal(points[triangles], other.triangles)
+    assert read_body(path).single_precision
+
+
+def test_a_binary_stl_may_begin_with_solid(tmp_path: Path) -> None:
+    mesh = asymmetric()
+    binary = mesh.export(file_type="stl")
+    header = b"solid exported by some program\nfacet normal 0 0 1\n"
+    path = write(tmp_path, "a.stl", header + binary[len(header) :])
+    body = read_body(path)
+    assert body.triangles is not None
+    assert is_closed(body.triangles)
+    np.testing.assert_array_equal(body.points[body.triangles], mesh.triangles.astype(np.float32))
+
+
+def test_ascii_stl_in_any_spelling(tmp_path: Path) -> None:
+    text = str(asymmetric().export(file_type="stl_ascii"))
+    expected = read_body(write(tmp_path, "a.stl", text))
+    for other in ("\ufeff" + text.upper(), "\n\n" + text.replace("\n", "\r\n").replace(" ", "\t ")):
+        body = read_body(write(tmp_path, "b.stl", other))
+        np.testing.assert_array_equal(body.points, expected.points)
+        np.testing.assert_array_equal(body.triangles, expected.triangles)
 
 
 @pytest.mark.parametrize("name", ["c.ply", "c.xyz", "c.obj"])
@@ -269,8 +305,16 @@ GARBAGE = np.random.default_rng(0).bytes(3000)
         ("a.stl", b"", "the file is empty; export it again as STL, PLY or OBJ"),
         ("a.xyz", b"", "the file is empty; export it again as STL, PLY or OBJ"),
         ("a.obj", "# nothing\n", "expected a mesh or points, found neither; export it again"),
-        ("a.stl", "hello world\n", "expected a mesh or points, found neither; export it again"),
-        ("a.stl", GARBAGE, "cannot be read as a .stl file; export it again as STL, PLY or OBJ"),
+        ("a.stl", "hello world\n", "expected text that begins with solid or a binary file of 84"),
+        ("a.stl", "solid\nendsolid\n", "expected a mesh or points, found neither; export it again"),
+        ("a.stl", bytes(84), "expected a mesh or points, found neither; export it again"),
+        ("a.stl", b"solid" + bytes(80), "got 85 bytes; export it again as STL, PLY or OBJ"),
+        ("a.stl", GARBAGE, "cannot be read as a .stl file: expected text that begins with solid"),
+        ("a.stl", "solid\nfacet\nvertex 1 2\n", "line 3: expected three coordinates, got 'vert"),
+        ("a.stl", "solid\nvertex 1 2 x\n", "line 2: expected three coordinates, got 'vertex 1 "),
+        ("a.stl", "solid\nvertex 1 2 3 4\n", "line 2: expected three coordinates, got 'vertex"),
+        ("a.stl", "solid\nvertex 1 2 3\nfacet\n", "line 3: expected three corners before the"),
+        ("a.stl", "solid\nvertex 1 2 3\n", "the file ends within a facet; export it again"),
         ("a.ply", GARBAGE, "cannot be read as a .ply file"),
         ("a.glb", GARBAGE, "cannot be read as a .glb file"),
         ("a.obj", GARBAGE, "expected a mesh or points, found neither"),
@@ -357,7 +401,12 @@ def test_reading_imports_no_more_than_it_needs(tmp_path: Path, name: str) -> Non
     cloud = trimesh.PointCloud(mesh.vertices)
     (cloud if name == "a.xyz" else mesh).export(tmp_path / name)
     heavy = {"torch", "matplotlib"}
-    if name in {"a.obj", "a.off", "a.xyz"}:  # trimesh itself imports manifold3d where it is there
+    if name in {
+        "a.obj",
+        "a.off",
+        "a.xyz",
+        "a.stl",
+    }:  # trimesh itself imports manifold3d where it is there
         heavy |= {"trimesh", "manifold3d"}
     code = (
         "import sys; from dicedesign.geometry.mesh_file import read_body; "
