@@ -38,7 +38,9 @@ def _fraction(value: object) -> object:
         try:
             return float(Fraction(value.replace(" ", "")))
         except (ValueError, ZeroDivisionError) as error:
-            raise ValueError(f"expected a number or a fraction such as 1/36, got {value!r}") from error
+            raise ValueError(
+                f"expected a number or a fraction such as 1/36, got {value!r}"
+            ) from error
     return value
 
 
@@ -157,6 +159,7 @@ class Recipe(_Strict):
     center_of_mass: Annotated[
         tuple[float, float, float] | None,
         _word("uniform", None),
+        BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value),
     ] = None
     method: MethodRecipe = Field(default_factory=MethodRecipe)
     size_mm: Annotated[float, Field(gt=0.0, le=1000.0)] = 30.0
@@ -210,7 +213,9 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
         raise RecipeError(f"{path}: expected a readable recipe file, but {reason}") from error
     data = _load(content, str(path))
     if not isinstance(data, dict):
-        raise RecipeError(f"{path}: expected keys and values (name: ..., target: ...), got {data!r}")
+        raise RecipeError(
+            f"{path}: expected keys and values (name: ..., target: ...), got {data!r}"
+        )
     for change in changes:
         _apply(data, change)
     _resolve_mesh_path(data, path.parent)

@@ -26,9 +26,7 @@ def target_summary(target: Target) -> dict[str, Any]:
     return {"target": target.probabilities.tolist(), "labels": list(target.labels)}
 
 
-def odds_summary(
-    verdict: Verdict, target: Target, engraved: EngravedDie | None
-) -> dict[str, Any]:
+def odds_summary(verdict: Verdict, target: Target, engraved: EngravedDie | None) -> dict[str, Any]:
     """What the die does: probabilities by label, its error, center of mass and facets. For an
     engraved die also the same odds with the pockets' effect on the center of mass."""
     hull, poses = verdict.hull, verdict.poses

@@ -251,9 +251,7 @@ class _Descent:
         current = self.current
         terms = {name: float(term.detach()) for name, term in current.terms.items()}
         self.energies.append(current.value)
-        step = DescentStep(
-            len(self.history), self._seconds(), current.value, terms, current.error
-        )
+        step = DescentStep(len(self.history), self._seconds(), current.value, terms, current.error)
         self.history.append(step)
         if self.on_step is not None:
             self.on_step(step)

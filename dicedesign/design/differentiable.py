@@ -74,7 +74,7 @@ class RestEvaluation:
         border = border_areas(self.paths, points, reference, _TORCH)
         basins = torch.as_tensor(self.paths.basins.ravel())
         areas = torch.zeros(rests, dtype=torch.float64).index_add(0, basins, border.reshape(-1))
-        areas = areas + 4.0 * torch.pi * torch.as_tensor(wraps(areas.detach().numpy()))
+        areas = areas + torch.as_tensor(4.0 * np.pi * wraps(areas.detach().numpy()))
         gap = abs(float(areas.detach().sum()) - 4.0 * torch.pi)
         if gap > CLOSURE_TOLERANCE or bool((areas.detach() <= 0.0).any()):
             raise DegenerateBodyError(

@@ -85,9 +85,7 @@ class EnergyWeights:
     def relaxed(self, factor: float) -> EnergyWeights:
         """The same with the barycenter and neighbor terms times a factor. Those two pull away from
         the target; the coplanar and stability terms vanish on a finished die and stay."""
-        return replace(
-            self, barycenter=self.barycenter * factor, neighbor=self.neighbor * factor
-        )
+        return replace(self, barycenter=self.barycenter * factor, neighbor=self.neighbor * factor)
 
 
 @dataclass(frozen=True)
@@ -136,7 +134,8 @@ def dice_simple_energy(probabilities: Tensor, assigned: Tensor) -> Tensor:
 
 def dice_energy(probabilities: Tensor, clusters: Clusters, target: Floats) -> Tensor:
     """E_dice (eq. 12): squared differences of the clusters' probabilities from the target (k,)."""
-    return ((clusters.sums(probabilities) - torch.as_tensor(target, dtype=torch.float64)) ** 2).sum()
+    wanted = torch.as_tensor(target, dtype=torch.float64)
+    return ((clusters.sums(probabilities) - wanted) ** 2).sum()
 
 
 def coplanar_energy(rest_normals: Tensor, clusters: Clusters) -> Tensor:
@@ -189,7 +188,7 @@ def stability_energy(rests: RestEvaluation, clusters: Clusters, margin: float) -
     normals = rests.facet_normals(np.arange(len(hull.normals)))
     edges = rests.vertices[hull.head] - rests.vertices[hull.tail]
     radii = rests.vertices - rests.center
-    circumscribed = float(torch.linalg.vector_norm(radii.detach(), dim=1).max())
+    circumscribed = torch.linalg.vector_norm(radii, dim=1).max()
     across = torch.linalg.cross(edges, normals[hull.facet])
     length = torch.linalg.vector_norm(edges, dim=1)
     distance = (radii[hull.tail] * across).sum(-1) / (length * circumscribed)

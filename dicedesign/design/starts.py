@@ -80,8 +80,19 @@ def _bisymmetric() -> Start:
     """The space-filling hendecahedron with two mirror planes (G. Inchbald, The Mathematical
     Gazette 80, 1996); mirror images follow each other."""
     normals = np.array(
-        [(1, 0, 2), (0, 1, 1), (1, 1, -1), (1, -1, -1), (2, 0, -1), (0, 0, -1), (-2, 0, -1)]
-        + [(-1, -1, -1), (-1, 1, -1), (0, -1, 1), (-1, 0, 2)],
+        [
+            (1, 0, 2),
+            (0, 1, 1),
+            (1, 1, -1),
+            (1, -1, -1),
+            (2, 0, -1),
+            (0, 0, -1),
+            (-2, 0, -1),
+            (-1, -1, -1),
+            (-1, 1, -1),
+            (0, -1, 1),
+            (-1, 0, 2),
+        ],
         dtype=np.float64,
     )
     inside = np.array([0.0, 0.0, 1.2])

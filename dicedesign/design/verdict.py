@@ -75,9 +75,7 @@ def judge(
     counted = of_rest.copy()
     apart = angle_between(poses.normals, poses.normals[main[of_rest]]) > SAME_REST_ANGLE
     counted[apart] = -1
-    sums = np.bincount(
-        counted[~apart], weights=poses.probabilities[~apart], minlength=outcomes
-    )
+    sums = np.bincount(counted[~apart], weights=poses.probabilities[~apart], minlength=outcomes)
     return Verdict(
         hull=sized,
         poses=poses,

@@ -94,8 +94,9 @@ def place_labels(
 ) -> list[Placement]:
     """Place labels on their facets, each as large as fits.
 
-    A label's bounding box, bar included, is centred on a circle in the facet, nearly the largest and
-    nearly in the middle, and fits within that circle less the margin. The longest edge of the facet is at the bottom of the text.
+    A label's bounding box, bar included, is centred on a circle in the facet, nearly the largest
+    and nearly in the middle, and fits within that circle less the margin. The longest edge of the
+    facet is at the bottom of the text.
 
     Parameters
     ----------

@@ -35,21 +35,36 @@ def facet_labels(
     joined = gap <= tolerance
     if not joined.any():
         return np.arange(len(triangles))
-    graph = coo_array(
-        (np.ones(int(joined.sum())), (left[joined], right[joined])), shape=(len(triangles),) * 2
-    )
-    labels = connected_components(graph, directed=False)[1].astype(np.int64)
-    # A chain of small bends is no facet: compare with the plane of each group's largest triangle.
+    while True:
+        graph = coo_array(
+            (np.ones(int(joined.sum())), (left[joined], right[joined])), shape=(len(triangles),) * 2
+        )
+        labels = connected_components(graph, directed=False)[1].astype(np.int64)
+        # A chain of small bends is no facet: compare with the plane of each group's largest
+        # triangle.
+        largest = _largest(labels, area)
+        drift = _distance(points, triangles, normals, largest[labels], np.arange(len(triangles)))
+        for group in np.unique(labels[drift > tolerance]):
+            labels = _grown(
+                points, triangles, neighbors, normals, area, labels, int(group), tolerance
+            )
+        labels = np.unique(labels, return_inverse=True)[1].astype(np.int64)
+        # A sliver among slivers finds no plane in its neighbours, but it does in their groups.
+        largest = _largest(labels, area)
+        base = largest[labels[right]]
+        smaller = (labels[left] != labels[right]) & (area[largest[labels[left]]] < area[base])
+        missed = smaller & (_distance(points, triangles, normals, base, left) <= tolerance)
+        if not missed.any():
+            return labels
+        joined |= missed
+
+
+def _largest(labels: Integers, area: Floats) -> Integers:
+    """The largest triangle of each label."""
     order = np.argsort(area, kind="stable")
     largest = np.empty(int(labels.max()) + 1, dtype=np.int64)
     largest[labels[order]] = order
-    drift = _distance(points, triangles, normals, largest[labels], np.arange(len(triangles)))
-    bent = np.unique(labels[drift > tolerance])
-    for group in bent:
-        labels = _grown(
-            points, triangles, neighbors, normals, area, labels, int(group), tolerance
-        )
-    return np.unique(labels, return_inverse=True)[1].astype(np.int64)
+    return largest
 
 
 def _distance(

@@ -125,9 +125,7 @@ class ConvexHull:
             from scipy.spatial.distance import pdist
 
             return float(pdist(self.vertices).max())
-        return max(
-            float(np.sqrt(((self.vertices - x) ** 2).sum(-1)).max()) for x in self.vertices
-        )
+        return max(float(np.sqrt(((self.vertices - x) ** 2).sum(-1)).max()) for x in self.vertices)
 
 
 def convex_hull(points: ArrayLike, coplanar_tolerance: float | None = None) -> ConvexHull:

@@ -15,16 +15,17 @@ __all__ = ["angle_between", "oblique_projection", "rotation_between", "signed_so
 
 
 def oblique_projection(u: Any, along: Any, normal: Any) -> Any:
-    """Move `u` parallel to `along` until it is perpendicular to `normal`.
+    """Direction of `u` moved parallel to `along` until it is perpendicular to `normal`.
 
     With `along = r_p` and `normal` the edge vector this is the point where a flow line of the cell
     of vertex p crosses the arc of that edge; with `along = normal` it is the orthogonal projection
-    that gives a saddle direction (eq. 7, 8). Only the direction of the result has a meaning.
+    that gives a saddle direction (eq. 7, 8). Free of divisions: the result is scaled by
+    `along . normal`, and where that product goes to zero (a glancing crossing) the direction goes
+    to that of `along`. It is reversed where the product is negative.
 
     u, along, normal: (..., 3), NumPy or torch; returns (..., 3).
     """
-    step = (u * normal).sum(-1) / (along * normal).sum(-1)
-    return u - along * step[..., None]
+    return u * (along * normal).sum(-1)[..., None] - along * (u * normal).sum(-1)[..., None]
 
 
 def signed_solid_angle(n: Any, a: Any, b: Any, xp: ModuleType) -> Any:

@@ -78,6 +78,6 @@ def _ascii_corners(path: Path, text: str) -> NDArray[np.float64]:
 
 def _bad_line(path: Path, number: int, line: str, expected: str) -> MeshFileError:
     return MeshFileError(
-        f"{path}: line {number}: expected {expected}, got {ascii(line.strip()[:40])}; correct the "
+        f"{path}: line {number}: expected {expected}, got {line.strip()[:40]!a}; correct the "
         "line or export the file again"
     )

@@ -93,8 +93,8 @@ class Equilibria:
 
     @cached_property
     def saddle_directions(self) -> Floats:
-        """(h, 3) nearest point of each edge's line to c, relative to c (eq. 7, 8). Only hinge
-        edges have it inside the edge."""
+        """(h, 3) direction from c to the nearest point of each edge's line (eq. 7, 8), not
+        normalised. Only hinge edges have that point inside the edge."""
         v = self.edge_vectors
         return oblique_projection(self.radii[self.hull.tail], v, v)
 
@@ -153,9 +153,7 @@ def classify(hull: ConvexHull, center_of_mass: ArrayLike) -> Equilibria:
     """
     center = np.asarray(center_of_mass, dtype=np.float64)
     if center.shape != (3,) or not np.isfinite(center).all():
-        raise InputError(
-            f"center of mass: expected three finite numbers, got {center_of_mass!r}"
-        )
+        raise InputError(f"center of mass: expected three finite numbers, got {center_of_mass!r}")
     radii = hull.vertices - center
     anchor = radii[hull.tail[hull.facet_start[:-1]]]
     heights = (anchor * hull.normals).sum(-1)

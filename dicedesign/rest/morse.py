@@ -36,8 +36,8 @@ class Separatrices:
     saddles: (s,) one half-edge for each dividing saddle.
     basins: (s, 2) index into `rests` of the basin left and right of the half-edge.
     saddle_ends: (s, 2) tail and head vertex of each saddle's half-edge.
-    crossed: (2 s, depth, 2) vertices p, q of the edges whose arcs a branch crosses, in order. A
-        branch that has arrived repeats its last edge (at first its saddle's), which moves nothing.
+    crossed: (2 s, depth, 2) vertices p, q of the edges whose arcs a branch crosses, in order.
+    lengths: (2 s,) how many edges a branch crosses; what follows them in `crossed` is padding.
     maxima: (2 s,) vertex at which a branch ends.
     """
 
@@ -46,6 +46,7 @@ class Separatrices:
     basins: Integers
     saddle_ends: Integers
     crossed: Integers
+    lengths: Integers
     maxima: Integers
 
 
@@ -68,13 +69,16 @@ def separatrices(equilibria: Equilibria) -> Separatrices:
     basins = np.searchsorted(rests, destined[dividing])
     starts = np.stack([hull.head[saddles], hull.tail[saddles]], axis=1).ravel()
     directions = np.repeat(equilibria.saddle_directions[saddles], 2, axis=0)
-    crossed, maxima = ascend(equilibria, np.repeat(saddles, 2), starts, directions)
+    crossed, lengths, maxima = ascend(equilibria, starts, directions)
+    # A saddle's own edge is padding that no branch can degenerate on.
+    crossed = np.where(crossed < 0, np.repeat(saddles, 2)[:, None], crossed)
     return Separatrices(
         rests,
         saddles,
         basins,
         np.stack([hull.tail[saddles], hull.head[saddles]], axis=1),
         np.stack([hull.tail[crossed], hull.head[crossed]], axis=2),
+        lengths,
         maxima,
     )
 
@@ -84,8 +88,8 @@ def separatrix_points(paths: Separatrices, vertices: Any, center: Any, xp: Modul
 
     paths: the separatrices of a hull.
     vertices: (n, 3) and center: (3,), NumPy or torch.
-    Returns (2 s, depth + 2, 3), the crossings normalised. Segments after a branch has arrived at
-    its last crossing have length zero.
+    Returns (2 s, depth + 2, 3), the crossings normalised. A branch that has crossed its last edge
+    waits there, so that superfluous segments have length zero.
     """
     radii = vertices - center
     tail, head = paths.saddle_ends[:, 0], paths.saddle_ends[:, 1]
@@ -95,8 +99,10 @@ def separatrix_points(paths: Separatrices, vertices: Any, center: Any, xp: Modul
     points = [point]
     for step in range(paths.crossed.shape[1]):
         p, q = paths.crossed[:, step, 0], paths.crossed[:, step, 1]
-        point = oblique_projection(point, radii[p], vertices[q] - vertices[p])
-        point = point / xp.sqrt((point * point).sum(-1))[:, None]
+        moved = oblique_projection(point, radii[p], vertices[q] - vertices[p])
+        moved = moved / xp.sqrt((moved * moved).sum(-1))[:, None]
+        moving = xp.asarray(paths.lengths > step)[:, None]
+        point = xp.where(moving, moved, point)
         points.append(point)
     points.append(radii[paths.maxima])
     return xp.stack(points, 1)

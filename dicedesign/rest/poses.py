@@ -144,9 +144,7 @@ def rest_poses(
     if request is not None and not isinstance(request, str):
         request = np.asarray(request, dtype=np.float64)
     elif isinstance(request, str) and request != "hull":
-        raise InputError(
-            f'center of mass: expected three numbers, "hull" or None, got {request!r}'
-        )
+        raise InputError(f'center of mass: expected three numbers, "hull" or None, got {request!r}')
     center, source, notes = resolve_center_of_mass(body, hull.centroid, request)
     return analyse(hull, center, source, (*body.notes, *notes), hull_seconds)
 

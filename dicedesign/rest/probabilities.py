@@ -33,9 +33,7 @@ def basin_areas(equilibria: Equilibria, paths: Separatrices) -> tuple[Floats, Fl
         return np.array([4.0 * np.pi]), points
     normals = equilibria.hull.normals[paths.rests]
     border = border_areas(paths, points, normals, np)
-    areas = np.bincount(
-        paths.basins.ravel(), weights=border.ravel(), minlength=len(paths.rests)
-    )
+    areas = np.bincount(paths.basins.ravel(), weights=border.ravel(), minlength=len(paths.rests))
     areas = areas + 4.0 * np.pi * wraps(areas)
     gap = abs(float(areas.sum()) - 4.0 * np.pi)
     if gap > CLOSURE_TOLERANCE or (areas <= 0.0).any():

@@ -111,7 +111,7 @@ def _moments(equilibria: Equilibria, down: Floats) -> Iterator[_Moment]:
         while True:
             index = np.array([vertex])
             edge = exit_half_edges(equilibria, index, down[None], ascending=False)
-            down = crossing(equilibria, edge, down[None])[0]
+            down = crossing(equilibria, edge, down[None], ascending=False)[0]
             ends = (vertex, int(hull.head[edge[0]]))
             if equilibria.hinge[edge[0]]:
                 break

@@ -55,39 +55,42 @@ def exit_half_edges(
     return edges[best[np.searchsorted(owner, np.arange(len(vertices)))]]
 
 
-def crossing(equilibria: Equilibria, half_edges: Integers, directions: Floats) -> Floats:
+def crossing(
+    equilibria: Equilibria, half_edges: Integers, directions: Floats, *, ascending: bool
+) -> Floats:
     """Where flow lines cross the arcs of half-edges (k,): unit directions (k, 3)."""
     hull = equilibria.hull
     radii = equilibria.radii[hull.tail[half_edges]]
     point = oblique_projection(directions, radii, equilibria.edge_vectors[half_edges])
-    return point / np.sqrt((point * point).sum(-1))[:, None]
+    length = np.sqrt((point * point).sum(-1))[:, None]
+    return point / (length if ascending else -length)
 
 
 def ascend(
-    equilibria: Equilibria, half_edges: Integers, vertices: Integers, directions: Floats
-) -> tuple[Integers, Integers]:
+    equilibria: Equilibria, vertices: Integers, directions: Floats
+) -> tuple[Integers, Integers, Integers]:
     """Follow flow lines uphill to their maxima.
 
-    half_edges: (k,) edges on whose arcs the lines start; vertices: (k,) cells they start in;
-    directions: (k, 3).
-    Returns the half-edges crossed (k, depth), where a line that has arrived repeats its last one,
-    and the (k,) vertices that are their maxima. A line visits vertices of growing distance from c
-    and so ends by itself.
+    vertices: (k,) cells to start in; directions: (k, 3).
+    Returns the half-edges crossed (k, depth), padded with -1; how many they are (k,); and the
+    vertices (k,) that are the lines' maxima. A line visits vertices of growing distance from c and
+    so ends by itself.
     """
-    vertices, directions, crossed = vertices.copy(), directions.copy(), half_edges.copy()
-    steps: list[Integers] = []
+    vertices, directions = vertices.copy(), directions.copy()
+    lengths = np.zeros(len(vertices), dtype=np.int64)
+    steps = []
     active = np.flatnonzero(~equilibria.maximum[vertices])
     while len(active):
-        edges = exit_half_edges(
-            equilibria, vertices[active], directions[active], ascending=True
-        )
-        directions[active] = crossing(equilibria, edges, directions[active])
+        edges = exit_half_edges(equilibria, vertices[active], directions[active], ascending=True)
+        directions[active] = crossing(equilibria, edges, directions[active], ascending=True)
         vertices[active] = equilibria.hull.head[edges]
+        crossed = np.full(len(vertices), -1, dtype=np.int64)
         crossed[active] = edges
-        steps.append(crossed.copy())
+        steps.append(crossed)
+        lengths[active] += 1
         active = active[~equilibria.maximum[vertices[active]]]
     depthless = np.empty((len(vertices), 0), dtype=np.int64)
-    return (np.stack(steps, axis=1) if steps else depthless), vertices
+    return (np.stack(steps, axis=1) if steps else depthless), lengths, vertices
 
 
 def hinge_facets(equilibria: Equilibria, half_edges: Integers, directions: Floats) -> Integers:
@@ -111,10 +114,8 @@ def descend(equilibria: Equilibria, vertices: Integers, directions: Floats) -> I
     facets = np.empty(len(vertices), dtype=np.int64)
     active = np.arange(len(vertices))
     while len(active):
-        edges = exit_half_edges(
-            equilibria, vertices[active], directions[active], ascending=False
-        )
-        directions[active] = crossing(equilibria, edges, directions[active])
+        edges = exit_half_edges(equilibria, vertices[active], directions[active], ascending=False)
+        directions[active] = crossing(equilibria, edges, directions[active], ascending=False)
         vertices[active] = equilibria.hull.head[edges]
         arrived = equilibria.hinge[edges]
         done = active[arrived]

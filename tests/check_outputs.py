@@ -1,0 +1,81 @@
+"""Check a results folder with tools that share nothing with what wrote it: trimesh reads the STL
+files, and directions sampled at random and rolled one by one stand in for the areas of basins.
+
+Usage: python tests/check_outputs.py FOLDER
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def rolled_frequencies(corners: np.ndarray, center: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Share of sampled directions that end nearest to each of the normals (r, 3), following
+    U(d) = max r_j . d downhill in small steps."""
+    radii = corners - center
+    directions = np.random.default_rng(0).normal(size=(4000, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    step = 0.02
+    for _ in range(600):
+        lowest = radii[np.argmax(directions @ radii.T, axis=1)]
+        slope = lowest - (lowest * directions).sum(1)[:, None] * directions
+        length = np.maximum(np.linalg.norm(slope, axis=1), 1e-12)[:, None]
+        directions = directions - step * slope / length
+        directions /= np.linalg.norm(directions, axis=1)[:, None]
+        step = max(0.995 * step, 1e-3)
+    nearest = np.argmax(directions @ normals.T, axis=1)
+    return np.bincount(nearest, minlength=len(normals)) / len(directions)
+
+
+def check(folder: Path) -> dict[str, object]:
+    """Raise AssertionError at the first thing wrong; return result.json."""
+    result = json.loads((folder / "result.json").read_text())
+    for name in result["files"].values():
+        assert (folder / name).stat().st_size > 0, name
+        if name.endswith(".png"):
+            assert (folder / name).read_bytes().startswith(PNG), name
+    leftovers = {p.name for p in folder.iterdir()} - set(result["files"].values())
+    assert not leftovers, leftovers
+
+    plain = trimesh.load_mesh(folder / "die_plain.stl")
+    assert plain.is_watertight
+    assert plain.is_winding_consistent
+    assert plain.volume > 0
+    if "die" in result["files"]:
+        die = trimesh.load_mesh(folder / "die.stl")
+        assert die.is_watertight
+        assert die.is_winding_consistent
+        assert len(die.split()) == 1
+        assert 0.8 * plain.volume < die.volume < plain.volume
+        assert np.allclose(die.convex_hull.volume, plain.volume, rtol=1e-5)
+    span = np.linalg.norm(plain.vertices[:, None] - plain.vertices[None], axis=2).max()
+    assert abs(span - 30.0) < 1e-3 or "size_mm: 30" not in (folder / "recipe.yaml").read_text()
+
+    labels, odds = result["labels"], np.array(result["probabilities"])
+    target = np.array(result["target"])
+    assert abs(odds - target).max() == result["max_abs_error"]
+    assert abs(sum(f["probability"] for f in result["facets"]) - 1.0) < 1e-12
+    normals = np.array([facet["normal"] for facet in result["facets"]])
+    frequencies = rolled_frequencies(plain.vertices, plain.center_mass, normals)
+    for facet, frequency in zip(result["facets"], frequencies, strict=True):
+        spread = 5.0 * np.sqrt(facet["probability"] * (1 - facet["probability"]) / 4000) + 0.005
+        assert abs(frequency - facet["probability"]) < spread, (facet, frequency)
+    if result["status"] == "converged":
+        assert sorted(f["label"] for f in result["facets"] if f["label"]) == sorted(labels)
+    page = (folder / "report.html").read_text()
+    assert "http" not in page.replace("http-equiv", "")
+    return result
+
+
+if __name__ == "__main__":
+    summary = check(Path(sys.argv[1]))
+    print(
+        f"{sys.argv[1]}: {summary['status']}, max |p - q| {summary['max_abs_error']:.2e}, all good"
+    )

@@ -1,0 +1,142 @@
+"""A recipe run end to end, checked by other tools."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from check_outputs import check
+
+from dicedesign.errors import EngravingError, OutputError
+from dicedesign.pipeline import run_recipe
+from dicedesign.recipe import read_recipe
+
+QUICK = ["method.descent.stopping.seconds=300", "method.descent.stopping.steps=5000"]
+
+
+def test_a_recipe_becomes_a_checked_die(repository: Path, tmp_path: Path) -> None:
+    recipe = read_recipe(repository / "recipes" / "2d6_hendecahedron.yaml", QUICK)
+    stages: list[str] = []
+    steps: list[int] = []
+    result = run_recipe(
+        recipe,
+        tmp_path / "new" / "die",
+        on_stage=stages.append,
+        on_step=lambda s: steps.append(s.step),
+    )
+    assert result.converged
+    summary = check(result.folder)
+    assert summary == json.loads(json.dumps(result.summary))
+    assert steps == list(range(len(steps)))
+    assert [stage["name"] for stage in result.summary["stages"]] == stages[:-1]
+    assert stages == ["start", "design", "check", "export", "engrave", "figures", "report"]
+    first, last = result.summary["history"][0], result.summary["history"][-1]
+    assert first["seconds"] < last["seconds"]
+    assert first["max_abs_error"] > last["max_abs_error"]
+    assert len(result.summary["facets"]) == 11
+    assert result.summary["engraved_max_abs_error"] < 0.01
+
+
+def test_the_same_seed_gives_the_same_bytes(repository: Path, tmp_path: Path) -> None:
+    recipe = read_recipe(repository / "recipes" / "fair_d3.yaml", QUICK)
+    folders = [tmp_path / "a", tmp_path / "b"]
+    results = [run_recipe(recipe, folder) for folder in folders]
+    for name in (
+        "die.stl",
+        "die_plain.stl",
+        "gauss_map.png",
+        "views.png",
+        "labels.png",
+        "bars.png",
+    ):
+        assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes(), name
+    for result in results:
+        del result.summary["stages"]
+        for step in result.summary["history"]:
+            del step["seconds"]
+    assert results[0].summary == results[1].summary
+    assert results[0].summary["max_abs_error"] <= 1e-6
+
+
+def test_what_is_not_asked_for_is_not_done(repository: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "plain"
+    folder.mkdir()
+    (folder / "die.stl").write_bytes(b"of an earlier run")
+    recipe = read_recipe(
+        repository / "recipes" / "2d6_hendecahedron.yaml",
+        ["engrave=false", "method.descent.stopping.steps=3"],
+    )
+    result = run_recipe(recipe, folder)
+    assert result.status == "step_limit"
+    assert not result.converged
+    assert not (folder / "die.stl").exists()
+    assert "engraved_probabilities" not in result.summary
+    assert "engrave" not in [stage["name"] for stage in result.summary["stages"]]
+    check(folder)
+
+
+def test_a_fixed_center_of_mass_stays(repository: Path, tmp_path: Path) -> None:
+    recipe = read_recipe(
+        repository / "recipes" / "2d6_hendecahedron.yaml",
+        ["center_of_mass=[0.05, 0.0, 0.02]", "engrave=false", "method.descent.stopping.steps=2"],
+    )
+    result = run_recipe(recipe, tmp_path)
+    assert np.allclose(result.summary["center_of_mass"], 0.0)
+
+
+def test_a_label_that_does_not_fit_leaves_old_results_alone(
+    repository: Path, tmp_path: Path
+) -> None:
+    path = repository / "recipes" / "2d6_hendecahedron.yaml"
+    (tmp_path / "die.stl").write_bytes(b"of an earlier run")
+    with pytest.raises(EngravingError, match=r"facet \d+.*Use size_mm = "):
+        run_recipe(read_recipe(path, [*QUICK, "size_mm=5"]), tmp_path)
+    assert (tmp_path / "die.stl").read_bytes() == b"of an earlier run"
+    assert [p.name for p in tmp_path.iterdir()] == ["die.stl"]
+
+
+def test_an_interrupted_run_leaves_nothing_half_written(
+    repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dicedesign import pipeline
+
+    written: list[str] = []
+    real = pipeline.atomic_write
+
+    def interrupted(path: Path, data: bytes) -> None:
+        if len(written) == 2:
+            raise KeyboardInterrupt
+        written.append(path.name)
+        real(path, data)
+
+    monkeypatch.setattr(pipeline, "atomic_write", interrupted)
+    recipe = read_recipe(
+        repository / "recipes" / "2d6_hendecahedron.yaml", ["method.descent.stopping.steps=1"]
+    )
+    (tmp_path / "result.json").write_text("{}")
+    with pytest.raises(KeyboardInterrupt):
+        run_recipe(recipe, tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(written)
+
+
+def test_a_folder_that_cannot_be_made(repository: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    recipe = read_recipe(repository / "recipes" / "fair_d3.yaml")
+    with pytest.raises(OutputError, match=r"folder that can be written.*--out"):
+        run_recipe(recipe, tmp_path / "file" / "die")
+
+
+def test_a_mesh_as_start(repository: Path, tmp_path: Path) -> None:
+    recipe_path = tmp_path / "mesh.yaml"
+    corners = np.random.default_rng(3).normal(size=(14, 3))
+    text = "\n".join("v " + " ".join(map(str, x)) for x in corners)
+    (tmp_path / "stone.obj").write_text(text)
+    recipe_path.write_text(
+        "name: stone\ntarget: {fair: 4}\nstart: {mesh: {path: stone.obj}}\n"
+        "method: {descent: {stopping: {steps: 5}}}\nengrave: false\n"
+    )
+    result = run_recipe(read_recipe(recipe_path), tmp_path / "out")
+    errors = [step["max_abs_error"] for step in result.summary["history"]]
+    assert errors[-1] < errors[0]

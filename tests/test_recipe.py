@@ -1,0 +1,164 @@
+"""Recipes: what is accepted, and what is said of the rest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from dicedesign.errors import RecipeError
+from dicedesign.recipe import read_recipe
+
+GOOD = {
+    "name": "test",
+    "target": {"sum_of_dice": [6, 6]},
+    "start": {"hendecahedron": "circus"},
+}
+
+
+def read(tmp_path: Path, entries: dict[str, object], changes: tuple[str, ...] = ()) -> object:
+    path = tmp_path / "test.yaml"
+    path.write_text(yaml.safe_dump(entries))
+    return read_recipe(path, changes)
+
+
+def test_shipped_recipes_are_read(repository: Path) -> None:
+    recipes = sorted((repository / "recipes").glob("*.yaml"))
+    assert len(recipes) >= 9
+    for path in recipes:
+        assert read_recipe(path).name == path.stem
+
+
+def test_paper_weights_are_those_of_the_figures(repository: Path) -> None:
+    """Captions of figures 13 and 14: (coplanar, barycenter, neighbor)."""
+    expected = {
+        "binomial_2": (0.1, 2, 0),
+        "binomial_3": (0.1, 2, 0.03),
+        "binomial_4": (0.1, 2, 0.1),
+        "binomial_5": (0.1, 2, 0.1),
+        "binomial_6": (0.2, 2, 0.2),
+        "2d6_hendecahedron": (1, 0.1, 1),
+        "2d6_hendecahedron_swapped": (0.8, 0.01, 0.8),
+        "2d6_circus": (0.2, 2, 0.2),
+    }
+    for name, weights in expected.items():
+        given = read_recipe(repository / "recipes" / f"{name}.yaml").method.descent.weights
+        assert (given.coplanar, given.barycenter, given.neighbor) == weights
+
+
+def test_a_resolved_recipe_reads_as_itself(repository: Path, tmp_path: Path) -> None:
+    for path in (repository / "recipes").glob("*.yaml"):
+        recipe = read_recipe(path)
+        again = read(tmp_path, recipe.resolved())
+        assert again == recipe
+
+
+def test_fractions_labels_and_exponents(tmp_path: Path) -> None:
+    path = tmp_path / "r.yaml"
+    path.write_text(
+        "name: r\ntarget: {probabilities: [1/2, 1/3, 1 / 6], labels: [1, b, '03']}\n"
+        "start: {prism: {sides: 3}}\nassignment: [b, 1, '03']\n"
+        "method: {descent: {stopping: {tolerance: 1e-5}}}\ncenter_of_mass: [0, 0, 1e-2]\n"
+    )
+    recipe = read_recipe(path, ["method.descent.sobolev=null", "size_mm=25"])
+    target = recipe.target.target()
+    assert target.labels == ("1", "b", "03")
+    assert target.probabilities.tolist() == pytest.approx([1 / 2, 1 / 3, 1 / 6], abs=1e-16)
+    assert recipe.outcome_of_direction() == [1, 0, 2]
+    assert recipe.method.descent.stopping.tolerance == 1e-5
+    assert recipe.center_of_mass == (0.0, 0.0, 0.01)
+    assert recipe.size_mm == 25.0
+
+
+BAD = [
+    ({"nmae": "x"}, r"nmae: unknown key; did you mean 'name'\?"),
+    (
+        {"method": {"descent": {"weights": {"coplaner": 1}}}},
+        "weights.coplaner: unknown key.*coplanar",
+    ),
+    ({"method": {"descent": {"zzzz": 1}}}, "method.descent.zzzz: unknown key; remove it"),
+    ({"name": None}, "name: "),
+    ({"name": "../x"}, "name: "),
+    ({"size_mm": "large"}, "size_mm: .*number.*'large'"),
+    ({"size_mm": -3}, "size_mm: .*greater than 0.*-3"),
+    ({"size_mm": True}, "size_mm: .*got True"),
+    ({"seed": 1.5}, "seed: .*integer.*1.5"),
+    ({"target": {}}, "target: expected exactly one of binomial.*got none"),
+    ({"target": {"fair": 3, "binomial": 2}}, "exactly one of.*got binomial and fair"),
+    ({"target": {"binomial": 0}}, "target: binomial: expected a whole number of at least 1, got 0"),
+    (
+        {"target": {"probabilities": [0.5, 0.4]}},
+        "target: probabilities: expected a sum of 1, got 0.9",
+    ),
+    (
+        {"target": {"probabilities": ["1/2", "x"]}},
+        r"probabilities.1: expected a number or a fraction",
+    ),
+    ({"target": {"probabilities": ["1/0", 1]}}, "fraction such as 1/36, got '1/0'"),
+    ({"target": {"probabilities": [1.5, -0.5]}}, "expected numbers between 0 and 1, got 1.5"),
+    (
+        {"target": {"fair": 3, "labels": ["a", "b"]}},
+        "labels: expected 3, one for each outcome, got 2",
+    ),
+    ({"target": {"fair": 2, "labels": ["a", "a"]}}, "expected distinct labels, got 'a'"),
+    ({"assignment": [2, 3]}, "assignment: expected each of the labels 2, 3, .* once, got 2, 3"),
+    ({"start": {"hendecahedron": "cube"}}, "start.hendecahedron: .*bisymmetric.*cube"),
+    ({"start": {}}, "start: expected exactly one of prism"),
+    (
+        {"method": {"descent": {"stopping": {"tolerance": 2}}}},
+        r"tolerance: expected a number in \(0, 1\), got 2",
+    ),
+    ({"method": {"descent": {"weights": {"barycenter": -1}}}}, "weights.barycenter: expected.*-1"),
+    ({"method": {"descent": {"sobolev": {}}}}, 'sobolev: expected coordinates "vertices"'),
+    ({"engrave": {"depth_mm": -1}}, "depth_mm.*-1"),
+    ({"engrave": "deep"}, "engrave: .*deep"),
+    ({"center_of_mass": [1, 2]}, "center_of_mass"),
+    ({"center_of_mass": "heavy"}, "center_of_mass: .*heavy"),
+]
+
+
+@pytest.mark.parametrize(("entries", "message"), BAD, ids=[m[:30] for _, m in BAD])
+def test_bad_recipes_are_explained(
+    tmp_path: Path, entries: dict[str, object], message: str
+) -> None:
+    with pytest.raises(RecipeError, match=message) as caught:
+        read(tmp_path, {**GOOD, **entries})
+    assert str(caught.value).startswith(str(tmp_path / "test.yaml"))
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_key(tmp_path: Path) -> None:
+    with pytest.raises(RecipeError, match="target: expected this key, but it is missing"):
+        read(tmp_path, {"name": "x", "start": {"prism": {}}})
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "expected keys and values"),
+        (b"- a\n- b\n", "expected keys and values"),
+        (b"name: [", "expected YAML, but"),
+        (b"name: a\nname: b\n", "'name' appears twice, the second time in line 2"),
+        (b"\xff\xfe\x00", "expected"),
+    ],
+)
+def test_files_that_are_no_recipes(tmp_path: Path, content: bytes, message: str) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_bytes(content)
+    with pytest.raises(RecipeError, match=message):
+        read_recipe(path)
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(
+        RecipeError, match=r"none.yaml: expected a readable recipe file, but No such"
+    ):
+        read_recipe(tmp_path / "none.yaml")
+
+
+def test_bad_changes(tmp_path: Path) -> None:
+    with pytest.raises(RecipeError, match="--set size_mm: expected key=value"):
+        read(tmp_path, GOOD, ("size_mm",))
+    with pytest.raises(RecipeError, match="--set size_mm: expected YAML"):
+        read(tmp_path, GOOD, ("size_mm=[",))
