@@ -1,4 +1,4 @@
-"""How labels are sized and cut. Apart from the cutting, so that reading a recipe loads no solids."""
+"""How labels are sized and cut; apart from the cutting, so that a recipe loads no solids."""
 
 from __future__ import annotations
 

@@ -166,13 +166,13 @@ def convex_hull(points: ArrayLike, coplanar_tolerance: float | None = None) -> C
     scale = float(np.abs(local).max())
     if scale == 0.0:
         raise DegenerateBodyError("points: expected points that span a solid, got one repeated")
-    try:
-        qhull = QhullHull(local / scale)
-    except QhullError as error:
-        raise _flat_error(local) from error
     magnitude = max(float(np.abs(lower).max()), float(np.abs(upper).max()))
     rounding = 4.0 * np.finfo(np.float64).eps * magnitude / scale
     tolerance = coplanar_tolerance + (rounding if coplanar_tolerance > 0.0 else 0.0)
+    try:
+        qhull = _qhull(local / scale)
+    except QhullError as error:
+        raise _flat_error(local) from error
     triangles, neighbors = _oriented(qhull, local / scale)
     for factor in (1.0, 10.0, 100.0, 1000.0):
         labels = facet_labels(local / scale, triangles, neighbors, factor * tolerance)
@@ -190,6 +190,15 @@ def _flat_error(local: Floats) -> DegenerateBodyError:
         f"points: expected points that span a solid, got {len(local)} points {where}; "
         "a body needs thickness in all three directions"
     )
+
+
+def _qhull(points: Floats) -> QhullHull:
+    """Hull triangles by Qhull. Where clusters of points make it give up on a facet that became
+    wider than rounding explains, it is asked to go on: flat triangles are merged here anyway."""
+    try:
+        return QhullHull(points)
+    except QhullError:
+        return QhullHull(points, qhull_options="Qt Q12 Pp")
 
 
 def _oriented(qhull: QhullHull, points: Floats) -> tuple[Integers, Integers]:

@@ -12,13 +12,14 @@ torch.set_num_threads(1)
 
 
 @pytest.fixture
-def random_points() -> Callable[[int, int], np.ndarray]:
-    """Points (n, 3) near a stretched sphere: most of them are corners of their hull."""
+def random_points() -> Callable[..., np.ndarray]:
+    """Points (n, 3) near an ellipsoid: most of them are corners of their hull. A round one has
+    many rests, a long one has few and paths that cross up to four edges."""
 
-    def make(seed: int, count: int) -> np.ndarray:
+    def make(seed: int, count: int, stretch: tuple[float, ...] = (1.0, 0.5, 2.0)) -> np.ndarray:
         rng = np.random.default_rng(seed)
         points = rng.normal(size=(count, 3))
         points /= np.linalg.norm(points, axis=1)[:, None]
-        return points * rng.uniform(0.8, 1.2, size=(count, 1)) * [1.0, 0.9, 1.15]
+        return points * rng.uniform(0.8, 1.2, size=(count, 1)) * stretch
 
     return make

@@ -47,7 +47,7 @@ def structure(rests: RestEvaluation) -> tuple[object, ...]:
     for branch in range(len(paths.maxima)):
         ends = paths.saddle_ends[branch // 2]
         start = name[ends[1 - branch % 2]]
-        crossed = tuple(map(tuple, name[paths.crossed[branch]].tolist()))
+        crossed = tuple(map(tuple, name[paths.crossed[branch, : paths.lengths[branch]]].tolist()))
         sides = frozenset(stable[basin] for basin in paths.basins[branch // 2])
         branches.add((int(start), crossed, int(name[paths.maxima[branch]]), sides))
     return frozenset(facets), frozenset(stable), frozenset(branches)

@@ -1,0 +1,70 @@
+"""Corners of intersections of half-spaces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import HalfspaceIntersection
+
+from dicedesign.errors import DegenerateBodyError
+from dicedesign.geometry.halfspaces import polyhedron_corners
+from dicedesign.geometry.hull import convex_hull
+
+AXES = np.concatenate([np.eye(3), -np.eye(3)])
+DIAGONALS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / np.sqrt(3)
+
+
+def sorted_rows(points: np.ndarray) -> np.ndarray:
+    return points[np.lexsort(np.round(points, 9).T)]
+
+
+def test_a_box_has_eight_corners() -> None:
+    corners = polyhedron_corners(AXES, [1, 2, 3, 4, 5, 6])
+    expected = [[x, y, z] for x in (-4, 1) for y in (-5, 2) for z in (-6, 3)]
+    np.testing.assert_allclose(sorted_rows(corners), sorted_rows(np.array(expected)), atol=1e-13)
+
+
+def test_an_octahedron_has_six_corners_where_four_planes_meet() -> None:
+    corners = polyhedron_corners(DIAGONALS, np.full(8, 1 / np.sqrt(3)))
+    np.testing.assert_allclose(sorted_rows(corners), sorted_rows(AXES), atol=1e-14)
+
+
+def test_normals_need_not_be_unit_and_planes_may_be_idle() -> None:
+    normals = np.concatenate([AXES * np.arange(1.0, 7.0)[:, None], DIAGONALS])
+    corners = polyhedron_corners(normals, np.concatenate([np.arange(1.0, 7.0), np.full(8, 9.0)]))
+    assert sorted_rows(corners) == pytest.approx(sorted_rows(DIAGONALS * np.sqrt(3)), abs=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_random_corners_satisfy_their_planes(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    normals = np.concatenate([AXES, rng.normal(size=(20, 3))])
+    offsets = rng.uniform(0.5, 2.0, size=len(normals))
+    corners = polyhedron_corners(normals, offsets)
+    excess = corners @ normals.T - offsets
+    assert excess.max() < 1e-13
+    assert (np.sum(np.abs(excess) < 1e-12, axis=1) == 3).all()
+    other = HalfspaceIntersection(np.column_stack([normals, -offsets]), np.zeros(3)).intersections
+    assert convex_hull(corners).volume == pytest.approx(convex_hull(other).volume, rel=1e-13)
+    assert len(corners) == len(convex_hull(other).vertices)
+
+
+@pytest.mark.parametrize(
+    ("normals", "offsets"),
+    [
+        (AXES[:5], np.ones(5)),
+        (np.abs(DIAGONALS) + AXES[:3].repeat(3, axis=0)[:8], np.ones(8)),
+        (AXES, [1, 1, 1, 1, 1, -0.5]),
+    ],
+)
+def test_unbounded_or_empty_intersections_are_refused(
+    normals: np.ndarray, offsets: np.ndarray
+) -> None:
+    with pytest.raises(DegenerateBodyError):
+        polyhedron_corners(normals, offsets)
+
+
+def test_the_error_says_what_to_do() -> None:
+    tilted = AXES + [0.0, 0.0, 1.5]
+    with pytest.raises(DegenerateBodyError, match="spread the normals over the whole sphere"):
+        polyhedron_corners(tilted, np.ones(6))

@@ -1,0 +1,208 @@
+"""Hulls with polygonal facets: counts, half-edges, measures, tolerances and errors."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import ConvexHull as QhullHull
+from scipy.spatial.transform import Rotation
+
+from dicedesign.errors import DegenerateBodyError
+from dicedesign.geometry.hull import ConvexHull, convex_hull
+
+CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
+GOLDEN = (1 + np.sqrt(5)) / 2
+DODECAHEDRON = np.concatenate(
+    [CUBE]
+    + [
+        np.roll([[0, s / GOLDEN, t * GOLDEN] for s in (-1, 1) for t in (-1, 1)], k, axis=1)
+        for k in range(3)
+    ]
+)
+
+
+def turned(points: np.ndarray, seed: int) -> np.ndarray:
+    return points @ Rotation.random(random_state=seed).as_matrix().T
+
+
+def prism(n: int, height: float = 1.0) -> np.ndarray:
+    angles = 2 * np.pi * np.arange(n) / n
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    return np.concatenate([np.column_stack([ring, np.full(n, z)]) for z in (0.0, height)])
+
+
+def sizes(hull: ConvexHull) -> list[int]:
+    return sorted(np.diff(hull.facet_start).tolist())
+
+
+def subdivided(corners: np.ndarray, rng: np.random.Generator, noise: float) -> np.ndarray:
+    """Corners with points on every facet and edge, off by `noise`."""
+    hull = convex_hull(corners)
+    parts = [corners]
+    for facet in range(len(hull.normals)):
+        polygon = hull.polygon(facet)
+        parts.append(rng.dirichlet(np.full(len(polygon), 0.5), size=4) @ polygon)
+    for edge in np.flatnonzero(hull.twin > np.arange(len(hull.twin))):
+        t = rng.uniform(0.01, 0.99, size=(4, 1))
+        ends = hull.vertices[hull.tail[edge]], hull.vertices[hull.head[edge]]
+        parts.append((1 - t) * ends[0] + t * ends[1])
+    points = np.concatenate(parts)
+    return points + noise * rng.normal(size=points.shape)
+
+
+def assert_sound(hull: ConvexHull, points: np.ndarray) -> None:
+    """Half-edge invariants, orientation, and all points on the inner side of every facet."""
+    half_edges = np.arange(len(hull.tail))
+    np.testing.assert_array_equal(hull.twin[hull.twin], half_edges)
+    assert (hull.twin != half_edges).all()
+    np.testing.assert_array_equal(hull.next[hull.previous], half_edges)
+    np.testing.assert_array_equal(hull.facet[hull.next], hull.facet)
+    assert (hull.facet[hull.twin] != hull.facet).all()
+    np.testing.assert_array_equal(hull.tail[hull.twin], hull.head)
+    np.testing.assert_array_equal(hull.tail[hull.next], hull.head)
+    start, order = hull.outgoing
+    np.testing.assert_array_equal(
+        hull.tail[order], np.repeat(np.arange(len(hull.vertices)), np.diff(start))
+    )
+    assert len(hull.vertices) - len(hull.tail) // 2 + len(hull.normals) == 2
+    np.testing.assert_array_equal(hull.vertices, points[hull.source])
+    scale = np.ptp(points, axis=0).max()
+    first = hull.vertices[hull.tail[hull.facet_start[:-1]]]
+    heights = points @ hull.normals.T - (first * hull.normals).sum(-1)
+    assert heights.max() < 1e-10 * scale
+    edges = hull.vertices[hull.head] - hull.vertices[hull.tail]
+    turns = np.cross(edges, edges[hull.next])
+    assert ((turns * hull.normals[hull.facet]).sum(-1) > 0).all()
+    middle = hull.vertices.mean(axis=0)
+    assert (((first - middle) * hull.normals).sum(-1) > 0).all()
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("count", [4, 12, 200])
+def test_random_hulls_agree_with_scipy_and_trimesh(seed: int, count: int) -> None:
+    points = np.random.default_rng(seed).normal(size=(count, 3)) * [1.0, 2.0, 0.3]
+    hull = convex_hull(points)
+    qhull = QhullHull(points)
+    assert_sound(hull, points)
+    np.testing.assert_array_equal(np.sort(hull.source), np.sort(qhull.vertices))
+    assert hull.volume == pytest.approx(qhull.volume, rel=1e-12)
+    assert hull.areas.sum() == pytest.approx(qhull.area, rel=1e-12)
+    mesh = trimesh.Trimesh(hull.vertices, hull.triangles, process=False)
+    assert mesh.is_watertight
+    np.testing.assert_allclose(hull.centroid, mesh.center_mass, rtol=0, atol=1e-12)
+    assert hull.diameter() == pytest.approx(
+        max(np.linalg.norm(p - q) for p in hull.vertices for q in hull.vertices)
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_cubes_and_dodecahedra_have_flat_facets(seed: int) -> None:
+    for points, expected in ((CUBE, [4] * 6), (DODECAHEDRON, [5] * 12)):
+        moved = turned(points, seed) + [1.0, 2.0, 3.0]
+        hull = convex_hull(moved)
+        assert sizes(hull) == expected
+        assert_sound(hull, moved)
+        assert hull.areas.sum() == pytest.approx(QhullHull(moved).area, rel=1e-12)
+        assert hull.volume == pytest.approx(QhullHull(moved).volume, rel=1e-12)
+
+
+@pytest.mark.parametrize("n", range(3, 21))
+def test_prisms_have_two_polygons_and_n_quads(n: int) -> None:
+    for seed in range(3):
+        points = turned(prism(n), seed)
+        hull = convex_hull(points)
+        assert sizes(hull) == sorted([n, n] + [4] * n)
+        assert_sound(hull, points)
+
+
+def test_points_that_are_no_corners_are_left_out() -> None:
+    rng = np.random.default_rng(2)
+    grid = np.array(list(product([-1.0, -0.5, 0.0, 0.5, 1.0], repeat=3)))
+    points = np.concatenate([grid, grid, rng.uniform(-1, 1, size=(50, 3))])
+    for seed in range(3):
+        hull = convex_hull(turned(points, seed))
+        assert sizes(hull) == [4] * 6
+        assert len(hull.vertices) == 8
+        assert_sound(hull, turned(points, seed))
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("noise", [0.0, 1e-15, 1e-14])
+def test_slivers_along_edges_are_no_facets(seed: int, noise: float) -> None:
+    rng = np.random.default_rng(seed)
+    box = CUBE * 10.0 ** rng.uniform(-1.5, 0.0, size=3)
+    for corners, facets in ((box, 6), (prism(7, 0.3), 9), (DODECAHEDRON, 12)):
+        points = turned(subdivided(corners, rng, noise), seed)
+        hull = convex_hull(points)
+        assert len(hull.normals) == facets
+        assert len(hull.vertices) == len(corners)
+        assert_sound(hull, points)
+
+
+def test_clusters_on_which_qhull_gives_up_are_still_hulls() -> None:
+    """Points at all scales along edges: scipy raises QhullError on some of these."""
+    rng = np.random.default_rng(0)
+    for seed in range(60):
+        t = 10.0 ** rng.uniform(-16, 0, size=(300, 1))
+        ends = CUBE[rng.integers(8, size=300)]
+        others = ends * np.where(np.arange(3) == rng.integers(3, size=(300, 1)), -1.0, 1.0)
+        points = np.concatenate([CUBE, (1 - t) * ends + t * others])
+        points = turned(points + 1e-14 * rng.normal(size=points.shape), seed)
+        assert len(convex_hull(points).normals) == 6
+
+
+def test_the_tolerance_tells_a_bend_from_rounding() -> None:
+    for lift, facets in ((1e-4, 9), (1e-9, 9), (1e-13, 6), (0.0, 6)):
+        points = CUBE.copy()
+        points[7] *= 1.0 + lift
+        assert len(convex_hull(points).normals) == facets
+    points[7] *= 1.0 + 1e-7
+    assert len(convex_hull(points).normals) == 9
+    assert len(convex_hull(points.astype(np.float32)).normals) == 6
+    assert len(convex_hull(points, coplanar_tolerance=1e-6).normals) == 6
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_single_precision_is_wide_enough_for_rounded_corners(seed: int) -> None:
+    for points, facets in ((CUBE, 6), (DODECAHEDRON, 12), (prism(20, 5.0), 22)):
+        assert len(convex_hull(turned(points, seed).astype(np.float32)).normals) == facets
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_scale_does_not_matter(scale: float) -> None:
+    points = turned(DODECAHEDRON, 3)
+    hull = convex_hull(points * scale)
+    assert sizes(hull) == [5] * 12
+    assert hull.volume == pytest.approx(convex_hull(points).volume * scale**3, rel=1e-12)
+    np.testing.assert_allclose(hull.normals, convex_hull(points).normals, rtol=0, atol=1e-14)
+
+
+def test_far_away_a_cube_is_still_a_cube() -> None:
+    for seed in range(10):
+        points = turned(CUBE, seed) + [1e7, -2e7, 3e7]
+        hull = convex_hull(points)
+        assert sizes(hull) == [4] * 6
+        np.testing.assert_allclose(hull.centroid, [1e7, -2e7, 3e7], rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (CUBE[:3], "expected at least 4 that span a solid, got 3"),
+        (np.empty((0, 3)), "expected at least 4 that span a solid, got 0"),
+        (CUBE[:, :2], r"expected an array of shape \(n, 3\), got shape \(8, 2\); pass one row"),
+        (np.repeat(CUBE[:1], 5, axis=0), "expected points that span a solid, got one repeated"),
+        (CUBE * [1, 1, 0], "got 8 points on one plane; a body needs thickness in all three"),
+        (turned(CUBE * [1, 1, 0], 1), "got 8 points on one plane"),
+        (CUBE * [1, 0, 0], "got 8 points on one line"),
+        (np.linspace(0, 1, 9)[:, None] * [1.0, 2.0, 3.0], "got 9 points on one line"),
+        (np.where(CUBE == CUBE[7], CUBE, np.nan), r"got \[nan, nan, nan\] in row 0; remove or"),
+        (CUBE * [np.inf, 1, 1], r"expected finite coordinates, got \[-inf, -1.0, -1.0\] in row 0"),
+    ],
+)
+def test_points_that_span_no_solid_are_refused(points: np.ndarray, message: str) -> None:
+    with pytest.raises(DegenerateBodyError, match=message):
+        convex_hull(points)

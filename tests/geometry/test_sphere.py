@@ -1,0 +1,83 @@
+"""Solid angles, angles and rotations against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dicedesign.geometry.sphere import (
+    angle_between,
+    oblique_projection,
+    rotation_between,
+    signed_solid_angle,
+)
+
+
+def test_an_octant_is_half_pi() -> None:
+    x, y, z = np.diag([1.0, 20.0, 0.3])
+    assert signed_solid_angle(x, y, z, np) == pytest.approx(np.pi / 2, rel=1e-15)
+    assert signed_solid_angle(z, y, x, np) == pytest.approx(-np.pi / 2, rel=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_facets_of_a_tetrahedron_cover_the_sphere(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    corners = rng.normal(size=(4, 3))
+    corners -= rng.dirichlet(np.ones(4)) @ corners
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    a, b, c = corners[faces].transpose(1, 0, 2)
+    angles = signed_solid_angle(a, b, c, np)
+    assert abs(angles.sum()) == pytest.approx(4 * np.pi, rel=1e-14)
+    np.testing.assert_allclose(signed_solid_angle(b, c, a, np), angles, rtol=1e-12)
+    np.testing.assert_allclose(signed_solid_angle(b, a, c, np), -angles, rtol=1e-12)
+
+
+def test_a_thin_triangle_keeps_its_digits() -> None:
+    width = 1e-9
+    angle = signed_solid_angle(
+        np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), np.array([1.0, width, 0.0]), np
+    )
+    assert angle == pytest.approx(width, rel=1e-14)  # a lune of a quarter turn
+
+
+@pytest.mark.parametrize("angle", [1e-12, 1e-8, 1e-3, 1.0, 3.0, np.pi - 1e-3, np.pi - 1e-9])
+def test_angles_are_exact(angle: float) -> None:
+    a = np.array([2.0, 0.0, 0.0])
+    b = 5.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
+    assert angle_between(a, b) == pytest.approx(angle, rel=1e-15)
+    assert np.pi - angle_between(a, -b) == pytest.approx(angle, rel=1e-15, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    "angle", [0.0, 1e-12, 1e-6, 0.5, 3.0, np.pi - 1e-6, np.pi - 1e-9, np.pi - 1e-12, np.pi]
+)
+@pytest.mark.parametrize("seed", range(20))
+def test_rotations_are_the_smallest(angle: float, seed: int) -> None:
+    turn = Rotation.random(random_state=seed).as_matrix()
+    a = turn @ np.array([0.0, 0.0, 1.0])
+    b = turn @ np.array([np.sin(angle), 0.0, np.cos(angle)])
+    rotation = rotation_between(3.0 * a, 0.2 * b)
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), rtol=0, atol=4e-15)
+    assert np.linalg.det(rotation) == pytest.approx(1.0, rel=1e-14)
+    np.testing.assert_allclose(rotation @ a, b, rtol=0, atol=1e-15)
+    assert Rotation.from_matrix(rotation).magnitude() == pytest.approx(angle, abs=1e-7)
+    if 0.0 < angle < np.pi - 1e-6:
+        axis = np.cross(a, b) / np.linalg.norm(np.cross(a, b))
+        np.testing.assert_allclose(rotation @ axis, axis, rtol=0, atol=1e-15 / np.sin(angle))
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_opposite_axes_turn_by_pi(axis: int) -> None:
+    a = np.eye(3)[axis]
+    rotation = rotation_between(a, -a)
+    np.testing.assert_array_equal(rotation @ a, -a)
+    assert np.linalg.det(rotation) == pytest.approx(1.0)
+
+
+def test_an_oblique_projection_is_perpendicular_and_in_plane() -> None:
+    u, along, normal = np.random.default_rng(4).normal(size=(3, 50, 3))
+    moved = oblique_projection(u, along, normal)
+    moved /= np.linalg.norm(moved, axis=1, keepdims=True)
+    np.testing.assert_allclose((moved * normal).sum(-1), 0.0, atol=1e-13)
+    np.testing.assert_allclose(np.linalg.det(np.stack([moved, u, along], axis=1)), 0, atol=1e-13)

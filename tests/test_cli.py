@@ -1,0 +1,187 @@
+"""The command line: output, exit codes, plain errors, and what is left alone."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from dicedesign.cli import main
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Path:
+    path = tmp_path / "box.obj"
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(path)
+    return path
+
+
+def run(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "dicedesign", *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_rest_as_a_table(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["rest", str(box)]) == 0
+    out = capsys.readouterr().out
+    assert "6 resting poses, hull of 8 vertices and 6 facets" in out
+    assert "uniform solid" in out
+    assert len([line for line in out.splitlines() if " deg" in line]) == 6
+
+
+def test_rest_as_json(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["rest", str(box), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert list(answer) == ["center_of_mass", "center_of_mass_source", "hull", "rests", "seconds"]
+    assert answer["hull"] == {"vertices": 8, "facets": 6}
+    assert answer["center_of_mass_source"] == "uniform solid"
+    rests = answer["rests"]
+    assert [sorted(rest) for rest in rests] == [
+        ["area", "margin_deg", "normal", "probability", "transform"]
+    ] * 6
+    assert [round(rest["area"], 9) for rest in rests] == [6.0, 6.0, 3.0, 3.0, 2.0, 2.0]
+    assert sum(rest["probability"] for rest in rests) == pytest.approx(1.0, abs=1e-14)
+    # The 1 x 2 x 3 box on its 2 x 3 side: the nearest edge is over the side of width 2.
+    assert rests[0]["margin_deg"] == pytest.approx(np.degrees(np.arctan(2.0)), abs=1e-9)
+    assert sorted(answer["seconds"]) == ["hull", "rest"]
+
+
+def test_center_of_mass_options(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["rest", str(box), "--com", "-0.2,0.1,0.3", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["center_of_mass"] == [-0.2, 0.1, 0.3]
+    assert answer["center_of_mass_source"] == "given"
+    assert main(["rest", str(box), "--com", "hull"]) == 0
+    assert "uniform solid hull" in capsys.readouterr().out
+
+
+def test_point_cloud_says_what_was_assumed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "points.xyz"
+    np.savetxt(path, np.random.default_rng(0).normal(size=(30, 3)))
+    assert main(["rest", str(path)]) == 0
+    captured = capsys.readouterr()
+    assert "uniform solid hull" in captured.out
+    assert "note: the body has no triangles" in captured.err
+
+
+def test_figure(box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    figure = tmp_path / "map.png"
+    assert main(["rest", str(box), "--figure", str(figure)]) == 0
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    capsys.readouterr()
+
+
+def test_drop(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["drop", str(box), "--down", "-0.3,0.2,1", "--json"]) == 0
+    steps = json.loads(capsys.readouterr().out)["steps"]
+    heights = [step["height"] for step in steps]
+    assert heights == sorted(heights, reverse=True)
+    assert steps[-1]["contact"] == "facet"
+    assert len(steps[-1]["points"]) == 4
+    assert heights[-1] == pytest.approx(1.5)
+    assert main(["drop", str(box), "--down", "-0.3,0.2,1", "--max-angle-deg", "2", "--json"]) == 0
+    finer = json.loads(capsys.readouterr().out)["steps"]
+    assert len(finer) > len(steps)
+    turns = [np.array(step["transform"])[:3, :3] for step in finer]
+    for a, b in pairwise(turns):
+        cosine = (np.trace(a.T @ b) - 1.0) / 2.0
+        assert np.degrees(np.arccos(min(1.0, cosine))) <= 2.0 + 1e-6
+    assert main(["drop", str(box), "--down", "0,0,1"]) == 0
+    assert "height of center" in capsys.readouterr().out
+
+
+BAD = [
+    (["rest", "missing.obj"], "missing.obj"),
+    (["rest", "empty.obj"], "empty.obj"),
+    (["rest", "flat.xyz"], "one plane"),
+    (["rest", "line.xyz"], "one line"),
+    (["rest", "few.xyz"], "at least 4"),
+    (["rest", "nan.xyz"], "finite"),
+    (["rest", "garbage.stl"], "garbage.stl"),
+    (["rest", "box.obj", "--com", "5,0,0"], "outside"),
+    (["rest", "box.obj", "--com", "0.5,0,0"], "on the boundary"),
+    (["rest", "box.obj", "--com", "1,2"], "--com: expected three numbers"),
+    (["rest", "box.obj", "--com", "nan,0,0"], "--com: expected three numbers"),
+    (["rest", "box.obj", "--figure", "no/such/folder.png"], "folder"),
+    (["drop", "box.obj", "--down", "0,0,0"], "down: expected"),
+    (["drop", "box.obj", "--down", "up"], "--down: expected three numbers"),
+    (["drop", "box.obj", "--down", "0,0,1", "--max-angle-deg", "-1"], "positive"),
+    (["run", "missing.yaml"], "missing.yaml"),
+    (["run", "bad.yaml"], "bad.yaml: colour: unknown key"),
+    (["run", "good.yaml", "--out", "box.obj/x"], "folder that can be written"),
+    (["run", "good.yaml", "--set", "start={mesh: {path: missing.stl}}"], "missing.stl"),
+    (["run", "good.yaml", "--set", "start={prism: {sides: 5}}"], "outcomes"),
+    (["run", "good.yaml", "--set", "start={prism: {sides: 99}}"], "expected 3 to 12, got 99"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD, ids=[" ".join(a)[:50] for a, _ in BAD])
+def test_bad_input_is_one_line_and_exit_code_2(
+    box: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty.obj").write_text("")
+    (tmp_path / "flat.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n1 1 0\n2 3 0\n")
+    (tmp_path / "line.xyz").write_text("0 0 0\n1 0 0\n2 0 0\n3 0 0\n")
+    (tmp_path / "few.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n")
+    (tmp_path / "nan.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\nnan 0 0\n")
+    (tmp_path / "garbage.stl").write_bytes(bytes(range(256)) * 3)
+    good = "name: good\ntarget: {fair: 4}\nstart: {repulsion: {}}\n"
+    (tmp_path / "good.yaml").write_text(good)
+    (tmp_path / "bad.yaml").write_text(good + "colour: red\n")
+    before = sorted(tmp_path.iterdir())
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert message in captured.err
+    errors = [line for line in captured.err.splitlines() if not line.startswith("note: ")]
+    assert len(errors) == 1
+    assert errors[0].startswith("dicedesign: ")
+    assert [p for p in sorted(tmp_path.iterdir()) if p.name != "outputs"] == before
+
+
+def test_run_from_a_shell(tmp_path: Path) -> None:
+    """Exit codes 0 and 1, data on stdout, and no progress bar without a terminal."""
+    recipe = tmp_path / "d4.yaml"
+    recipe.write_text("name: d4\nseed: 1\ntarget: {fair: 4}\nstart: {repulsion: {}}\n")
+    done = run(["run", "d4.yaml"], tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("d4: converged")
+    assert (tmp_path / "outputs" / "d4" / "die.stl").stat().st_size > 0
+    hasty = ["run", "d4.yaml", "--set", "method.descent.stopping={tolerance: 1e-14, steps: 1}"]
+    ended = run([*hasty, "--out", "other"], tmp_path)
+    assert ended.returncode == 1
+    assert json.loads((tmp_path / "other" / "result.json").read_text())["status"] == "step_limit"
+
+
+@pytest.mark.parametrize("suffix", ["obj", "stl", "off"])
+def test_a_query_loads_nothing_heavy(tmp_path: Path, suffix: str) -> None:
+    trimesh.creation.box().export(tmp_path / f"box.{suffix}")
+    script = (
+        "import sys; from dicedesign.cli import main; code = main(sys.argv[1:]);"
+        "heavy = {'torch', 'manifold3d', 'matplotlib', 'trimesh', 'pydantic', 'fontTools'};"
+        "sys.exit(code or ', '.join(heavy & set(sys.modules)) or None)"
+    )
+    command = [sys.executable, "-c", script, "rest", f"box.{suffix}", "--json"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_an_unknown_command_is_bad_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["roll"])
+    assert caught.value.code == 2
+    capsys.readouterr()
