@@ -16,6 +16,7 @@ Floats = NDArray[np.float64]
 FIRST_STEP = 0.02
 SMALLEST_STEP = 1e-12
 LARGEST_STEP = 10.0
+LARGEST_MOVE = 0.1
 SUFFICIENT_DECREASE = 1e-4
 MEMORY = 5
 
@@ -26,7 +27,8 @@ class LineSearch:
 
     The guess knows the curvature along the last step; comparing with the worst of the last
     `MEMORY` energies rather than the last one lets it work in narrow valleys. A step is taken only
-    if it makes a solid. Sources: Barzilai and Borwein, IMA J. Numer. Anal. 8, 1988; Grippo,
+    if it makes a solid, loses no outcome, and moves no parameter by more than `LARGEST_MOVE`: far
+    enough away lies another solution with another set of rests. Sources: Barzilai and Borwein, IMA J. Numer. Anal. 8, 1988; Grippo,
     Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986.
 
     Attributes
@@ -50,16 +52,20 @@ class LineSearch:
         descent: direction uphill, a preconditioned gradient with positive slope.
         """
         gradient, parameters = at.gradient, at.parameters
+        if not np.isfinite([gradient, descent]).all():
+            return None
         slope = float(gradient @ descent)
-        if not (np.isfinite(descent).all() and slope > 0.0):
+        if slope <= 0.0:
             return None
         self._energies = [*self._energies[-(MEMORY - 1) :], at.value]
         bound = max(self._energies)
         step = self._guess(parameters, gradient, descent)
+        step = min(step, LARGEST_MOVE / float(np.abs(descent).max()))
         while step > SMALLEST_STEP:
             self.evaluations += 1
             trial = at.objective.attempt(parameters - step * descent, at.directions)
-            if trial is not None and trial.value <= bound - SUFFICIENT_DECREASE * step * slope:
+            enough = bound - SUFFICIENT_DECREASE * step * slope
+            if trial is not None and trial.value <= enough and trial.flaws <= at.flaws:
                 self._last = (parameters, gradient, descent, step)
                 self._steps += 1
                 return trial

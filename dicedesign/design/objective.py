@@ -106,6 +106,14 @@ class Evaluation:
         sums = self.clusters.sums(self.rests.probabilities.detach()).numpy()
         return float(np.abs(sums - self.objective.target).max())
 
+    @cached_property
+    def flaws(self) -> int:
+        """Outcomes without a rest, and under the stability term also rests too many."""
+        outcomes, empty = len(self.directions), self.clusters.empty
+        if self.objective.weights.stability == 0.0:
+            return empty
+        return empty + len(self.clusters.of_rest) - (outcomes - empty)
+
     @property
     def _rest_normals(self) -> Floats:
         return self.rests.hull.normals[self.rests.paths.rests]

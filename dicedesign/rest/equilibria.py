@@ -68,12 +68,14 @@ class Equilibria:
 
     @cached_property
     def descending(self) -> Booleans:
-        """(h,) True where a descending path may leave the cell of p across this edge's arc."""
-        return self.growth < 0.0
+        """(h,) True where a descending path may leave the cell of p across this edge's arc. The
+        complement of `ascending`: an edge whose nearest point to c is its end is a hinge edge, as
+        that end is no less a maximum for it."""
+        return self.growth <= 0.0
 
     @cached_property
     def hinge(self) -> Booleans:
-        """(h,) True for edges whose nearest point to c is strictly inside (E2, section 2.2.2).
+        """(h,) True for edges whose nearest point to c is inside or an end (E2, section 2.2.2).
         The others are cartwheel edges (E1)."""
         return self.descending & self.descending[self.hull.twin]
 

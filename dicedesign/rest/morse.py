@@ -70,8 +70,11 @@ def separatrices(equilibria: Equilibria) -> Separatrices:
     starts = np.stack([hull.head[saddles], hull.tail[saddles]], axis=1).ravel()
     directions = np.repeat(equilibria.saddle_directions[saddles], 2, axis=0)
     crossed, lengths, maxima = ascend(equilibria, starts, directions)
-    # A saddle's own edge is padding that no branch can degenerate on.
-    crossed = np.where(crossed < 0, np.repeat(saddles, 2)[:, None], crossed)
+    # Padding that no branch can degenerate on: a saddle's own edge, from the end that is not its
+    # nearest point to c.
+    twins, growth = hull.twin[saddles], equilibria.growth
+    padding = np.where(growth[saddles] <= growth[twins], saddles, twins)
+    crossed = np.where(crossed < 0, np.repeat(padding, 2)[:, None], crossed)
     return Separatrices(
         rests,
         saddles,

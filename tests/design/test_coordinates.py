@@ -51,8 +51,8 @@ def test_coordinates_reproduce_their_shape(start: Start, kind) -> None:
 
 
 @pytest.mark.parametrize("kind", [FacetCoordinates, VertexCoordinates])
-def test_coordinates_of_any_unit_and_place(random_points, kind) -> None:
-    points = 250.0 * random_points(3, 15) + [1000.0, -2000.0, 500.0]
+def test_coordinates_of_any_unit_and_place(kind) -> None:
+    points = 250.0 * STARTS["repulsion"].points + [1000.0, -2000.0, 500.0]
     hull = convex_hull(points)
     coordinates, parameters = kind.of(points, hull.centroid)
     made = convex_hull(evaluated(coordinates, parameters))

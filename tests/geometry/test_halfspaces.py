@@ -65,6 +65,6 @@ def test_unbounded_or_empty_intersections_are_refused(
 
 
 def test_the_error_says_what_to_do() -> None:
-    tilted = AXES + [0.0, 0.0, 1.5]
+    tilted = AXES + np.array([0.0, 0.0, 1.5])
     with pytest.raises(DegenerateBodyError, match="spread the normals over the whole sphere"):
         polyhedron_corners(tilted, np.ones(6))

@@ -101,7 +101,7 @@ def test_random_hulls_agree_with_scipy_and_trimesh(seed: int, count: int) -> Non
 @pytest.mark.parametrize("seed", range(5))
 def test_cubes_and_dodecahedra_have_flat_facets(seed: int) -> None:
     for points, expected in ((CUBE, [4] * 6), (DODECAHEDRON, [5] * 12)):
-        moved = turned(points, seed) + [1.0, 2.0, 3.0]
+        moved = turned(points, seed) + np.array([1.0, 2.0, 3.0])
         hull = convex_hull(moved)
         assert sizes(hull) == expected
         assert_sound(hull, moved)
@@ -182,7 +182,7 @@ def test_scale_does_not_matter(scale: float) -> None:
 
 def test_far_away_a_cube_is_still_a_cube() -> None:
     for seed in range(10):
-        points = turned(CUBE, seed) + [1e7, -2e7, 3e7]
+        points = turned(CUBE, seed) + np.array([1e7, -2e7, 3e7])
         hull = convex_hull(points)
         assert sizes(hull) == [4] * 6
         np.testing.assert_allclose(hull.centroid, [1e7, -2e7, 3e7], rtol=1e-15)
@@ -199,7 +199,7 @@ def test_far_away_a_cube_is_still_a_cube() -> None:
         (turned(CUBE * [1, 1, 0], 1), "got 8 points on one plane"),
         (CUBE * [1, 0, 0], "got 8 points on one line"),
         (np.linspace(0, 1, 9)[:, None] * [1.0, 2.0, 3.0], "got 9 points on one line"),
-        (np.where(CUBE == CUBE[7], CUBE, np.nan), r"got \[nan, nan, nan\] in row 0; remove or"),
+        (np.where(CUBE > 0, CUBE, np.nan), r"got \[nan, nan, nan\] in row 0; remove or"),
         (CUBE * [np.inf, 1, 1], r"expected finite coordinates, got \[-inf, -1.0, -1.0\] in row 0"),
     ],
 )

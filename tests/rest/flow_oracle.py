@@ -30,28 +30,28 @@ def flow_frequencies(
     """
     radii = vertices - center
     radii = radii / np.sqrt((radii**2).sum(-1)).max()
-    down = _directions(count, seed)
-    ended = down.copy()
-    active = np.arange(count)
-    # Arcs are at most pi long, but zigzags and saddles take time: go on until none moves.
-    for _ in range(60):
-        before = down
-        for _ in range(300):
-            down = _moved(down, radii, step)
-        ended[active] = down
-        going = ((down - before) ** 2).sum(-1) > (0.5 * step) ** 2
-        active, down = active[going], down[going]
-        if len(active) == 0:
-            break
-    for _ in range(12):  # smaller and smaller zigzags about the end
-        step /= 2
-        for _ in range(20):
-            ended = _moved(ended, radii, step)
+    ended = _directions(count, seed)
+    for fraction in (1.0, 0.25, 0.0625):  # where wide zigzags hold a particle, smaller ones go on
+        _roll_until_stuck(ended, radii, fraction * step)
     cosines = ended @ normals.T
     nearest = cosines.argmax(axis=1)
     lost = cosines.max(axis=1) < np.cos(0.01)
     counts = np.bincount(nearest[~lost], minlength=len(normals))
     return counts / count, int(lost.sum())
+
+
+def _roll_until_stuck(down: np.ndarray, radii: np.ndarray, step: float) -> None:
+    """Move particles `down` (n, 3) in place until none gets farther than its zigzag."""
+    active = np.arange(len(down))
+    for _ in range(60):
+        moved = down[active]
+        for _ in range(300):
+            moved = _moved(moved, radii, step)
+        going = ((moved - down[active]) ** 2).sum(-1) > step**2
+        down[active] = moved
+        active = active[going]
+        if len(active) == 0:
+            return
 
 
 def _directions(count: int, seed: int) -> np.ndarray:

@@ -1,0 +1,181 @@
+"""Resting poses: transforms, margins, the complex, and what may be handed in."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from itertools import pairwise, product
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.body import make_body
+from dicedesign.geometry.sphere import angle_between
+from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.rest.roll import roll
+
+CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
+
+
+def random_rests(seed: int) -> RestPoses:
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(6 + 4 * seed, 3)) * [1.0, 0.8, 0.6] + [2.0, 0.0, -1.0]
+    return rest_poses(points)
+
+
+def support(rests: RestPoses, directions: np.ndarray) -> np.ndarray:
+    """Height of the center of mass for unit directions (n, 3)."""
+    return (directions @ (rests.hull.vertices - rests.center_of_mass).T).max(axis=1)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_transforms_stand_the_body_on_its_facets(seed: int) -> None:
+    rests = random_rests(seed)
+    for normal, facet, transform in zip(rests.normals, rests.facets, rests.transforms, strict=True):
+        turn, shift = transform[:3, :3], transform[:3, 3]
+        np.testing.assert_allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-14)
+        assert np.linalg.det(turn) == pytest.approx(1.0)
+        np.testing.assert_allclose(turn @ normal, [0, 0, -1], rtol=0, atol=1e-14)
+        np.testing.assert_allclose(
+            rests.hull.polygon(facet) @ turn.T[:, 2] + shift[2], 0, atol=1e-13
+        )
+        assert (rests.hull.vertices @ turn.T[:, 2] + shift[2]).min() > -1e-13
+        center = turn @ rests.center_of_mass + shift
+        np.testing.assert_allclose(center[:2], 0.0, atol=1e-13)
+        assert center[2] == pytest.approx(support(rests, normal[None])[0])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rests_are_sorted_and_sum_to_one(seed: int) -> None:
+    rests = random_rests(seed)
+    assert (np.diff(rests.probabilities) <= 0).all()
+    assert (rests.probabilities > 0).all()
+    assert rests.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
+    np.testing.assert_array_equal(rests.normals, rests.hull.normals[rests.facets])
+    np.testing.assert_array_equal(rests.areas, rests.hull.areas[rests.facets])
+    np.testing.assert_array_equal(rests.morse.minima, rests.normals)
+
+
+def test_a_cube_has_margins_of_45_degrees() -> None:
+    rests = rest_poses(CUBE)
+    np.testing.assert_allclose(rests.margins, np.full(6, np.pi / 4), rtol=1e-14)
+    assert len(rests.morse.saddles) == 12
+    assert len(rests.morse.maxima) == 8
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_margins_are_the_nearest_ways_out(seed: int) -> None:
+    """The lowest passes out of a basin are its saddles: compare angles with all edges at whose
+    nearest point the body balances, found by brute force on the support function."""
+    rests = random_rests(seed)
+    hull, center = rests.hull, rests.center_of_mass
+    expected = np.full(len(rests.normals), np.pi)
+    for edge in np.flatnonzero(hull.tail < hull.head):
+        a, b = hull.vertices[hull.tail[edge]] - center, hull.vertices[hull.head[edge]] - center
+        t = -(a @ (b - a)) / ((b - a) @ (b - a))
+        foot = a + t * (b - a)
+        if not 0 < t < 1 or support(rests, foot[None])[0] > foot @ foot * (1 + 1e-12):
+            continue
+        down = foot / np.linalg.norm(foot)
+        across = np.cross(b - a, down)
+        ends = [roll(rests.morse.equilibria, down + s * 1e-7 * across)[-1].down for s in (-1, 1)]
+        basins = [int(np.argmax(rests.normals @ end)) for end in ends]
+        if basins[0] != basins[1]:
+            for basin in basins:
+                angle = float(angle_between(rests.normals[basin], down))
+                expected[basin] = min(expected[basin], angle)
+    np.testing.assert_allclose(rests.margins, expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_polylines_run_from_maximum_to_maximum_with_basins_beside(seed: int) -> None:
+    rests = random_rests(seed)
+    morse = rests.morse
+    assert len(morse.polylines) == len(morse.saddles) == len(morse.saddle_basins)
+    for line, saddle, (left, right) in zip(
+        morse.polylines, morse.saddles, morse.saddle_basins, strict=True
+    ):
+        np.testing.assert_allclose(np.linalg.norm(line, axis=1), 1.0, rtol=1e-14)
+        at = int(np.argmin(np.linalg.norm(line - saddle, axis=1)))
+        np.testing.assert_allclose(line[at], saddle, rtol=0, atol=1e-14)
+        for end in (line[0], line[-1]):
+            assert np.linalg.norm(morse.maxima - end, axis=1).min() < 1e-14
+        heights = support(rests, line)
+        assert (np.diff(heights[: at + 1]) < 1e-14).all()
+        assert (np.diff(heights[at:]) > -1e-14).all()
+        for here, there in pairwise(line):
+            middle = (here + there) / np.linalg.norm(here + there)
+            aside = np.cross(middle, there - here)
+            aside *= 1e-6 / np.linalg.norm(aside)
+            if np.linalg.norm(there - here) < 1e-4:
+                continue
+            for basin, sign in ((left, 1.0), (right, -1.0)):
+                ended = roll(morse.equilibria, middle + sign * aside)[-1].down
+                np.testing.assert_array_equal(ended, rests.normals[basin])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_basins_of_facets_agree_with_rolls(seed: int) -> None:
+    rests = random_rests(seed)
+    basins = rests.morse.basin_of_facet
+    np.testing.assert_array_equal(basins[rests.facets], np.arange(len(rests.facets)))
+    for normal, basin in zip(rests.hull.normals, basins, strict=True):
+        ended = roll(rests.morse.equilibria, normal)[-1].down
+        np.testing.assert_array_equal(ended, rests.normals[basin])
+
+
+def test_meshes_arrays_and_bodies_are_taken() -> None:
+    mesh = trimesh.creation.box((1.0, 2.0, 3.0))
+    points = np.asarray(mesh.vertices)
+    expected = rest_poses(points.tolist())
+    assert expected.center_of_mass_source == "uniform solid hull"
+    assert expected.notes == ("the body has no triangles",)
+    for given in (mesh, make_body(mesh.vertices, mesh.faces), trimesh.PointCloud(points)):
+        rests = rest_poses(given)
+        np.testing.assert_allclose(rests.probabilities, expected.probabilities, rtol=1e-12)
+        assert set(rests.seconds) == {"hull", "rest"}
+    assert rest_poses(mesh).center_of_mass_source == "uniform solid"
+    assert rest_poses(mesh, "hull").center_of_mass_source == "uniform solid hull"
+    given_center = rest_poses(mesh, [0.1, 0.2, 0.3])
+    assert given_center.center_of_mass_source == "given"
+    np.testing.assert_array_equal(given_center.center_of_mass, [0.1, 0.2, 0.3])
+
+
+def test_a_concave_mesh_has_its_own_center_of_mass() -> None:
+    tall = trimesh.creation.box((1.0, 1.0, 4.0)).apply_translation([0, 0, 2.0])
+    wide = trimesh.creation.box((4.0, 4.0, 0.5)).apply_translation([0, 0, 0.25])
+    mesh = trimesh.util.concatenate([tall.apply_translation([0, 0, 0.5]), wide])
+    rests = rest_poses(mesh)
+    assert rests.center_of_mass[2] == pytest.approx((4 * 2.5 + 8 * 0.25) / 12)
+    assert rest_poses(mesh, "hull").center_of_mass[2] > rests.center_of_mass[2]
+
+
+def test_single_precision_bodies_use_the_wider_tolerance() -> None:
+    turned = CUBE @ np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    assert len(rest_poses(turned.astype(np.float32)).hull.normals) == 6
+    assert len(rest_poses(turned.astype(np.float32), coplanar_tolerance=0.0).hull.normals) > 6
+
+
+@pytest.mark.parametrize("center", ["middle", [1, 2], [np.nan, 0, 0]])
+def test_bad_centers_are_refused(center: object) -> None:
+    with pytest.raises(InputError, match=r"^center of mass: expected .*three"):
+        rest_poses(CUBE, center)  # type: ignore[arg-type]
+
+
+def test_a_query_loads_nothing_heavy() -> None:
+    code = (
+        "import sys, numpy, dicedesign; "
+        "dicedesign.rest_poses(numpy.random.default_rng(0).normal(size=(9, 3))); "
+        "print(sorted({'torch', 'manifold3d', 'matplotlib', 'trimesh'} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=Path(__file__).resolve().parents[2],
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "[]\n", "")

@@ -1,0 +1,134 @@
+"""Single rolls: rigid, without slip, downhill, and ending where the complex says."""
+
+from __future__ import annotations
+
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hull import convex_hull
+from dicedesign.rest.equilibria import Equilibria, classify
+from dicedesign.rest.poses import rest_poses
+from dicedesign.rest.roll import RollStep, roll
+from dicedesign.rest.tracing import destined_facets
+
+
+def body(seed: int) -> Equilibria:
+    rng = np.random.default_rng(seed)
+    hull = convex_hull(rng.normal(size=(5 + 3 * seed, 3)) * [1.0, 0.7, 0.4] + [3.0, 2.0, 1.0])
+    somewhere = rng.dirichlet(np.ones(len(hull.vertices))) @ hull.vertices
+    return classify(hull, 0.5 * (hull.centroid + somewhere))
+
+
+def rolls(seed: int, max_angle: float | None) -> list[tuple[Equilibria, tuple[RollStep, ...]]]:
+    equilibria = body(seed)
+    downs = np.random.default_rng(seed).normal(size=(12, 3))
+    return [(equilibria, roll(equilibria, down, max_angle)) for down in downs]
+
+
+def placed(step: RollStep, points: np.ndarray) -> np.ndarray:
+    return points @ step.transform[:3, :3].T + step.transform[:3, 3]
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("max_angle", [None, 0.05])
+def test_the_body_moves_rigidly_on_the_table(seed: int, max_angle: float | None) -> None:
+    for equilibria, steps in rolls(seed, max_angle):
+        for step in steps:
+            turn = step.transform[:3, :3]
+            np.testing.assert_allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-13)
+            assert np.linalg.det(turn) == pytest.approx(1.0)
+            np.testing.assert_array_equal(step.transform[3], [0, 0, 0, 1])
+            np.testing.assert_allclose(turn @ step.down, [0, 0, -1], rtol=0, atol=1e-13)
+            heights = placed(step, equilibria.hull.vertices)[:, 2]
+            assert heights.min() > -1e-12
+            np.testing.assert_allclose(heights[list(step.vertices)], 0.0, atol=1e-12)
+            center = placed(step, equilibria.center_of_mass)
+            assert step.height == pytest.approx(center[2], abs=1e-12)
+            names = {1: "vertex", 2: "edge"}
+            assert step.contact == names.get(len(step.vertices), "facet")
+        np.testing.assert_allclose(placed(steps[0], equilibria.center_of_mass)[:2], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("max_angle", [None, 0.05])
+def test_it_rolls_downhill_without_slip(seed: int, max_angle: float | None) -> None:
+    for equilibria, steps in rolls(seed, max_angle):
+        heights = np.array([step.height for step in steps])
+        assert (np.diff(heights) < 0).all()
+        for before, after in pairwise(steps):
+            pivots = sorted(set(before.vertices) & set(after.vertices))
+            assert pivots
+            corners = equilibria.hull.vertices[pivots]
+            np.testing.assert_allclose(
+                placed(after, corners), placed(before, corners), rtol=0, atol=1e-12
+            )
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_no_step_turns_farther_than_asked(seed: int) -> None:
+    for max_angle in (0.3, 0.05):
+        for _, steps in rolls(seed, max_angle):
+            for before, after in pairwise(steps):
+                turn = after.transform[:3, :3] @ before.transform[:3, :3].T
+                angle = np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))
+                assert angle <= max_angle + 1e-7
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_split_roll_passes_the_same_contacts(seed: int) -> None:
+    for (_, whole), (_, split) in zip(rolls(seed, None), rolls(seed, 0.1), strict=True):
+        np.testing.assert_allclose(split[-1].transform, whole[-1].transform, rtol=0, atol=1e-12)
+        downs = np.array([step.down for step in split])
+        for step in whole:
+            assert np.abs(downs - step.down).max(axis=1).min() == 0.0
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rolls_end_where_facets_are_destined(seed: int) -> None:
+    equilibria = body(seed)
+    hull = equilibria.hull
+    facets = np.arange(len(hull.normals))
+    destined = destined_facets(equilibria, facets)
+    assert equilibria.stable[destined].all()
+    np.testing.assert_array_equal(destined[equilibria.stable], facets[equilibria.stable])
+    for facet in facets:
+        last = roll(equilibria, hull.normals[facet])[-1]
+        np.testing.assert_array_equal(last.down, hull.normals[destined[facet]])
+        assert last.contact == "facet"
+
+
+def test_rolls_from_everywhere_count_up_to_the_probabilities() -> None:
+    for seed in range(3):
+        equilibria = body(seed)
+        rests = rest_poses(equilibria.hull.vertices, equilibria.center_of_mass)
+        count = 600
+        downs = np.random.default_rng(seed).normal(size=(count, 3))
+        ends = np.array([roll(equilibria, down)[-1].down for down in downs])
+        found = np.bincount(np.argmax(ends @ rests.normals.T, axis=1)) / count
+        p = rests.probabilities
+        assert (np.abs(found - p) <= 5 * np.sqrt(p * (1 - p) / count)).all()
+
+
+def test_a_body_at_rest_stays() -> None:
+    cube = classify(convex_hull(np.array(list(product([-1.0, 1.0], repeat=3)))), [0, 0, 0])
+    for down in cube.hull.normals:
+        steps = roll(cube, 4.0 * down)
+        assert all(np.allclose(step.down, down, atol=1e-15) for step in steps)
+        assert steps[-1].contact == "facet"
+        assert steps[-1].height == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("down", [[0, 0, 0], [1, 2], [np.nan, 0, 1], [[0, 0, 1]]])
+def test_bad_directions_are_refused(down: ArrayLike) -> None:
+    with pytest.raises(InputError, match=r"^down: expected three finite numbers, not all zero, go"):
+        roll(body(0), down)
+
+
+@pytest.mark.parametrize("angle", [0.0, -1.0, float("nan")])
+def test_bad_angles_are_refused(angle: float) -> None:
+    with pytest.raises(InputError, match=r"^max angle: expected a positive angle, got "):
+        roll(body(0), [0, 0, 1], angle)
