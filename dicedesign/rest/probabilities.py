@@ -33,8 +33,9 @@ def basin_areas(equilibria: Equilibria, paths: Separatrices) -> tuple[Floats, Fl
         return np.array([4.0 * np.pi]), points
     normals = equilibria.hull.normals[paths.rests]
     border = border_areas(paths, points, normals, np)
-    areas = np.bincount(paths.basins.ravel(), weights=border.ravel(), minlength=len(paths.rests))
-    areas = areas + 4.0 * np.pi * wraps(areas)
+    sums = np.bincount(paths.basins.ravel(), weights=border.ravel(), minlength=len(paths.rests))
+    signed = sums.astype(np.float64)
+    areas = signed + 4.0 * np.pi * wraps(signed)
     gap = abs(float(areas.sum()) - 4.0 * np.pi)
     if gap > CLOSURE_TOLERANCE or (areas <= 0.0).any():
         raise DegenerateBodyError(

@@ -138,7 +138,7 @@ def destined_facets(equilibria: Equilibria, facets: Integers) -> Integers:
                 equilibria, equilibria.roll_vertex[tipping], hull.normals[tipping]
             )
         following = known[current]
-        if (following == current).all():
+        if (following == current).all() and equilibria.stable[current].all():
             return current
         current = following
     raise DegenerateBodyError(
