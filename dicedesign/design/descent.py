@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 STALL_WINDOW = 10
 STALL_DECREASE = 0.02
-SMALLEST_RELAXATION = 1e-6
+SMALLEST_RELAXATION = 1e-3
 
 
 @dataclass(frozen=True)
@@ -232,7 +232,9 @@ class _Descent:
             return False
         recent = self.energies[-STALL_WINDOW:]
         half = STALL_WINDOW // 2
-        return min(recent[:half]) - min(recent[half:]) < STALL_DECREASE * self.current.value
+        # Below the square of the tolerance an energy has nothing more to say.
+        worth = max(self.current.value, self.options.stopping.tolerance**2)
+        return min(recent[:half]) - min(recent[half:]) < STALL_DECREASE * worth
 
     def _relax(self) -> None:
         self.relaxation *= self.options.relaxation

@@ -14,7 +14,7 @@ __all__ = ["LineSearch"]
 Floats = NDArray[np.float64]
 
 FIRST_STEP = 0.02
-SMALLEST_STEP = 1e-12
+SMALLEST_STEP = 1e-9
 LARGEST_STEP = 10.0
 LARGEST_MOVE = 0.1
 SUFFICIENT_DECREASE = 1e-4
@@ -28,8 +28,10 @@ class LineSearch:
     The guess knows the curvature along the last step; comparing with the worst of the last
     `MEMORY` energies rather than the last one lets it work in narrow valleys. A step is taken only
     if it makes a solid, loses no outcome, and moves no parameter by more than `LARGEST_MOVE`: far
-    enough away lies another solution with another set of rests. Sources: Barzilai and Borwein, IMA J. Numer. Anal. 8, 1988; Grippo,
-    Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986.
+    enough away lies another solution with another set of rests.
+
+    Sources: Barzilai and Borwein, IMA J. Numer. Anal. 8, 1988; Grippo, Lampariello and Lucidi,
+    SIAM J. Numer. Anal. 23, 1986.
 
     Attributes
     ----------

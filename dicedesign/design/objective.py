@@ -60,7 +60,7 @@ class Objective:
         try:
             evaluation = self.evaluate(parameters, directions)
             return evaluation if np.isfinite(evaluation.value) else None
-        except DiceError:
+        except (DiceError, torch.linalg.LinAlgError):
             return None
 
 
