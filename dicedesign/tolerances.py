@@ -1,7 +1,8 @@
 """Every numerical tolerance of the package, in one place.
 
-All are relative: lengths to the largest absolute coordinate of the centred points (`scale`),
-everything else dimensionless. Nothing else in the package decides by a bare small number.
+All are relative: lengths to half the largest extent of the points, everything else dimensionless.
+Nothing else in the package decides about a body by a bare small number; the constants of drawing
+and of the optimiser's steps stand where they are used.
 """
 
 from __future__ import annotations

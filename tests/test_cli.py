@@ -111,6 +111,7 @@ BAD = [
     (["rest", "box.obj", "--com", "1,2"], "--com: expected three numbers"),
     (["rest", "box.obj", "--com", "nan,0,0"], "--com: expected three numbers"),
     (["rest", "box.obj", "--figure", "no/such/folder.png"], "folder"),
+    (["rest", "box.obj", "--coplanar-tolerance", "-1"], "coplanar tolerance: expected"),
     (["drop", "box.obj", "--down", "0,0,0"], "down: expected"),
     (["drop", "box.obj", "--down", "up"], "--down: expected three numbers"),
     (["drop", "box.obj", "--down", "0,0,1", "--max-angle-deg", "-1"], "positive"),

@@ -75,7 +75,8 @@ def judge(
     counted = of_rest.copy()
     apart = angle_between(poses.normals, poses.normals[main[of_rest]]) > SAME_REST_ANGLE
     counted[apart] = -1
-    sums = np.bincount(counted[~apart], weights=poses.probabilities[~apart], minlength=outcomes)
+    sums = np.zeros(outcomes)
+    np.add.at(sums, counted[~apart], poses.probabilities[~apart])
     return Verdict(
         hull=sized,
         poses=poses,

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull as QhullHull
 from scipy.spatial import QhullError
 
-from dicedesign.errors import DegenerateBodyError
+from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.coplanar import facet_labels
 from dicedesign.geometry.mass import solid_properties
 from dicedesign.tolerances import (
@@ -128,18 +128,24 @@ class ConvexHull:
         return max(float(np.sqrt(((self.vertices - x) ** 2).sum(-1)).max()) for x in self.vertices)
 
 
-def convex_hull(points: ArrayLike, coplanar_tolerance: float | None = None) -> ConvexHull:
+def convex_hull(
+    points: ArrayLike, coplanar_tolerance: float | None = None, *, single_precision: bool = False
+) -> ConvexHull:
     """Convex hull of points, with coplanar triangles merged into polygonal facets.
 
     Parameters
     ----------
     points: (n, 3) in any length unit.
     coplanar_tolerance: largest distance from a facet's plane, relative to half the extent of the
-        points. Default: `COPLANAR_TOLERANCE`, or `COPLANAR_TOLERANCE_FLOAT32` for float32 points.
+        points. Default: `COPLANAR_TOLERANCE`, or `COPLANAR_TOLERANCE_FLOAT32` for rounded points.
+        Unless it is 0, the rounding of points far from the origin is added.
+    single_precision: the points were rounded to float32 before they came here; float32 arrays
+        always count as such.
 
     Raises
     ------
     DegenerateBodyError: fewer than 4 points, NaN or infinity, all points on a plane or a line.
+    InputError: the tolerance is not in [0, 1).
     """
     given = np.asarray(points)
     if given.ndim != 2 or given.shape[1] != 3:
@@ -147,9 +153,13 @@ def convex_hull(points: ArrayLike, coplanar_tolerance: float | None = None) -> C
             f"points: expected an array of shape (n, 3), got shape {given.shape}; "
             "pass one row x, y, z for each point"
         )
+    single = single_precision or given.dtype == np.float32
     if coplanar_tolerance is None:
-        single = given.dtype == np.float32
         coplanar_tolerance = COPLANAR_TOLERANCE_FLOAT32 if single else COPLANAR_TOLERANCE
+    if not 0.0 <= coplanar_tolerance < 1.0:
+        raise InputError(
+            f"coplanar tolerance: expected a number in [0, 1), got {coplanar_tolerance:g}"
+        )
     positions = given.astype(np.float64)
     if len(positions) < 4:
         raise DegenerateBodyError(
@@ -167,8 +177,10 @@ def convex_hull(points: ArrayLike, coplanar_tolerance: float | None = None) -> C
     if scale == 0.0:
         raise DegenerateBodyError("points: expected points that span a solid, got one repeated")
     magnitude = max(float(np.abs(lower).max()), float(np.abs(upper).max()))
-    rounding = 4.0 * np.finfo(np.float64).eps * magnitude / scale
-    tolerance = coplanar_tolerance + (rounding if coplanar_tolerance > 0.0 else 0.0)
+    tolerance = coplanar_tolerance
+    if coplanar_tolerance > 0.0:
+        eps = float(np.finfo(np.float32 if single else np.float64).eps)
+        tolerance += 4.0 * eps * magnitude / scale
     try:
         qhull = _qhull(local / scale)
     except QhullError as error:

@@ -10,7 +10,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dicedesign.errors import InputError
 from dicedesign.geometry.body import Body, make_body
 from dicedesign.geometry.center_of_mass import resolve_center_of_mass
 from dicedesign.geometry.hull import ConvexHull, convex_hull
@@ -19,7 +18,6 @@ from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import Separatrices, separatrices
 from dicedesign.rest.probabilities import basin_areas
 from dicedesign.rest.tracing import destined_facets
-from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32
 
 __all__ = ["MorseComplex", "RestPoses", "analyse", "rest_poses", "standing_transform"]
 
@@ -135,17 +133,9 @@ def rest_poses(
     else:
         body = make_body(points_or_mesh)
     started = time.perf_counter()
-    if coplanar_tolerance is None:
-        single = body.single_precision
-        coplanar_tolerance = COPLANAR_TOLERANCE_FLOAT32 if single else COPLANAR_TOLERANCE
-    hull = convex_hull(body.points, coplanar_tolerance)
+    hull = convex_hull(body.points, coplanar_tolerance, single_precision=body.single_precision)
     hull_seconds = time.perf_counter() - started
-    request: ArrayLike | Literal["hull"] | None = center_of_mass
-    if request is not None and not isinstance(request, str):
-        request = np.asarray(request, dtype=np.float64)
-    elif isinstance(request, str) and request != "hull":
-        raise InputError(f'center of mass: expected three numbers, "hull" or None, got {request!r}')
-    center, source, notes = resolve_center_of_mass(body, hull.centroid, request)
+    center, source, notes = resolve_center_of_mass(body, hull.centroid, center_of_mass)
     return analyse(hull, center, source, (*body.notes, *notes), hull_seconds)
 
 
