@@ -19,7 +19,7 @@ _TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), (
 
 
 def read_stl(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Corners of every triangle of an STL file, each triangle with its own three.
+    """Points and triangles of an STL file, equal positions made one point again.
 
     A file is binary when its size is that of the number of triangles it tells, whatever its header
     says (many begin with "solid"). The solids of an ASCII file are joined. Normals and colors are
@@ -32,8 +32,7 @@ def read_stl(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
     Returns
     -------
-    points : (3 t, 3) float
-        Equal positions repeat; `make_body` welds them.
+    points : (n, 3) float
     triangles : (t, 3) int
 
     Raises
@@ -54,7 +53,9 @@ def read_stl(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
             f"binary file of {_HEADER} + {_TRIANGLE.itemsize} bytes per triangle, got {len(data)} "
             "bytes; export it again as STL, PLY or OBJ"
         )
-    return points, np.arange(len(points)).reshape(-1, 3)
+    # The format has no shared corners, so joining them repairs nothing worth a note.
+    positions, corner = np.unique(points, axis=0, return_inverse=True)
+    return positions, corner.reshape(-1, 3)
 
 
 def _ascii_corners(path: Path, text: str) -> NDArray[np.float64]:

@@ -48,7 +48,7 @@ def report_html(result: Mapping[str, Any], images: Mapping[str, bytes]) -> str:
     Parameters
     ----------
     result: the design's result in its JSON form. Keys "name", "status", "message", "target" (k,),
-        "labels" (k,), "probabilities" (k,), "max_abs_error", "energy" (term to value),
+        "labels" (k,), "energy" (term to value), perhaps "engraved_max_abs_error",
         "center_of_mass" (3,) in mm, "facets" (each with "label" or None, "probability",
         "polygon_area_mm2", "inradius_mm" and "margin_deg"), "unstable_facets", "stages" (each with
         "name" and "seconds") and "files" (kind to path).
@@ -59,11 +59,12 @@ def report_html(result: Mapping[str, Any], images: Mapping[str, bytes]) -> str:
     -------
     str, a whole document; the same for the same arguments.
     """
-    error = number(result["max_abs_error"], 3)
+    verdict = f"<strong>{escape(result['status'])}</strong>: {escape(result['message'])}"
+    if "engraved_max_abs_error" in result:
+        verdict += f"; {number(result['engraved_max_abs_error'], 3)} with the labels cut in"
     parts = [
         f"<h1>{escape(result['name'])}</h1>",
-        f'<p class="verdict"><strong>{escape(result["status"])}</strong>: '
-        f"{escape(result['message'])} (max |p − q| = {error})</p>",
+        f'<p class="verdict">{verdict}</p>',
     ]
     parts += [
         figure_section(title, images[key], caption)

@@ -1,0 +1,74 @@
+"""Make what the README shows from finished runs: the table of recipes and the gallery.
+
+Usage, after `dicedesign run` of every recipe:
+    python tests/readme_material.py outputs
+prints the table in Markdown and writes outputs/gallery/*.png.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from PIL import Image
+
+TITLE = 66
+"""Pixels above each view that hold its title."""
+
+
+def row(result: dict) -> str:
+    """One line of the table."""
+    facets = [facet for facet in result["facets"] if facet["label"] is not None]
+    seconds = {stage["name"]: stage["seconds"] for stage in result["stages"]}
+    cells = [
+        f"`{result['name']}`",
+        str(len(result["labels"])),
+        f"{len(facets)} + {len(result['facets']) - len(facets)}",
+        f"{result['max_abs_error']:.1e}",
+        f"{result['engraved_max_abs_error']:.1e}",
+        f"{min(facet['margin_deg'] for facet in facets):.0f}",
+        f"{seconds['design']:.1f}",
+        f"{sum(seconds.values()):.1f}",
+    ]
+    return "| " + " | ".join(cells) + " |"
+
+
+def view(folder: Path, column: int, line: int, size: int) -> Image.Image:
+    """One picture out of the grid of a die's views."""
+    sheet = Image.open(folder / "views.png").convert("RGB")
+    width, height = sheet.width // 4, sheet.height // 2
+    side = height - TITLE
+    left = column * width + (width - side) // 2
+    top = line * height + TITLE
+    return sheet.crop((left, top, left + side, top + side)).resize((size, size))
+
+
+def gallery(outputs: Path, target: Path) -> None:
+    """A strip of all dice, and the pictures of one of them."""
+    target.mkdir(exist_ok=True)
+    folders = sorted(path.parent for path in outputs.glob("*/result.json"))
+    size = 240
+    strip = Image.new("RGB", (size * len(folders), size), "white")
+    for i, folder in enumerate(folders):
+        strip.paste(view(folder, 3, 0, size), (i * size, 0))
+    save(strip, target / "dice.png")
+    shown = outputs / "2d6_hendecahedron"
+    for name in ("gauss_map", "bars", "convergence", "views", "labels"):
+        picture = Image.open(shown / f"{name}.png").convert("RGB")
+        save(
+            picture.resize((1000, round(1000 * picture.height / picture.width))),
+            target / f"{name}.png",
+        )
+
+
+def save(picture: Image.Image, path: Path) -> None:
+    """Few colours do for drawings, and keep the repository small."""
+    picture.quantize(96).save(path, optimize=True)
+
+
+if __name__ == "__main__":
+    root = Path(sys.argv[1])
+    results = [json.loads(path.read_text()) for path in sorted(root.glob("*/result.json"))]
+    print("\n".join(row(result) for result in results))
+    gallery(root, root / "gallery")

@@ -1,0 +1,88 @@
+"""The README's code runs, its links lead somewhere, and its numbers are those of the recipes."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dicedesign.recipe import read_recipe
+
+
+def blocks(repository: Path, language: str) -> list[str]:
+    text = (repository / "README.md").read_text()
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def workplace(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which the first command of the README has been run."""
+    folder = tmp_path_factory.mktemp("readme")
+    shutil.copytree(repository / "recipes", folder / "recipes")
+    command = next(block for block in blocks(repository, "sh") if "dicedesign run" in block)
+    run_dicedesign(command.split("dicedesign", 1)[1], folder)
+    return folder
+
+
+def run_dicedesign(arguments: str, folder: Path) -> str:
+    command = [sys.executable, "-m", "dicedesign", *shlex.split(arguments)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_shell_commands_run(repository: Path, workplace: Path) -> None:
+    lines = [line for block in blocks(repository, "sh") for line in block.splitlines()]
+    plain = [line for line in lines if line.startswith("dicedesign ")]
+    assert len(plain) == 4
+    for line in plain:
+        assert run_dicedesign(line.removeprefix("dicedesign "), workplace)
+    assert (workplace / "map.png").exists()
+    # The other two install; the script that checks a change runs them as they stand.
+    others = [line for line in lines if line not in plain]
+    assert len(others) == 2
+    assert all(line.startswith("python3 -m venv .venv && ") for line in others)
+
+
+def test_python_blocks_run(repository: Path, workplace: Path) -> None:
+    found = blocks(repository, "python")
+    assert len(found) == 2
+    environment = {**os.environ, "PYTHONPATH": str(repository)}
+    for block in found:
+        done = subprocess.run(
+            [sys.executable, "-W", "error", "-c", block],
+            cwd=workplace,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout
+
+
+def test_yaml_blocks_are_recipes(repository: Path, tmp_path: Path) -> None:
+    for block in blocks(repository, "yaml"):
+        (tmp_path / "recipe.yaml").write_text(block)
+        read_recipe(tmp_path / "recipe.yaml")
+
+
+def test_links_and_pictures_exist(repository: Path) -> None:
+    text = (repository / "README.md").read_text()
+    targets = re.findall(r"\]\(([^)]+)\)", text)
+    assert len(targets) > 15
+    for target in targets:
+        assert (repository / target).exists(), target
+
+
+def test_every_recipe_is_in_the_table(repository: Path) -> None:
+    text = (repository / "README.md").read_text()
+    listed = re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)
+    shipped = sorted(path.stem for path in (repository / "recipes").glob("*.yaml"))
+    assert [name for name in listed if name in shipped] == shipped
