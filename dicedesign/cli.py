@@ -1,6 +1,7 @@
 """The command line: parsing, exit codes and plain errors.
 
-Data go to stdout, progress and notes to stderr. Exit codes: 0 done, 1 not converged, 2 bad input.
+Data go to stdout, progress and notes to stderr. Exit codes: 0 done, 1 not converged, 2 bad input,
+130 interrupted.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ import sys
 from collections.abc import Sequence
 
 from dicedesign import __version__
-from dicedesign.commands import drop, rest, run
 from dicedesign.errors import DiceError
 
 __all__ = ["main"]
@@ -21,17 +21,9 @@ VECTOR_OPTIONS = ("--com", "--down")
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a subcommand and return its exit code."""
-    parser = argparse.ArgumentParser(
-        prog="dicedesign",
-        description="Design solid objects by the odds with which they come to rest.",
-    )
-    parser.add_argument("--version", action="version", version=f"dicedesign {__version__}")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for module in (run, rest, drop):
-        module.add_parser(commands)
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    options = parser.parse_args(_joined(given))
     try:
+        given = list(sys.argv[1:] if arguments is None else arguments)
+        options = _parser().parse_args(_joined(given))
         code: int = options.command(options)
         sys.stdout.flush()
         return code
@@ -45,6 +37,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("dicedesign: interrupted; nothing half-written was left", file=sys.stderr)
         return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    # Imported here, so that an interrupt during the import ends as plainly as any other.
+    from dicedesign.commands import drop, rest, run
+
+    parser = argparse.ArgumentParser(
+        prog="dicedesign",
+        description="Design solid objects by the odds with which they come to rest.",
+    )
+    parser.add_argument("--version", action="version", version=f"dicedesign {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for module in (run, rest, drop):
+        module.add_parser(commands)
+    return parser
 
 
 def _joined(arguments: list[str]) -> list[str]:

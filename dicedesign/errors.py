@@ -1,7 +1,9 @@
 """The exception tree.
 
 Every error a user can cause names the thing, what was expected, what came, and the remedy. The
-command line prints the message on one line and exits with 2; nothing else of the tree is caught.
+command line prints the message on one line and exits with 2. Besides it, the design takes an error
+as the failure of one trial step, and the pipeline takes labels that do not fit an unfinished die as
+one more remark on it.
 """
 
 from __future__ import annotations

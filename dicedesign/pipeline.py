@@ -8,20 +8,20 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dicedesign.design.descent import DescentResult, DescentStep, descend_to_target
-from dicedesign.design.starts import Start, hendecahedron, mesh_start, prism, repulsion
+from dicedesign.design.descent import DescentStep
 from dicedesign.design.stopping import Status
-from dicedesign.design.verdict import Verdict, judge
-from dicedesign.errors import OutputError
-from dicedesign.fabricate.files import atomic_write
-from dicedesign.geometry.hull import ConvexHull
-from dicedesign.geometry.mesh_file import read_body
+from dicedesign.design.verdict import Verdict
+from dicedesign.design_stage import DesignedDie, design_die, make_start
+from dicedesign.errors import EngravingError, OutputError
+from dicedesign.fabricate.engraving_options import EngravingOptions
+from dicedesign.fabricate.stl import stl_bytes
+from dicedesign.files import atomic_write
 from dicedesign.recipe import Recipe
+from dicedesign.recipe_file import recipe_text
 from dicedesign.summary import design_summary, odds_summary, target_summary
 
 if TYPE_CHECKING:
@@ -30,10 +30,8 @@ if TYPE_CHECKING:
 
 __all__ = ["RunResult", "run_recipe"]
 
-Floats = NDArray[np.float64]
-
-RESULT = "result.json"
-OWNED = (
+RESULT: Final = "result.json"
+OWNED: Final = (
     "die.stl",
     "die_plain.stl",
     "recipe.yaml",
@@ -53,21 +51,23 @@ class RunResult:
 
     Attributes
     ----------
-    status: why the design stopped; converged only if the finished die is within the tolerance.
+    status: as in result.json; "converged" only if the finished die is within the tolerance.
     message: the same in a sentence.
+    notes: what was repaired or assumed about the start, one sentence each.
     folder: where the files are.
     summary: the content of result.json.
     """
 
     status: str
     message: str
+    notes: tuple[str, ...]
     folder: Path
     summary: dict[str, Any]
 
     @property
     def converged(self) -> bool:
         """Whether the die meets the recipe's tolerance."""
-        return self.status == Status.CONVERGED.name.lower()
+        return self.status == _plain_name(Status.CONVERGED)
 
 
 @dataclass
@@ -96,72 +96,34 @@ def run_recipe(
     """Design, check, engrave and report one die.
 
     Nothing is written before the die is finished. Each file then appears whole or not at all, and
-    result.json last: a folder that has it is complete.
+    result.json last: a folder that has it is complete. A die that did not converge and cannot be
+    labelled is reported without die.stl.
 
     Parameters
     ----------
     recipe: the checked recipe.
-    folder: where to write; made if missing.
+    folder: where to write; made if missing, once the start is known to be usable.
     on_stage, on_step: called when a stage begins and after every accepted step.
 
     Raises
     ------
-    InputError: the start does not suit the target, or a label does not fit its facet.
+    InputError: the start does not suit the target, or the design converged and a label does not
+        fit its facet.
     OutputError: the folder cannot be written.
     """
-    _prepare(folder)
     clock = _Clock(on_stage=on_stage)
-    target = recipe.target.target()
     with clock.stage("start"):
-        start = _start(recipe, len(target.labels))
-    order = recipe.outcome_of_direction()
-    fixed = None if recipe.center_of_mass is None else np.array(recipe.center_of_mass)
+        start = make_start(recipe)
+    _prepare(folder)
     with clock.stage("design"):
-        wanted = target.probabilities[order] if len(order) == len(start.directions) else None
-        design = descend_to_target(
-            start,
-            target.probabilities if wanted is None else wanted,
-            recipe.method.descent,
-            center_of_mass=fixed,
-            seed=recipe.seed,
-            on_step=on_step,
-        )
-    with clock.stage("check"):
-        directions = design.directions[np.argsort(order)]
-        verdict = judge(design.hull, directions, target, recipe.size_mm, fixed)
-        status, message = _outcome(design, verdict, recipe)
-    files: dict[str, bytes] = {}
-    with clock.stage("export"):
-        from dicedesign.fabricate.files import stl_bytes
-
-        files["die_plain.stl"] = stl_bytes(verdict.hull.vertices, verdict.hull.triangles)
-    engraved = None
-    placements: list[Placement] = []
-    if recipe.engrave is not None:
-        with clock.stage("engrave"):
-            engraved, placements = _engrave(recipe, verdict, target.labels)
-            files["die.stl"] = stl_bytes(engraved.vertices, engraved.triangles)
-    summary = {
-        "name": recipe.name,
-        "status": status,
-        "message": message,
-        **target_summary(target),
-        **odds_summary(verdict, target, engraved),
-        **design_summary(design),
-    }
-    with clock.stage("figures"):
-        images = _figures(recipe, summary, verdict, engraved, placements)
-    files.update({f"{name}.png": data for name, data in images.items()})
-    files["recipe.yaml"] = _yaml(recipe.resolved())
-    written = [name for name in OWNED if name in files or name == "report.html"]
-    summary["files"] = {Path(name).stem: name for name in [*written, RESULT]}
-    summary["stages"] = clock.stages
-    with clock.stage("report"):
-        from dicedesign.show.report import report_html
-
-        files["report.html"] = report_html(summary, images).encode("utf-8")
+        die = design_die(recipe, start, on_step=on_step)
+    files, summary = _results(recipe, die, clock)
     _write(folder, files, summary)
-    return RunResult(status, message, folder, summary)
+    return RunResult(summary["status"], summary["message"], start.notes, folder, summary)
+
+
+def _plain_name(status: Status) -> str:
+    return status.name.lower()
 
 
 def _prepare(folder: Path) -> None:
@@ -177,58 +139,75 @@ def _prepare(folder: Path) -> None:
         ) from error
 
 
-def _start(recipe: Recipe, outcomes: int) -> Start:
-    choice = recipe.start
-    if choice.prism is not None:
-        sides = outcomes if choice.prism.sides is None else choice.prism.sides
-        return prism(sides, choice.prism.height, choice.prism.cap)
-    if choice.hendecahedron is not None:
-        return hendecahedron(choice.hendecahedron)
-    if choice.mesh is not None:
-        return mesh_start(read_body(Path(choice.mesh.path)), outcomes)
-    return repulsion(outcomes, recipe.seed)
+def _results(
+    recipe: Recipe, die: DesignedDie, clock: _Clock
+) -> tuple[dict[str, bytes], dict[str, Any]]:
+    """The content of every file but result.json, by name, and that of result.json."""
+    hull, message = die.verdict.hull, die.message
+    files: dict[str, bytes] = {}
+    with clock.stage("export"):
+        files["die_plain.stl"] = stl_bytes(hull.vertices, hull.triangles)
+    engraved: EngravedDie | None = None
+    placements: list[Placement] = []
+    if recipe.engrave is not None:
+        with clock.stage("engrave"):
+            try:
+                engraved, placements = _engrave(die, recipe.engrave, recipe.size_mm)
+                files["die.stl"] = stl_bytes(engraved.vertices, engraved.triangles)
+            except EngravingError as error:
+                if die.status is Status.CONVERGED:
+                    raise
+                message += f"; not engraved: {error}"
+    summary = {
+        "name": recipe.name,
+        "status": _plain_name(die.status),
+        "message": message,
+        **target_summary(die.target),
+        **odds_summary(die.verdict, die.target, engraved),
+        **design_summary(die.design),
+    }
+    with clock.stage("figures"):
+        tolerance = recipe.method.descent.stopping.tolerance
+        images = _figures(summary, tolerance, die.verdict, engraved, placements)
+    files.update({f"{name}.png": data for name, data in images.items()})
+    files["recipe.yaml"] = recipe_text(recipe).encode("utf-8")
+    written = [name for name in OWNED if name in files or name == "report.html"]
+    summary["files"] = {Path(name).stem: name for name in [*written, RESULT]}
+    summary["stages"] = clock.stages
+    with clock.stage("report"):
+        from dicedesign.show.report import report_html
+
+        files["report.html"] = report_html(summary, images).encode("utf-8")
+    return files, summary
 
 
 def _engrave(
-    recipe: Recipe, verdict: Verdict, labels: tuple[str, ...]
+    die: DesignedDie, options: EngravingOptions, size_mm: float
 ) -> tuple[EngravedDie, list[Placement]]:
     from dicedesign.fabricate.engrave import engrave
     from dicedesign.fabricate.layout import place_labels
 
-    hull: ConvexHull = verdict.hull
-    facets = [int(f) for f in verdict.facet_of_outcome if f >= 0]
-    texts = [text for text, f in zip(labels, verdict.facet_of_outcome, strict=True) if f >= 0]
-    assert recipe.engrave is not None
+    hull, labels = die.verdict.hull, die.target.labels
+    facets = die.verdict.facet_of_outcome.tolist()
+    if -1 in facets:
+        raise EngravingError(
+            f"label {labels[facets.index(-1)]!r}: expected a facet to rest on for each label, got "
+            "none for this one; finish the design first"
+        )
     placements = place_labels(
-        texts,
-        [hull.polygon(f) for f in facets],
-        [hull.normals[f] for f in facets],
+        labels,
+        [hull.polygon(facet) for facet in facets],
+        [hull.normals[facet] for facet in facets],
         facets,
-        recipe.engrave,
-        recipe.size_mm,
+        options,
+        size_mm,
     )
-    return engrave(hull.vertices, hull.triangles, placements, recipe.engrave), placements
-
-
-def _outcome(design: DescentResult, verdict: Verdict, recipe: Recipe) -> tuple[str, str]:
-    """Status and message: the design's, unless the finished die says otherwise."""
-    tolerance = recipe.method.descent.stopping.tolerance
-    missing = int((verdict.facet_of_outcome < 0).sum())
-    stray = 1.0 - float(verdict.probabilities.sum())
-    status = design.status
-    if status is Status.CONVERGED and verdict.max_abs_error > tolerance:
-        status = Status.NO_PROGRESS
-    remarks = [f"{status.value}; max |p - q| is {verdict.max_abs_error:.3g}"]
-    if missing:
-        remarks.append(f"{missing} outcomes have no facet to rest on")
-    if stray > tolerance:
-        remarks.append(f"{stray:.3g} of the probability lies on rests without a label")
-    return status.name.lower(), "; ".join(remarks)
+    return engrave(hull.vertices, hull.triangles, placements, options), placements
 
 
 def _figures(
-    recipe: Recipe,
     summary: dict[str, Any],
+    tolerance: float,
     verdict: Verdict,
     engraved: EngravedDie | None,
     placements: list[Placement],
@@ -240,7 +219,6 @@ def _figures(
     from dicedesign.show.views import die_views_figure, facet_views_figure
 
     labels = summary["labels"]
-    tolerance = recipe.method.descent.stopping.tolerance
     written = [facet["label"] or "" for facet in summary["facets"]]
     solid = verdict.hull if engraved is None else engraved
     images = {
@@ -249,7 +227,7 @@ def _figures(
         "gauss_map": gauss_map_figure(verdict.poses, written),
         "views": die_views_figure(solid.vertices, solid.triangles),
     }
-    if engraved is not None and placements:
+    if engraved is not None:
         images["labels"] = facet_views_figure(
             engraved.vertices,
             engraved.triangles,
@@ -260,12 +238,6 @@ def _figures(
     return {name: png_bytes(figure) for name, figure in images.items()}
 
 
-def _yaml(plain: dict[str, Any]) -> bytes:
-    import yaml
-
-    return yaml.safe_dump(plain, sort_keys=False, allow_unicode=True).encode("utf-8")
-
-
 def _write(folder: Path, files: dict[str, bytes], summary: dict[str, Any]) -> None:
     try:
         (folder / RESULT).unlink(missing_ok=True)
@@ -273,7 +245,12 @@ def _write(folder: Path, files: dict[str, bytes], summary: dict[str, Any]) -> No
             if name not in files:
                 (folder / name).unlink(missing_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder}: old results cannot be removed: {error.strerror}") from error
+        raise OutputError(
+            f"{folder}: expected old results that can be removed, but {error.strerror}; choose "
+            "another folder with --out"
+        ) from error
     for name, data in files.items():
         atomic_write(folder / name, data)
-    atomic_write(folder / RESULT, (json.dumps(summary, indent=1) + "\n").encode("utf-8"))
+    atomic_write(
+        folder / RESULT, (json.dumps(summary, indent=1, allow_nan=False) + "\n").encode("utf-8")
+    )

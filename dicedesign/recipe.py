@@ -1,4 +1,4 @@
-"""A recipe file read into checked options.
+"""What a recipe says, as checked options.
 
 The parts of the schema that are options of the method or the engraving are the option classes
 themselves; only what a file adds to them is described here.
@@ -6,31 +6,28 @@ themselves; only what a file adds to them is described here.
 
 from __future__ import annotations
 
-import difflib
-import json
-import re
-from collections.abc import Iterator, Mapping, Sequence
+import math
 from fractions import Fraction
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
-import yaml
 from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
     TypeAdapter,
-    ValidationError,
     model_validator,
 )
 
 from dicedesign.design.descent import DescentOptions
+from dicedesign.design.starts import FEWEST_FACETS, hendecahedron, prism
 from dicedesign.design.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
-from dicedesign.errors import InputError, RecipeError
 from dicedesign.fabricate.engraving_options import EngravingOptions
 
-__all__ = ["Recipe", "StartRecipe", "TargetRecipe", "read_recipe"]
+__all__ = ["Recipe", "StartRecipe", "TargetRecipe"]
+
+FEWEST_SIDES: Final = 3
+"""A prism has at least so many sides."""
 
 
 def _fraction(value: object) -> object:
@@ -39,13 +36,18 @@ def _fraction(value: object) -> object:
             return float(Fraction(value.replace(" ", "")))
         except (ValueError, ZeroDivisionError) as error:
             raise ValueError(
-                f"expected a number or a fraction such as 1/36, got {value!r}"
+                f"expected a number or a fraction such as 1/36, got {value!r}; correct it"
             ) from error
     return value
 
 
 def _text(value: object) -> object:
-    return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+    if value is None or isinstance(value, bool):
+        raise ValueError(
+            f"expected a text, got {value}, which is how YAML reads words such as yes, no, on, off "
+            "and null; put it in quotes"
+        )
+    return str(value) if isinstance(value, int | float) and math.isfinite(value) else value
 
 
 def _word(word: str, meaning: object) -> BeforeValidator:
@@ -61,14 +63,14 @@ Probability = Annotated[float, BeforeValidator(_fraction)]
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
 def _one_of(model: BaseModel, *names: str) -> None:
     given = [name for name in names if getattr(model, name) is not None]
     if len(given) != 1:
         got = " and ".join(given) if given else "none of them"
-        raise ValueError(f"expected exactly one of {', '.join(names)}, got {got}")
+        raise ValueError(f"expected exactly one of {', '.join(names)}, got {got}; keep one")
 
 
 class TargetRecipe(_Strict):
@@ -106,13 +108,18 @@ class PrismRecipe(_Strict):
     height: float = 1.5
     cap: float = 1.3
 
+    def sides_for(self, outcomes: int) -> int:
+        """The number of sides for so many outcomes."""
+        return outcomes if self.sides is None else self.sides
+
 
 class RepulsionRecipe(_Strict):
     """`start.repulsion`: one facet for each outcome."""
 
 
 class MeshRecipe(_Strict):
-    """`start.mesh`: the convex hull of a file, its path relative to the recipe."""
+    """`start.mesh`: the convex hull of a file. Its path is relative to the recipe's folder, or to
+    the working directory in a change from the command line."""
 
     path: str
 
@@ -130,6 +137,37 @@ class StartRecipe(_Strict):
         _one_of(self, "prism", "hendecahedron", "repulsion", "mesh")
         return self
 
+    def check(self, outcomes: int) -> None:
+        """Raise ValueError, naming the key, where the shape cannot bear so many outcomes. What a
+        mesh can bear is known only once it is read."""
+        if self.mesh is not None:
+            return
+        if outcomes < FEWEST_SIDES:
+            raise ValueError(
+                f"start: expected a mesh for {outcomes} outcomes, as every other start has at "
+                f"least {FEWEST_SIDES} rests; write start: {{mesh: {{path: FILE}}}}"
+            )
+        if self.prism is not None:
+            sides = self.prism.sides_for(outcomes)
+            prism(sides, self.prism.height, self.prism.cap)
+            if sides != outcomes:
+                raise ValueError(
+                    f"start.prism.sides: expected {outcomes}, one side for each outcome of the "
+                    f"target, got {sides}; leave it out"
+                )
+        elif self.hendecahedron is not None:
+            facets = len(hendecahedron(self.hendecahedron).directions)
+            if facets != outcomes:
+                raise ValueError(
+                    f"start.hendecahedron: expected a target of {facets} outcomes, one for each "
+                    f"facet, got {outcomes}; take another start"
+                )
+        elif outcomes < FEWEST_FACETS:
+            raise ValueError(
+                f"start.repulsion: expected a target of at least {FEWEST_FACETS} outcomes, got "
+                f"{outcomes}; take a prism"
+            )
+
 
 class MethodRecipe(_Strict):
     """`method`: how the die is found."""
@@ -146,7 +184,8 @@ class Recipe(_Strict):
     seed: of everything random.
     target, start: what is wanted, and what to begin with.
     assignment: labels in the order of the start's directions; None for the order of the target.
-    center_of_mass: (3,) fixed, in the start's unit; None for the uniform solid.
+    center_of_mass: (3,) fixed, in the start's own coordinates (see `dicedesign.design.starts`);
+        None for the uniform solid.
     size_mm: largest vertex-to-vertex distance of the printed die.
     engrave: engraving options, or None for a plain die.
     """
@@ -173,8 +212,9 @@ class Recipe(_Strict):
         if self.assignment is not None and sorted(self.assignment) != sorted(labels):
             raise ValueError(
                 f"assignment: expected each of the labels {', '.join(labels)} once, got "
-                f"{', '.join(self.assignment)}"
+                f"{', '.join(self.assignment)}; write in_order for the target's order"
             )
+        self.start.check(len(labels))
         return self
 
     def outcome_of_direction(self) -> list[int]:
@@ -191,111 +231,3 @@ class Recipe(_Strict):
         for part in ("target", "start"):
             plain[part] = {key: value for key, value in plain[part].items() if value is not None}
         return plain
-
-
-def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
-    """Read a YAML recipe.
-
-    Parameters
-    ----------
-    path: the file.
-    changes: texts "dotted.key=value" that replace or add entries, values in YAML.
-
-    Raises
-    ------
-    RecipeError: the file is missing or no YAML mapping, or an entry is unknown or unusable; the
-        message names file, key, what was expected and what came.
-    """
-    try:
-        content = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not text"
-        raise RecipeError(f"{path}: expected a readable recipe file, but {reason}") from error
-    data = _load(content, str(path))
-    if not isinstance(data, dict):
-        raise RecipeError(
-            f"{path}: expected keys and values (name: ..., target: ...), got {data!r}"
-        )
-    for change in changes:
-        _apply(data, change)
-    _resolve_mesh_path(data, path.parent)
-    try:
-        # Through JSON: strict validation then takes mappings for options and lists for tuples.
-        return Recipe.model_validate_json(json.dumps(data, default=str))
-    except ValidationError as error:
-        raise RecipeError(_explain(path, error)) from error
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML with `1e-3` as a number and repeated keys as errors."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if key in seen:
-                line = key_node.start_mark.line + 1
-                raise yaml.YAMLError(f"key {key!r} appears twice, the second time in line {line}")
-            seen.add(key)
-        return super().construct_mapping(node, deep)
-
-
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
-    list("-+0123456789."),
-)
-
-
-def _load(content: str, where: str) -> object:
-    try:
-        return yaml.load(content, Loader=_Loader)
-    except (yaml.YAMLError, TypeError) as error:
-        reason = " ".join(str(error).split())
-        raise RecipeError(f"{where}: expected YAML, but {reason}") from error
-
-
-def _apply(data: dict[str, Any], change: str) -> None:
-    key, equals, value = change.partition("=")
-    if not equals or not key.strip():
-        raise RecipeError(f"--set {change}: expected key=value, such as size_mm=40")
-    *parents, last = key.strip().split(".")
-    for parent in parents:
-        if not isinstance(data.get(parent), dict):
-            data[parent] = {}
-        data = data[parent]
-    data[last] = _load(value, f"--set {key}")
-
-
-def _resolve_mesh_path(data: Mapping[str, Any], folder: Path) -> None:
-    start = data.get("start")
-    mesh = start.get("mesh") if isinstance(start, dict) else None
-    if isinstance(mesh, dict) and isinstance(mesh.get("path"), str):
-        mesh["path"] = str(folder / mesh["path"])
-
-
-def _explain(path: Path, error: ValidationError) -> str:
-    first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"] if not str(part).startswith("function-"))
-    cause = first.get("ctx", {}).get("error")
-    if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        known = sorted(set(_property_names(Recipe.model_json_schema())))
-        close = difflib.get_close_matches(str(first["loc"][-1]), known, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else "remove it"
-        return f"{path}: {key}: unknown key; {hint}"
-    if first["type"] == "missing":
-        return f"{path}: {key}: expected this key, but it is missing; add it"
-    if isinstance(cause, InputError | ValueError):
-        return f"{path}: {key + ': ' if key else ''}{cause}"
-    message = first["msg"][0].lower() + first["msg"][1:]
-    return f"{path}: {key}: {message}, got {first['input']!r}"
-
-
-def _property_names(schema: object) -> Iterator[str]:
-    if isinstance(schema, dict):
-        yield from schema.get("properties", {})
-        for part in schema.values():
-            yield from _property_names(part)
-    elif isinstance(schema, list):
-        for part in schema:
-            yield from _property_names(part)

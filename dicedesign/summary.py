@@ -28,7 +28,8 @@ def target_summary(target: Target) -> dict[str, Any]:
 
 def odds_summary(verdict: Verdict, target: Target, engraved: EngravedDie | None) -> dict[str, Any]:
     """What the die does: probabilities by label, its error, center of mass and facets. For an
-    engraved die also the same odds with the pockets' effect on the center of mass."""
+    engraved uniform die also the same odds with the pockets' effect on the center of mass, which
+    nobody knows where the center was given: then the density is unknown."""
     hull, poses = verdict.hull, verdict.poses
     label = {
         int(facet): target.labels[outcome]
@@ -53,7 +54,7 @@ def odds_summary(verdict: Verdict, target: Target, engraved: EngravedDie | None)
         "facets": facets,
         "unstable_facets": len(hull.normals) - len(poses.facets),
     }
-    if engraved is not None:
+    if engraved is not None and verdict.uniform:
         odds = _engraved_odds(verdict, target, engraved)
         summary["engraved_probabilities"] = odds.tolist()
         summary["engraved_max_abs_error"] = float(np.abs(odds - target.probabilities).max())
@@ -80,7 +81,7 @@ def _engraved_odds(verdict: Verdict, target: Target, engraved: EngravedDie) -> n
 def design_summary(design: DescentResult) -> dict[str, Any]:
     """How the design went: energy terms at the end and the history of steps."""
     return {
-        "energy": design.history[-1].terms,
+        "energy": design.terms,
         "evaluations": design.evaluations,
         "history": [
             {

@@ -1,12 +1,14 @@
 """Every numerical tolerance of the package, in one place.
 
-All are relative: lengths to half the largest extent of the points, everything else dimensionless.
+None depends on the unit of length: each says what it is relative to, or is an angle, a probability
+or a count.
 Nothing else in the package decides about a body by a bare small number; the constants of drawing
 and of the optimiser's steps stand where they are used.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 __all__ = [
@@ -14,6 +16,7 @@ __all__ = [
     "CLOSURE_TOLERANCE",
     "COPLANAR_TOLERANCE",
     "COPLANAR_TOLERANCE_FLOAT32",
+    "COPLANAR_WIDENINGS",
     "ENGRAVED_VOLUME_TOLERANCE",
     "FLATNESS_TOLERANCE",
     "PROBABILITY_SUM_TOLERANCE",
@@ -23,15 +26,21 @@ __all__ = [
 ]
 
 COPLANAR_TOLERANCE: Final = 1e-11
-"""Two hull triangles are one facet when all corners lie within this distance of one plane, for
-coordinates that were computed in float64 (a rotated cube has errors near 1e-16)."""
+"""Two hull triangles are one facet when all corners lie within this distance of one plane,
+relative to half the largest extent of the points, for coordinates that were computed in float64 (a
+rotated cube has errors near 1e-16)."""
 
 COPLANAR_TOLERANCE_FLOAT32: Final = 2e-6
 """The same for coordinates that were rounded to float32 (STL, most PLY): 2^-24 per coordinate,
 times the extrapolation from a facet's largest triangle to its far corners."""
 
+COPLANAR_WIDENINGS: Final = (1.0, 10.0, 100.0, 1000.0)
+"""Factors of the coplanar tolerance, tried in turn until the merged facets make a polyhedron:
+clusters of points at one spacing can leave facets that a tolerance of that size cuts apart."""
+
 FLATNESS_TOLERANCE: Final = 1e-12
-"""Points whose smallest extent over their largest is below this span no solid."""
+"""Where a hull is refused, singular values of the points below this part of the largest count as
+none: the error then says "on one plane" or "on one line". It decides about the wording only."""
 
 BOUNDARY_TOLERANCE: Final = 1e-13
 """A center of mass nearer than this to a facet's plane counts as lying on the hull's boundary."""
@@ -52,9 +61,10 @@ ROUNDED_DIGITS: Final = 12
 more coarsely than COPLANAR_TOLERANCE allows for; they count as single precision."""
 
 VOLUME_TOLERANCE: Final = 1e-11
-"""A closed surface whose volume over its extent cubed is below this bounds no solid; at this size
+"""A closed surface whose volume over the cube of its largest extent is below this bounds no solid,
+and a shell of it no body and no cavity; at this size
 rounding leaves the centroid about five digits."""
 
-SAME_REST_ANGLE: Final = 0.08726646259971647
-"""Two rests are one outcome to the eye when their normals differ by at most this, in radians
-(5 degrees): the body then stands on nearly the same facet."""
+SAME_REST_ANGLE: Final = math.radians(5.0)
+"""Two rests are one outcome to the eye when their normals differ by at most this, in radians:
+the body then stands on nearly the same facet."""

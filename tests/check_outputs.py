@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+import yaml
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -56,7 +57,8 @@ def check(folder: Path) -> dict[str, object]:
         assert 0.8 * plain.volume < die.volume < plain.volume
         assert np.allclose(die.convex_hull.volume, plain.volume, rtol=1e-5)
     span = np.linalg.norm(plain.vertices[:, None] - plain.vertices[None], axis=2).max()
-    assert abs(span - 30.0) < 1e-3 or "size_mm: 30" not in (folder / "recipe.yaml").read_text()
+    size = yaml.safe_load((folder / "recipe.yaml").read_text())["size_mm"]
+    assert abs(span - size) < 1e-4 * size, (span, size)
 
     labels, odds = result["labels"], np.array(result["probabilities"])
     target = np.array(result["target"])

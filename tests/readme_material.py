@@ -21,12 +21,14 @@ def row(result: dict) -> str:
     """One line of the table."""
     facets = [facet for facet in result["facets"] if facet["label"] is not None]
     seconds = {stage["name"]: stage["seconds"] for stage in result["stages"]}
+    # Unknown for a given center of mass; not there without engraving.
+    engraved = result.get("engraved_max_abs_error")
     cells = [
         f"`{result['name']}`",
         str(len(result["labels"])),
         f"{len(facets)} + {len(result['facets']) - len(facets)}",
         f"{result['max_abs_error']:.1e}",
-        f"{result['engraved_max_abs_error']:.1e}",
+        f"{engraved:.1e}" if engraved is not None else "unknown",
         f"{min(facet['margin_deg'] for facet in facets):.0f}",
         f"{seconds['design']:.1f}",
         f"{sum(seconds.values()):.1f}",

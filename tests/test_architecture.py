@@ -6,13 +6,13 @@ import ast
 from pathlib import Path
 
 FLOORS = (
-    ("errors", "tolerances", "options"),
+    ("errors", "files", "tolerances", "options"),
     ("geometry",),
     ("rest",),
     ("design",),
     ("fabricate",),
     ("show",),
-    ("recipe", "summary"),
+    ("recipe", "recipe_file", "design_stage", "summary"),
     ("pipeline",),
     ("commands",),
     ("cli",),

@@ -119,8 +119,10 @@ BAD = [
     (["run", "bad.yaml"], "bad.yaml: colour: unknown key"),
     (["run", "good.yaml", "--out", "box.obj/x"], "folder that can be written"),
     (["run", "good.yaml", "--set", "start={mesh: {path: missing.stl}}"], "missing.stl"),
-    (["run", "good.yaml", "--set", "start={prism: {sides: 5}}"], "outcomes"),
+    (["run", "good.yaml", "--set", "start={prism: {sides: 5}}"], "start.prism.sides: expected 4"),
     (["run", "good.yaml", "--set", "start={prism: {sides: 99}}"], "expected 3 to 12, got 99"),
+    (["run", "good.yaml", "--set", "start={mesh: {path: box.obj}}", "--set", "target.fair=7"], "7"),
+    (["run", "good.yaml", "--set", "center_of_mass=[0, 0, 9]"], "got [0.0, 0.0, 9.0], which is"),
 ]
 
 
@@ -151,7 +153,7 @@ def test_bad_input_is_one_line_and_exit_code_2(
     errors = [line for line in captured.err.splitlines() if not line.startswith("note: ")]
     assert len(errors) == 1
     assert errors[0].startswith("dicedesign: ")
-    assert [p for p in sorted(tmp_path.iterdir()) if p.name != "outputs"] == before
+    assert sorted(tmp_path.iterdir()) == before
 
 
 def test_run_from_a_shell(tmp_path: Path) -> None:
@@ -168,12 +170,22 @@ def test_run_from_a_shell(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "other" / "result.json").read_text())["status"] == "step_limit"
 
 
-@pytest.mark.parametrize("suffix", ["obj", "stl", "off"])
+def test_notes_about_a_mesh_start_go_to_stderr(tmp_path: Path) -> None:
+    (tmp_path / "d4.obj").write_text("v 1 1 1\nv 1 1 1\nv 1 -1 -1\nv -1 1 -1\nv -1 -1 1\n")
+    (tmp_path / "d4.yaml").write_text(
+        "name: d4\ntarget: {fair: 4}\nstart: {mesh: {path: d4.obj}}\nengrave: false\n"
+    )
+    done = run(["run", "d4.yaml"], tmp_path)
+    assert done.returncode == 0
+    assert done.stderr == "note: welded 1 points to others at equal positions\n"
+
+
+@pytest.mark.parametrize("suffix", ["obj", "stl", "off", "ply", "glb", "3mf"])
 def test_a_query_loads_nothing_heavy(tmp_path: Path, suffix: str) -> None:
     trimesh.creation.box().export(tmp_path / f"box.{suffix}")
     script = (
         "import sys; from dicedesign.cli import main; code = main(sys.argv[1:]);"
-        "heavy = {'torch', 'manifold3d', 'matplotlib', 'trimesh', 'pydantic', 'fontTools'};"
+        "heavy = {'torch', 'manifold3d', 'matplotlib', 'pydantic', 'fontTools'};"
         "sys.exit(code or ', '.join(heavy & set(sys.modules)) or None)"
     )
     command = [sys.executable, "-c", script, "rest", f"box.{suffix}", "--json"]

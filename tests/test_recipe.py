@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 
 from dicedesign.errors import RecipeError
-from dicedesign.recipe import read_recipe
+from dicedesign.recipe import Recipe
+from dicedesign.recipe_file import read_recipe, recipe_text
 
-GOOD = {
+GOOD: dict[str, Any] = {
     "name": "test",
     "target": {"sum_of_dice": [6, 6]},
     "start": {"hendecahedron": "circus"},
 }
 
 
-def read(tmp_path: Path, entries: dict[str, object], changes: tuple[str, ...] = ()) -> object:
+def read(tmp_path: Path, entries: dict[str, object], changes: tuple[str, ...] = ()) -> Recipe:
     path = tmp_path / "test.yaml"
     path.write_text(yaml.safe_dump(entries))
     return read_recipe(path, changes)
@@ -54,6 +56,24 @@ def test_a_resolved_recipe_reads_as_itself(repository: Path, tmp_path: Path) -> 
         assert again == recipe
 
 
+def test_a_mesh_path_counts_from_the_recipe_or_in_a_change_from_where_one_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, elsewhere = tmp_path / "recipes", tmp_path / "elsewhere"
+    folder.mkdir()
+    elsewhere.mkdir()
+    (folder / "r.yaml").write_text("name: r\ntarget: {fair: 4}\nstart: {mesh: {path: a.stl}}\n")
+    monkeypatch.chdir(tmp_path)
+    recipe = read_recipe(Path("recipes/r.yaml"))
+    changed = read_recipe(Path("recipes/r.yaml"), ["start.mesh.path=b.stl"])
+    monkeypatch.chdir(elsewhere)
+    for given, path in ((recipe, folder / "a.stl"), (changed, tmp_path / "b.stl")):
+        assert given.start.mesh is not None
+        assert given.start.mesh.path == str(path)
+        (elsewhere / "again.yaml").write_text(recipe_text(given))
+        assert read_recipe(Path("again.yaml")) == given
+
+
 def test_fractions_labels_and_exponents(tmp_path: Path) -> None:
     path = tmp_path / "r.yaml"
     path.write_text(
@@ -78,6 +98,34 @@ BAD = [
         "weights.coplaner: unknown key.*coplanar",
     ),
     ({"method": {"descent": {"zzzz": 1}}}, "method.descent.zzzz: unknown key; remove it"),
+    ({"labels": ["a", "b"]}, "labels: unknown key; it belongs at target.labels"),
+    ({"stoping": {}}, r"stoping: unknown key; did you mean method.descent.stopping\?"),
+    (
+        {"target": {"fair": 2, "labels": [True, "no"]}},
+        "target.labels.0: expected a text, got True, .*; put it in quotes",
+    ),
+    ({"target": {"fair": 2, "labels": [float("nan"), "x"]}}, "target.labels.0: .*string, got nan"),
+    ({"size_mm": float("nan")}, "size_mm: .*got nan"),
+    ({"center_of_mass": [0, float("inf"), 0]}, "center_of_mass.1: .*finite number, got inf"),
+    ({"start": {"prism": {"height": float("inf")}}}, "start.prism.height: .*finite.*got inf"),
+    ({"start": {"prism": {"cap": float("nan")}}}, "start.prism.cap: .*finite.*got nan"),
+    ({"start": {"prism": {"sides": 99}}}, "start.prism.sides: expected 3 to 12, got 99"),
+    (
+        {"start": {"prism": {"sides": 5}}},
+        "start.prism.sides: expected 11, one side for each outcome of the target, got 5",
+    ),
+    (
+        {"target": {"fair": 4}},
+        "start.hendecahedron: expected a target of 11 outcomes, one for each facet, got 4",
+    ),
+    (
+        {"target": {"fair": 3}, "start": {"repulsion": {}}},
+        "start.repulsion: expected a target of at least 4 outcomes, got 3; take a prism",
+    ),
+    (
+        {"target": {"fair": 2}, "start": {"prism": {}}},
+        r"start: expected a mesh for 2 outcomes, .*write start: \{mesh: \{path: FILE\}\}",
+    ),
     ({"name": None}, "name: "),
     ({"name": "../x"}, "name: "),
     ({"size_mm": "large"}, "size_mm: .*number.*'large'"),
@@ -141,6 +189,11 @@ def test_missing_key(tmp_path: Path) -> None:
         (b"name: [", "expected YAML, but"),
         (b"name: a\nname: b\n", "'name' appears twice, the second time in line 2"),
         (b"\xff\xfe\x00", "expected"),
+        (b"2024-01-01: 3\n", "expected texts as keys.*but keys must be str"),
+        (b"x: &a [*a]\n", "entries that do not contain themselves, but Circular"),
+        (b"x: 2024-13-45\n", "expected YAML, but month must be in 1..12"),
+        (b"x: !!int x\n", "expected YAML, but"),
+        (b"x: " + 5000 * b"[", "expected YAML, but"),
     ],
 )
 def test_files_that_are_no_recipes(tmp_path: Path, content: bytes, message: str) -> None:

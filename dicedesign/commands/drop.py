@@ -44,7 +44,11 @@ def _drop(options: argparse.Namespace) -> int:
     steps = roll(equilibria, down, largest)
     if options.json:
         source = equilibria.hull.source
-        print(json.dumps({"steps": [_plain(step, source) for step in steps]}, indent=1))
+        print(
+            json.dumps(
+                {"steps": [_plain(step, source) for step in steps]}, indent=1, allow_nan=False
+            )
+        )
     else:
         print(_table(steps))
     return 0

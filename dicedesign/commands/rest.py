@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -54,12 +56,26 @@ def poses_of(options: argparse.Namespace) -> RestPoses:
     """The rests of the body that the options name; notes go to stderr."""
     com = options.com
     center = com if com is None or com == "hull" else vector("--com", com)
-    poses = rest_poses(
-        read_body(options.mesh), center, coplanar_tolerance=options.coplanar_tolerance
-    )
+    with _without_solids():
+        body = read_body(options.mesh)
+    poses = rest_poses(body, center, coplanar_tolerance=options.coplanar_tolerance)
     for note in poses.notes:
         print(f"note: {note}", file=sys.stderr)
     return poses
+
+
+@contextmanager
+def _without_solids() -> Iterator[None]:
+    """Keep manifold3d from being loaded: trimesh takes it along if it can, and a query needs it
+    for nothing."""
+    hidden = "manifold3d" not in sys.modules
+    if hidden:
+        sys.modules["manifold3d"] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        if hidden:
+            del sys.modules["manifold3d"]
 
 
 def rest_summary(poses: RestPoses) -> dict[str, Any]:
@@ -86,12 +102,15 @@ def _rest(options: argparse.Namespace) -> int:
     poses = poses_of(options)
     if options.figure is not None:
         _draw(poses, options.figure)
-    print(json.dumps(rest_summary(poses), indent=1) if options.json else _table(options, poses))
+    if options.json:
+        print(json.dumps(rest_summary(poses), indent=1, allow_nan=False))
+    else:
+        print(_table(options, poses))
     return 0
 
 
 def _draw(poses: RestPoses, path: Path) -> None:
-    from dicedesign.fabricate.files import atomic_write
+    from dicedesign.files import atomic_write
     from dicedesign.show.gauss_map import gauss_map_figure
     from dicedesign.show.png import png_bytes
 

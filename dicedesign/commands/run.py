@@ -41,7 +41,7 @@ def _run(options: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from dicedesign.pipeline import run_recipe
-    from dicedesign.recipe import read_recipe
+    from dicedesign.recipe_file import read_recipe
 
     # Tensors here are far too small to share among threads.
     torch.set_num_threads(1)
@@ -54,6 +54,8 @@ def _run(options: argparse.Namespace) -> int:
             bar.set_postfix_str(f"max |p - q| {step.error:.2e}")
 
         result = run_recipe(recipe, folder, on_stage=bar.set_description_str, on_step=on_step)
+    for note in result.notes:
+        print(f"note: {note}", file=sys.stderr)
     summary = result.summary
     print(f"{recipe.name}: {result.status} ({result.message})")
     print("label  target    achieved")

@@ -81,7 +81,8 @@ class FacetCoordinates:
         heights = _heights(hull, origin)
         if (heights <= 0.0).any():
             raise DegenerateBodyError(
-                f"facet coordinates: expected an origin inside the shape, got {origin.tolist()}"
+                f"facet coordinates: expected an origin inside the shape, got {origin.tolist()}; "
+                "take its centroid"
             )
         return cls(origin), np.concatenate([hull.normals.ravel(), np.log(heights)])
 

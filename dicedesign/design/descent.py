@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,20 @@ __all__ = ["DescentOptions", "DescentResult", "DescentStep", "descend_to_target"
 
 Floats = NDArray[np.float64]
 
-STALL_WINDOW = 10
-STALL_DECREASE = 0.02
-SMALLEST_RELAXATION = 1e-3
+STALL_WINDOW: Final = 10
+"""Number of last energies that tell whether progress stalls: the later half against the earlier."""
+
+STALL_DECREASE: Final = 0.02
+"""Relative decrease of the energy over half a window below which progress has stalled."""
+
+LAST_WINDOW: Final = 200
+"""The same number once the shaping terms are dropped, when narrow valleys take long."""
+
+LAST_DECREASE: Final = 0.05
+"""Relative decrease over half of it below which there is no progress left."""
+
+SMALLEST_RELAXATION: Final = 1e-3
+"""Factor on the shaping terms below which they are dropped."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +70,8 @@ class DescentOptions:
     def __post_init__(self) -> None:
         if self.coordinates not in ("facets", "vertices"):
             raise InputError(
-                f'coordinates: expected "facets" or "vertices", got {self.coordinates!r}'
+                f'coordinates: expected "facets" or "vertices", got {self.coordinates!r}; choose '
+                "one of the two"
             )
         if self.sobolev is not None and self.coordinates != "vertices":
             raise InputError(
@@ -67,10 +79,14 @@ class DescentOptions:
                 f"got {self.coordinates!r}; leave sobolev out or change coordinates"
             )
         if not 0.0 < self.relaxation < 1.0:
-            raise InputError(f"relaxation: expected a number in (0, 1), got {self.relaxation:g}")
+            raise InputError(
+                f"relaxation: expected a number in (0, 1), got {self.relaxation:g}; leave it out "
+                "for 0.5"
+            )
         if not 0.0 <= self.perturbation < 1.0:
             raise InputError(
-                f"perturbation: expected a number in [0, 1), got {self.perturbation:g}"
+                f"perturbation: expected a number in [0, 1), got {self.perturbation:g}; leave it "
+                "out for 1e-3"
             )
 
 
@@ -94,13 +110,15 @@ class DescentResult:
     status: why it stopped.
     hull: the designed shape.
     directions: (k, 3) where the outcomes are.
+    terms: the energy's terms at the end, with their full weights.
     history: every accepted step, the first being the start.
-    evaluations: energies computed, those of rejected trials included.
+    evaluations: energies computed, those of rejected trials and after pruning included.
     """
 
     status: Status
     hull: ConvexHull
     directions: Floats
+    terms: dict[str, float]
     history: tuple[DescentStep, ...]
     evaluations: int
 
@@ -121,7 +139,7 @@ def descend_to_target(
     start: shape and outcome directions.
     target: (k,) wanted probability of each direction of the start.
     options: see `DescentOptions`.
-    center_of_mass: (3,) fixed, in the start's length unit, or None for the uniform solid.
+    center_of_mass: (3,) fixed, in the coordinates of `start.points`, or None for the uniform solid.
     seed: of the perturbation.
     on_step: called after every accepted step.
 
@@ -134,7 +152,7 @@ def descend_to_target(
     if len(target) != len(start.directions):
         raise InputError(
             f"target: expected {len(start.directions)} outcomes, one for each direction of the "
-            f"start, got {len(target)}"
+            f"start, got {len(target)}; take another start"
         )
     return _Descent(start, target, options, center_of_mass, seed, on_step).run()
 
@@ -167,6 +185,7 @@ class _Descent:
         self.started = time.perf_counter()
         self.on_step = on_step
         self.line_search = LineSearch()
+        self.evaluations = 1
         self.history: list[DescentStep] = []
         self.energies: list[float] = []
         self.current = self.objective.evaluate(
@@ -179,13 +198,14 @@ class _Descent:
         status = None
         while status is None:
             status = self._advance()
-        hull = self.current.rests.hull
+        full = replace(self.objective, weights=self.options.weights)
         return DescentResult(
             status,
-            hull,
+            self.current.rests.hull,
             self.current.directions,
+            self.current.under(full).values,
             tuple(self.history),
-            1 + self.line_search.evaluations,
+            self.evaluations + self.line_search.evaluations,
         )
 
     def _advance(self) -> Status | None:
@@ -195,13 +215,14 @@ class _Descent:
         following = self.line_search.search(self.current, self._direction())
         if following is not None:
             self._accept(following)
-            if not self._stalled():
+            if not self._stalled(STALL_WINDOW, STALL_DECREASE):
                 return None
         # At rest under the present weights: done, or let the shaping terms give way.
         if self._reached():
             return Status.CONVERGED
         if self.relaxation == 0.0:
-            return Status.NO_PROGRESS if following is None else None
+            ended = following is None or self._stalled(LAST_WINDOW, LAST_DECREASE)
+            return Status.NO_PROGRESS if ended else None
         self._relax()
         return None
 
@@ -220,6 +241,7 @@ class _Descent:
         pruned = self.objective.coordinates.pruned(following.parameters, following.rests)
         if len(pruned) != len(following.parameters):
             following = self.objective.evaluate(pruned, following.directions)
+            self.evaluations += 1
             self.line_search.restart()
         self.current = following.refreshed()
         self._record()
@@ -227,14 +249,14 @@ class _Descent:
     def _reached(self) -> bool:
         return self.current.error <= self.options.stopping.tolerance
 
-    def _stalled(self) -> bool:
-        if len(self.energies) <= STALL_WINDOW:
+    def _stalled(self, window: int, decrease: float) -> bool:
+        if len(self.energies) <= window:
             return False
-        recent = self.energies[-STALL_WINDOW:]
-        half = STALL_WINDOW // 2
+        recent = self.energies[-window:]
+        half = window // 2
         # Below the square of the tolerance an energy has nothing more to say.
         worth = max(self.current.value, self.options.stopping.tolerance**2)
-        return min(recent[:half]) - min(recent[half:]) < STALL_DECREASE * worth
+        return min(recent[:half]) - min(recent[half:]) < decrease * worth
 
     def _relax(self) -> None:
         self.relaxation *= self.options.relaxation
@@ -251,9 +273,10 @@ class _Descent:
 
     def _record(self) -> None:
         current = self.current
-        terms = {name: float(term.detach()) for name, term in current.terms.items()}
         self.energies.append(current.value)
-        step = DescentStep(len(self.history), self._seconds(), current.value, terms, current.error)
+        step = DescentStep(
+            len(self.history), self._seconds(), current.value, current.values, current.error
+        )
         self.history.append(step)
         if self.on_step is not None:
             self.on_step(step)

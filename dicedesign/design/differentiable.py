@@ -144,7 +144,8 @@ def evaluate_rests(points: Tensor, center_of_mass: Tensor | None = None) -> Rest
     elif center_of_mass.dtype != torch.float64 or center_of_mass.shape != (3,):
         raise InputError(
             f"center of mass: expected a float64 tensor of shape (3,), got {center_of_mass.dtype} "
-            f"of shape {tuple(center_of_mass.shape)}"
+            f"of shape {tuple(center_of_mass.shape)}; convert it with .double(), or leave it out "
+            "for the uniform solid"
         )
     else:
         center = center_of_mass

@@ -69,17 +69,19 @@ class EnergyWeights:
         for name in ("coplanar", "barycenter", "neighbor", "stability"):
             value = getattr(self, name)
             if not 0.0 <= value < np.inf:
-                raise InputError(f"weights.{name}: expected a number not below 0, got {value:g}")
+                raise InputError(
+                    f"weights.{name}: expected a number not below 0, got {value:g}; 0 leaves the "
+                    "term out"
+                )
         if not 0.0 < self.neighbor_radius <= 2.0:
             raise InputError(
                 "weights.neighbor_radius: expected a chord length above 0 and at most 2, got "
-                f"{self.neighbor_radius:g}"
+                f"{self.neighbor_radius:g}; leave it out for 0.2"
             )
-
         if not 0.0 < self.stability_margin <= 1.0:
             raise InputError(
                 "weights.stability_margin: expected a fraction above 0 and at most 1, got "
-                f"{self.stability_margin:g}"
+                f"{self.stability_margin:g}; leave it out for 0.05"
             )
 
     def relaxed(self, factor: float) -> EnergyWeights:

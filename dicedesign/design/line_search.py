@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,26 @@ __all__ = ["LineSearch"]
 
 Floats = NDArray[np.float64]
 
-FIRST_STEP = 0.02
-SMALLEST_STEP = 1e-9
-LARGEST_STEP = 10.0
-LARGEST_MOVE = 0.1
-SUFFICIENT_DECREASE = 1e-4
-MEMORY = 5
+FIRST_STEP: Final = 0.02
+"""Step length where nothing is known of the curvature."""
+
+SMALLEST_GUESS: Final = 1e-8
+"""Step length below which no search begins."""
+
+SMALLEST_STEP: Final = 1e-9
+"""Step length at which backtracking gives up."""
+
+LARGEST_STEP: Final = 10.0
+"""Step length above which no search begins."""
+
+LARGEST_MOVE: Final = 0.1
+"""Largest change of any parameter in one step."""
+
+SUFFICIENT_DECREASE: Final = 1e-4
+"""Part of the decrease that the slope promises which a step must achieve."""
+
+MEMORY: Final = 5
+"""Number of last energies of which the worst is the one to get below."""
 
 
 @dataclass
@@ -48,43 +63,43 @@ class LineSearch:
         self._energies.clear()
         self._last = None
 
-    def search(self, at: Evaluation, descent: Floats) -> Evaluation | None:
-        """An acceptable evaluation at `at.parameters - step * descent`, or None.
+    def search(self, at: Evaluation, ascent: Floats) -> Evaluation | None:
+        """An acceptable evaluation at `at.parameters - step * ascent`, or None.
 
-        descent: direction uphill, a preconditioned gradient with positive slope.
+        ascent: direction uphill, a preconditioned gradient with positive slope.
         """
         gradient, parameters = at.gradient, at.parameters
-        if not np.isfinite([gradient, descent]).all():
+        if not np.isfinite([gradient, ascent]).all():
             return None
-        slope = float(gradient @ descent)
+        slope = float(gradient @ ascent)
         if slope <= 0.0:
             return None
         self._energies = [*self._energies[-(MEMORY - 1) :], at.value]
         bound = max(self._energies)
-        step = self._guess(parameters, gradient, descent)
-        step = min(step, LARGEST_MOVE / float(np.abs(descent).max()))
+        step = self._guess(parameters, gradient, ascent)
+        step = min(step, LARGEST_MOVE / float(np.abs(ascent).max()))
         while step > SMALLEST_STEP:
             self.evaluations += 1
-            trial = at.objective.attempt(parameters - step * descent, at.directions)
+            trial = at.objective.attempt(parameters - step * ascent, at.directions)
             enough = bound - SUFFICIENT_DECREASE * step * slope
             if trial is not None and trial.value <= enough and trial.flaws <= at.flaws:
-                self._last = (parameters, gradient, descent, step)
+                self._last = (parameters, gradient, ascent, step)
                 self._steps += 1
                 return trial
             step *= 0.5
         return None
 
-    def _guess(self, parameters: Floats, gradient: Floats, descent: Floats) -> float:
+    def _guess(self, parameters: Floats, gradient: Floats, ascent: Floats) -> float:
         if self._last is None:
             return FIRST_STEP
-        old_parameters, old_gradient, old_descent, old_step = self._last
+        old_parameters, old_gradient, old_ascent, old_step = self._last
         moved, bent = parameters - old_parameters, gradient - old_gradient
         curvature = abs(float(moved @ bent))
         # The long and the short guess in turn, both in the metric of the preconditioner.
         if self._steps % 2 == 0:
             numerator, denominator = old_step * abs(float(moved @ old_gradient)), curvature
         else:
-            numerator, denominator = curvature, abs(float(bent @ (descent - old_descent)))
+            numerator, denominator = curvature, abs(float(bent @ (ascent - old_ascent)))
         if denominator == 0.0:
             return min(2.0 * old_step, LARGEST_STEP)
-        return float(np.clip(numerator / denominator, 1e-8, LARGEST_STEP))
+        return float(np.clip(numerator / denominator, SMALLEST_GUESS, LARGEST_STEP))

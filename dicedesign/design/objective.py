@@ -90,9 +90,14 @@ class Evaluation:
         return total_energy(self.rests, self.clusters, objective.target, objective.weights)
 
     @cached_property
+    def values(self) -> dict[str, float]:
+        """The weighted terms of the energy by name, as numbers."""
+        return {name: float(term.detach()) for name, term in self.terms.items()}
+
+    @cached_property
     def value(self) -> float:
         """The energy."""
-        return float(sum(float(term.detach()) for term in self.terms.values()))
+        return sum(self.values.values())
 
     @cached_property
     def gradient(self) -> Floats:

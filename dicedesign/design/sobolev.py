@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +20,17 @@ __all__ = ["SobolevOptions", "SobolevSolver", "graph_laplacian", "sobolev_solve"
 Floats = NDArray[np.float64]
 
 
+LARGEST_SMOOTHING: Final = 1e6
+"""Beyond it the operator averages the whole surface, and its matrix is singular to rounding."""
+
+
 @dataclass(frozen=True)
 class SobolevOptions:
     """The operator `(I + lambda L)^-p` of section 3.3.
 
     Attributes
     ----------
-    smoothing: lambda, positive.
+    smoothing: lambda, above 0 and at most `LARGEST_SMOOTHING`.
     power: p, 1 to 4.
     """
 
@@ -35,10 +40,15 @@ class SobolevOptions:
     power: int = 2
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.smoothing < np.inf:
-            raise InputError(f"sobolev.smoothing: expected a positive number, got {self.smoothing}")
+        if not 0.0 < self.smoothing <= LARGEST_SMOOTHING:
+            raise InputError(
+                f"sobolev.smoothing: expected a number above 0 and at most "
+                f"{LARGEST_SMOOTHING:g}, got {self.smoothing:g}; leave it out for 2"
+            )
         if not 1 <= self.power <= 4:
-            raise InputError(f"sobolev.power: expected 1 to 4, got {self.power}")
+            raise InputError(
+                f"sobolev.power: expected 1 to 4, got {self.power}; leave it out for 2"
+            )
 
 
 def graph_laplacian(hull: ConvexHull) -> csc_array:

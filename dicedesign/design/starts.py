@@ -1,9 +1,14 @@
-"""Starting shapes: convex polyhedra with the directions on which outcomes are to be placed."""
+"""Starting shapes: convex polyhedra with the directions on which outcomes are to be placed.
+
+Each is made in its own coordinates, which its docstring describes, and then moved and scaled to
+half extent 1; `Start` remembers how.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +16,26 @@ from numpy.typing import NDArray
 from dicedesign.errors import InputError
 from dicedesign.geometry.body import Body
 from dicedesign.geometry.halfspaces import polyhedron_corners
+from dicedesign.geometry.hull import ConvexHull
 from dicedesign.rest.poses import rest_poses
 
-__all__ = ["HENDECAHEDRA", "Start", "hendecahedron", "mesh_start", "prism", "repulsion"]
+__all__ = [
+    "FEWEST_FACETS",
+    "HENDECAHEDRA",
+    "Start",
+    "hendecahedron",
+    "mesh_start",
+    "prism",
+    "repulsion",
+]
 
 Floats = NDArray[np.float64]
+
+FEWEST_FACETS: Final = 4
+"""A body bounded by planes has at least so many facets."""
+
+REPULSION_STEPS: Final = 400
+"""Steps of gradient descent on the Coulomb energy."""
 
 
 @dataclass(frozen=True)
@@ -24,34 +44,55 @@ class Start:
 
     Attributes
     ----------
-    points: (n, 3) whose convex hull is the shape; largest extent about 2.
+    points: (n, 3) whose convex hull is the shape, of half extent 1 about the middle of its box.
     directions: (k, 3) unit normals of the facets that carry outcomes, in the order in which an
         assignment names them.
+    origin, scale: how the points were normalised: (3,) and a length in the shape's own
+        coordinates, with point = (own - origin) / scale.
+    notes: what was repaired or assumed on the way in, one sentence each.
     """
 
     points: Floats
     directions: Floats
+    origin: Floats = field(default_factory=lambda: np.zeros(3))
+    scale: float = 1.0
+    notes: tuple[str, ...] = ()
+
+    def normalised(self, own: Floats) -> Floats:
+        """Points (..., 3) of the shape's own coordinates in those of `points`."""
+        return (own - self.origin) / self.scale
 
 
 def prism(sides: int, height: float = 1.5, cap: float = 1.3) -> Start:
     """A prism with pointed caps, whose side faces carry the outcomes in order around the axis.
 
+    Own coordinates: the center at the origin, the axis along z, the base's circumscribed radius 1,
+    a corner of the base in direction x.
+
     Parameters
     ----------
     sides: 3 to 12.
-    height: height of the side faces in units of the base's circumscribed radius, positive.
-    cap: height of each pointed cap in the same unit; steep caps are unstable. Not negative.
+    height: height of the side faces in units of the base's circumscribed radius, positive and
+        finite.
+    cap: height of each pointed cap in the same unit, not negative and finite; steep caps are
+        unstable.
 
     Raises
     ------
     InputError: a parameter out of range.
     """
     if not 3 <= sides <= 12:
-        raise InputError(f"start.prism.sides: expected 3 to 12, got {sides}")
-    if not height > 0.0:
-        raise InputError(f"start.prism.height: expected a positive number, got {height:g}")
-    if not cap >= 0.0:
-        raise InputError(f"start.prism.cap: expected a number not below 0, got {cap:g}")
+        raise InputError(
+            f"start.prism.sides: expected 3 to 12, got {sides}; start from repulsion or a mesh"
+        )
+    if not 0.0 < height < np.inf:
+        raise InputError(
+            f"start.prism.height: expected a positive number, got {height:g}; leave it out for 1.5"
+        )
+    if not 0.0 <= cap < np.inf:
+        raise InputError(
+            f"start.prism.cap: expected a number not below 0, got {cap:g}; leave it out for 1.3"
+        )
     corner = 2.0 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.cos(corner), np.sin(corner)], axis=1)
     level = np.full((sides, 1), height / 2.0)
@@ -61,7 +102,7 @@ def prism(sides: int, height: float = 1.5, cap: float = 1.3) -> Start:
         points = np.concatenate([points, apex, -apex])
     middle = corner + np.pi / sides
     directions = np.stack([np.cos(middle), np.sin(middle), np.zeros(sides)], axis=1)
-    return Start(_unit_size(points), directions)
+    return _normalised(points, directions)
 
 
 def hendecahedron(kind: str) -> Start:
@@ -78,7 +119,11 @@ def hendecahedron(kind: str) -> Start:
 
 def _bisymmetric() -> Start:
     """The space-filling hendecahedron with two mirror planes (G. Inchbald, The Mathematical
-    Gazette 80, 1996); mirror images follow each other."""
+    Gazette 80, 1996); mirror images follow each other.
+
+    Own coordinates: the mirror planes are x = 0 and y = 0, the floor is at z = -1.2, the top at
+    z = 1.8, and x and y run from -2 to 2.
+    """
     normals = np.array(
         [
             (1, 0, 2),
@@ -98,12 +143,16 @@ def _bisymmetric() -> Start:
     inside = np.array([0.0, 0.0, 1.2])
     offsets = np.array([6, 3, 1, 1, 2, 0, 2, 1, 1, 3, 6]) - normals @ inside
     directions = normals / np.linalg.norm(normals, axis=1)[:, None]
-    return Start(_unit_size(polyhedron_corners(normals, offsets)), directions)
+    return _normalised(polyhedron_corners(normals, offsets), directions)
 
 
 def _circus() -> Start:
     """A five-sided tent: pentagonal prism under a pentagonal pyramid; wall and roof of each side
-    follow each other, the floor comes in the middle."""
+    follow each other, the floor comes in the middle.
+
+    Own coordinates: every facet is tangent to the unit sphere about the origin, the floor is at
+    z = -1, and the first wall faces x.
+    """
     angle = 2.0 * np.pi * np.arange(5) / 5.0
     wall = np.stack([np.cos(angle), np.sin(angle), np.zeros(5)], axis=1)
     roof = np.stack([np.cos(angle), np.sin(angle), np.full(5, 0.809)], axis=1)
@@ -112,60 +161,81 @@ def _circus() -> Start:
     pairs = np.stack([wall, roof], axis=1).reshape(10, 3)
     directions = np.concatenate([pairs[:5], floor, pairs[5:]])
     offsets = np.ones(11)
-    return Start(_unit_size(polyhedron_corners(directions, offsets)), directions)
+    return _normalised(polyhedron_corners(directions, offsets), directions)
 
 
 HENDECAHEDRA: dict[str, Callable[[], Start]] = {"bisymmetric": _bisymmetric, "circus": _circus}
 
 
-def repulsion(outcomes: int, seed: int, steps: int = 400) -> Start:
+def repulsion(outcomes: int, seed: int) -> Start:
     """Facets tangent to the unit sphere at points that repel each other like charges.
+
+    Own coordinates: the unit sphere has its center at the origin.
 
     Parameters
     ----------
-    outcomes: number of facets, at least 4; all carry an outcome.
+    outcomes: number of facets, at least `FEWEST_FACETS`; all carry an outcome.
     seed: of the random first positions.
-    steps: of gradient descent on the Coulomb energy.
 
     Raises
     ------
     InputError: fewer than 4 outcomes.
     """
-    if outcomes < 4:
+    if outcomes < FEWEST_FACETS:
         raise InputError(
-            f"start.repulsion: expected at least 4 outcomes, got {outcomes}; a body bounded by "
-            "fewer facets does not exist, start from a prism"
+            f"start.repulsion: expected at least {FEWEST_FACETS} outcomes, got {outcomes}; a "
+            "body bounded by fewer facets does not exist, start from a prism"
         )
     points = np.random.default_rng(seed).normal(size=(outcomes, 3))
     points /= np.linalg.norm(points, axis=1)[:, None]
-    for step in range(steps):
+    for step in range(REPULSION_STEPS):
         offset = points[:, None, :] - points[None, :, :]
         distance = np.sqrt((offset * offset).sum(-1)) + np.eye(outcomes)
         force = (offset / distance[..., None] ** 3).sum(axis=1)
         force -= points * (force * points).sum(-1)[:, None]
         length = np.sqrt((force * force).sum(-1)).max()
-        reach = 0.3 / np.sqrt(outcomes) * (1.0 - step / steps)
+        reach = 0.3 / np.sqrt(outcomes) * (1.0 - step / REPULSION_STEPS)
         points += force * (reach / max(length, 1.0))
         points /= np.linalg.norm(points, axis=1)[:, None]
-    return Start(_unit_size(polyhedron_corners(points, np.ones(outcomes))), points)
+    return _normalised(polyhedron_corners(points, np.ones(outcomes)), points)
 
 
-def mesh_start(body: Body, outcomes: int) -> Start:
+def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) -> Start:
     """The convex hull of a body, with its `outcomes` most probable rests carrying the outcomes.
+
+    Own coordinates: those of the body.
+
+    Parameters
+    ----------
+    body: any mesh or point cloud.
+    outcomes: how many rests carry an outcome.
+    center_of_mass: (3,) in the body's unit, or None for that of the uniform solid hull.
 
     Raises
     ------
     InputError: the hull has fewer rests than outcomes.
+    DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`.
     """
-    poses = rest_poses(body, "hull")
+    poses = rest_poses(body, "hull" if center_of_mass is None else center_of_mass)
     if len(poses.normals) < outcomes:
         raise InputError(
             f"start.mesh: expected a body with at least {outcomes} rests, one for each outcome, "
             f"got {len(poses.normals)} in {body.name}; take another start"
         )
-    return Start(_unit_size(poses.hull.vertices), poses.normals[:outcomes])
+    return _normalised(_exact_corners(poses.hull), poses.normals[:outcomes], poses.notes)
 
 
-def _unit_size(points: Floats) -> Floats:
-    points = points - (points.min(axis=0) + points.max(axis=0)) / 2.0
-    return points / np.abs(points).max()
+def _exact_corners(hull: ConvexHull) -> Floats:
+    """(n, 3) corners where the planes of a hull's facets meet. Rounded coordinates scatter about
+    the plane of a merged facet; these lie on it, so that it stays one facet."""
+    start = hull.facet_start[:-1]
+    offsets = ((hull.vertices[hull.tail] - hull.centroid) * hull.normals[hull.facet]).sum(-1)
+    heights = np.add.reduceat(offsets, start) / np.diff(hull.facet_start)
+    return polyhedron_corners(hull.normals, heights) + hull.centroid
+
+
+def _normalised(points: Floats, directions: Floats, notes: tuple[str, ...] = ()) -> Start:
+    origin = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    centered = points - origin
+    scale = float(np.abs(centered).max())
+    return Start(centered / scale, directions, origin, scale, notes)

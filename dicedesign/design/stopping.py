@@ -17,6 +17,10 @@ class Status(Enum):
     """Why a design stopped; the value is the message."""
 
     CONVERGED = "reached the tolerance"
+    OFF_TARGET = (
+        "reached the tolerance counting all rests near an outcome, but the die also rests "
+        "elsewhere; raise weights.stability or weights.coplanar"
+    )
     NO_PROGRESS = "no step lowers the energy any further; try another start, assignment or seed"
     STEP_LIMIT = "reached the number of steps; allow more steps"
     TIME_LIMIT = "ran out of time; allow more seconds"
@@ -28,7 +32,8 @@ class Stopping:
 
     Attributes
     ----------
-    tolerance: largest |p - q| wanted, above 0 and below 1.
+    tolerance: largest |p - q| wanted, above 0 and below 1. The design ends where the energy first
+        comes to rest within it, not at the first step that meets it.
     steps: largest number of accepted steps, at least 0.
     seconds: largest wall-clock time, positive.
     """
@@ -41,11 +46,19 @@ class Stopping:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1.0:
-            raise InputError(f"tolerance: expected a number in (0, 1), got {self.tolerance:g}")
+            raise InputError(
+                f"tolerance: expected a number in (0, 1), got {self.tolerance:g}; leave it out for "
+                "1e-3"
+            )
         if self.steps < 0:
-            raise InputError(f"steps: expected a whole number not below 0, got {self.steps}")
+            raise InputError(
+                f"steps: expected a whole number not below 0, got {self.steps}; leave it out for "
+                "3000"
+            )
         if not 0.0 < self.seconds < np.inf:
-            raise InputError(f"seconds: expected a positive number, got {self.seconds:g}")
+            raise InputError(
+                f"seconds: expected a positive number, got {self.seconds:g}; leave it out for 60"
+            )
 
     def limit(self, step: int, seconds: float) -> Status | None:
         """The limit that has been reached, if any."""

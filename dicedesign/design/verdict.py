@@ -33,6 +33,7 @@ class Verdict:
         `SAME_REST_ANGLE` of the facet with the label.
     probabilities: (k,) of the outcomes; what is missing to 1 lies on rests without a label.
     max_abs_error: largest |p - q|.
+    uniform: the center of mass is that of the uniform solid, not a given one.
     """
 
     hull: ConvexHull
@@ -41,6 +42,7 @@ class Verdict:
     outcome_of_rest: Integers
     probabilities: Floats
     max_abs_error: float
+    uniform: bool
 
 
 def judge(
@@ -61,11 +63,11 @@ def judge(
     center_of_mass: (3,) in the design's unit, or None for the uniform solid.
     """
     center = hull.centroid if center_of_mass is None else center_of_mass
-    scale = size_mm / hull.diameter()
+    scale = size_mm / hull.diameter
     sized = convex_hull((hull.vertices - center) * scale)
-    source = "uniform solid" if center_of_mass is None else "given"
-    at = sized.centroid if center_of_mass is None else np.zeros(3)
-    poses = analyse(sized, at, source)
+    uniform = center_of_mass is None
+    at = sized.centroid if uniform else np.zeros(3)
+    poses = analyse(sized, at, "uniform solid" if uniform else "given")
     of_rest = cluster(poses.normals, directions).of_rest
     outcomes = len(target.labels)
     main = np.full(outcomes, -1, dtype=np.int64)
@@ -84,4 +86,5 @@ def judge(
         outcome_of_rest=counted,
         probabilities=sums,
         max_abs_error=float(np.abs(sums - target.probabilities).max()),
+        uniform=uniform,
     )

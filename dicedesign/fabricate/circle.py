@@ -5,20 +5,23 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from dicedesign.errors import InputError
 
 __all__ = ["inscribed_circle", "signed_area"]
 
+Floats = NDArray[np.float64]
 
-def signed_area(polygon: np.ndarray) -> float:
+
+def signed_area(polygon: Floats) -> float:
     """Area of a (m, 2) polygon in its unit squared, positive if it runs counter-clockwise."""
     x, y = (polygon - polygon.mean(axis=0)).T
     return 0.5 * float(x @ np.roll(y, -1) - np.roll(x, -1) @ y)
 
 
-def centroid(polygon: np.ndarray) -> np.ndarray:
+def centroid(polygon: Floats) -> Floats:
     """Centroid (2,) of the area of a (m, 2) polygon; the mean of the corners if it has no area."""
     middle = polygon.mean(axis=0)
     corners = polygon - middle
@@ -29,29 +32,34 @@ def centroid(polygon: np.ndarray) -> np.ndarray:
     return middle + doubled @ (corners + following) / (3.0 * doubled.sum())
 
 
-def inscribed_circle(polygon: np.ndarray, slack: float = 0.0) -> tuple[np.ndarray, float]:
+def inscribed_circle(polygon: Floats, slack: float = 0.0) -> tuple[Floats, float]:
     """Largest circle in a convex polygon; of several, the one nearest to the polygon's centroid.
 
     Parameters
     ----------
-    polygon : (m, 2) float, corners in order, either way around.
-    slack : in [0, 1), the part of the largest radius that may be given up to come nearer to the
+    polygon: (m, 2) corners in order, either way around.
+    slack: in [0, 1), the part of the largest radius that may be given up to come nearer to the
         centroid.
 
     Returns
     -------
-    center : (2,) float64, and radius : float, in the polygon's unit.
+    (2,) the center, and the radius, in the polygon's unit.
 
     Raises
     ------
-    InputError : fewer than three corners, not finite, no area, or no circle (not convex).
+    InputError: fewer than three corners, not finite, no area, or no circle (not convex).
     """
     polygon = np.asarray(polygon, dtype=np.float64)
     if polygon.ndim != 2 or polygon.shape[1] != 2 or len(polygon) < 3:
-        raise InputError(f"a polygon must have shape (m, 2) with m >= 3, got {polygon.shape}.")
+        raise InputError(
+            f"polygon: expected corners of shape (m, 2) with m >= 3, got shape {polygon.shape}; "
+            "pass one row x, y for each corner"
+        )
     area = signed_area(polygon) if np.isfinite(polygon).all() else math.nan
     if math.isnan(area) or area == 0.0:
-        raise InputError(f"a polygon must have finite corners and an area, got area {area}.")
+        raise InputError(
+            f"polygon: expected finite corners around an area, got area {area}; pass them in order"
+        )
     middle = centroid(polygon)
     scale = math.sqrt(abs(area))
     corners = (polygon - middle) / scale
@@ -68,7 +76,10 @@ def inscribed_circle(polygon: np.ndarray, slack: float = 0.0) -> tuple[np.ndarra
         bounds=[(None, None), (None, None), (0, None)],
     )
     if not widest.success or widest.x[2] <= 0:
-        raise InputError(f"no circle fits the polygon of {len(polygon)} corners: is it convex?")
+        raise InputError(
+            f"polygon: expected {len(polygon)} corners that run around a convex one, got none that "
+            "a circle fits in; pass them in order"
+        )
     # Between parallel edges the center is free to slide, and in a long facet nearly so.
     reach = np.array([(1, 0, -1), (-1, 0, -1), (0, 1, -1), (0, -1, -1)])
     nearest = linprog(

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from manifold3d import Error, Manifold, Mesh64, OpType
+from numpy.typing import NDArray
 
 from dicedesign.errors import EngravingError, InputError
 from dicedesign.fabricate.engraving_options import EngravingOptions
@@ -19,30 +21,31 @@ from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
 __all__ = ["EngravedDie", "engrave", "solid"]
 
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
 
 @dataclass(frozen=True, eq=False)
 class EngravedDie:
-    """A solid with its labels cut in: closed, one piece, triangles facing outward."""
+    """A solid with its labels cut in: closed and one piece.
 
-    vertices: np.ndarray
-    """(n, 3) float64, mm."""
-    triangles: np.ndarray
-    """(t, 3) int64, counter-clockwise seen from outside."""
-    volume_mm3: float
-    """Volume with the pockets cut out."""
-    plain_volume_mm3: float
-    """Volume before engraving."""
-    engraved_volume_mm3: float
-    """Sum over the labels of outline area times depth."""
+    Attributes
+    ----------
+    vertices: (n, 3) in mm.
+    triangles: (t, 3) counter-clockwise seen from outside.
+    """
+
+    vertices: Floats
+    triangles: Integers
 
 
-def solid(vertices: np.ndarray, triangles: np.ndarray) -> Manifold:
+def solid(vertices: Floats, triangles: Integers) -> Manifold:
     """A closed triangle mesh as a solid, in double precision.
 
     Parameters
     ----------
-    vertices : (n, 3) float, mm, each point once.
-    triangles : (t, 3) int in [0, n), counter-clockwise seen from outside.
+    vertices: (n, 3) in mm, each point once.
+    triangles: (t, 3) in [0, n), counter-clockwise seen from outside.
 
     Returns
     -------
@@ -50,32 +53,32 @@ def solid(vertices: np.ndarray, triangles: np.ndarray) -> Manifold:
 
     Raises
     ------
-    InputError : wrong shapes, indices out of range, not finite, not closed, not oriented, or
+    InputError: wrong shapes, indices out of range, not finite, not closed, not oriented, or
         without positive volume.
     """
     points = np.ascontiguousarray(vertices, dtype=np.float64)
     corners = np.ascontiguousarray(triangles, dtype=np.int64)
     if points.ndim != 2 or points.shape[1] != 3 or corners.ndim != 2 or corners.shape[1] != 3:
         raise InputError(
-            "a solid needs vertices of shape (n, 3) and triangles of shape (t, 3), got "
-            f"{points.shape} and {corners.shape}."
+            "solid: expected vertices of shape (n, 3) and triangles of shape (t, 3), got "
+            f"{points.shape} and {corners.shape}; pass one row for each"
         )
     if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
         raise InputError(
-            f"triangles must index the {len(points)} vertices, got indices from {corners.min()} "
-            f"to {corners.max()}."
+            f"solid: expected triangles of vertices 0 to {len(points) - 1}, got indices from "
+            f"{corners.min()} to {corners.max()}; number the vertices from 0"
         )
     body = Manifold(Mesh64(points, corners.astype(np.uint64)))
     if body.status() != Error.NoError:
         raise InputError(
-            f"the mesh of {len(corners)} triangles is no solid ({body.status().name}); expected "
-            "finite vertices and a closed surface in which each edge joins two triangles. Repair "
-            "it or merge its duplicate vertices."
+            "solid: expected finite vertices and a closed surface in which each edge joins two "
+            f"triangles, got {body.status().name} for {len(corners)} triangles; repair the mesh or "
+            "merge its duplicate vertices"
         )
     if not body.volume() > 0:
         raise InputError(
-            f"the mesh has volume {body.volume():g} mm3, expected a positive one; if it is "
-            "negative the triangles face inward: reverse their corners."
+            f"solid: expected a positive volume, got {body.volume():g} mm3; if it is negative the "
+            "triangles face inward: reverse their corners"
         )
     return body
 
@@ -89,8 +92,8 @@ def _pocket(placement: Placement, depth: float) -> tuple[Manifold, float]:
 
 
 def engrave(
-    vertices: np.ndarray,
-    triangles: np.ndarray,
+    vertices: Floats,
+    triangles: Integers,
     placements: Sequence[Placement],
     options: EngravingOptions,
 ) -> EngravedDie:
@@ -98,9 +101,9 @@ def engrave(
 
     Parameters
     ----------
-    vertices, triangles : the plain solid, as `solid` takes it.
-    placements : labels on flat facets of it, from `place_labels`.
-    options : the depth; sizes and places are those of the placements.
+    vertices, triangles: the plain solid, as `solid` takes it.
+    placements: labels on flat facets of it, from `place_labels`.
+    options: the depth; sizes and places are those of the placements.
 
     Returns
     -------
@@ -109,8 +112,8 @@ def engrave(
 
     Raises
     ------
-    InputError : the plain mesh is no solid.
-    EngravingError : a check failed; the message says which.
+    InputError: the plain mesh is no solid.
+    EngravingError: a check failed; the message says which, and names the labels at fault.
     """
     plain = solid(vertices, triangles)
     cuts = [_pocket(placement, options.depth_mm) for placement in placements]
@@ -120,24 +123,20 @@ def engrave(
     failure = _failed_check(plain, body, expected)
     if failure:
         raise EngravingError(
-            f"the engraved solid failed a check: {failure}. Pockets of neighbouring labels meet, "
-            "or one breaks through another facet: reduce depth_mm "
-            f"(now {options.depth_mm:g}) or increase size_mm or margin."
+            f"engraved solid: {failure}; {_culprits(plain, placements, cuts)}: reduce depth_mm "
+            f"(now {options.depth_mm:g}) or increase size_mm or margin"
         )
     mesh = body.to_mesh64()
     return EngravedDie(
         vertices=np.array(mesh.vert_properties[:, :3], dtype=np.float64),
         triangles=np.array(mesh.tri_verts, dtype=np.int64),
-        volume_mm3=body.volume(),
-        plain_volume_mm3=plain.volume(),
-        engraved_volume_mm3=expected,
     )
 
 
 def _failed_check(plain: Manifold, body: Manifold, expected: float) -> str | None:
     """The first check that the engraved solid fails, in words, or None."""
     if body.status() != Error.NoError:
-        return f"the boolean subtraction ended with {body.status().name}"
+        return f"expected a boolean subtraction without error, got {body.status().name}"
     pieces = len(body.decompose())
     if pieces != 1:
         return f"expected one piece, got {pieces}"
@@ -149,3 +148,19 @@ def _failed_check(plain: Manifold, body: Manifold, expected: float) -> str | Non
     if abs(removed - expected) > ENGRAVED_VOLUME_TOLERANCE * expected:
         return f"expected pockets of {expected:.6g} mm3, got {removed:.6g} mm3"
     return None
+
+
+def _culprits(
+    plain: Manifold, placements: Sequence[Placement], cuts: Sequence[tuple[Manifold, float]]
+) -> str:
+    """Which pockets meet others or break through, in words."""
+    involved = {
+        index
+        for index, (cutter, volume) in enumerate(cuts)
+        if _failed_check(plain, plain - cutter, volume)
+    }
+    for (first, (a, _)), (second, (b, _)) in combinations(enumerate(cuts), 2):
+        if (a ^ b ^ plain).volume() > 0.0:
+            involved |= {first, second}
+    labels = ", ".join(repr(placements[index].text) for index in sorted(involved)) or "some labels"
+    return f"pockets meet, or break through another facet, at {labels}"

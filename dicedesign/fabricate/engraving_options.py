@@ -34,14 +34,18 @@ class EngravingOptions:
         for field in fields(self):
             value = getattr(self, field.name)
             if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
-                raise InputError(f"{field.name} must be a finite number, got {value!r}.")
+                raise InputError(
+                    f"{field.name}: expected a finite number, got {value!r}; correct it"
+                )
         for name in ("depth_mm", "min_height_mm"):
             if getattr(self, name) <= 0:
-                raise InputError(f"{name} must be above 0, got {getattr(self, name)}.")
+                raise InputError(
+                    f"{name}: expected a number above 0, got {getattr(self, name)}; enlarge it"
+                )
         if not 0 <= self.margin < 1:
-            raise InputError(f"margin must be at least 0 and below 1, got {self.margin}.")
+            raise InputError(f"margin: expected a number in [0, 1), got {self.margin}; correct it")
         if self.max_height_mm < self.min_height_mm:
             raise InputError(
-                f"max_height_mm must be at least min_height_mm ({self.min_height_mm}), "
-                f"got {self.max_height_mm}."
+                f"max_height_mm: expected at least min_height_mm = {self.min_height_mm}, got "
+                f"{self.max_height_mm}; enlarge it or reduce min_height_mm"
             )

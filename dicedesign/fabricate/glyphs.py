@@ -16,6 +16,7 @@ import numpy as np
 from fontTools.pens.basePen import BasePen
 from fontTools.ttLib import TTFont
 from manifold3d import CrossSection
+from numpy.typing import NDArray
 
 from dicedesign.errors import EngravingError
 
@@ -26,6 +27,8 @@ __all__ = [
     "text_contours",
     "text_section",
 ]
+
+Floats = NDArray[np.float64]
 
 CHORD_TOLERANCE: Final = 1e-3
 """Largest distance between a curve of the font and the polyline drawn for it, in digit heights."""
@@ -72,21 +75,21 @@ def _font() -> TTFont:
     path = Path(folders[0], _FONT_FILE) if folders else _FONT_FILE
     if not path.is_file():
         raise EngravingError(
-            f"the label font {path} is missing; expected in the installed package matplotlib. "
-            "Reinstall matplotlib from its wheel."
+            f"label font: expected {path} in the installed package matplotlib, got no such file; "
+            "reinstall matplotlib from its wheel"
         )
     return TTFont(path)
 
 
 @cache
-def _glyph(character: str) -> tuple[tuple[np.ndarray, ...], float]:
+def _glyph(character: str) -> tuple[tuple[Floats, ...], float]:
     """Contours of one character that starts at x = 0, and its advance width, in digit heights."""
     font = _font()
     name = font.getBestCmap().get(ord(character))
     if name is None:
         raise EngravingError(
-            f"the label font DejaVu Sans Bold lacks the character {character!r} "
-            f"(U+{ord(character):04X}); use digits, letters or signs that it has."
+            f"label: expected characters of the font DejaVu Sans Bold, got {character!r} "
+            f"(U+{ord(character):04X}); use digits, letters or signs that it has"
         )
     unit = float(font["glyf"]["one"].yMax)
     glyphs = font.getGlyphSet()
@@ -102,23 +105,23 @@ def _glyph(character: str) -> tuple[tuple[np.ndarray, ...], float]:
     return tuple(contours), glyphs[name].width / unit
 
 
-def text_contours(text: str) -> list[np.ndarray]:
+def text_contours(text: str) -> list[Floats]:
     """Outlines of a text.
 
     Parameters
     ----------
-    text : the characters to draw, left to right, each as wide as the font's advance width.
+    text: the characters to draw, left to right, each as wide as the font's advance width.
 
     Returns
     -------
-    list of (n, 2) float64, in digit heights: closed contours without a repeated last point, outer
+    list of (n, 2), in digit heights: closed contours without a repeated last point, outer
     ones counter-clockwise, holes clockwise; curves are flattened to within `CHORD_TOLERANCE`.
 
     Raises
     ------
-    EngravingError : the font lacks a character, or is not installed.
+    EngravingError: the font lacks a character, or is not installed.
     """
-    contours: list[np.ndarray] = []
+    contours: list[Floats] = []
     start = 0.0
     for character in text:
         outlines, advance = _glyph(character)
@@ -138,21 +141,21 @@ def reads_upside_down(text: str) -> bool:
     return turned != text and (len(turned) == 1 or turned[0] != "0")
 
 
-def label_contours(text: str) -> list[np.ndarray]:
+def label_contours(text: str) -> list[Floats]:
     """Outlines of a label: those of its text, and a bar beneath if it reads upside down.
 
     Parameters
     ----------
-    text : the label.
+    text: the label.
 
     Returns
     -------
-    list of (n, 2) float64, in digit heights, as `text_contours` gives them; the bar comes last and
+    list of (n, 2), in digit heights, as `text_contours` gives them; the bar comes last and
     is as wide as the text.
 
     Raises
     ------
-    EngravingError : as `text_contours`.
+    EngravingError: as `text_contours`.
     """
     contours = text_contours(text)
     if reads_upside_down(text):
@@ -168,7 +171,7 @@ def text_section(text: str) -> CrossSection:
 
     Parameters
     ----------
-    text : the label.
+    text: the label.
 
     Returns
     -------
@@ -176,12 +179,12 @@ def text_section(text: str) -> CrossSection:
 
     Raises
     ------
-    EngravingError : the label draws nothing, or as `text_contours`.
+    EngravingError: the label draws nothing, or as `text_contours`.
     """
     section = CrossSection(label_contours(text))
     if section.area() <= 0.0:
         raise EngravingError(
-            f"the label {text!r} has outlines of area {section.area():g}, expected a positive one; "
-            "use at least one visible character."
+            f"label {text!r}: expected outlines of positive area, got {section.area():g}; use at "
+            "least one visible character"
         )
     return section

@@ -11,14 +11,16 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dicedesign.errors import EngravingError, InputError
 from dicedesign.fabricate.circle import inscribed_circle, signed_area
 from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.glyphs import text_section
 
-__all__ = ["EngravingOptions", "Placement", "inscribed_circle", "place_label", "place_labels"]
+__all__ = ["Placement", "place_labels"]
 
+Floats = NDArray[np.float64]
 
 CENTERING: Final = 0.12
 """Part of the inscribed radius given up to bring a label nearer to the middle of its facet."""
@@ -27,27 +29,33 @@ CENTERING: Final = 0.12
 @dataclass(frozen=True, eq=False)
 class Placement:
     """A label in its place: the point (x, y) of its outlines, in digit heights, lies at
-    `frame @ (height * x, height * y, 0, 1)` on the facet."""
+    `frame @ (height * x, height * y, 0, 1)` on the facet.
+
+    Attributes
+    ----------
+    text: the label.
+    frame: (4, 4) rigid motion from local x (right), y (up), z (out of the facet) to the body, in
+        mm.
+    height: digit height in mm.
+    facet: index of the facet that bears the label.
+    """
 
     text: str
-    frame: np.ndarray
-    """(4, 4) float64, rigid: local x (right), y (up), z (out of the facet) to the body, in mm."""
+    frame: Floats
     height: float
-    """Digit height in mm."""
     facet: int
-    """Index of the facet that bears the label."""
 
 
 def _fit(
-    text: str, polygon: np.ndarray, normal: np.ndarray, facet: int, options: EngravingOptions
+    text: str, polygon: Floats, normal: Floats, facet: int, options: EngravingOptions
 ) -> tuple[Placement, float]:
     """The label as large as it fits, and the radius of the circle it fits in."""
     polygon = np.asarray(polygon, dtype=np.float64)
     outward = np.asarray(normal, dtype=np.float64)
     if polygon.ndim != 2 or polygon.shape[1] != 3 or outward.shape != (3,) or not outward.any():
         raise InputError(
-            f"facet {facet} needs corners of shape (m, 3) and a normal of shape (3,) that is not "
-            f"zero, got shape {polygon.shape} and normal {outward.tolist()}."
+            f"facet {facet}: expected corners of shape (m, 3) and a normal of shape (3,) that is "
+            f"not zero, got shape {polygon.shape} and normal {outward.tolist()}; correct them"
         )
     outward = outward / np.linalg.norm(outward)
     edges = np.roll(polygon, -1, axis=0) - polygon
@@ -59,8 +67,8 @@ def _fit(
     flat = (polygon - origin) @ np.column_stack([right, up])
     if signed_area(flat) < 0:
         raise InputError(
-            f"the corners of facet {facet} must run counter-clockwise seen from outside, got them "
-            "clockwise; reverse them or turn the normal."
+            f"facet {facet}: expected corners that run counter-clockwise seen from outside, got "
+            "them clockwise; reverse them or turn the normal"
         )
     center, radius = inscribed_circle(flat, CENTERING)
     left, bottom, far_right, top = text_section(text).bounds()
@@ -72,22 +80,10 @@ def _fit(
     return Placement(text, frame, height, facet), radius
 
 
-def place_label(
-    text: str,
-    polygon: np.ndarray,
-    normal: np.ndarray,
-    facet: int,
-    options: EngravingOptions,
-    size_mm: float,
-) -> Placement:
-    """Place one label; see `place_labels`, of which this is the case of one facet."""
-    return place_labels([text], [polygon], [normal], [facet], options, size_mm)[0]
-
-
 def place_labels(
     texts: Sequence[str],
-    polygons: Sequence[np.ndarray],
-    normals: Sequence[np.ndarray] | np.ndarray,
+    polygons: Sequence[Floats],
+    normals: Sequence[Floats] | Floats,
     facets: Sequence[int],
     options: EngravingOptions,
     size_mm: float,
@@ -100,12 +96,12 @@ def place_labels(
 
     Parameters
     ----------
-    texts : k labels.
-    polygons : k arrays (m, 3) float, mm, convex facets, counter-clockwise seen from outside.
-    normals : k arrays (3,) float, outward, of any length above 0.
-    facets : k indices of the facets, for messages and placements.
-    options : sizes and margin.
-    size_mm : present largest distance between two vertices of the die, above 0.
+    texts: k labels.
+    polygons: k arrays (m, 3) in mm, convex facets, counter-clockwise seen from outside.
+    normals: k arrays (3,), outward, of any length above 0.
+    facets: k indices of the facets, for messages and placements.
+    options: sizes and margin.
+    size_mm: present largest distance between two vertices of the die, above 0.
 
     Returns
     -------
@@ -113,19 +109,19 @@ def place_labels(
 
     Raises
     ------
-    InputError : the sequences differ in length, a facet is clockwise or degenerate, or size_mm is
+    InputError: the sequences differ in length, a facet is clockwise or degenerate, or size_mm is
         not above 0.
-    EngravingError : a label is too small to read or cannot be drawn. Of several too small ones the
+    EngravingError: a label is too small to read or cannot be drawn. Of several too small ones the
         message is about that which needs the largest die, and gives a size_mm that does for all.
     """
     if not len(texts) == len(polygons) == len(normals) == len(facets):
         raise InputError(
-            "labels need one polygon, one normal and one facet index each, got "
+            "labels: expected one polygon, one normal and one facet index for each, got "
             f"{len(texts)} labels, {len(polygons)} polygons, {len(normals)} normals and "
-            f"{len(facets)} indices."
+            f"{len(facets)} indices; pass as many of each"
         )
     if not (math.isfinite(size_mm) and size_mm > 0):
-        raise InputError(f"size_mm must be a finite number above 0, got {size_mm}.")
+        raise InputError(f"size_mm: expected a finite number above 0, got {size_mm}; correct it")
     fits = [
         _fit(text, polygon, normal, facet, options)
         for text, polygon, normal, facet in zip(texts, polygons, normals, facets, strict=True)
@@ -136,10 +132,10 @@ def place_labels(
         needed = size_mm * options.min_height_mm / worst.height
         rounded_up = (math.floor(10 * needed) + 1) / 10
         raise EngravingError(
-            f"label {worst.text!r} does not fit facet {worst.facet}: the circle of "
-            f"diameter {2 * radius:.2f} mm takes digits {worst.height:.2f} mm high, expected at "
-            f"least min_height_mm = {options.min_height_mm:g} ({len(too_small)} of {len(texts)} "
-            f"labels are too small at size_mm = {size_mm:g}). Use size_mm = {rounded_up:.1f} or "
-            "more, or a shorter label, a smaller margin or a smaller min_height_mm."
+            f"label {worst.text!r}: expected room on facet {worst.facet} for digits of at least "
+            f"min_height_mm = {options.min_height_mm:g}, got {worst.height:.2f} mm in its circle "
+            f"of diameter {2 * radius:.2f} mm ({len(too_small)} of {len(texts)} labels are too "
+            f"small at size_mm = {size_mm:g}); use size_mm = {rounded_up:.1f} or more, or a "
+            "shorter label, a smaller margin or a smaller min_height_mm"
         )
     return [placement for placement, _ in fits]

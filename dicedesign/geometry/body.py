@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.tolerances import ROUNDED_DIGITS
 
-__all__ = ["Body", "make_body", "weld"]
+__all__ = ["Body", "as_numbers", "is_rounded", "make_body", "weld"]
+
+_POWERS_OF_TEN: Final = np.array([float(f"1e{k}") for k in range(23)])
+"""Those that are float64 numbers, so that a quotient by them is the nearest to the decimal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,17 +23,12 @@ class Body:
 
     Attributes
     ----------
-    points : (n, 3) float64
-        Distinct finite positions, n >= 4, any length unit.
-    triangles : (t, 3) int64 or None
-        Indices into `points`; None for a point cloud. The mesh may be open, inconsistently
-        wound or self-intersecting.
-    name : str
-        What error messages and reports call the body; for a file, its path.
-    single_precision : bool
-        The coordinates were rounded to float32 or to as few decimal digits.
-    notes : tuple of str
-        What was repaired on the way in, one sentence each.
+    points: (n, 3) distinct finite positions, n >= 4, any length unit.
+    triangles: (t, 3) indices into `points`, or None for a point cloud. The mesh may be open,
+        inconsistently wound or self-intersecting.
+    name: what error messages and reports call the body; for a file, its path.
+    single_precision: the coordinates were rounded to float32 or to as few decimal digits.
+    notes: what was repaired on the way in, one sentence each.
     """
 
     points: NDArray[np.float64]
@@ -51,35 +50,31 @@ def make_body(
 
     Parameters
     ----------
-    points : (n, 3) real
-        Coordinates, any length unit. A float32 array counts as single precision.
-    triangles : (t, 3) int, optional
-        Zero-based indices into `points`; without any triangle the body is a point cloud.
-    name : str
-        What to call the body in messages.
-    single_precision : bool
-        Whether the coordinates were rounded to float32 before they came here.
+    points: (n, 3) real, any length unit. A float32 array counts as single precision.
+    triangles: (t, 3) zero-based indices into `points`; without any triangle the body is a point
+        cloud.
+    name: what to call the body in messages.
+    single_precision: whether the coordinates were rounded to float32 before they came here.
 
     Raises
     ------
-    InputError
-        An array has the wrong shape or type, or an index refers to no point.
-    DegenerateBodyError
-        A coordinate is not finite, or there are fewer than 4 distinct points.
+    InputError: an array has the wrong shape or type, or an index refers to no point.
+    DegenerateBodyError: a coordinate is not finite, or there are fewer than 4 distinct points.
     """
-    array = _numbers(points, f"{name}: points", "real", "iuf")
+    array = as_numbers(points, name)
     single = single_precision or (array.dtype.kind == "f" and array.dtype.itemsize <= 4)
     positions = array.astype(np.float64)
     finite = np.isfinite(positions).all(axis=1)
     if not finite.all():
         first = int(np.argmin(finite))
         raise DegenerateBodyError(
-            f"{name}: {np.count_nonzero(~finite)} of {len(positions)} points are not finite, the "
-            f"first is point {first}: {positions[first].tolist()}; remove them"
+            f"{name}: expected finite coordinates, got {positions[first].tolist()} in point "
+            f"{first} ({np.count_nonzero(~finite)} of {len(positions)} points are not finite); "
+            "remove or repair them"
         )
     faces: NDArray[np.int64] | None = None
     if triangles is not None and np.size(triangles) > 0:
-        faces = _numbers(triangles, f"{name}: triangles", "integer", "iu").astype(np.int64)
+        faces = as_numbers(triangles, name, "triangles", integer=True).astype(np.int64)
         _check_range(faces, len(positions), name)
 
     notes = []
@@ -110,17 +105,13 @@ def weld(
 
     Parameters
     ----------
-    points : (n, 3) float
-        Finite coordinates.
-    triangles : (t, 3) int or None
-        Indices into `points`.
+    points: (n, 3) finite coordinates.
+    triangles: (t, 3) indices into `points`, or None.
 
     Returns
     -------
-    points : (m, 3) float
-        The distinct positions, in the order in which they first occur.
-    triangles : (u, 3) int or None
-        Without those that lost a corner by the merging.
+    (m, 3) the distinct positions, in the order in which they first occur, and (u, 3) the triangles
+    without those that lost a corner by the merging, or None.
     """
     order = np.lexsort(points.T)
     ranked = points[order]
@@ -140,18 +131,46 @@ def weld(
     return kept, faces[whole]
 
 
-def _numbers(values: ArrayLike, what: str, kind: str, dtype_kinds: str) -> NDArray[Any]:
-    """`values` as an (n, 3) array of the wanted kind, or an InputError about `what`."""
-    expected = f"{what} must be an (n, 3) array of {kind} numbers"
+def as_numbers(
+    values: ArrayLike, name: str, what: str = "points", *, integer: bool = False
+) -> NDArray[Any]:
+    """`values` as an (n, 3) array of real or of integer numbers, n >= 1, of whatever precision.
+
+    name: what messages begin with; what: the values in a word, in the plural.
+    Raises InputError: the shape or the type is another.
+    """
+    kind = "integer" if integer else "real"
+    expected = f"{name}: expected {what} as an (n, 3) array of {kind} numbers"
+    remedy = "pass one row of three numbers for each"
     try:
         array = np.asarray(values)
     except (ValueError, TypeError) as error:
-        raise InputError(f"{expected}, got rows of different lengths") from error
+        raise InputError(f"{expected}, got rows of different lengths; {remedy}") from error
     if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0:
-        raise InputError(f"{expected}, got shape {array.shape}")
-    if array.dtype.kind not in dtype_kinds:
-        raise InputError(f"{expected}, got dtype {array.dtype}")
+        raise InputError(f"{expected}, got shape {array.shape}; {remedy}")
+    if array.dtype.kind not in ("iu" if integer else "iuf"):
+        raise InputError(f"{expected}, got dtype {array.dtype}; {remedy}")
     return array
+
+
+def is_rounded(points: NDArray[np.float64]) -> bool:
+    """Whether coordinates from a file carry no more than single precision.
+
+    They do when all are float32 values, or all have at most `ROUNDED_DIGITS` significant decimal
+    digits. Numbers that are short by themselves, such as the corners of a unit cube, count too.
+
+    points: (n, 3) as they stand in the file, before any transform; those that are not finite are
+    left out of account.
+    """
+    with np.errstate(over="ignore"):
+        if np.array_equal(points, points.astype(np.float32)):
+            return True
+    values = points[np.isfinite(points) & (points != 0.0)]
+    places = ROUNDED_DIGITS - 1 - np.floor(np.log10(np.abs(values)))
+    powers = _POWERS_OF_TEN[np.clip(places, 0, len(_POWERS_OF_TEN) - 1).astype(np.int64)]
+    digits = np.rint(values * powers)
+    short = (np.abs(digits) < 10.0**ROUNDED_DIGITS) & (digits / powers == values)
+    return all(float(f"{value:.{ROUNDED_DIGITS - 1}e}") == value for value in values[~short])
 
 
 def _check_range(faces: NDArray[np.int64], count: int, name: str) -> None:
@@ -159,6 +178,6 @@ def _check_range(faces: NDArray[np.int64], count: int, name: str) -> None:
     if outside.any():
         row, column = np.argwhere(outside)[0]
         raise InputError(
-            f"{name}: triangle {row} refers to point {faces[row, column]}, but points are numbered "
-            f"0 to {count - 1}; export the mesh again"
+            f"{name}: expected triangles of points 0 to {count - 1}, got point "
+            f"{faces[row, column]} in triangle {row}; export the mesh again"
         )

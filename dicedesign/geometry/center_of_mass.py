@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.body import Body
 from dicedesign.geometry.mass import is_closed, solid_properties
+from dicedesign.geometry.shells import oriented_shells
 from dicedesign.geometry.winding import consistent_winding
 from dicedesign.tolerances import VOLUME_TOLERANCE
 
@@ -25,28 +26,22 @@ def resolve_center_of_mass(
 
     Parameters
     ----------
-    body : Body
-        The body; its triangles, if any, need not be closed or consistently wound.
-    hull_centroid : (3,) float
-        Centroid of the body's convex hull, taken for a point cloud, an open mesh or on request.
-    request : "hull", (3,) float or None
-        Three numbers are taken as they are, in the unit of the points; None decides by the mesh.
+    body: its triangles, if any, need not be closed or consistently wound.
+    hull_centroid: (3,) centroid of the body's convex hull, taken for a point cloud, an open mesh
+        or on request.
+    request: "hull", or (3,) numbers that are taken as they are, in the unit of the points; None
+        decides by the mesh.
 
     Returns
     -------
-    center : (3,) float
-        Unit of the points. That it lies inside the hull is not checked here.
-    source : str
-        "uniform solid", "uniform solid hull" or "given".
-    notes : tuple of str
-        What was assumed or re-oriented, one sentence each.
+    (3,) the center in the unit of the points, not checked to lie inside the hull; its source
+    "uniform solid", "uniform solid hull" or "given"; and what was assumed or re-oriented, one
+    sentence each.
 
     Raises
     ------
-    InputError
-        The request is neither "hull" nor three finite numbers.
-    DegenerateBodyError
-        The mesh is closed and encloses no volume.
+    InputError: the request is neither "hull" nor three finite numbers.
+    DegenerateBodyError: the mesh is closed and encloses no volume.
     """
     if isinstance(request, str):
         if request != "hull":
@@ -66,13 +61,18 @@ def resolve_center_of_mass(
         changed = np.count_nonzero((oriented != triangles).any(axis=1))
         notes.append(f"reversed {changed} triangles that were wound against their neighbors")
         triangles = oriented
+    triangles, turned = oriented_shells(body.points, triangles)
+    if turned > 0:
+        notes.append(
+            f"turned {turned} shells that lie beside others and were oriented against them"
+        )
     volume, centroid = solid_properties(body.points, triangles)
     extent = float(np.ptp(body.points, axis=0).max())
     if abs(volume) <= VOLUME_TOLERANCE * extent**3:
         raise DegenerateBodyError(
-            f"{body.name}: the mesh is closed but encloses no volume ({volume:.3g} at an extent "
-            f"of {extent:.3g}), so it has no center of mass; give one with --com x,y,z or take "
-            "that of the convex hull with --com hull"
+            f"{body.name}: expected a closed mesh that encloses a volume, got {volume:.3g} at an "
+            f"extent of {extent:.3g}; give a center of mass with --com x,y,z or take that of the "
+            "convex hull with --com hull"
         )
     if volume < 0 and not notes:
         notes.append("the mesh is oriented inward and was taken as a solid all the same")
@@ -91,5 +91,6 @@ def _given(request: ArrayLike) -> NDArray[np.float64]:
 
 def _bad_request(request: object) -> InputError:
     return InputError(
-        f'center of mass: expected "hull" or three finite numbers x,y,z, got {request!r}'
+        f'center of mass: expected "hull" or three finite numbers x,y,z, got {request!r}; '
+        "give one of them or leave it out"
     )

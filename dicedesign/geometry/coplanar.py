@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from dicedesign.geometry.triangles import doubled_area_vectors
+
 __all__ = ["facet_labels"]
 
 Floats = NDArray[np.float64]
@@ -22,8 +24,7 @@ def facet_labels(
     points: (n, 3); triangles: (t, 3) counter-clockwise seen from outside; neighbors: (t, 3) across
     the edge opposite to each corner; tolerance: a length. Returns (t,) integers from 0.
     """
-    a, b, c = points[triangles].transpose(1, 0, 2)
-    doubled = np.linalg.cross(b - a, c - a)
+    doubled = doubled_area_vectors(points, triangles)
     area = np.sqrt((doubled * doubled).sum(-1))
     normals = doubled / np.maximum(area, np.finfo(np.float64).tiny)[:, None]
     left = np.repeat(np.arange(len(triangles)), 3)
@@ -54,6 +55,7 @@ def facet_labels(
         base = largest[labels[right]]
         smaller = (labels[left] != labels[right]) & (area[largest[labels[left]]] < area[base])
         missed = smaller & (_distance(points, triangles, normals, base, left) <= tolerance)
+        missed &= ~joined
         if not missed.any():
             return labels
         joined |= missed

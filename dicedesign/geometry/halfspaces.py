@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dicedesign.errors import DegenerateBodyError
+from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.geometry.body import as_numbers
 from dicedesign.geometry.hull import convex_hull
 
 __all__ = ["polyhedron_corners"]
@@ -23,18 +24,48 @@ def polyhedron_corners(normals: ArrayLike, offsets: ArrayLike) -> NDArray[np.flo
 
     Raises
     ------
+    InputError: the shapes do not agree, or a number is missing or not finite.
     DegenerateBodyError: the intersection is unbounded or the origin is not strictly inside.
 
     Returns (n, 3).
     """
-    n = np.asarray(normals, dtype=np.float64)
-    d = np.asarray(offsets, dtype=np.float64)
+    n = as_numbers(normals, "half-spaces", "normals").astype(np.float64)
+    d = _offsets(offsets, len(n))
+    if not np.isfinite(n).all():
+        row = int(np.argmin(np.isfinite(n).all(axis=1)))
+        raise InputError(
+            f"half-spaces: expected finite normals, got {n[row].tolist()} in row {row}; repair it"
+        )
+    if (d <= 0.0).any():
+        raise _no_polyhedron(f"offset {d.min():g}")
     polar = convex_hull(n / d[:, None])
     feet = polar.vertices[polar.tail[polar.facet_start[:-1]]]
     heights = (feet * polar.normals).sum(-1)
-    if (d <= 0.0).any() or (heights <= 0.0).any():
-        raise DegenerateBodyError(
-            "half-spaces: expected an intersection that is bounded and has the origin inside; "
-            "spread the normals over the whole sphere and keep the offsets positive"
-        )
+    if (heights <= 0.0).any():
+        raise _no_polyhedron("one that is unbounded")
     return polar.normals / heights[:, None]
+
+
+def _offsets(offsets: ArrayLike, count: int) -> NDArray[np.float64]:
+    try:
+        array = np.asarray(offsets, dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise _bad_offsets(count, repr(offsets)) from error
+    if array.shape != (count,):
+        raise _bad_offsets(count, f"shape {array.shape}")
+    if not np.isfinite(array).all():
+        raise _bad_offsets(count, repr(array[~np.isfinite(array)][0].item()))
+    return array
+
+
+def _bad_offsets(count: int, got: str) -> InputError:
+    return InputError(
+        f"half-spaces: expected {count} finite offsets, got {got}; pass one for each normal"
+    )
+
+
+def _no_polyhedron(got: str) -> DegenerateBodyError:
+    return DegenerateBodyError(
+        "half-spaces: expected an intersection that is bounded and has the origin inside, got "
+        f"{got}; spread the normals over the whole sphere and keep the offsets positive"
+    )

@@ -13,13 +13,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull as QhullHull
 from scipy.spatial import QhullError
+from scipy.spatial.distance import cdist
 
 from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.geometry.body import as_numbers
 from dicedesign.geometry.coplanar import facet_labels
 from dicedesign.geometry.mass import solid_properties
+from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.tolerances import (
     COPLANAR_TOLERANCE,
     COPLANAR_TOLERANCE_FLOAT32,
+    COPLANAR_WIDENINGS,
     FLATNESS_TOLERANCE,
 )
 
@@ -82,10 +86,9 @@ class ConvexHull:
     @cached_property
     def area_vectors(self) -> Floats:
         """(m, 3) outward normals of length twice the facet's area, in squared length units."""
-        anchor = self.vertices[self.tail[self.facet_start[:-1]]][self.facet]
-        a = self.vertices[self.tail] - anchor
-        b = self.vertices[self.head] - anchor
-        return np.add.reduceat(np.linalg.cross(a, b), self.facet_start[:-1], axis=0)
+        doubled = doubled_area_vectors(self.vertices, self.triangles)
+        first = self.facet_start[:-1] - 2 * np.arange(len(self.facet_start) - 1)
+        return np.add.reduceat(doubled, first, axis=0)
 
     @cached_property
     def normals(self) -> Floats:
@@ -106,11 +109,6 @@ class ConvexHull:
         return np.stack([self.tail[first[inner]], self.tail[inner], self.head[inner]], axis=1)
 
     @cached_property
-    def volume(self) -> float:
-        """Volume of the solid hull, in cubed length units."""
-        return solid_properties(self.vertices, self.triangles)[0]
-
-    @cached_property
     def centroid(self) -> Floats:
         """(3,) center of mass of the uniform solid hull."""
         return solid_properties(self.vertices, self.triangles)[1]
@@ -119,13 +117,10 @@ class ConvexHull:
         """(k, 3) corners of a facet, counter-clockwise seen from outside."""
         return self.vertices[self.tail[self.facet_start[facet] : self.facet_start[facet + 1]]]
 
+    @cached_property
     def diameter(self) -> float:
         """Largest vertex-to-vertex distance."""
-        if len(self.vertices) < 2000:
-            from scipy.spatial.distance import pdist
-
-            return float(pdist(self.vertices).max())
-        return max(float(np.sqrt(((self.vertices - x) ** 2).sum(-1)).max()) for x in self.vertices)
+        return max(float(cdist(x[None], self.vertices).max()) for x in self.vertices)
 
 
 def convex_hull(
@@ -138,32 +133,30 @@ def convex_hull(
     points: (n, 3) in any length unit.
     coplanar_tolerance: largest distance from a facet's plane, relative to half the extent of the
         points. Default: `COPLANAR_TOLERANCE`, or `COPLANAR_TOLERANCE_FLOAT32` for rounded points.
-        Unless it is 0, the rounding of points far from the origin is added.
+        Unless it is 0, the rounding of points far from the origin is added, and where the facets
+        then make no polyhedron it is widened in turn by `COPLANAR_WIDENINGS`.
     single_precision: the points were rounded to float32 before they came here; float32 arrays
         always count as such.
 
     Raises
     ------
-    DegenerateBodyError: fewer than 4 points, NaN or infinity, all points on a plane or a line.
-    InputError: the tolerance is not in [0, 1).
+    DegenerateBodyError: fewer than 4 points, NaN or infinity, all points on a plane or a line, or
+        facets that cannot be told apart at this tolerance.
+    InputError: the points are no (n, 3) array of real numbers, or the tolerance is not in [0, 1).
     """
-    given = np.asarray(points)
-    if given.ndim != 2 or given.shape[1] != 3:
-        raise DegenerateBodyError(
-            f"points: expected an array of shape (n, 3), got shape {given.shape}; "
-            "pass one row x, y, z for each point"
-        )
+    given = as_numbers(points, "points")
     single = single_precision or given.dtype == np.float32
     if coplanar_tolerance is None:
         coplanar_tolerance = COPLANAR_TOLERANCE_FLOAT32 if single else COPLANAR_TOLERANCE
     if not 0.0 <= coplanar_tolerance < 1.0:
         raise InputError(
-            f"coplanar tolerance: expected a number in [0, 1), got {coplanar_tolerance:g}"
+            f"coplanar tolerance: expected a number in [0, 1), got {coplanar_tolerance:g}; "
+            "leave it out for the default"
         )
     positions = given.astype(np.float64)
     if len(positions) < 4:
         raise DegenerateBodyError(
-            f"points: expected at least 4 that span a solid, got {len(positions)}"
+            f"points: expected at least 4 that span a solid, got {len(positions)}; add points"
         )
     if not np.isfinite(positions).all():
         bad = int(np.flatnonzero(~np.isfinite(positions).all(axis=1))[0])
@@ -175,7 +168,9 @@ def convex_hull(
     local = positions - (lower + upper) / 2.0
     scale = float(np.abs(local).max())
     if scale == 0.0:
-        raise DegenerateBodyError("points: expected points that span a solid, got one repeated")
+        raise DegenerateBodyError(
+            "points: expected points that span a solid, got one repeated; pass distinct points"
+        )
     magnitude = max(float(np.abs(lower).max()), float(np.abs(upper).max()))
     tolerance = coplanar_tolerance
     if coplanar_tolerance > 0.0:
@@ -186,12 +181,24 @@ def convex_hull(
     except QhullError as error:
         raise _flat_error(local) from error
     triangles, neighbors = _oriented(qhull, local / scale)
-    for factor in (1.0, 10.0, 100.0, 1000.0):
+    for factor in COPLANAR_WIDENINGS if tolerance > 0.0 else COPLANAR_WIDENINGS[:1]:
         labels = facet_labels(local / scale, triangles, neighbors, factor * tolerance)
         hull = _half_edges(positions, triangles, neighbors, labels)
         if hull is not None:
             return hull
-    raise _flat_error(local)
+    if _thickness(local) <= 2.0 * tolerance * scale:
+        raise _flat_error(local)
+    raise DegenerateBodyError(
+        "points: expected facets that can be told apart, got none that make a polyhedron at a "
+        f"coplanar tolerance of {coplanar_tolerance:g}; pass another coplanar_tolerance or remove "
+        "points that nearly coincide"
+    )
+
+
+def _thickness(local: Floats) -> float:
+    """Extent of points (n, 3) across the plane that fits them best."""
+    across = np.linalg.svd(local - local.mean(axis=0), full_matrices=False)[2][-1]
+    return float(np.ptp(local @ across))
 
 
 def _flat_error(local: Floats) -> DegenerateBodyError:

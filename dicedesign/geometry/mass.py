@@ -18,18 +18,14 @@ def solid_properties(
 
     Parameters
     ----------
-    points : (n, 3) float
-        Finite coordinates, any length unit.
-    triangles : (t, 3) int
-        Indices into `points` of a closed oriented surface (see `is_closed`); it may consist of
-        several shells, and an inward shell inside an outward one is a cavity.
+    points: (n, 3) finite coordinates, any length unit.
+    triangles: (t, 3) indices into `points` of a closed oriented surface (see `is_closed`); it may
+        consist of several shells, and an inward shell inside an outward one is a cavity.
 
     Returns
     -------
-    volume : float
-        Cubed unit of the points; positive when the surface is oriented outward.
-    centroid : (3,) float
-        Unit of the points; the same for either orientation. NaN when the volume is exactly zero.
+    The volume in the cubed unit of the points, positive when the surface is oriented outward, and
+    (3,) the centroid, the same for either orientation; NaN when the volume is exactly zero.
     """
     reference = points.mean(axis=0)
     offsets = points - reference
@@ -51,15 +47,8 @@ def is_closed(triangles: NDArray[np.int64]) -> bool:
     They do when every undirected edge is passed equally often in both directions. Several shells,
     and edges where four or more triangles meet, are allowed.
 
-    Parameters
-    ----------
-    triangles : (t, 3) int
-        Vertex indices, nonnegative. Vertices at one position must share one index.
-
-    Returns
-    -------
-    bool
-        False also when there is no triangle.
+    triangles: (t, 3) vertex indices, nonnegative; vertices at one position must share one index.
+    Returns False also when there is no triangle.
     """
     if len(triangles) == 0:
         return False

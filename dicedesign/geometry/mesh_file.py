@@ -13,14 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
-from dicedesign.geometry.body import Body, make_body
+from dicedesign.geometry.body import Body, is_rounded, make_body
+from dicedesign.geometry.mesh_errors import EXPORT_AGAIN
 from dicedesign.geometry.stl import read_stl
 from dicedesign.geometry.text_mesh import TEXT_READERS
-from dicedesign.tolerances import ROUNDED_DIGITS
 
-__all__ = ["is_rounded", "read_body"]
-
-_REMEDY = "export it again as STL, PLY or OBJ"
+__all__ = ["read_body"]
 
 _READERS: Final[dict[str, Callable[[Path], tuple[NDArray[np.float64], NDArray[np.int64]]]]] = {
     **TEXT_READERS,
@@ -38,20 +36,16 @@ def read_body(path: str | Path) -> Body:
 
     Parameters
     ----------
-    path : str or Path
-        The file; its ending says the format.
+    path: the file; its ending says the format.
 
     Returns
     -------
-    Body
-        Named by the path. It counts as single precision when its numbers are (see `is_rounded`).
+    Body named by the path. It counts as single precision when its numbers are (see `is_rounded`).
 
     Raises
     ------
-    MeshFileError
-        The file is missing, of an unknown format, damaged or without points.
-    DegenerateBodyError
-        A coordinate is not finite, or there are fewer than 4 distinct points.
+    MeshFileError: the file is missing, of an unknown format, damaged or without points.
+    DegenerateBodyError: a coordinate is not finite, or there are fewer than 4 distinct points.
     """
     path = Path(path)
     _check_file(path)
@@ -62,7 +56,7 @@ def read_body(path: str | Path) -> Body:
     else:
         points, triangles, rounded, count = _read_scene(path)
     if len(points) == 0:
-        raise MeshFileError(f"{path}: expected a mesh or points, found neither; {_REMEDY}")
+        raise MeshFileError(f"{path}: expected a mesh or points, found neither; {EXPORT_AGAIN}")
     try:
         body = make_body(points, triangles, name=str(path), single_precision=rounded)
     except DegenerateBodyError:
@@ -75,24 +69,6 @@ def read_body(path: str | Path) -> Body:
     return Body(body.points, body.triangles, body.name, body.single_precision, notes)
 
 
-def is_rounded(points: NDArray[np.float64]) -> bool:
-    """Whether coordinates from a file carry no more than single precision.
-
-    They do when all are float32 values, or all have at most `ROUNDED_DIGITS` significant decimal
-    digits. Numbers that are short by themselves, such as the corners of a unit cube, count too.
-
-    Parameters
-    ----------
-    points : (n, 3) float
-        As they stand in the file, before any transform.
-    """
-    with np.errstate(over="ignore"):
-        if np.array_equal(points, points.astype(np.float32)):
-            return True
-    digits = ROUNDED_DIGITS - 1
-    return all(float(f"{value:.{digits}e}") == value for value in points.flat)
-
-
 def _check_file(path: Path) -> None:
     if path.is_dir():
         raise MeshFileError(f"{path}: expected a mesh or point file, got a directory; name a file")
@@ -102,9 +78,13 @@ def _check_file(path: Path) -> None:
     except FileNotFoundError as error:
         raise MeshFileError(f"{path}: no such file; check the path") from error
     except OSError as error:
-        raise MeshFileError(f"{path}: cannot be opened: {error.strerror}") from error
+        raise MeshFileError(
+            f"{path}: expected a readable file, got {error.strerror!r}; check path and permissions"
+        ) from error
     if empty:
-        raise MeshFileError(f"{path}: the file is empty; {_REMEDY}")
+        raise MeshFileError(
+            f"{path}: expected a mesh or point file, got an empty one; {EXPORT_AGAIN}"
+        )
 
 
 def _read_scene(
@@ -118,8 +98,8 @@ def _read_scene(
         endings = {f".{name}" for name in mesh_formats()} | set(_READERS)
         if path.suffix.lower() not in endings:
             raise MeshFileError(
-                f"{path}: unknown file ending {path.suffix!r}; expected one of "
-                f"{', '.join(sorted(endings))}"
+                f"{path}: expected a file ending out of {', '.join(sorted(endings))}, got "
+                f"{path.suffix!r}; {EXPORT_AGAIN}"
             )
         try:
             loaded = trimesh.load(str(path), force="scene", process=False)
@@ -128,7 +108,8 @@ def _read_scene(
             parts = [(scene.geometry[name], np.asarray(matrix)) for matrix, name in nodes]
         except Exception as error:  # its readers raise whatever their parsing runs into
             raise MeshFileError(
-                f"{path}: cannot be read as a {path.suffix.lower()} file; {_REMEDY}"
+                f"{path}: expected a {path.suffix.lower()} file, got one that cannot be read; "
+                f"{EXPORT_AGAIN}"
             ) from error
     meshes = [part for part in parts if len(getattr(part[0], "faces", ())) > 0]
     clouds = [part for part in parts if isinstance(part[0], trimesh.Trimesh | trimesh.PointCloud)]

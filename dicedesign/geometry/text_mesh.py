@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.errors import MeshFileError
+from dicedesign.geometry.mesh_errors import EXPORT_AGAIN, bad_line
 
 __all__ = ["TEXT_READERS", "read_obj", "read_off", "read_xyz"]
 
@@ -30,19 +31,16 @@ def read_obj(path: Path) -> Geometry:
 
     Parameters
     ----------
-    path : Path
-        An existing file.
+    path: an existing file.
 
     Returns
     -------
-    points : (n, 3) float
-    triangles : (t, 3) int
-        Zero-based, t = 0 for a point cloud; not yet checked against n.
+    (n, 3) points and (t, 3) zero-based triangles, t = 0 for a point cloud; not yet checked
+    against n.
 
     Raises
     ------
-    MeshFileError
-        A `v` or `f` line cannot be read.
+    MeshFileError: a `v` or `f` line cannot be read.
     """
     points: list[list[float]] = []
     triangles: list[list[int]] = []
@@ -53,7 +51,7 @@ def read_obj(path: Path) -> Geometry:
             corners = [field.partition("/")[0] for field in fields[1:]]
             indices = _integers(path, number, corners)
             if 0 in indices:
-                raise _bad_line(path, number, fields, "vertex numbers other than 0")
+                raise bad_line(path, number, "vertex numbers other than 0", " ".join(fields))
             polygon = [i - 1 if i > 0 else len(points) + i for i in indices]
             triangles += _fan(path, number, fields, polygon)
     return _arrays(points, triangles)
@@ -66,7 +64,10 @@ def read_off(path: Path) -> Geometry:
     """
     lines = list(_lines(path))
     if not lines or lines[0][1][0].upper() not in {"OFF", "COFF", "NOFF", "CNOFF"}:
-        raise MeshFileError(f"{path}: expected an ASCII OFF file, whose first line is OFF")
+        raise MeshFileError(
+            f"{path}: expected an ASCII OFF file, whose first line is OFF, got another first line; "
+            f"{EXPORT_AGAIN}"
+        )
     number, header = lines[0]
     if len(header) > 1:
         lines[0] = (number, header[1:])
@@ -85,7 +86,7 @@ def read_off(path: Path) -> Geometry:
         (size,) = _integers(path, number, fields[:1])
         polygon = _integers(path, number, fields[1 : 1 + size])
         if len(polygon) != size:
-            raise _bad_line(path, number, fields, f"{size} vertex numbers")
+            raise bad_line(path, number, f"{size} vertex numbers", " ".join(fields))
         triangles += _fan(path, number, fields, polygon)
     return _arrays(points, triangles)
 
@@ -127,7 +128,7 @@ def _position(path: Path, number: int, fields: Sequence[str]) -> list[float]:
     try:
         x, y, z = (float(field) for field in fields[:3])
     except ValueError as error:
-        raise _bad_line(path, number, fields, "three coordinates") from error
+        raise bad_line(path, number, "three coordinates", " ".join(fields)) from error
     return [x, y, z]
 
 
@@ -135,21 +136,13 @@ def _integers(path: Path, number: int, fields: Sequence[str]) -> list[int]:
     try:
         return [int(field) for field in fields]
     except ValueError as error:
-        raise _bad_line(path, number, fields, "whole numbers") from error
+        raise bad_line(path, number, "whole numbers", " ".join(fields)) from error
 
 
 def _fan(path: Path, number: int, fields: Sequence[str], polygon: list[int]) -> list[list[int]]:
     if len(polygon) < 3:
-        raise _bad_line(path, number, fields, "a face of at least 3 vertices")
+        raise bad_line(path, number, "a face of at least 3 vertices", " ".join(fields))
     return [[polygon[0], b, c] for b, c in pairwise(polygon[1:])]
-
-
-def _bad_line(path: Path, number: int, fields: Sequence[str], expected: str) -> MeshFileError:
-    got = ascii(" ".join(fields)[:40])
-    return MeshFileError(
-        f"{path}: line {number}: expected {expected}, got {got}; correct the line or export the "
-        "file again"
-    )
 
 
 def _arrays(points: list[list[float]], triangles: list[list[int]]) -> Geometry:

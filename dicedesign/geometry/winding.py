@@ -19,16 +19,9 @@ def consistent_winding(triangles: NDArray[np.int64]) -> NDArray[np.int64] | None
     share an edge link the copies that agree. An orientable part of the surface falls into two
     components, one the reverse of the other, and the one that keeps more triangles is taken.
 
-    Parameters
-    ----------
-    triangles : (t, 3) int
-        Vertex indices, nonnegative.
-
-    Returns
-    -------
-    (t, 3) int or None
-        The same triangles in the same order, some reversed; None when no choice closes the
-        surface, because it has a boundary or is one-sided.
+    triangles: (t, 3) vertex indices, nonnegative. Returns the same triangles in the same order,
+    some reversed, or None when no choice closes the surface, because it has a boundary or is
+    one-sided.
     """
     count = len(triangles)
     if count == 0:

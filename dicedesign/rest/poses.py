@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dicedesign.geometry.body import Body, make_body
+from dicedesign.geometry.body import Body, as_numbers, is_rounded, make_body
 from dicedesign.geometry.center_of_mass import resolve_center_of_mass
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import angle_between, rotation_between
@@ -129,7 +129,9 @@ def rest_poses(
         body = points_or_mesh
     elif hasattr(points_or_mesh, "vertices"):
         faces = getattr(points_or_mesh, "faces", None)
-        body = make_body(points_or_mesh.vertices, faces, name="mesh")
+        vertices = as_numbers(points_or_mesh.vertices, "mesh")
+        rounded = is_rounded(vertices)
+        body = make_body(vertices, faces, name="mesh", single_precision=rounded)
     else:
         body = make_body(points_or_mesh)
     started = time.perf_counter()

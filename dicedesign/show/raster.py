@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dicedesign.geometry.ragged import ragged_ranges
+
 __all__ = ["Camera", "rasterize"]
 
 Floats = NDArray[np.float64]
@@ -64,8 +66,7 @@ def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Intege
     owner, row, left, right = _spans(positions[triangles], size)
     first = np.ceil(left[:, 0] - 0.5).clip(0, size).astype(np.int64)
     count = (np.ceil(right[:, 0] - 0.5).clip(0, size).astype(np.int64) - first).clip(0)
-    span = np.repeat(np.arange(len(owner)), count)
-    column = first[span] + np.arange(len(span)) - np.repeat(np.cumsum(count) - count, count)
+    span, column = ragged_ranges(first, count)
     # A span that contains the centre of a pixel has a width above 0.
     slope = np.zeros(len(owner))
     np.divide(right[:, 1] - left[:, 1], right[:, 0] - left[:, 0], out=slope, where=count > 0)
@@ -87,8 +88,7 @@ def _spans(corners: Floats, size: int) -> tuple[Integers, Integers, Floats, Floa
     rows = corners[:, :, 1]
     first = np.ceil(rows.min(axis=1) - 0.5).clip(0, size).astype(np.int64)
     count = (np.ceil(rows.max(axis=1) - 0.5).clip(0, size).astype(np.int64) - first).clip(0)
-    owner = np.repeat(np.arange(len(corners)), count)
-    row = first[owner] + np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    owner, row = ragged_ranges(first, count)
     left, right = np.full((len(owner), 2), np.inf), np.full((len(owner), 2), -np.inf)
     for k in range(3):
         a, b = corners[:, k], corners[:, (k + 1) % 3]

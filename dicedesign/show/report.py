@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from html import escape
-from pathlib import Path
 from typing import Any, Final
 
-from dicedesign.fabricate.files import atomic_write
 from dicedesign.show.html_parts import figure_section, list_section, number, page, table_section
 
-__all__ = ["report_html", "write_report"]
+__all__ = ["report_html"]
 
 _FIGURES: Final = (
     (
@@ -76,11 +74,6 @@ def report_html(result: Mapping[str, Any], images: Mapping[str, bytes]) -> str:
         f"<section><h2>How to print and read the die</h2><p>{escape(_PRINTING)}</p></section>"
     )
     return page(result["name"], parts)
-
-
-def write_report(path: Path, result: Mapping[str, Any], images: Mapping[str, bytes]) -> None:
-    """Write `report_html` to a file in an existing folder. Raises OutputError if that fails."""
-    atomic_write(path, report_html(result, images).encode("utf-8"))
 
 
 def _facets(result: Mapping[str, Any]) -> str:

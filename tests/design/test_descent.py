@@ -115,7 +115,10 @@ def test_every_accepted_step_is_announced_as_it_is_recorded() -> None:
     assert len(seen) == 6
 
 
-def test_evaluations_count_rejected_trials(monkeypatch) -> None:
+@pytest.mark.parametrize("pruning", [False, True])
+def test_evaluations_count_rejected_trials_and_those_after_pruning(
+    monkeypatch, random_points, pruning: bool
+) -> None:
     calls = []
     evaluate = Objective.evaluate
 
@@ -125,8 +128,13 @@ def test_evaluations_count_rejected_trials(monkeypatch) -> None:
 
     monkeypatch.setattr(Objective, "evaluate", counted)
     start, target = DESIGNS["2d6"]
-    result = descend_to_target(start, target.probabilities, brief(60))
+    options = brief(60)
+    if pruning:
+        start = Start(random_points(3, 120, (1.0, 0.95, 1.1)), start.directions)
+        options = brief(10, coordinates="vertices")
+    result = descend_to_target(start, target.probabilities, options)
     assert result.evaluations == len(calls) > len(result.history)
+    assert (min(calls) < max(calls)) is pruning
 
 
 def test_the_step_limit_ends_a_design() -> None:
@@ -415,4 +423,4 @@ def test_limits_are_told_by_name() -> None:
     assert stopping.limit(9, 4.9) is None
     assert stopping.limit(10, 0.0) is Status.STEP_LIMIT
     assert stopping.limit(0, 5.0) is Status.TIME_LIMIT
-    assert len({status.value for status in Status}) == 4
+    assert len({status.value for status in Status}) == len(Status)

@@ -102,13 +102,13 @@ def test_steps_fall_below_the_worst_of_the_last_values() -> None:
 
 
 @pytest.mark.parametrize(
-    "descent",
+    "ascent",
     [[-1.0, 0.0], [0.0, 0.0], [0.0, 1.0], [np.nan, 1.0], [np.inf, 0.0], [1.0, -np.inf]],
 )
-def test_a_direction_without_descent_is_refused_untried(descent: list[float]) -> None:
+def test_a_direction_without_ascent_is_refused_untried(ascent: list[float]) -> None:
     problem = quadratic([1.0, 1.0])
     search = LineSearch()
-    assert search.search(problem.at(np.array([1.0, 0.0])), np.array(descent)) is None
+    assert search.search(problem.at(np.array([1.0, 0.0])), np.array(ascent)) is None
     assert problem.tried == []
     assert search.evaluations == 0
 

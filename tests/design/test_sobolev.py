@@ -85,10 +85,22 @@ def test_the_operator_is_symmetric_positive_definite_and_damps(hull: ConvexHull)
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ({"smoothing": 0.0}, "sobolev.smoothing: expected a positive number, got 0.0"),
-        ({"smoothing": -1.0}, "sobolev.smoothing: expected a positive number, got -1.0"),
-        ({"smoothing": np.inf}, "sobolev.smoothing: expected a positive number, got inf"),
-        ({"smoothing": np.nan}, "sobolev.smoothing: expected a positive number, got nan"),
+        (
+            {"smoothing": 0.0},
+            "sobolev.smoothing: expected a number above 0 and at most 1e+06, got 0",
+        ),
+        (
+            {"smoothing": -1.0},
+            "sobolev.smoothing: expected a number above 0 and at most 1e+06, got -1",
+        ),
+        (
+            {"smoothing": np.inf},
+            "sobolev.smoothing: expected a number above 0 and at most 1e+06, got inf",
+        ),
+        (
+            {"smoothing": np.nan},
+            "sobolev.smoothing: expected a number above 0 and at most 1e+06, got nan",
+        ),
         ({"power": 0}, "sobolev.power: expected 1 to 4, got 0"),
         ({"power": 5}, "sobolev.power: expected 1 to 4, got 5"),
     ],

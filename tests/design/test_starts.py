@@ -8,9 +8,17 @@ import numpy as np
 import pytest
 
 from dicedesign import rest_poses
-from dicedesign.design.starts import HENDECAHEDRA, hendecahedron, mesh_start, prism, repulsion
+from dicedesign.design.starts import (
+    HENDECAHEDRA,
+    Start,
+    hendecahedron,
+    mesh_start,
+    prism,
+    repulsion,
+)
 from dicedesign.errors import InputError
 from dicedesign.geometry.body import make_body
+from dicedesign.geometry.hull import convex_hull
 
 
 def nearest_angle(directions: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -108,15 +116,60 @@ def test_a_mesh_start_takes_the_most_probable_rests() -> None:
     np.testing.assert_allclose(moved.probabilities, poses.probabilities, atol=1e-10)
 
 
-def test_a_mesh_start_in_single_precision_keeps_flat_facets_whole() -> None:
-    turn, _ = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))
-    cube = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) @ turn
-    body = make_body(cube.astype(np.float32))
+@pytest.mark.parametrize("seed", range(5))
+def test_a_mesh_start_in_single_precision_keeps_flat_facets_whole(seed: int) -> None:
+    turn, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    box = np.array([(x, y, z) for x in (-1, 1) for y in (-2, 2) for z in (-3, 3)]) @ turn
+    body = make_body(box.astype(np.float32))
     assert body.single_precision
-    directions = mesh_start(body, 6).directions
-    assert nearest_angle(np.concatenate([turn, -turn]), directions).max() < 1e-6
+    start = mesh_start(body, 6)
+    hull = convex_hull(start.points)
+    assert (len(hull.normals), len(hull.vertices)) == (6, 8)
+    assert nearest_angle(start.directions, hull.normals).max() < 1e-12
+    assert nearest_angle(np.concatenate([turn, -turn]), start.directions).max() < 1e-6
+    np.testing.assert_allclose(start.normalised(box), convex_corners(start, box), atol=1e-6)
     with pytest.raises(InputError, match="got 6 in points"):
         mesh_start(body, 7)
+
+
+def convex_corners(start: Start, points: np.ndarray) -> np.ndarray:
+    """For each of the shape's own points, the corner of the start nearest to it."""
+    offsets = start.normalised(points)[:, None] - start.points
+    return start.points[np.argmin((offsets**2).sum(-1), axis=1)]
+
+
+def test_a_mesh_start_ranks_the_rests_for_a_given_center() -> None:
+    points = np.random.default_rng(8).normal(size=(40, 3)) * [3.0, 2.0, 1.0] + [5.0, 0.0, -2.0]
+    center = np.array([5.8, 0.4, -2.2])
+    start = mesh_start(make_body(points), 3, center)
+    poses = rest_poses(points, center)
+    np.testing.assert_allclose(start.directions, poses.normals[:3], atol=1e-12)
+    moved = rest_poses(start.points, start.normalised(center))
+    np.testing.assert_allclose(moved.probabilities, poses.probabilities, atol=1e-10)
+    assert np.abs(rest_poses(points).normals[:3] - poses.normals[:3]).max() > 0.1
+
+
+def test_a_mesh_start_hands_on_what_was_repaired() -> None:
+    corners = np.vstack([np.eye(3), -np.ones((1, 3)), np.eye(3)[:1]])
+    assert mesh_start(make_body(corners), 3).notes == (
+        "welded 1 points to others at equal positions",
+    )
+
+
+def test_starts_have_the_own_coordinates_that_they_describe() -> None:
+    def own(start: Start) -> np.ndarray:
+        return start.origin + start.scale * start.points
+
+    corners = own(prism(5, height=2.0, cap=1.0))
+    assert np.hypot(corners[:, 0], corners[:, 1]).max() == pytest.approx(1.0)
+    assert np.ptp(corners[:, 2]) == pytest.approx(4.0)
+    np.testing.assert_allclose(corners[0], [1.0, 0.0, 1.0], atol=1e-15)
+    bisymmetric = own(hendecahedron("bisymmetric"))
+    np.testing.assert_allclose(bisymmetric.min(axis=0), [-2.0, -2.0, -1.2], atol=1e-12)
+    np.testing.assert_allclose(bisymmetric.max(axis=0), [2.0, 2.0, 1.8], atol=1e-12)
+    for tangent in (hendecahedron("circus"), repulsion(9, 1)):
+        reach = (own(tangent) @ tangent.directions.T).max(axis=0)
+        np.testing.assert_allclose(reach, 1.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -126,6 +179,11 @@ def test_a_mesh_start_in_single_precision_keeps_flat_facets_whole() -> None:
         (lambda: prism(13), "start.prism.sides: expected 3 to 12, got 13"),
         (lambda: prism(4, 0.0), "start.prism.height: expected a positive number, got 0"),
         (lambda: prism(4, float("nan")), "expected a positive number, got nan"),
+        (lambda: prism(4, float("inf")), "start.prism.height: expected a positive number, got inf"),
+        (
+            lambda: prism(4, 1.0, float("inf")),
+            "start.prism.cap: expected a number not below 0, got inf; leave it out for 1.3",
+        ),
         (lambda: prism(4, 1.0, -0.1), "start.prism.cap: expected a number not below 0, got -0.1"),
         (
             lambda: hendecahedron("cube"),

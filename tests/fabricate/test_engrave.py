@@ -11,9 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import EngravingError, InputError
 from dicedesign.fabricate.engrave import engrave, solid
-from dicedesign.fabricate.files import stl_bytes
+from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.glyphs import label_contours
-from dicedesign.fabricate.layout import EngravingOptions, place_labels
+from dicedesign.fabricate.layout import place_labels
+from dicedesign.fabricate.stl import stl_bytes
+from dicedesign.geometry.mass import solid_properties
 
 OPTIONS = EngravingOptions()
 
@@ -34,13 +36,19 @@ def outline_area(text: str) -> float:
     return total
 
 
+def engraved_volume(placements) -> float:
+    return sum(outline_area(p.text) * p.height**2 * OPTIONS.depth_mm for p in placements)
+
+
+def volume(die) -> float:
+    return solid_properties(die.vertices, die.triangles)[0]
+
+
 def test_a_cube_loses_outline_area_times_depth(box):
     body = box(20.0, 20.0, 20.0)
     die, placements = engraved(body, list("123456"))
-    removed = sum(outline_area(p.text) * p.height**2 * OPTIONS.depth_mm for p in placements)
-    assert die.plain_volume_mm3 == pytest.approx(8000.0)
-    assert die.engraved_volume_mm3 == pytest.approx(removed, rel=1e-6)
-    assert die.volume_mm3 == pytest.approx(8000.0 - removed, rel=1e-9)
+    removed = engraved_volume(placements)
+    assert volume(die) == pytest.approx(8000.0 - removed, rel=1e-9)
     assert die.vertices.dtype == np.float64
     assert die.triangles.dtype == np.int64
 
@@ -53,8 +61,8 @@ def test_the_stl_is_one_watertight_piece_of_the_same_volume_and_hull(box):
     assert mesh.is_winding_consistent
     assert mesh.body_count == 1
     assert mesh.euler_number == 2
-    assert mesh.volume == pytest.approx(die.volume_mm3, rel=1e-5)
-    assert ConvexHull(die.vertices).volume == pytest.approx(die.plain_volume_mm3, rel=1e-9)
+    assert mesh.volume == pytest.approx(volume(die), rel=1e-5)
+    assert ConvexHull(die.vertices).volume == pytest.approx(8000.0, rel=1e-9)
 
 
 def level(die, z: float) -> CrossSection:
@@ -113,16 +121,15 @@ def test_engraving_turns_with_the_body(box):
 def test_coordinates_rounded_to_float32_are_engraved_too(box):
     body = box(20.0, 16.0, 12.0).moved(Rotation.from_rotvec((1.0, -0.4, 2.0)).as_matrix())
     body.vertices = body.vertices.astype(np.float32).astype(np.float64)
-    die, _ = engraved(body, list("123456"))
-    removed = die.plain_volume_mm3 - die.volume_mm3
-    assert removed == pytest.approx(die.engraved_volume_mm3, rel=1e-4)
+    die, placements = engraved(body, list("123456"))
+    removed = ConvexHull(body.vertices).volume - volume(die)
+    assert removed == pytest.approx(engraved_volume(placements), rel=1e-4)
 
 
 def test_no_labels_leave_the_solid_as_it_is(box):
     body = box(20.0, 16.0, 12.0)
     die = engrave(body.vertices, body.triangles, [], OPTIONS)
-    assert die.volume_mm3 == die.plain_volume_mm3
-    assert die.engraved_volume_mm3 == 0
+    assert volume(die) == pytest.approx(20.0 * 16.0 * 12.0, rel=1e-12)
     assert len(die.triangles) == 12
 
 
@@ -135,8 +142,17 @@ def test_the_same_input_gives_the_same_bytes(box):
 
 @pytest.mark.parametrize("depth", [6.0, 9.0, 25.0])
 def test_pockets_that_meet_are_reported_with_the_remedy(box, depth):
-    with pytest.raises(EngravingError, match=r"failed a check: .* reduce depth_mm \(now"):
+    with pytest.raises(EngravingError, match=r"^engraved solid: .* reduce depth_mm \(now"):
         engraved(box(20.0, 20.0, 20.0), list("123456"), EngravingOptions(depth_mm=depth))
+
+
+@pytest.mark.parametrize("depth", [2.5, 4.5])
+def test_the_labels_at_fault_are_named(box, depth):
+    plate = box(20.0, 20.0, 4.0)
+    arguments = (plate.polygons[:3], plate.normals[:3], range(3), OPTIONS, plate.size_mm)
+    placements = place_labels(["8", "7", "1"], *arguments)
+    with pytest.raises(EngravingError, match="break through another facet, at '8', '7': reduce"):
+        engrave(plate.vertices, plate.triangles, placements, EngravingOptions(depth_mm=depth))
 
 
 @pytest.mark.parametrize(
@@ -156,7 +172,7 @@ def test_pockets_that_overlap_are_reported(box):
 
 def test_a_solid_refuses_open_inward_and_malformed_meshes(box):
     body = box(20.0, 20.0, 20.0)
-    with pytest.raises(InputError, match="NotManifold"):
+    with pytest.raises(InputError, match="got NotManifold for 11 triangles; repair"):
         solid(body.vertices, body.triangles[1:])
     with pytest.raises(InputError, match="reverse their corners"):
         solid(body.vertices, body.triangles[:, ::-1])
@@ -164,7 +180,7 @@ def test_a_solid_refuses_open_inward_and_malformed_meshes(box):
         solid(np.where(body.vertices > 0, np.nan, body.vertices), body.triangles)
     with pytest.raises(InputError, match="indices from 1 to 8"):
         solid(body.vertices, body.triangles + 1)
-    with pytest.raises(InputError, match=r"got \(8, 2\)"):
+    with pytest.raises(InputError, match=r"got \(8, 2\) and"):
         solid(body.vertices[:, :2], body.triangles)
-    with pytest.raises(InputError, match="volume 0"):
+    with pytest.raises(InputError, match="positive volume, got 0 mm3"):
         solid(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))

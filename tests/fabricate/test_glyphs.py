@@ -97,7 +97,7 @@ def test_other_labels_have_none(text):
 
 
 def test_a_character_that_the_font_lacks_is_named():
-    with pytest.raises(EngravingError, match=r"lacks the character '骰' \(U\+9AB0\)"):
+    with pytest.raises(EngravingError, match=r"got '骰' \(U\+9AB0\)"):
         text_contours("1骰")
 
 
@@ -110,7 +110,7 @@ def test_a_label_that_draws_nothing_is_refused(text):
 def test_fabricating_loads_no_matplotlib_and_no_torch():
     code = (
         "import sys\n"
-        "import dicedesign.fabricate.engrave, dicedesign.fabricate.files\n"
+        "import dicedesign.fabricate.engrave, dicedesign.fabricate.stl\n"
         "from dicedesign.fabricate.glyphs import text_section\n"
         "text_section('6')\n"
         "print([name for name in ('matplotlib', 'torch') if name in sys.modules])"

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.body import make_body, weld
+from dicedesign.geometry.body import is_rounded, make_body, weld
 from dicedesign.geometry.mass import is_closed
 
 CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -40,6 +40,30 @@ def test_float32_counts_as_single_precision_and_integers_do_not() -> None:
     assert not make_body(CORNERS).single_precision
     assert not make_body(np.array(CORNERS, dtype=np.float64)).single_precision
     assert make_body(CORNERS, single_precision=True).single_precision
+
+
+def test_precision_is_told_by_the_digits() -> None:
+    exact = np.random.default_rng(5).normal(size=(20, 3))
+    assert not is_rounded(exact)
+    assert not is_rounded(np.round(exact, 12))
+    assert is_rounded(np.round(exact, 6))
+    assert is_rounded(exact.astype(np.float32).astype(np.float64))
+
+
+@pytest.mark.parametrize("digits", [1, 6, 11, 12, 13, 15])
+def test_decimal_digits_are_counted_at_every_magnitude(digits: int) -> None:
+    rng = np.random.default_rng(digits)
+    numbers = rng.integers(10 ** (digits - 1), 10**digits, size=(400, 3))
+    numbers[:, 0] -= numbers[:, 0] % 10 - 1  # no trailing zero
+    for exponent in (-300, -40, -23, -22, -12, -6, 0, 3, 20, 250):
+        points = np.array([[float(f"{n}e{exponent}") for n in row] for row in numbers.tolist()])
+        assert is_rounded(points) == (digits <= 12), exponent
+        assert is_rounded(-points) == (digits <= 12), exponent
+
+
+def test_zeros_and_what_is_not_finite_tell_nothing_about_digits() -> None:
+    assert is_rounded(np.array([[0.0, -0.0, 0.1], [np.nan, np.inf, -np.inf]]))
+    assert not is_rounded(np.array([[0.0, -0.0, 1 / 3], [np.nan, np.inf, -np.inf]]))
 
 
 def test_a_split_surface_is_welded_closed() -> None:
@@ -87,7 +111,10 @@ def test_a_mesh_without_whole_triangles_is_a_point_cloud() -> None:
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        ([], "die: points must be an (n, 3) array of real numbers, got shape (0,)"),
+        (
+            [],
+            "die: expected points as an (n, 3) array of real numbers, got shape (0,); pass one row",
+        ),
         (np.empty((0, 3)), "got shape (0, 3)"),
         ([1.0, 2.0, 3.0], "got shape (3,)"),
         (np.zeros((5, 2)), "got shape (5, 2)"),
@@ -106,7 +133,7 @@ def test_wrong_points_are_refused(points: object, message: str) -> None:
 def test_points_that_are_not_finite_are_refused(value: float) -> None:
     points = np.array([*CORNERS, *CORNERS], dtype=np.float64)
     points[5, 1] = points[6, 2] = value
-    with pytest.raises(DegenerateBodyError, match=r"die: 2 of 8 points .* first is point 5: \[1"):
+    with pytest.raises(DegenerateBodyError, match=r"die: .*, got \[1.* in point 5 \(2 of 8"):
         make_body(points, name="die")
 
 
@@ -120,9 +147,15 @@ def test_fewer_than_four_distinct_points_are_refused(points: list[list[float]]) 
 @pytest.mark.parametrize(
     ("triangles", "message"),
     [
-        ([[0, 1, 2], [0, 1, 4]], "die: triangle 1 refers to point 4, but points are numbered 0 to"),
-        ([[0, -1, 2]], "die: triangle 0 refers to point -1"),
-        ([[0, 1, 2, 3]], "die: triangles must be an (n, 3) array of integer numbers, got shape"),
+        (
+            [[0, 1, 2], [0, 1, 4]],
+            "die: expected triangles of points 0 to 3, got point 4 in triangle 1; export",
+        ),
+        ([[0, -1, 2]], "got point -1 in triangle 0"),
+        (
+            [[0, 1, 2, 3]],
+            "die: expected triangles as an (n, 3) array of integer numbers, got shape",
+        ),
         ([[0.0, 1.0, 2.0]], "integer numbers, got dtype float64"),
     ],
 )

@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 from scipy.spatial import HalfspaceIntersection
 
-from dicedesign.errors import DegenerateBodyError
+from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.halfspaces import polyhedron_corners
 from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.mass import solid_properties
 
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
 DIAGONALS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / np.sqrt(3)
+
+
+def volume(corners: np.ndarray) -> float:
+    hull = convex_hull(corners)
+    return solid_properties(hull.vertices, hull.triangles)[0]
 
 
 def sorted_rows(points: np.ndarray) -> np.ndarray:
@@ -45,7 +51,7 @@ def test_random_corners_satisfy_their_planes(seed: int) -> None:
     assert excess.max() < 1e-13
     assert (np.sum(np.abs(excess) < 1e-12, axis=1) == 3).all()
     other = HalfspaceIntersection(np.column_stack([normals, -offsets]), np.zeros(3)).intersections
-    assert convex_hull(corners).volume == pytest.approx(convex_hull(other).volume, rel=1e-13)
+    assert volume(corners) == pytest.approx(volume(other), rel=1e-13)
     assert len(corners) == len(convex_hull(other).vertices)
 
 
@@ -55,6 +61,7 @@ def test_random_corners_satisfy_their_planes(seed: int) -> None:
         (AXES[:5], np.ones(5)),
         (np.abs(DIAGONALS) + AXES[:3].repeat(3, axis=0)[:8], np.ones(8)),
         (AXES, [1, 1, 1, 1, 1, -0.5]),
+        (AXES, [1, 1, 0, 1, 1, 1]),
     ],
 )
 def test_unbounded_or_empty_intersections_are_refused(
@@ -68,3 +75,28 @@ def test_the_error_says_what_to_do() -> None:
     tilted = AXES + np.array([0.0, 0.0, 1.5])
     with pytest.raises(DegenerateBodyError, match="spread the normals over the whole sphere"):
         polyhedron_corners(tilted, np.ones(6))
+
+
+@pytest.mark.parametrize(
+    ("normals", "offsets", "message"),
+    [
+        (AXES[:, :2], np.ones(6), r"expected normals as an \(n, 3\) array .*, got shape \(6, 2\)"),
+        (AXES.astype(str), np.ones(6), "expected normals as .*, got dtype <U"),
+        (
+            np.where(AXES > 0, np.nan, AXES),
+            np.ones(6),
+            r"finite normals, got \[nan, 0.*row 0; repair",
+        ),
+        (
+            AXES,
+            np.ones(5),
+            r"expected 6 finite offsets, got shape \(5,\); pass one for each normal",
+        ),
+        (AXES, np.ones((6, 1)), r"got shape \(6, 1\)"),
+        (AXES, [1, 1, 1, 1, 1, np.inf], "expected 6 finite offsets, got inf"),
+        (AXES, list("abcdef"), r"expected 6 finite offsets, got \['a'"),
+    ],
+)
+def test_malformed_half_spaces_are_refused(normals: object, offsets: object, message: str) -> None:
+    with pytest.raises(InputError, match=f"^half-spaces: .*{message}"):
+        polyhedron_corners(normals, offsets)

@@ -10,8 +10,9 @@ import trimesh
 from scipy.spatial import ConvexHull as QhullHull
 from scipy.spatial.transform import Rotation
 
-from dicedesign.errors import DegenerateBodyError
+from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.mass import solid_properties
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 GOLDEN = (1 + np.sqrt(5)) / 2
@@ -32,6 +33,10 @@ def prism(n: int, height: float = 1.0) -> np.ndarray:
     angles = 2 * np.pi * np.arange(n) / n
     ring = np.column_stack([np.cos(angles), np.sin(angles)])
     return np.concatenate([np.column_stack([ring, np.full(n, z)]) for z in (0.0, height)])
+
+
+def volume(hull: ConvexHull) -> float:
+    return solid_properties(hull.vertices, hull.triangles)[0]
 
 
 def sizes(hull: ConvexHull) -> list[int]:
@@ -88,12 +93,12 @@ def test_random_hulls_agree_with_scipy_and_trimesh(seed: int, count: int) -> Non
     qhull = QhullHull(points)
     assert_sound(hull, points)
     np.testing.assert_array_equal(np.sort(hull.source), np.sort(qhull.vertices))
-    assert hull.volume == pytest.approx(qhull.volume, rel=1e-12)
+    assert volume(hull) == pytest.approx(qhull.volume, rel=1e-12)
     assert hull.areas.sum() == pytest.approx(qhull.area, rel=1e-12)
     mesh = trimesh.Trimesh(hull.vertices, hull.triangles, process=False)
     assert mesh.is_watertight
     np.testing.assert_allclose(hull.centroid, mesh.center_mass, rtol=0, atol=1e-12)
-    assert hull.diameter() == pytest.approx(
+    assert hull.diameter == pytest.approx(
         max(np.linalg.norm(p - q) for p in hull.vertices for q in hull.vertices)
     )
 
@@ -106,7 +111,7 @@ def test_cubes_and_dodecahedra_have_flat_facets(seed: int) -> None:
         assert sizes(hull) == expected
         assert_sound(hull, moved)
         assert hull.areas.sum() == pytest.approx(QhullHull(moved).area, rel=1e-12)
-        assert hull.volume == pytest.approx(QhullHull(moved).volume, rel=1e-12)
+        assert volume(hull) == pytest.approx(QhullHull(moved).volume, rel=1e-12)
 
 
 @pytest.mark.parametrize("n", range(3, 21))
@@ -176,7 +181,7 @@ def test_scale_does_not_matter(scale: float) -> None:
     points = turned(DODECAHEDRON, 3)
     hull = convex_hull(points * scale)
     assert sizes(hull) == [5] * 12
-    assert hull.volume == pytest.approx(convex_hull(points).volume * scale**3, rel=1e-12)
+    assert volume(hull) == pytest.approx(volume(convex_hull(points)) * scale**3, rel=1e-12)
     np.testing.assert_allclose(hull.normals, convex_hull(points).normals, rtol=0, atol=1e-14)
 
 
@@ -191,10 +196,8 @@ def test_far_away_a_cube_is_still_a_cube() -> None:
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        (CUBE[:3], "expected at least 4 that span a solid, got 3"),
-        (np.empty((0, 3)), "expected at least 4 that span a solid, got 0"),
-        (CUBE[:, :2], r"expected an array of shape \(n, 3\), got shape \(8, 2\); pass one row"),
-        (np.repeat(CUBE[:1], 5, axis=0), "expected points that span a solid, got one repeated"),
+        (CUBE[:3], "expected at least 4 that span a solid, got 3; add points"),
+        (np.repeat(CUBE[:1], 5, axis=0), "span a solid, got one repeated; pass distinct points"),
         (CUBE * [1, 1, 0], "got 8 points on one plane; a body needs thickness in all three"),
         (turned(CUBE * [1, 1, 0], 1), "got 8 points on one plane"),
         (CUBE * [1, 0, 0], "got 8 points on one line"),
@@ -206,3 +209,51 @@ def test_far_away_a_cube_is_still_a_cube() -> None:
 def test_points_that_span_no_solid_are_refused(points: np.ndarray, message: str) -> None:
     with pytest.raises(DegenerateBodyError, match=message):
         convex_hull(points)
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (np.empty((0, 3)), r"^points: expected points as .*, got shape \(0, 3\); pass one row"),
+        (CUBE[:, :2], r"expected points as an \(n, 3\) array .*, got shape \(8, 2\); pass one row"),
+        (CUBE + 1j, "array of real numbers, got dtype complex128"),
+        ([["a", "b", "c"]] * 4, "array of real numbers, got dtype <U1"),
+        ([[1, 2, 3], [1, 2]], "got rows of different lengths"),
+    ],
+)
+def test_what_is_no_array_of_points_is_refused(points: object, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        convex_hull(points)
+
+
+@pytest.mark.parametrize("tolerance", [-1.0, 1.0, np.nan])
+def test_a_tolerance_out_of_range_is_refused(tolerance: float) -> None:
+    with pytest.raises(
+        InputError, match=r"number in \[0, 1\), got .*; leave it out for the default"
+    ):
+        convex_hull(CUBE, tolerance)
+
+
+def test_a_coarse_tolerance_comes_to_an_end() -> None:
+    assert len(convex_hull(DODECAHEDRON, 0.9).normals) < 12
+
+
+def test_what_is_nearly_flat_is_called_so() -> None:
+    thin = turned(CUBE * [1.0, 1.0, 3e-12], 4)
+    with pytest.raises(DegenerateBodyError, match="got 8 points too close to one plane"):
+        convex_hull(thin)
+
+
+def test_at_tolerance_zero_facets_are_merged_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    tolerances = []
+
+    def labels(points: object, triangles: np.ndarray, neighbors: object, tolerance: float):
+        tolerances.append(tolerance)
+        return np.zeros(len(triangles), dtype=np.int64)
+
+    monkeypatch.setattr("dicedesign.geometry.hull.facet_labels", labels)
+    for tolerance, passes in ((0.0, 1), (1e-3, 4)):
+        tolerances.clear()
+        with pytest.raises(DegenerateBodyError, match=r"told apart, got none .* pass another"):
+            convex_hull(CUBE, tolerance)
+        assert len(tolerances) == passes

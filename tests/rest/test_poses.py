@@ -13,6 +13,7 @@ import trimesh
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.body import make_body
+from dicedesign.geometry.mesh_file import read_body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import roll
@@ -179,3 +180,11 @@ def test_a_query_loads_nothing_heavy() -> None:
         cwd=Path(__file__).resolve().parents[2],
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "[]\n", "")
+
+
+def test_an_stl_file_has_the_same_rests_by_any_reader(tmp_path: Path) -> None:
+    """Float32 coordinates count as such also where trimesh hands them out as float64."""
+    turn = trimesh.transformations.random_rotation_matrix(np.array([0.2, 0.5, 0.7]))
+    trimesh.creation.box((1.0, 2.0, 3.0), turn).export(tmp_path / "box.stl")
+    for body in (read_body(tmp_path / "box.stl"), trimesh.load(tmp_path / "box.stl")):
+        assert len(rest_poses(body).probabilities) == 6

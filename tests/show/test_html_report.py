@@ -7,10 +7,9 @@ from typing import Any
 
 import pytest
 
-from dicedesign.errors import OutputError
 from dicedesign.show.bars import bars_figure
 from dicedesign.show.png import png_bytes
-from dicedesign.show.report import report_html, write_report
+from dicedesign.show.report import report_html
 
 VOID = {"meta", "img"}
 TITLES = {
@@ -127,14 +126,6 @@ def test_absent_images_leave_their_section_out(result, images, missing):
     page = parsed(report_html(result, images))
     assert len(page.sources) == 4
     assert TITLES[missing] not in page.text
-
-
-def test_write_report(tmp_path, result, images):
-    path = tmp_path / "report.html"
-    write_report(path, result, images)
-    assert path.read_text(encoding="utf-8") == report_html(result, images)
-    with pytest.raises(OutputError, match="cannot write"):
-        write_report(tmp_path / "missing" / "report.html", result, images)
 
 
 def test_report_embeds_a_real_figure(result):

@@ -10,7 +10,8 @@ import trimesh
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.engrave import engrave
-from dicedesign.fabricate.layout import EngravingOptions, place_labels
+from dicedesign.fabricate.engraving_options import EngravingOptions
+from dicedesign.fabricate.layout import place_labels
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.show.png import png_bytes
 from dicedesign.show.raster import Camera, rasterize
@@ -27,7 +28,7 @@ def engraved_cube():
     polygons = [hull.polygon(facet) for facet in facets]
     options = EngravingOptions()
     texts = ["1", "2", "3", "4", "5", "7"]
-    labels = place_labels(texts, polygons, hull.normals, facets, options, hull.diameter())
+    labels = place_labels(texts, polygons, hull.normals, facets, options, hull.diameter)
     return engrave(hull.vertices, hull.triangles, labels, options), hull, labels
 
 

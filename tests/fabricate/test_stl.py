@@ -7,44 +7,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from dicedesign.errors import InputError, OutputError
-from dicedesign.fabricate.files import atomic_write, stl_bytes, write_stl
+from dicedesign.errors import InputError
+from dicedesign.fabricate.stl import stl_bytes
 
 
 def load(data: bytes) -> trimesh.Trimesh:
     return trimesh.load(io.BytesIO(data), file_type="stl")
-
-
-def test_atomic_write_replaces_and_leaves_only_the_file(tmp_path):
-    path = tmp_path / "result.json"
-    path.write_bytes(b"old and longer")
-    atomic_write(path, b"new")
-    assert path.read_bytes() == b"new"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_atomic_write_gives_the_usual_permissions(tmp_path):
-    (tmp_path / "usual").write_bytes(b"")
-    atomic_write(tmp_path / "written", b"")
-    assert (tmp_path / "written").stat().st_mode == (tmp_path / "usual").stat().st_mode
-
-
-def test_a_failed_write_names_the_path_and_leaves_nothing(tmp_path):
-    parent = tmp_path / "file"
-    parent.write_bytes(b"kept")
-    with pytest.raises(OutputError, match=r"cannot write .*file/die\.stl .*choose another path"):
-        atomic_write(parent / "die.stl", b"data")
-    with pytest.raises(OutputError, match="missing"):
-        atomic_write(tmp_path / "missing" / "die.stl", b"data")
-    assert list(tmp_path.iterdir()) == [parent]
-    assert parent.read_bytes() == b"kept"
-
-
-def test_a_folder_in_the_way_leaves_no_partial_file(tmp_path):
-    (tmp_path / "die.stl").mkdir()
-    with pytest.raises(OutputError):
-        atomic_write(tmp_path / "die.stl", b"data")
-    assert [entry.name for entry in tmp_path.iterdir()] == ["die.stl"]
 
 
 def test_stl_layout(box):
@@ -58,10 +26,9 @@ def test_stl_layout(box):
     np.testing.assert_array_equal(first[1:], body.vertices[body.triangles[0]])
 
 
-def test_stl_reads_back_as_the_same_solid(box, tmp_path):
+def test_stl_reads_back_as_the_same_solid(box):
     body = box(4.0, 2.0, 1.0)
-    write_stl(tmp_path / "box.stl", body.vertices, body.triangles)
-    mesh = load((tmp_path / "box.stl").read_bytes())
+    mesh = load(stl_bytes(body.vertices, body.triangles))
     assert mesh.is_watertight
     assert mesh.volume == pytest.approx(8.0)
     np.testing.assert_allclose(mesh.extents, (4, 2, 1))
@@ -90,5 +57,7 @@ def test_a_triangle_that_rounds_to_a_line_stays_with_a_zero_normal():
 def test_coordinates_beyond_float32_are_refused(box, value):
     body = box(4.0, 2.0, 1.0)
     body.vertices[3, 1] = value
-    with pytest.raises(InputError, match="finite in float32"):
+    with pytest.raises(
+        InputError, match=r"^STL: expected vertices that are finite in float32, got \[.* in row 3; "
+    ):
         stl_bytes(body.vertices, body.triangles)

@@ -1,0 +1,110 @@
+"""From a recipe to a designed and judged die; nothing is written here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.design.descent import DescentResult, DescentStep, descend_to_target
+from dicedesign.design.starts import Start, hendecahedron, mesh_start, prism, repulsion
+from dicedesign.design.stopping import Status
+from dicedesign.design.targets import Target
+from dicedesign.design.verdict import Verdict, judge
+from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.mesh_file import read_body
+from dicedesign.recipe import Recipe
+from dicedesign.rest.equilibria import classify
+
+__all__ = ["DesignedDie", "design_die", "make_start"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DesignedDie:
+    """A design and what the finished die does.
+
+    Attributes
+    ----------
+    target: what was wanted.
+    design: the descent and its history.
+    verdict: the die in mm and its odds.
+    status: why the design stopped; CONVERGED only if the finished die is within the tolerance.
+    message: the same in a sentence, with the error and what is wrong.
+    """
+
+    target: Target
+    design: DescentResult
+    verdict: Verdict
+    status: Status
+    message: str
+
+
+def make_start(recipe: Recipe) -> Start:
+    """The starting shape of a recipe.
+
+    Raises InputError if a mesh cannot be read or has too few rests, or the center of mass is not
+    inside the shape.
+    """
+    choice, outcomes = recipe.start, len(recipe.target.target().labels)
+    center = _given_center(recipe)
+    if choice.mesh is not None:
+        return mesh_start(read_body(Path(choice.mesh.path)), outcomes, center)
+    if choice.prism is not None:
+        sides = choice.prism.sides_for(outcomes)
+        start = prism(sides, choice.prism.height, choice.prism.cap)
+    elif choice.hendecahedron is not None:
+        start = hendecahedron(choice.hendecahedron)
+    else:
+        start = repulsion(outcomes, recipe.seed)
+    if center is not None:
+        # Here an error still speaks of the coordinates that the recipe uses.
+        classify(convex_hull(start.origin + start.scale * start.points), center)
+    return start
+
+
+def design_die(
+    recipe: Recipe, start: Start, *, on_step: Callable[[DescentStep], None] | None = None
+) -> DesignedDie:
+    """Move the start to the recipe's target and judge the finished die; nothing is written.
+
+    Raises InputError if the start does not suit the target.
+    """
+    target, order = recipe.target.target(), recipe.outcome_of_direction()
+    given = _given_center(recipe)
+    center = None if given is None else start.normalised(given)
+    design = descend_to_target(
+        start,
+        target.probabilities[order],
+        recipe.method.descent,
+        center_of_mass=center,
+        seed=recipe.seed,
+        on_step=on_step,
+    )
+    directions = design.directions[np.argsort(order)]
+    verdict = judge(design.hull, directions, target, recipe.size_mm, center)
+    status, message = _outcome(design, verdict, recipe.method.descent.stopping.tolerance)
+    return DesignedDie(target, design, verdict, status, message)
+
+
+def _given_center(recipe: Recipe) -> Floats | None:
+    return None if recipe.center_of_mass is None else np.array(recipe.center_of_mass)
+
+
+def _outcome(design: DescentResult, verdict: Verdict, tolerance: float) -> tuple[Status, str]:
+    """Status and message: the design's, unless the finished die says otherwise."""
+    status = design.status
+    if status is Status.CONVERGED and verdict.max_abs_error > tolerance:
+        status = Status.OFF_TARGET
+    remarks = [f"{status.value}; max |p - q| is {verdict.max_abs_error:.3g}"]
+    missing = int((verdict.facet_of_outcome < 0).sum())
+    if missing:
+        remarks.append(f"{missing} outcomes have no facet to rest on")
+    stray = 1.0 - float(verdict.probabilities.sum())
+    if stray > tolerance:
+        remarks.append(f"{stray:.3g} of the probability lies on rests without a label")
+    return status, "; ".join(remarks)

@@ -1,0 +1,40 @@
+"""Write files, whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from pathlib import Path
+
+from dicedesign.errors import OutputError
+
+__all__ = ["atomic_write"]
+
+
+def atomic_write(path: Path, data: bytes) -> None:
+    """Write a file so that its path holds the old content or all of the new.
+
+    Parameters
+    ----------
+    path: the file, in an existing folder.
+    data: its content.
+
+    Raises
+    ------
+    OutputError: the file cannot be written; nothing is left behind.
+    """
+    path = Path(path)
+    partial = path.with_name(f".{secrets.token_hex(8)}.part")
+    try:
+        with partial.open("xb") as file:
+            file.write(data)
+        os.replace(partial, path)
+    except OSError as error:
+        raise OutputError(
+            f"{path}: expected to write a file in an existing, writable folder with space left, "
+            f"got {str(error.strerror or error)!r}; create the folder or choose another path"
+        ) from error
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink()
