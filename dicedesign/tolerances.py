@@ -18,6 +18,7 @@ __all__ = [
     "FLATNESS_TOLERANCE",
     "PROBABILITY_SUM_TOLERANCE",
     "ROUNDED_DIGITS",
+    "ROUNDING",
     "SAME_REST_ANGLE",
     "VOLUME_TOLERANCE",
 ]
@@ -58,3 +59,7 @@ rounding leaves the centroid about five digits."""
 SAME_REST_ANGLE: Final = 0.08726646259971647
 """Two rests are one outcome to the eye when their normals differ by at most this, in radians
 (5 degrees): the body then stands on nearly the same facet."""
+
+ROUNDING: Final = 32.0 * 2.0**-53
+"""Relative bound on the rounding error of the sums of products that decide about a body (at most a
+dozen operations each, plus a margin). Signs of values within it are found in exact arithmetic."""

@@ -25,6 +25,13 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
+TIED = (
+    "the body balances exactly somewhere; the odds are the mean of those with the center of mass "
+    "moved by a vanishing amount to either side"
+)
+"""Note on a body with exact ties."""
+
+
 @dataclass(frozen=True)
 class MorseComplex:
     """The Morse-Smale complex of the support function on the Gauss sphere.
@@ -146,17 +153,30 @@ def analyse(
     notes: tuple[str, ...] = (),
     hull_seconds: float = 0.0,
 ) -> RestPoses:
-    """All rests of a hull with a center of mass (3,) strictly inside it. Raises as `rest_poses`."""
+    """All rests of a hull with a center of mass (3,) strictly inside it. Raises as `rest_poses`.
+
+    A body that balances exactly on an edge, a corner or a saddle, or one of whose paths runs into
+    such a balance, gets the mean of the odds with its center of mass moved by a vanishing amount to
+    either side: what could fall both ways falls both ways equally often. Its Morse complex is that
+    of one side.
+    """
     started = time.perf_counter()
     equilibria = classify(hull, center_of_mass)
     paths = separatrices(equilibria)
     areas, points = basin_areas(equilibria, paths)
-    order = np.argsort(-areas, kind="stable")
-    facets = paths.rests[order]
+    basins = np.zeros(len(hull.normals))
+    basins[paths.rests] = areas
+    if equilibria.exact.tied:
+        other = classify(hull, center_of_mass, tilt=-1)
+        other_paths = separatrices(other)
+        basins[other_paths.rests] += basin_areas(other, other_paths)[0]
+        basins /= 2.0
+        notes = (*notes, TIED)
+    facets = np.argsort(-basins, kind="stable")[: np.count_nonzero(basins)]
     normals = hull.normals[facets]
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.arange(len(order))
-    morse = _complex(equilibria, paths, points, normals, facets, place)
+    place = np.full(len(basins), -1, dtype=np.int64)
+    place[facets] = np.arange(len(facets))
+    morse = _complex(equilibria, paths, points, normals, facets, place[paths.rests])
     feet = equilibria.radii[hull.tail[hull.facet_start[facets]]]
     heights = (feet * normals).sum(-1)
     transforms = np.stack(
@@ -172,7 +192,7 @@ def analyse(
     return RestPoses(
         hull=hull,
         normals=normals,
-        probabilities=areas[order] / (4.0 * np.pi),
+        probabilities=basins[facets] / (4.0 * np.pi),
         facets=facets,
         areas=hull.areas[facets],
         transforms=transforms,

@@ -109,16 +109,16 @@ def _moments(equilibria: Equilibria, down: Floats) -> Iterator[_Moment]:
     while True:
         # In the cell of a vertex, until a hinge edge touches down.
         while True:
-            index = np.array([vertex])
-            edge = exit_half_edges(equilibria, index, down[None], ascending=False)
-            down = crossing(equilibria, edge, down[None], ascending=False)[0]
+            at = np.array([vertex]), down[None], np.zeros(1)
+            edge, _ = exit_half_edges(equilibria, *at, ascending=False)
+            down = crossing(equilibria, edge, *at[1:], ascending=False)[0][0]
             ends = (vertex, int(hull.head[edge[0]]))
             if equilibria.hinge[edge[0]]:
                 break
             vertex = ends[1]
             yield _Moment(down, ends, (vertex,))
         yield _Moment(down, ends, ends)
-        facet = int(hinge_facets(equilibria, edge, down[None])[0])
+        facet = int(hinge_facets(equilibria, edge, down[None], np.zeros(1))[0][0])
         # From facet to facet over hinge edges, until one is stable or tips onto a vertex.
         while True:
             down = hull.normals[facet]
