@@ -20,6 +20,7 @@ __all__ = [
     "ROUNDED_DIGITS",
     "ROUNDING",
     "SAME_REST_ANGLE",
+    "TIE_TOLERANCE",
     "VOLUME_TOLERANCE",
 ]
 
@@ -38,8 +39,7 @@ BOUNDARY_TOLERANCE: Final = 1e-13
 """A center of mass nearer than this to a facet's plane counts as lying on the hull's boundary."""
 
 CLOSURE_TOLERANCE: Final = 1e-9
-"""The basins' areas must sum to 4 pi within this; a larger gap means a body so symmetric that a
-path runs exactly into a balance point, and is reported rather than returned."""
+"""The basins' areas must sum to 4 pi within this. A larger gap is reported rather than returned."""
 
 PROBABILITY_SUM_TOLERANCE: Final = 1e-9
 """Target probabilities must sum to 1 within this."""
@@ -63,3 +63,7 @@ SAME_REST_ANGLE: Final = 0.08726646259971647
 ROUNDING: Final = 32.0 * 2.0**-53
 """Relative bound on the rounding error of the sums of products that decide about a body (at most a
 dozen operations each, plus a margin). Signs of values within it are found in exact arithmetic."""
+
+TIE_TOLERANCE: Final = 1e-14
+"""A body is tied where a move of its center of mass by this, relative to its extent plus its
+largest coordinate, could change what it does: a computed center of mass is not known better."""

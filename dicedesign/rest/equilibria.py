@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,11 +21,15 @@ from dicedesign.geometry.sphere import oblique_projection
 from dicedesign.rest.exact import ExactSigns
 from dicedesign.tolerances import BOUNDARY_TOLERANCE, ROUNDING
 
-__all__ = ["Equilibria", "FacetKind", "classify"]
+__all__ = ["Equilibria", "FacetKind", "Tie", "classify"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
+
+
+class Tie(Exception):
+    """The body balances: a hair's move of the center of mass would change what it does."""
 
 
 class FacetKind(IntEnum):
@@ -48,13 +51,16 @@ class Equilibria:
     hull: the convex hull.
     center_of_mass: (3,).
     radii: (n, 3) vertices relative to the center of mass, r_p.
-    exact: answers where rounding leaves a sign open, and remembers whether the body has ties.
+    exact: answers where rounding leaves a sign open.
+    tie_distance: length. Where a move of the center of mass by no more than this could change a
+        decision, `Tie` is raised instead; 0 for an answer in any case.
     """
 
     hull: ConvexHull
     center_of_mass: Floats
     radii: Floats
     exact: ExactSigns
+    tie_distance: float
 
     @cached_property
     def edge_vectors(self) -> Floats:
@@ -66,7 +72,7 @@ class Equilibria:
         """(h,) sign, 1 or -1, of r_p . (x_q - x_p): 1 where distance from c grows at the start."""
         r, v = self.radii[self.hull.tail], self.edge_vectors
         bound = ROUNDING * (np.abs(r) * np.abs(v)).sum(-1)
-        return _certain_signs((r * v).sum(-1), bound, self.exact.growth)
+        return self._certain_signs((r * v).sum(-1), bound, self.exact.growth)
 
     @cached_property
     def ascending(self) -> Booleans:
@@ -102,7 +108,25 @@ class Equilibria:
         across = y * np.roll(n, -2, axis=1) + z * np.roll(n, -1, axis=1)
         spread = (v.sum(-1) * self.normal_error[self.hull.facet])[:, None]
         bound = (r * (ROUNDING * across + 2.0 * spread)).sum(-1)
-        return _certain_signs(self.side, bound, self.exact.side)
+        return self._certain_signs(self.side, bound, self.exact.side)
+
+    def _certain_signs(
+        self, values: Floats, bounds: Floats, exact: Callable[[int], int]
+    ) -> Integers:
+        """Signs of values (h,), rounded by up to bounds (h,), that change with c by at most the
+        half-edge's length for a unit move."""
+        length = np.sqrt((self.edge_vectors**2).sum(-1))
+        unsure = np.flatnonzero(np.abs(values) <= bounds + self.tie_distance * length)
+        self.settle(len(unsure) == 0)
+        signs = np.where(values > 0.0, 1, -1)
+        for index in unsure:
+            signs[index] = exact(int(index))
+        return signs
+
+    def settle(self, certain: bool) -> None:
+        """Raise `Tie` unless certain or ties are not looked for."""
+        if not certain and self.tie_distance > 0.0:
+            raise Tie
 
     @cached_property
     def normal_error(self) -> Floats:
@@ -170,22 +194,14 @@ class Equilibria:
         return kind
 
 
-def _certain_signs(values: Floats, bounds: Floats, exact: Callable[[int], int]) -> Integers:
-    """Signs of values (h,) with error bounds (h,); those within their bound are asked for."""
-    signs = np.where(values > 0.0, 1, -1)
-    for index in np.flatnonzero(np.abs(values) <= bounds):
-        signs[index] = exact(int(index))
-    return signs
-
-
-def classify(hull: ConvexHull, center_of_mass: ArrayLike, tilt: Literal[-1, 1] = 1) -> Equilibria:
+def classify(hull: ConvexHull, center_of_mass: ArrayLike, tie_distance: float = 0.0) -> Equilibria:
     """Classify the elements of a hull for a center of mass.
 
     Parameters
     ----------
     hull: the convex hull.
     center_of_mass: (3,) in the hull's length unit, strictly inside the hull.
-    tilt: which way ties are broken, see `dicedesign.rest.exact`.
+    tie_distance: see `Equilibria`.
 
     Raises
     ------
@@ -211,4 +227,4 @@ def classify(hull: ConvexHull, center_of_mass: ArrayLike, tilt: Literal[-1, 1] =
             f"{center.tolist()}, which is {where} facet {lowest} of the hull; a body of "
             "nonnegative density has it inside. Give one within the hull or leave it out"
         )
-    return Equilibria(hull, center, radii, ExactSigns(hull, center, tilt))
+    return Equilibria(hull, center, radii, ExactSigns(hull, center), tie_distance)

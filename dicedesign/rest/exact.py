@@ -1,14 +1,11 @@
 """The forward model's decisions in integer arithmetic, for when rounding could change them.
 
 Coordinates are floats, so a power of two makes integers of them all, and every decision is the sign
-of a polynomial in them. A sign that is exactly zero is a tie: the body balances. Then the sign is
-taken with the center of mass moved by a vanishing amount along a fixed direction, the same for all
-questions about the body, so that all answers belong to one nearby body without ties.
+of a polynomial in them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 from itertools import pairwise
 from math import gcd
@@ -25,86 +22,51 @@ if TYPE_CHECKING:
 __all__ = ["ExactSigns"]
 
 Vector = tuple[int, int, int]
-Radius = Callable[[int], Vector]
-
-TILT_BITS = 1024
-"""The move of the center that breaks ties is below one unit of the coordinates' last place by this
-many bits: too small to change the sign of anything that is not zero."""
-
-TILT_DIRECTION = (10007, 7919, -4231)
-"""Its direction, in no plane of symmetry that a body is likely to have."""
-
-
-class _Tie(Exception):
-    """A path runs exactly through a facet normal or a saddle."""
 
 
 class ExactSigns:
-    """Signs for one hull and center of mass.
+    """Signs for one hull and center of mass. A sign that is exactly zero counts as negative."""
 
-    Attributes
-    ----------
-    tied: whether any sign asked for so far was exactly zero.
-    """
-
-    def __init__(self, hull: ConvexHull, center: NDArray[np.float64], tilt: int) -> None:
-        self.tied = False
+    def __init__(self, hull: ConvexHull, center: NDArray[np.float64]) -> None:
         self._hull = hull
         self._center = center
-        self._tilt = tilt
         self._vectors: dict[int, Vector] = {}
         self._normals: dict[int, Vector] = {}
 
     def growth(self, half_edge: int) -> int:
         """1 if distance from c grows along a half-edge at its start, else -1."""
         p = int(self._hull.tail[half_edge])
-        v = self._edge(half_edge)
-        return self._sign(_dot(self._radius(p), v), lambda: _dot(self._tilted(p), v))
+        return _sign(_dot(self._radius(p), self._edge(half_edge)))
 
     def side(self, half_edge: int) -> int:
         """1 if the foot of c on the half-edge's facet is inside of the edge, else -1."""
         p = int(self._hull.tail[half_edge])
         normal = self._area_vector(int(self._hull.facet[half_edge]))
         across = _cross(self._edge(half_edge), normal)
-        return self._sign(_dot(self._radius(p), across), lambda: _dot(self._tilted(p), across))
+        return _sign(_dot(self._radius(p), across))
 
     def ascend(self, equilibria: Equilibria, saddle: int, vertex: int) -> tuple[list[int], int]:
         """Half-edges that the flow line from a saddle's half-edge into the cell of one of its ends
         crosses uphill, and the maximum it ends at."""
-        try:
-            return self._ascend(equilibria, saddle, vertex, self._radius)
-        except _Tie:
-            self.tied = True
-            return self._ascend(equilibria, saddle, vertex, self._tilted)
-
-    def descend(self, equilibria: Equilibria, facet: int) -> int:
-        """Facet that a body slides to, over a hinge edge, which tips from a facet onto a vertex."""
-        try:
-            return self._descend(equilibria, facet, self._radius)
-        except _Tie:
-            self.tied = True
-            return self._descend(equilibria, facet, self._tilted)
-
-    def _ascend(
-        self, equilibria: Equilibria, saddle: int, vertex: int, radius: Radius
-    ) -> tuple[list[int], int]:
         v = self._edge(saddle)
-        u = _project(radius(int(self._hull.tail[saddle])), v, v)
+        u = _project(self._radius(int(self._hull.tail[saddle])), v, v)
         crossed = []
         while not equilibria.maximum[vertex]:
-            edge = self._exit(equilibria, vertex, _cross(u, radius(vertex)), equilibria.ascending)
-            u = _project(u, radius(vertex), self._edge(edge))
+            r = self._radius(vertex)
+            edge = self._exit(equilibria, vertex, _cross(u, r), equilibria.ascending)
+            u = _project(u, r, self._edge(edge))
             crossed.append(edge)
             vertex = int(self._hull.head[edge])
         return crossed, vertex
 
-    def _descend(self, equilibria: Equilibria, facet: int, radius: Radius) -> int:
+    def descend(self, equilibria: Equilibria, facet: int) -> int:
+        """Facet that a body slides to, over a hinge edge, which tips from a facet onto a vertex."""
         vertex = int(equilibria.roll_vertex[facet])
         u = self._area_vector(facet)
         while True:
-            left_of_travel = _cross(radius(vertex), u)
-            edge = self._exit(equilibria, vertex, left_of_travel, equilibria.descending)
-            x, y, z = _project(u, radius(vertex), self._edge(edge))
+            r = self._radius(vertex)
+            edge = self._exit(equilibria, vertex, _cross(r, u), equilibria.descending)
+            x, y, z = _project(u, r, self._edge(edge))
             u = -x, -y, -z
             if equilibria.hinge[edge]:
                 break
@@ -114,7 +76,7 @@ class ExactSigns:
             return int(self._hull.facet[twin])
         if equilibria.side_sign[twin] < 0:
             return int(self._hull.facet[edge])
-        left = _decided(_dot(radius(vertex), _cross(self._edge(edge), u))) > 0
+        left = _sign(_dot(r, _cross(self._edge(edge), u))) > 0
         return int(self._hull.facet[edge if left else twin])
 
     def _exit(
@@ -141,13 +103,7 @@ class ExactSigns:
         return candidates[0]
 
     def _beside(self, left_of_travel: Vector, facet: int) -> int:
-        return _decided(_dot(left_of_travel, self._area_vector(facet)))
-
-    def _sign(self, exact: int, tilted: Callable[[], int]) -> int:
-        if exact == 0:
-            self.tied = True
-            exact = tilted()
-        return 1 if exact > 0 else -1
+        return _sign(_dot(left_of_travel, self._area_vector(facet)))
 
     @cached_property
     def _exponent(self) -> int:
@@ -174,11 +130,6 @@ class ExactSigns:
                 self._integers(self._hull.vertices[vertex]), self._origin
             )
         return self._vectors[vertex]
-
-    def _tilted(self, vertex: int) -> Vector:
-        x, y, z = (r << TILT_BITS for r in self._radius(vertex))
-        a, b, c = (self._tilt * d for d in TILT_DIRECTION)
-        return x - a, y - b, z - c
 
     def _edge(self, half_edge: int) -> Vector:
         hull = self._hull
@@ -214,10 +165,8 @@ def _minus(a: Vector, b: Vector) -> Vector:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-def _decided(value: int) -> int:
-    if value == 0:
-        raise _Tie
-    return value
+def _sign(value: int) -> int:
+    return 1 if value > 0 else -1
 
 
 def _project(u: Vector, along: Vector, normal: Vector) -> Vector:

@@ -15,8 +15,8 @@ from dicedesign.geometry.center_of_mass import resolve_center_of_mass
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import angle_between, rotation_between
 from dicedesign.rest.equilibria import Equilibria, classify
-from dicedesign.rest.morse import Separatrices, separatrices
-from dicedesign.rest.probabilities import basin_areas
+from dicedesign.rest.morse import Separatrices
+from dicedesign.rest.probabilities import find_basins
 from dicedesign.rest.tracing import destined_facets
 
 __all__ = ["MorseComplex", "RestPoses", "analyse", "rest_poses", "standing_transform"]
@@ -26,10 +26,10 @@ Integers = NDArray[np.int64]
 
 
 TIED = (
-    "the body balances exactly somewhere; the odds are the mean of those with the center of mass "
-    "moved by a vanishing amount to either side"
+    "the body balances somewhere to within rounding; the odds are the mean of those with its "
+    "center of mass moved by a hair to either side"
 )
-"""Note on a body with exact ties."""
+"""Note on a body with ties."""
 
 
 @dataclass(frozen=True)
@@ -155,23 +155,18 @@ def analyse(
 ) -> RestPoses:
     """All rests of a hull with a center of mass (3,) strictly inside it. Raises as `rest_poses`.
 
-    A body that balances exactly on an edge, a corner or a saddle, or one of whose paths runs into
-    such a balance, gets the mean of the odds with its center of mass moved by a vanishing amount to
-    either side: what could fall both ways falls both ways equally often. Its Morse complex is that
-    of one side.
+    A body that balances somewhere to within rounding gets the mean of the odds with its center of
+    mass moved by a hair to either side (`find_basins`); its Morse complex is that of one side.
     """
     started = time.perf_counter()
-    equilibria = classify(hull, center_of_mass)
-    paths = separatrices(equilibria)
-    areas, points = basin_areas(equilibria, paths)
-    basins = np.zeros(len(hull.normals))
-    basins[paths.rests] = areas
-    if equilibria.exact.tied:
-        other = classify(hull, center_of_mass, tilt=-1)
-        other_paths = separatrices(other)
-        basins[other_paths.rests] += basin_areas(other, other_paths)[0]
-        basins /= 2.0
+    center = classify(hull, center_of_mass).center_of_mass
+    sides = find_basins(hull, center)
+    if len(sides) > 1:
         notes = (*notes, TIED)
+    basins = np.zeros(len(hull.normals))
+    for side in sides:
+        basins[side.paths.rests] += side.areas / len(sides)
+    equilibria, paths, points = sides[0].equilibria, sides[0].paths, sides[0].points
     facets = np.argsort(-basins, kind="stable")[: np.count_nonzero(basins)]
     normals = hull.normals[facets]
     place = np.full(len(basins), -1, dtype=np.int64)
@@ -198,7 +193,7 @@ def analyse(
         transforms=transforms,
         margins=margins,
         morse=morse,
-        center_of_mass=equilibria.center_of_mass,
+        center_of_mass=center,
         center_of_mass_source=center_of_mass_source,
         notes=notes,
         seconds={"hull": hull_seconds, "rest": time.perf_counter() - started},

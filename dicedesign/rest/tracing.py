@@ -89,7 +89,10 @@ def exit_half_edges(
     best = np.lexsort((-score, owner))
     # A corner between two candidates is at the left of one and at the right of the other.
     slack = _length(along)[owner] * (errors + ROUNDING)[owner]
-    slack += _length(left_of_travel) * equilibria.normal_error[hull.facet[edges]]
+    slack += (
+        equilibria.tie_distance
+        + _length(left_of_travel) * equilibria.normal_error[hull.facet[edges]]
+    )
     unsure = ~last_of_chain & (np.abs(at_left) <= slack)
     certain = np.bincount(owner[unsure], minlength=len(vertices)) == 0
     return edges[best[np.searchsorted(owner, np.arange(len(vertices)))]], certain
@@ -114,13 +117,16 @@ def crossing(
     r, v = equilibria.radii[hull.tail[half_edges]], equilibria.edge_vectors[half_edges]
     point = oblique_projection(directions, r, v)
     length = _length(point)
-    unit = point / np.where(length > 0.0, length, 1.0)[:, None]
+    unit = (point if ascending else -point) / np.where(length > 0.0, length, 1.0)[:, None]
+    # A line that starts exactly at r_p has no direction; it may as well run to the arc's end.
+    unit = np.where(length[:, None] > 0.0, unit, hull.normals[hull.facet[half_edges]])
     edge, scale = _length(v), np.maximum(length, np.finfo(np.float64).tiny)
     shrink = _length(np.linalg.cross(r, unit)) * edge / scale
     ahead = _length(np.linalg.cross(equilibria.radii[hull.head[half_edges]], unit))
     turn = edge / np.maximum(ahead, edge)
     errors = errors * shrink + ROUNDING * (1.0 + _length(r) * edge / scale * turn)
-    return (unit if ascending else -unit), errors
+    errors = errors + equilibria.tie_distance * edge / scale
+    return unit, errors
 
 
 def _length(vectors: Floats) -> Floats:
@@ -143,6 +149,7 @@ def ascend(equilibria: Equilibria, saddles: Integers, vertices: Integers) -> Bra
         edges, certain = exit_half_edges(
             equilibria, vertices[active], directions[active], errors[active], ascending=True
         )
+        equilibria.settle(bool(certain.all()))
         for line in active[~certain]:
             lines[line], vertices[line] = equilibria.exact.ascend(
                 equilibria, int(saddles[line]), int(ends[line])
@@ -168,7 +175,8 @@ def saddle_points(equilibria: Equilibria, half_edges: Integers) -> tuple[Floats,
     length = _length(directions)
     edge = _length(equilibria.edge_vectors[half_edges])
     size = _length(equilibria.radii[equilibria.hull.tail[half_edges]]) * edge * edge
-    return directions / length[:, None], ROUNDING * (1.0 + size / length)
+    errors = ROUNDING * (1.0 + size / length) + equilibria.tie_distance * edge * edge / length
+    return directions / length[:, None], errors
 
 
 def hinge_facets(
@@ -187,7 +195,11 @@ def hinge_facets(
     right_is_uphill = equilibria.side_sign[twin] < 0
     left_is_uphill = equilibria.side_sign[half_edges] < 0
     to_left = ((value > 0.0) | right_is_uphill) & ~left_is_uphill
-    certain = (np.abs(value) > reach * (errors + ROUNDING)) | right_is_uphill | left_is_uphill
+    certain = (
+        (np.abs(value) > reach * (errors + ROUNDING) + equilibria.tie_distance * _length(v))
+        | right_is_uphill
+        | left_is_uphill
+    )
     return np.where(to_left, hull.facet[half_edges], hull.facet[twin]), certain
 
 
@@ -230,6 +242,7 @@ def descend(equilibria: Equilibria, facets: Integers) -> Integers:
     """
     start = equilibria.hull.normals[facets], equilibria.normal_error[facets]
     reached, certain = slide(equilibria, equilibria.roll_vertex[facets], *start)
+    equilibria.settle(bool(certain.all()))
     for line in np.flatnonzero(~certain):
         reached[line] = equilibria.exact.descend(equilibria, int(facets[line]))
     return reached
