@@ -117,16 +117,19 @@ def crossing(
     r, v = equilibria.radii[hull.tail[half_edges]], equilibria.edge_vectors[half_edges]
     point = oblique_projection(directions, r, v)
     length = _length(point)
-    unit = (point if ascending else -point) / np.where(length > 0.0, length, 1.0)[:, None]
+    directed = length > 0.0
+    scale = np.where(directed, length, 1.0)
     # A line that starts exactly at r_p has no direction; it may as well run to the arc's end.
-    unit = np.where(length[:, None] > 0.0, unit, hull.normals[hull.facet[half_edges]])
-    edge, scale = _length(v), np.maximum(length, np.finfo(np.float64).tiny)
+    end = hull.normals[hull.facet[half_edges]]
+    along = (point if ascending else -point) / scale[:, None]
+    unit: Floats = np.where(directed[:, None], along, end)
+    edge = _length(v)
     shrink = _length(np.linalg.cross(r, unit)) * edge / scale
     ahead = _length(np.linalg.cross(equilibria.radii[hull.head[half_edges]], unit))
     turn = edge / np.maximum(ahead, edge)
     errors = errors * shrink + ROUNDING * (1.0 + _length(r) * edge / scale * turn)
     errors = errors + equilibria.tie_distance * edge / scale
-    return unit, errors
+    return unit, np.where(directed, errors, 1.0)
 
 
 def _length(vectors: Floats) -> Floats:
