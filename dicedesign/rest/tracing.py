@@ -8,6 +8,7 @@ oblique projection. All lines advance together, one cell per step.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,7 +133,7 @@ def crossing(
     return unit, np.where(directed, errors, 1.0)
 
 
-def _length(vectors: Floats) -> Floats:
+def _length(vectors: NDArray[Any]) -> Floats:
     return np.sqrt((vectors * vectors).sum(-1))
 
 
