@@ -18,6 +18,7 @@ from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import Separatrices
 from dicedesign.rest.probabilities import find_basins
 from dicedesign.rest.tracing import destined_facets
+from dicedesign.tolerances import CLOSURE_TOLERANCE
 
 __all__ = ["MorseComplex", "RestPoses", "analyse", "rest_poses", "standing_transform"]
 
@@ -161,11 +162,12 @@ def analyse(
     started = time.perf_counter()
     center = classify(hull, center_of_mass).center_of_mass
     sides = find_basins(hull, center)
-    if len(sides) > 1:
+    areas = np.zeros((len(sides), len(hull.normals)))
+    for row, side in zip(areas, sides, strict=True):
+        row[side.paths.rests] = side.areas
+    if np.ptp(areas, axis=0).max() > CLOSURE_TOLERANCE:
         notes = (*notes, TIED)
-    basins = np.zeros(len(hull.normals))
-    for side in sides:
-        basins[side.paths.rests] += side.areas / len(sides)
+    basins = areas.mean(axis=0)
     equilibria, paths, points = sides[0].equilibria, sides[0].paths, sides[0].points
     facets = np.argsort(-basins, kind="stable")[: np.count_nonzero(basins)]
     normals = hull.normals[facets]
