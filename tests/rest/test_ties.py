@@ -122,7 +122,6 @@ def test_exact_lines_are_those_of_the_floats(monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.parametrize("points", BALANCED)
 def test_a_balanced_body_is_the_mean_of_its_neighbours(points: list[list[int]]) -> None:
     poses = rest_poses(points)
-    assert TIED in poses.notes
     assert poses.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
     sides = [
         by_normal(rest_poses(points, poses.center_of_mass + sign * 1e-9 * TIE_DIRECTION))
@@ -130,6 +129,13 @@ def test_a_balanced_body_is_the_mean_of_its_neighbours(points: list[list[int]]) 
     ]
     for normal, p in by_normal(poses).items():
         assert p == pytest.approx(sum(side.get(normal, 0.0) for side in sides) / 2.0, abs=1e-3)
+
+
+def test_a_tie_that_matters_is_told() -> None:
+    notes = [TIED in rest_poses(points).notes for points in BALANCED]
+    assert any(notes)
+    half = np.array(HALVES[0])
+    assert TIED in rest_poses(np.concatenate([half, -half])).notes
 
 
 @pytest.mark.parametrize("half", HALVES)
