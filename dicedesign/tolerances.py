@@ -21,7 +21,9 @@ __all__ = [
     "FLATNESS_TOLERANCE",
     "PROBABILITY_SUM_TOLERANCE",
     "ROUNDED_DIGITS",
+    "ROUNDING",
     "SAME_REST_ANGLE",
+    "TIE_TOLERANCE",
     "VOLUME_TOLERANCE",
 ]
 
@@ -43,11 +45,11 @@ FLATNESS_TOLERANCE: Final = 1e-12
 none: the error then says "on one plane" or "on one line". It decides about the wording only."""
 
 BOUNDARY_TOLERANCE: Final = 1e-13
-"""A center of mass nearer than this to a facet's plane counts as lying on the hull's boundary."""
+"""A center of mass nearer than this to a facet's plane, relative to the largest offset of a vertex
+from the mean of all, counts as lying on the hull's boundary."""
 
 CLOSURE_TOLERANCE: Final = 1e-9
-"""The basins' areas must sum to 4 pi within this; a larger gap means a body so symmetric that a
-path runs exactly into a balance point, and is reported rather than returned."""
+"""The basins' areas must sum to 4 pi within this. A larger gap is reported rather than returned."""
 
 PROBABILITY_SUM_TOLERANCE: Final = 1e-9
 """Target probabilities must sum to 1 within this."""
@@ -68,3 +70,11 @@ rounding leaves the centroid about five digits."""
 SAME_REST_ANGLE: Final = math.radians(5.0)
 """Two rests are one outcome to the eye when their normals differ by at most this, in radians:
 the body then stands on nearly the same facet."""
+
+ROUNDING: Final = 32.0 * 2.0**-53
+"""Relative bound on the rounding error of the sums of products that decide about a body (at most a
+dozen operations each, plus a margin). Signs of values within it are found in exact arithmetic."""
+
+TIE_TOLERANCE: Final = 1e-14
+"""A body is tied where a move of its center of mass by this, relative to its extent plus its
+largest coordinate, could change what it does: a computed center of mass is not known better."""

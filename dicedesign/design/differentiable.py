@@ -16,17 +16,17 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.errors import InputError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.ragged import ragged_ranges
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import (
     Separatrices,
     border_areas,
     separatrices,
     separatrix_points,
-    wraps,
 )
-from dicedesign.tolerances import CLOSURE_TOLERANCE
+from dicedesign.rest.probabilities import closed_areas
 
 __all__ = ["RestEvaluation", "differentiable_rest", "evaluate_rests", "hull_centroid"]
 
@@ -74,23 +74,14 @@ class RestEvaluation:
         border = border_areas(self.paths, points, reference, _TORCH)
         basins = torch.as_tensor(self.paths.basins.ravel())
         areas = torch.zeros(rests, dtype=torch.float64).index_add(0, basins, border.reshape(-1))
-        areas = areas + torch.as_tensor(4.0 * np.pi * wraps(areas.detach().numpy()))
-        gap = abs(float(areas.detach().sum()) - 4.0 * torch.pi)
-        if gap > CLOSURE_TOLERANCE or bool((areas.detach() <= 0.0).any()):
-            raise DegenerateBodyError(
-                f"vertices: their basins should cover the sphere once but differ by {gap:.3g} "
-                "steradian; a rolling path meets a balance point exactly, so symmetric is the "
-                "body. Move the vertices or the center of mass by a hair to break the tie"
-            )
+        signed = areas.detach().numpy()
+        areas = areas + torch.as_tensor(closed_areas(signed) - signed)
         return areas / (4.0 * torch.pi)
 
     def facet_normals(self, facets: NDArray[np.int64]) -> Tensor:
         """(len(facets), 3) unit normals of facets, from the area vectors of their polygons."""
-        start, end = self.hull.facet_start[facets], self.hull.facet_start[facets + 1]
-        count = end - start
-        owner = np.repeat(np.arange(len(facets)), count)
-        within = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-        half_edges = start[owner] + within
+        start = self.hull.facet_start[facets]
+        owner, half_edges = ragged_ranges(start, self.hull.facet_start[facets + 1] - start)
         anchor = self.vertices[self.hull.tail[start]][owner]
         a = self.vertices[self.hull.tail[half_edges]] - anchor
         b = self.vertices[self.hull.head[half_edges]] - anchor

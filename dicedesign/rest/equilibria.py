@@ -7,6 +7,7 @@ side of a facet normal a path passes.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
@@ -17,13 +18,18 @@ from numpy.typing import ArrayLike, NDArray
 from dicedesign.errors import InputError, OutsideHullError
 from dicedesign.geometry.hull import ConvexHull
 from dicedesign.geometry.sphere import oblique_projection
-from dicedesign.tolerances import BOUNDARY_TOLERANCE
+from dicedesign.rest.exact import ExactSigns
+from dicedesign.tolerances import BOUNDARY_TOLERANCE, ROUNDING
 
-__all__ = ["Equilibria", "FacetKind", "classify"]
+__all__ = ["Equilibria", "FacetKind", "Tie", "classify"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
+
+
+class Tie(Exception):
+    """The body balances: a hair's move of the center of mass would change what it does."""
 
 
 class FacetKind(IntEnum):
@@ -45,11 +51,16 @@ class Equilibria:
     hull: the convex hull.
     center_of_mass: (3,).
     radii: (n, 3) vertices relative to the center of mass, r_p.
+    exact: answers where rounding leaves a sign open.
+    tie_distance: length. Where a move of the center of mass by no more than this could change a
+        decision, `Tie` is raised instead; 0 for an answer in any case.
     """
 
     hull: ConvexHull
     center_of_mass: Floats
     radii: Floats
+    exact: ExactSigns
+    tie_distance: float
 
     @cached_property
     def edge_vectors(self) -> Floats:
@@ -57,40 +68,82 @@ class Equilibria:
         return self.hull.vertices[self.hull.head] - self.hull.vertices[self.hull.tail]
 
     @cached_property
-    def growth(self) -> Floats:
-        """(h,) r_p . (x_q - x_p): positive where distance from c grows at the start."""
-        return (self.radii[self.hull.tail] * self.edge_vectors).sum(-1)
+    def growth_sign(self) -> Integers:
+        """(h,) sign, 1 or -1, of r_p . (x_q - x_p): 1 where distance from c grows at the start."""
+        r, v = self.radii[self.hull.tail], self.edge_vectors
+        bound = ROUNDING * (np.abs(r) * np.abs(v)).sum(-1)
+        return self._certain_signs((r * v).sum(-1), bound, self.exact.growth)
 
     @cached_property
     def ascending(self) -> Booleans:
         """(h,) True where an ascending path may leave the cell of p for that of q."""
-        return self.growth > 0.0
+        return self.growth_sign > 0
 
     @cached_property
     def descending(self) -> Booleans:
-        """(h,) True where a descending path may leave the cell of p across this edge's arc. The
-        complement of `ascending`: an edge whose nearest point to c is its end is a hinge edge, as
-        that end is no less a maximum for it."""
-        return self.growth <= 0.0
+        """(h,) True where a descending path may leave the cell of p across this edge's arc."""
+        return self.growth_sign < 0
 
     @cached_property
     def hinge(self) -> Booleans:
-        """(h,) True for edges whose nearest point to c is inside or an end (E2, section 2.2.2).
+        """(h,) True for edges whose nearest point to c is strictly inside (E2, section 2.2.2).
         The others are cartwheel edges (E1)."""
         return self.descending & self.descending[self.hull.twin]
 
     @cached_property
     def side(self) -> Floats:
-        """(h,) positive where the foot of c on the facet's plane is inside of this edge; zero or
-        negative where it is on the edge's line or outside."""
+        """(h,) distance of the foot of c on the facet's plane from the edge's line, negative
+        outside, times the edge's length."""
         normals = self.hull.normals[self.hull.facet]
         across = np.linalg.cross(self.edge_vectors, normals)
         return (self.radii[self.hull.tail] * across).sum(-1)
 
     @cached_property
+    def side_sign(self) -> Integers:
+        """(h,) sign, 1 or -1, of `side`: 1 where the foot of c is inside of the edge."""
+        r, v = np.abs(self.radii[self.hull.tail]), np.abs(self.edge_vectors)
+        y, z = np.roll(v, -1, axis=1), np.roll(v, -2, axis=1)
+        n = np.abs(self.hull.normals) + self.normal_error[:, None]
+        n = n[self.hull.facet]
+        across = y * np.roll(n, -2, axis=1) + z * np.roll(n, -1, axis=1)
+        spread = (v.sum(-1) * self.normal_error[self.hull.facet])[:, None]
+        bound = (r * (ROUNDING * across + 2.0 * spread)).sum(-1)
+        return self._certain_signs(self.side, bound, self.exact.side)
+
+    def _certain_signs(
+        self, values: Floats, bounds: Floats, exact: Callable[[int], int]
+    ) -> Integers:
+        """Signs of values (h,), rounded by up to bounds (h,), that change with c by at most the
+        half-edge's length for a unit move."""
+        length = np.sqrt((self.edge_vectors**2).sum(-1))
+        unsure = np.flatnonzero(np.abs(values) <= bounds + self.tie_distance * length)
+        self.settle(len(unsure) == 0)
+        signs = np.where(values > 0.0, 1, -1)
+        for index in unsure:
+            signs[index] = exact(int(index))
+        return signs
+
+    def settle(self, certain: bool) -> None:
+        """Raise `Tie` unless certain or ties are not looked for."""
+        if not certain and self.tie_distance > 0.0:
+            raise Tie
+
+    @cached_property
+    def normal_error(self) -> Floats:
+        """(m,) bound on the rounding error of each facet's unit normal, as a length."""
+        hull = self.hull
+        start = hull.facet_start[:-1]
+        anchor = hull.vertices[hull.tail[start]][hull.facet]
+        a, b = np.abs(hull.vertices[hull.tail] - anchor), np.abs(hull.vertices[hull.head] - anchor)
+        terms = np.roll(a, -1, axis=1) * np.roll(b, -2, axis=1)
+        terms += np.roll(a, -2, axis=1) * np.roll(b, -1, axis=1)
+        size = np.add.reduceat(terms.sum(-1), start) * (1.0 + np.diff(hull.facet_start))
+        return ROUNDING * size / (2.0 * hull.areas)
+
+    @cached_property
     def saddle(self) -> Booleans:
         """(h,) True, for both half-edges, where the edge carries a saddle (section 2.3.3)."""
-        inside = self.side > 0.0
+        inside = self.side_sign > 0
         return self.hinge & inside & inside[self.hull.twin]
 
     @cached_property
@@ -108,17 +161,18 @@ class Equilibria:
     @cached_property
     def stable(self) -> Booleans:
         """(m,) True for facets on which the body rests (F0)."""
-        outside = self.hull.facet[self.side <= 0.0]
+        outside = self.hull.facet[self.side_sign < 0]
         return np.bincount(outside, minlength=len(self.hull.normals)) == 0
 
     @cached_property
     def roll_edge(self) -> Integers:
         """(m,) half-edge that the body on a facet rolls over (F2), or -1."""
         target = np.full(len(self.hull.normals), -1, dtype=np.int64)
-        candidates = np.flatnonzero((self.side <= 0.0) & self.hinge)
+        candidates = np.flatnonzero((self.side_sign < 0) & self.hinge)
         length = np.sqrt((self.edge_vectors[candidates] ** 2).sum(-1))
-        # At most one edge faces the foot; a tie within rounding goes to the farthest outside.
-        order = candidates[np.argsort(-self.side[candidates] / length, kind="stable")[::1]]
+        # One edge faces the foot; of several, which only facets flat within a tolerance can have,
+        # the farthest counts.
+        order = candidates[np.argsort(-self.side[candidates] / length, kind="stable")]
         target[self.hull.facet[order]] = order
         return target
 
@@ -140,13 +194,14 @@ class Equilibria:
         return kind
 
 
-def classify(hull: ConvexHull, center_of_mass: ArrayLike) -> Equilibria:
+def classify(hull: ConvexHull, center_of_mass: ArrayLike, tie_distance: float = 0.0) -> Equilibria:
     """Classify the elements of a hull for a center of mass.
 
     Parameters
     ----------
     hull: the convex hull.
     center_of_mass: (3,) in the hull's length unit, strictly inside the hull.
+    tie_distance: see `Equilibria`.
 
     Raises
     ------
@@ -172,4 +227,4 @@ def classify(hull: ConvexHull, center_of_mass: ArrayLike) -> Equilibria:
             f"{center.tolist()}, which is {where} facet {lowest} of the hull; a body of "
             "nonnegative density has it inside. Give one within the hull or leave it out"
         )
-    return Equilibria(hull, center, radii)
+    return Equilibria(hull, center, radii, ExactSigns(hull, center), tie_distance)

@@ -37,7 +37,8 @@ class Separatrices:
     basins: (s, 2) index into `rests` of the basin left and right of the half-edge.
     saddle_ends: (s, 2) tail and head vertex of each saddle's half-edge.
     crossed: (2 s, depth, 2) vertices p, q of the edges whose arcs a branch crosses, in order.
-    lengths: (2 s,) how many edges a branch crosses; what follows them in `crossed` is padding.
+    lengths: (2 s,) how many edges a branch crosses; what follows them in `crossed` has no
+        meaning.
     maxima: (2 s,) vertex at which a branch ends.
     """
 
@@ -68,21 +69,16 @@ def separatrices(equilibria: Equilibria) -> Separatrices:
     saddles = saddles[dividing]
     basins = np.searchsorted(rests, destined[dividing])
     starts = np.stack([hull.head[saddles], hull.tail[saddles]], axis=1).ravel()
-    directions = np.repeat(equilibria.saddle_directions[saddles], 2, axis=0)
-    crossed, lengths, maxima = ascend(equilibria, starts, directions)
-    # Padding that no branch can degenerate on: a saddle's own edge, from the end that is not its
-    # nearest point to c.
-    twins, growth = hull.twin[saddles], equilibria.growth
-    padding = np.where(growth[saddles] <= growth[twins], saddles, twins)
-    crossed = np.where(crossed < 0, np.repeat(padding, 2)[:, None], crossed)
+    branches = ascend(equilibria, np.repeat(saddles, 2), starts)
+    crossed = branches.crossed
     return Separatrices(
         rests,
         saddles,
         basins,
         np.stack([hull.tail[saddles], hull.head[saddles]], axis=1),
         np.stack([hull.tail[crossed], hull.head[crossed]], axis=2),
-        lengths,
-        maxima,
+        branches.lengths,
+        branches.maxima,
     )
 
 
@@ -103,9 +99,10 @@ def separatrix_points(paths: Separatrices, vertices: Any, center: Any, xp: Modul
     for step in range(paths.crossed.shape[1]):
         p, q = paths.crossed[:, step, 0], paths.crossed[:, step, 1]
         moved = oblique_projection(point, radii[p], vertices[q] - vertices[p])
-        moved = moved / xp.sqrt((moved * moved).sum(-1))[:, None]
-        moving = xp.asarray(paths.lengths > step)[:, None]
-        point = xp.where(moving, moved, point)
+        squared = (moved * moved).sum(-1)
+        moving = xp.asarray(paths.lengths > step) & (squared > 0.0)
+        unit = moved / xp.sqrt(xp.where(moving, squared, 1.0))[:, None]
+        point = xp.where(moving[:, None], unit, point)
         points.append(point)
     points.append(radii[paths.maxima])
     return xp.stack(points, 1)

@@ -15,14 +15,22 @@ from dicedesign.geometry.center_of_mass import resolve_center_of_mass
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import angle_between, rotation_between
 from dicedesign.rest.equilibria import Equilibria, classify
-from dicedesign.rest.morse import Separatrices, separatrices
-from dicedesign.rest.probabilities import basin_areas
+from dicedesign.rest.morse import Separatrices
+from dicedesign.rest.probabilities import find_basins
 from dicedesign.rest.tracing import destined_facets
+from dicedesign.tolerances import CLOSURE_TOLERANCE
 
 __all__ = ["MorseComplex", "RestPoses", "analyse", "rest_poses", "standing_transform"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+
+TIED = (
+    "the body balances somewhere to within rounding; the odds are the mean of those with its "
+    "center of mass moved by a hair to either side"
+)
+"""Note on a body with ties."""
 
 
 @dataclass(frozen=True)
@@ -148,17 +156,26 @@ def analyse(
     notes: tuple[str, ...] = (),
     hull_seconds: float = 0.0,
 ) -> RestPoses:
-    """All rests of a hull with a center of mass (3,) strictly inside it. Raises as `rest_poses`."""
+    """All rests of a hull with a center of mass (3,) strictly inside it. Raises as `rest_poses`.
+
+    A body that balances somewhere to within rounding gets the mean of the odds with its center of
+    mass moved by a hair to either side (`find_basins`); its Morse complex is that of one side.
+    """
     started = time.perf_counter()
-    equilibria = classify(hull, center_of_mass)
-    paths = separatrices(equilibria)
-    areas, points = basin_areas(equilibria, paths)
-    order = np.argsort(-areas, kind="stable")
-    facets = paths.rests[order]
+    center = classify(hull, center_of_mass).center_of_mass
+    sides = find_basins(hull, center)
+    areas = np.zeros((len(sides), len(hull.normals)))
+    for row, side in zip(areas, sides, strict=True):
+        row[side.paths.rests] = side.areas
+    if np.ptp(areas, axis=0).max() > CLOSURE_TOLERANCE:
+        notes = (*notes, TIED)
+    basins = areas.mean(axis=0)
+    equilibria, paths, points = sides[0].equilibria, sides[0].paths, sides[0].points
+    facets = np.argsort(-basins, kind="stable")[: np.count_nonzero(basins)]
     normals = hull.normals[facets]
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.arange(len(order))
-    morse = _complex(equilibria, paths, points, normals, facets, place)
+    place = np.full(len(basins), -1, dtype=np.int64)
+    place[facets] = np.arange(len(facets))
+    morse = _complex(equilibria, paths, points, normals, facets, place[paths.rests])
     feet = equilibria.radii[hull.tail[hull.facet_start[facets]]]
     heights = (feet * normals).sum(-1)
     transforms = np.stack(
@@ -174,13 +191,13 @@ def analyse(
     return RestPoses(
         hull=hull,
         normals=normals,
-        probabilities=areas[order] / (4.0 * np.pi),
+        probabilities=basins[facets] / (4.0 * np.pi),
         facets=facets,
         areas=hull.areas[facets],
         transforms=transforms,
         margins=margins,
         morse=morse,
-        center_of_mass=equilibria.center_of_mass,
+        center_of_mass=center,
         center_of_mass_source=center_of_mass_source,
         notes=notes,
         seconds={"hull": hull_seconds, "rest": time.perf_counter() - started},

@@ -15,10 +15,14 @@ from dicedesign.geometry.sphere import angle_between, rotation_between
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.poses import standing_transform
 from dicedesign.rest.tracing import crossing, exit_half_edges, hinge_facets
+from dicedesign.tolerances import ROUNDING
 
 __all__ = ["RollStep", "roll"]
 
 Floats = NDArray[np.float64]
+SMALLEST_ANGLE = 1e-4
+"""Smallest largest rotation per step, in radians: some 30,000 steps for a half turn."""
+
 Contact = Literal["vertex", "edge", "facet"]
 
 
@@ -61,23 +65,28 @@ def roll(
     ----------
     equilibria: the classified hull.
     down: (3,) direction that points down at first, in the body's frame, not zero.
-    max_angle: largest rotation in radians from one step to the next; longer ones are split.
+    max_angle: largest rotation in radians from one step to the next, at least `SMALLEST_ANGLE`;
+        longer ones are split.
         Default: one step for each change of contact.
 
     Returns the steps, the first as it was let go and the last on a stable facet.
 
     Raises
     ------
-    InputError: `down` is not three finite numbers or zero; `max_angle` is not positive.
+    InputError: `down` is not three finite numbers or zero; `max_angle` is below `SMALLEST_ANGLE`.
 
     Source: algorithm 1.
     """
     start = np.asarray(down, dtype=np.float64)
     if start.shape != (3,) or not np.isfinite(start).all() or not start.any():
         raise InputError(f"down: expected three finite numbers, not all zero, got {down!r}")
-    if max_angle is not None and not max_angle > 0.0:
-        raise InputError(f"max angle: expected a positive angle, got {max_angle!r}")
-    moments = list(_moments(equilibria, start / np.linalg.norm(start)))
+    if max_angle is not None and not max_angle >= SMALLEST_ANGLE:
+        raise InputError(
+            f"max angle: expected at least {SMALLEST_ANGLE:g} radians, got {max_angle:g}; take a "
+            "larger one"
+        )
+    start = start / np.abs(start).max()
+    moments = _changes(_moments(equilibria, start / np.linalg.norm(start)))
     first = moments[0]
     height = float(equilibria.radii[first.turning[0]] @ first.down)
     transform = standing_transform(first.down, height, equilibria.center_of_mass)
@@ -102,6 +111,17 @@ def roll(
     return tuple(steps)
 
 
+def _changes(moments: Iterator[_Moment]) -> list[_Moment]:
+    """The moments between which the body turns: of several at one orientation, the last, at which
+    everything that touches the table has touched down."""
+    changes: list[_Moment] = []
+    for moment in moments:
+        if changes and angle_between(changes[-1].down, moment.down) <= ROUNDING:
+            changes.pop()
+        changes.append(moment)
+    return changes
+
+
 def _moments(equilibria: Equilibria, down: Floats) -> Iterator[_Moment]:
     hull = equilibria.hull
     vertex = int(np.argmax(equilibria.radii @ down))
@@ -109,16 +129,16 @@ def _moments(equilibria: Equilibria, down: Floats) -> Iterator[_Moment]:
     while True:
         # In the cell of a vertex, until a hinge edge touches down.
         while True:
-            index = np.array([vertex])
-            edge = exit_half_edges(equilibria, index, down[None], ascending=False)
-            down = crossing(equilibria, edge, down[None], ascending=False)[0]
+            at = np.array([vertex]), down[None], np.zeros(1)
+            edge, _ = exit_half_edges(equilibria, *at, ascending=False)
+            down = crossing(equilibria, edge, *at[1:], ascending=False)[0][0]
             ends = (vertex, int(hull.head[edge[0]]))
             if equilibria.hinge[edge[0]]:
                 break
             vertex = ends[1]
             yield _Moment(down, ends, (vertex,))
         yield _Moment(down, ends, ends)
-        facet = int(hinge_facets(equilibria, edge, down[None])[0])
+        facet = int(hinge_facets(equilibria, edge, down[None], np.zeros(1))[0][0])
         # From facet to facet over hinge edges, until one is stable or tips onto a vertex.
         while True:
             down = hull.normals[facet]

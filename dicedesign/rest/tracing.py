@@ -7,38 +7,73 @@ oblique projection. All lines advance together, one cell per step.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.errors import DegenerateBodyError
+from dicedesign.geometry.ragged import ragged_ranges
 from dicedesign.geometry.sphere import oblique_projection
 from dicedesign.rest.equilibria import Equilibria
+from dicedesign.tolerances import ROUNDING
 
-__all__ = ["ascend", "crossing", "descend", "destined_facets", "exit_half_edges", "hinge_facets"]
+__all__ = [
+    "Branches",
+    "ascend",
+    "crossing",
+    "descend",
+    "destined_facets",
+    "exit_half_edges",
+    "hinge_facets",
+    "slide",
+]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Branches:
+    """Flow lines uphill, as integers.
+
+    Attributes
+    ----------
+    crossed: (k, depth) half-edges whose arcs a line crosses, in order, padded with -1.
+    lengths: (k,) how many they are.
+    maxima: (k,) vertex at which a line ends.
+    """
+
+    crossed: Integers
+    lengths: Integers
+    maxima: Integers
 
 
 def exit_half_edges(
-    equilibria: Equilibria, vertices: Integers, directions: Floats, *, ascending: bool
-) -> Integers:
+    equilibria: Equilibria,
+    vertices: Integers,
+    directions: Floats,
+    errors: Floats,
+    *,
+    ascending: bool,
+) -> tuple[Integers, Booleans]:
     """Half-edge of each vertex through whose arc the flow line leaves the vertex's cell.
 
     Candidates are only the edges along which distance from c grows (ascending) or shrinks
     (descending). They are consecutive around the vertex; the first lies to the right of every flow
     line and the last to the left, so that exactly one change of side exists, without tolerances.
 
-    vertices: (k,), none of them a maximum if ascending; directions: (k, 3) in their cells.
-    Returns (k,) half-edges that leave the vertices.
+    vertices: (k,), none of them a maximum if ascending; directions: (k, 3) in their cells, unit,
+    beside the true lines by no more than errors (k,).
+    Returns (k,) half-edges that leave the vertices, and (k,) whether rounding cannot change them.
     """
     hull = equilibria.hull
     allowed = equilibria.ascending if ascending else equilibria.descending
     start, order = hull.outgoing
-    degree = start[vertices + 1] - start[vertices]
-    owner = np.repeat(np.arange(len(vertices)), degree)
-    within = np.arange(len(owner)) - np.repeat(np.cumsum(degree) - degree, degree)
-    edges = order[start[vertices][owner] + within]
+    owner, place = ragged_ranges(start[vertices], start[vertices + 1] - start[vertices])
+    edges = order[place]
     keep = allowed[edges]
     edges, owner = edges[keep], owner[keep]
 
@@ -52,76 +87,168 @@ def exit_half_edges(
     leaves = (first_of_chain | (at_right < 0.0)) & (last_of_chain | (at_left >= 0.0))
     score = np.where(leaves, np.inf, np.minimum(at_left, -at_right))
     best = np.lexsort((-score, owner))
-    return edges[best[np.searchsorted(owner, np.arange(len(vertices)))]]
+    # A corner between two candidates is at the left of one and at the right of the other.
+    slack = _length(along)[owner] * (errors + ROUNDING)[owner]
+    slack += (
+        equilibria.tie_distance
+        + _length(left_of_travel) * equilibria.normal_error[hull.facet[edges]]
+    )
+    unsure = ~last_of_chain & (np.abs(at_left) <= slack)
+    certain = np.bincount(owner[unsure], minlength=len(vertices)) == 0
+    return edges[best[np.searchsorted(owner, np.arange(len(vertices)))]], certain
 
 
 def crossing(
-    equilibria: Equilibria, half_edges: Integers, directions: Floats, *, ascending: bool
-) -> Floats:
-    """Where flow lines cross the arcs of half-edges (k,): unit directions (k, 3)."""
-    hull = equilibria.hull
-    radii = equilibria.radii[hull.tail[half_edges]]
-    point = oblique_projection(directions, radii, equilibria.edge_vectors[half_edges])
-    length = np.sqrt((point * point).sum(-1))[:, None]
-    return point / (length if ascending else -length)
+    equilibria: Equilibria,
+    half_edges: Integers,
+    directions: Floats,
+    errors: Floats,
+    *,
+    ascending: bool,
+) -> tuple[Floats, Floats]:
+    """Where flow lines cross the arcs of half-edges (k,): unit directions (k, 3), and bounds (k,)
+    on how far they lie beside the true line.
 
-
-def ascend(
-    equilibria: Equilibria, vertices: Integers, directions: Floats
-) -> tuple[Integers, Integers, Integers]:
-    """Follow flow lines uphill to their maxima.
-
-    vertices: (k,) cells to start in; directions: (k, 3).
-    Returns the half-edges crossed (k, depth), padded with -1; how many they are (k,); and the
-    vertices (k,) that are the lines' maxima. A line visits vertices of growing distance from c and
-    so ends by itself.
+    With the line's plane through u and r_p, an error beside it shrinks with the distance to r_p and
+    grows with the slant at which the arc is crossed. Rounding along the line is corrected by the
+    next crossing; only the turn of the line into the next cell lets a part of it through.
     """
-    vertices, directions = vertices.copy(), directions.copy()
-    lengths = np.zeros(len(vertices), dtype=np.int64)
-    steps = []
+    hull = equilibria.hull
+    r, v = equilibria.radii[hull.tail[half_edges]], equilibria.edge_vectors[half_edges]
+    point = oblique_projection(directions, r, v)
+    length = _length(point)
+    directed = length > 0.0
+    scale = np.where(directed, length, 1.0)
+    # A line that starts exactly at r_p has no direction; it may as well run to the arc's end.
+    end = hull.normals[hull.facet[half_edges]]
+    along = (point if ascending else -point) / scale[:, None]
+    unit: Floats = np.where(directed[:, None], along, end)
+    edge = _length(v)
+    shrink = _length(np.linalg.cross(r, unit)) * edge / scale
+    ahead = _length(np.linalg.cross(equilibria.radii[hull.head[half_edges]], unit))
+    turn = edge / np.maximum(ahead, edge)
+    errors = errors * shrink + ROUNDING * (1.0 + _length(r) * edge / scale * turn)
+    errors = errors + equilibria.tie_distance * edge / scale
+    return unit, np.where(directed, errors, 1.0)
+
+
+def _length(vectors: NDArray[Any]) -> Floats:
+    return np.sqrt((vectors * vectors).sum(-1))
+
+
+def ascend(equilibria: Equilibria, saddles: Integers, vertices: Integers) -> Branches:
+    """Follow flow lines uphill from saddles to their maxima.
+
+    saddles: (k,) half-edges; vertices: (k,) the end of each into whose cell the line runs. A line
+    visits vertices of growing distance from c and so ends by itself. Lines on which rounding could
+    change a crossing are followed in exact arithmetic.
+    """
+    hull = equilibria.hull
+    vertices, ends = vertices.copy(), vertices.copy()
+    directions, errors = saddle_points(equilibria, saddles)
+    lines: list[list[int]] = [[] for _ in saddles]
     active = np.flatnonzero(~equilibria.maximum[vertices])
     while len(active):
-        edges = exit_half_edges(equilibria, vertices[active], directions[active], ascending=True)
-        directions[active] = crossing(equilibria, edges, directions[active], ascending=True)
-        vertices[active] = equilibria.hull.head[edges]
-        crossed = np.full(len(vertices), -1, dtype=np.int64)
-        crossed[active] = edges
-        steps.append(crossed)
-        lengths[active] += 1
+        edges, certain = exit_half_edges(
+            equilibria, vertices[active], directions[active], errors[active], ascending=True
+        )
+        equilibria.settle(bool(certain.all()))
+        for line in active[~certain]:
+            lines[line], vertices[line] = equilibria.exact.ascend(
+                equilibria, int(saddles[line]), int(ends[line])
+            )
+        active, edges = active[certain], edges[certain]
+        directions[active], errors[active] = crossing(
+            equilibria, edges, directions[active], errors[active], ascending=True
+        )
+        vertices[active] = hull.head[edges]
+        for line, edge in zip(active, edges, strict=True):
+            lines[line].append(int(edge))
         active = active[~equilibria.maximum[vertices[active]]]
-    depthless = np.empty((len(vertices), 0), dtype=np.int64)
-    return (np.stack(steps, axis=1) if steps else depthless), lengths, vertices
+    lengths = np.array([len(line) for line in lines], dtype=np.int64)
+    crossed = np.full((len(lines), int(lengths.max(initial=0))), -1, dtype=np.int64)
+    for line, row in zip(lines, crossed, strict=True):
+        row[: len(line)] = line
+    return Branches(crossed, lengths, vertices)
 
 
-def hinge_facets(equilibria: Equilibria, half_edges: Integers, directions: Floats) -> Integers:
+def saddle_points(equilibria: Equilibria, half_edges: Integers) -> tuple[Floats, Floats]:
+    """Unit saddle directions (k, 3) of half-edges (k,), and bounds (k,) on their errors."""
+    directions = equilibria.saddle_directions[half_edges]
+    length = _length(directions)
+    edge = _length(equilibria.edge_vectors[half_edges])
+    size = _length(equilibria.radii[equilibria.hull.tail[half_edges]]) * edge * edge
+    errors = ROUNDING * (1.0 + size / length) + equilibria.tie_distance * edge * edge / length
+    return directions / length[:, None], errors
+
+
+def hinge_facets(
+    equilibria: Equilibria, half_edges: Integers, directions: Floats, errors: Floats
+) -> tuple[Integers, Booleans]:
     """Facet that a body tips onto which touches the table along a hinge edge.
 
-    half_edges: (k,); directions: (k, 3) on their arcs; returns (k,) facets. A body that balances
-    exactly on a saddle goes to the left facet of its half-edge.
+    half_edges: (k,); directions: (k, 3) on their arcs with errors up to (k,). Returns (k,) facets,
+    and (k,) whether rounding cannot change them.
     """
     hull = equilibria.hull
-    across = np.linalg.cross(equilibria.edge_vectors[half_edges], directions)
-    to_left = (equilibria.radii[hull.tail[half_edges]] * across).sum(-1) >= 0.0
+    r, v = equilibria.radii[hull.tail[half_edges]], equilibria.edge_vectors[half_edges]
+    value = (r * np.linalg.cross(v, directions)).sum(-1)
+    reach = _length(r) * _length(v)
     twin = hull.twin[half_edges]
-    to_left = (to_left | (equilibria.side[twin] <= 0.0)) & (equilibria.side[half_edges] > 0.0)
-    return np.where(to_left, hull.facet[half_edges], hull.facet[twin])
+    right_is_uphill = equilibria.side_sign[twin] < 0
+    left_is_uphill = equilibria.side_sign[half_edges] < 0
+    to_left = ((value > 0.0) | right_is_uphill) & ~left_is_uphill
+    certain = (
+        (np.abs(value) > reach * (errors + ROUNDING) + equilibria.tie_distance * _length(v))
+        | right_is_uphill
+        | left_is_uphill
+    )
+    return np.where(to_left, hull.facet[half_edges], hull.facet[twin]), certain
 
 
-def descend(equilibria: Equilibria, vertices: Integers, directions: Floats) -> Integers:
-    """Follow flow lines downhill from the cells of vertices (k,) at directions (k, 3) until they
-    reach the arc of a hinge edge; returns the (k,) facets that they slide to."""
-    vertices, directions = vertices.copy(), directions.copy()
-    facets = np.empty(len(vertices), dtype=np.int64)
+def slide(
+    equilibria: Equilibria, vertices: Integers, directions: Floats, errors: Floats
+) -> tuple[Integers, Booleans]:
+    """Follow flow lines downhill until they reach the arc of a hinge edge.
+
+    vertices: (k,) cells to start in; directions: (k, 3) unit, with errors up to (k,).
+    Returns the facets (k,) that the body then tips onto, and (k,) whether rounding cannot change
+    them.
+    """
+    vertices, directions, errors = vertices.copy(), directions.copy(), errors.copy()
+    facets = np.full(len(vertices), -1, dtype=np.int64)
+    certain = np.ones(len(vertices), dtype=bool)
     active = np.arange(len(vertices))
     while len(active):
-        edges = exit_half_edges(equilibria, vertices[active], directions[active], ascending=False)
-        directions[active] = crossing(equilibria, edges, directions[active], ascending=False)
+        edges, sure = exit_half_edges(
+            equilibria, vertices[active], directions[active], errors[active], ascending=False
+        )
+        certain[active] &= sure
+        directions[active], errors[active] = crossing(
+            equilibria, edges, directions[active], errors[active], ascending=False
+        )
         vertices[active] = equilibria.hull.head[edges]
         arrived = equilibria.hinge[edges]
         done = active[arrived]
-        facets[done] = hinge_facets(equilibria, edges[arrived], directions[done])
+        facets[done], sure = hinge_facets(
+            equilibria, edges[arrived], directions[done], errors[done]
+        )
+        certain[done] &= sure
         active = active[~arrived]
-    return facets
+    return facets, certain
+
+
+def descend(equilibria: Equilibria, facets: Integers) -> Integers:
+    """Facets (k,) that bodies reach which tip from facets (k,) onto a vertex.
+
+    Where rounding could change the answer it is found in exact arithmetic.
+    """
+    start = equilibria.hull.normals[facets], equilibria.normal_error[facets]
+    reached, certain = slide(equilibria, equilibria.roll_vertex[facets], *start)
+    equilibria.settle(bool(certain.all()))
+    for line in np.flatnonzero(~certain):
+        reached[line] = equilibria.exact.descend(equilibria, int(facets[line]))
+    return reached
 
 
 def destined_facets(equilibria: Equilibria, facets: Integers) -> Integers:
@@ -134,9 +261,7 @@ def destined_facets(equilibria: Equilibria, facets: Integers) -> Integers:
     for _ in range(len(known) + 1):
         tipping = np.unique(current[known[current] < 0])
         if len(tipping):
-            known[tipping] = descend(
-                equilibria, equilibria.roll_vertex[tipping], hull.normals[tipping]
-            )
+            known[tipping] = descend(equilibria, tipping)
         following = known[current]
         if (following == current).all() and equilibria.stable[current].all():
             return current

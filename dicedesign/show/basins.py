@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.rest.poses import RestPoses
-from dicedesign.rest.tracing import descend
+from dicedesign.rest.tracing import slide
 
 __all__ = ["basin_of_directions"]
 
@@ -24,6 +24,6 @@ def basin_of_directions(poses: RestPoses, directions: NDArray[np.float64]) -> ND
     for start in range(0, len(directions), _CHUNK):
         part = directions[start : start + _CHUNK]
         lowest = np.argmax(part @ equilibria.radii.T, axis=1)
-        facets = descend(equilibria, lowest, part)
+        facets, _ = slide(equilibria, lowest, part, np.zeros(len(part)))
         rests[start : start + _CHUNK] = poses.morse.basin_of_facet[facets]
     return rests

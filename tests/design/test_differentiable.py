@@ -258,7 +258,7 @@ def test_basins_that_do_not_close_are_an_error(monkeypatch) -> None:
         return original(*arguments) * (1.0 + 1e-6)
 
     monkeypatch.setattr(differentiable, "border_areas", torn)
-    text = "vertices: their basins should cover the sphere once but differ by "
+    text = "body: expected basins that cover the sphere once, got a difference of "
     with pytest.raises(DegenerateBodyError, match=text):
         differentiable_rest(torch.tensor(CUBE))
 

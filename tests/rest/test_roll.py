@@ -132,3 +132,13 @@ def test_bad_directions_are_refused(down: ArrayLike) -> None:
 def test_bad_angles_are_refused(angle: float) -> None:
     with pytest.raises(InputError, match=r"^max angle: expected a positive angle, got "):
         roll(body(0), [0, 0, 1], angle)
+
+
+def test_a_body_let_go_on_a_balancing_corner_rolls_all_the_same() -> None:
+    cube = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    for points in (cube, np.random.default_rng(3).normal(size=(20, 3))):
+        equilibria = rest_poses(points).morse.equilibria
+        for peak in equilibria.radii[equilibria.maximum]:
+            steps = roll(equilibria, peak, max_angle=0.1)
+            assert np.isfinite([step.height for step in steps]).all()
+            assert steps[-1].contact == "facet"
