@@ -9,19 +9,35 @@ from __future__ import annotations
 from functools import cached_property
 from itertools import pairwise
 from math import gcd
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.geometry.hull import ConvexHull
 
-if TYPE_CHECKING:
-    from dicedesign.rest.equilibria import Equilibria
-
 __all__ = ["ExactSigns"]
 
 Vector = tuple[int, int, int]
+Booleans = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+
+class Classified(Protocol):
+    """What is known of a hull's elements when paths are followed; see `Equilibria`."""
+
+    @property
+    def maximum(self) -> Booleans: ...
+    @property
+    def ascending(self) -> Booleans: ...
+    @property
+    def descending(self) -> Booleans: ...
+    @property
+    def hinge(self) -> Booleans: ...
+    @property
+    def side_sign(self) -> Integers: ...
+    @property
+    def roll_vertex(self) -> Integers: ...
 
 
 class ExactSigns:
@@ -45,46 +61,46 @@ class ExactSigns:
         across = _cross(self._edge(half_edge), normal)
         return _sign(_dot(self._radius(p), across))
 
-    def ascend(self, equilibria: Equilibria, saddle: int, vertex: int) -> tuple[list[int], int]:
+    def ascend(self, elements: Classified, saddle: int, vertex: int) -> tuple[list[int], int]:
         """Half-edges that the flow line from a saddle's half-edge into the cell of one of its ends
         crosses uphill, and the maximum it ends at."""
         v = self._edge(saddle)
         u = _project(self._radius(int(self._hull.tail[saddle])), v, v)
         crossed = []
-        while not equilibria.maximum[vertex]:
+        while not elements.maximum[vertex]:
             r = self._radius(vertex)
-            edge = self._exit(equilibria, vertex, _cross(u, r), equilibria.ascending)
+            edge = self._exit(elements, vertex, _cross(u, r), elements.ascending)
             u = _project(u, r, self._edge(edge))
             crossed.append(edge)
             vertex = int(self._hull.head[edge])
         return crossed, vertex
 
-    def descend(self, equilibria: Equilibria, facet: int) -> int:
+    def descend(self, elements: Classified, facet: int) -> int:
         """Facet that a body slides to, over a hinge edge, which tips from a facet onto a vertex."""
-        vertex = int(equilibria.roll_vertex[facet])
+        vertex = int(elements.roll_vertex[facet])
         u = self._area_vector(facet)
         while True:
             r = self._radius(vertex)
-            edge = self._exit(equilibria, vertex, _cross(r, u), equilibria.descending)
+            edge = self._exit(elements, vertex, _cross(r, u), elements.descending)
             x, y, z = _project(u, r, self._edge(edge))
             u = -x, -y, -z
-            if equilibria.hinge[edge]:
+            if elements.hinge[edge]:
                 break
             vertex = int(self._hull.head[edge])
         twin = int(self._hull.twin[edge])
-        if equilibria.side_sign[edge] < 0:
+        if elements.side_sign[edge] < 0:
             return int(self._hull.facet[twin])
-        if equilibria.side_sign[twin] < 0:
+        if elements.side_sign[twin] < 0:
             return int(self._hull.facet[edge])
         left = _sign(_dot(r, _cross(self._edge(edge), u))) > 0
         return int(self._hull.facet[edge if left else twin])
 
     def _exit(
         self,
-        equilibria: Equilibria,
+        elements: Classified,
         vertex: int,
         left_of_travel: Vector,
-        allowed: NDArray[np.bool_],
+        allowed: Booleans,
     ) -> int:
         """As `tracing.exit_half_edges`, for one line."""
         hull = self._hull

@@ -88,7 +88,7 @@ def roll(
     start = start / np.abs(start).max()
     moments = _changes(_moments(equilibria, start / np.linalg.norm(start)))
     first = moments[0]
-    height = float(equilibria.radii[first.turning[0]] @ first.down)
+    height = float(equilibria.radii[first.touching[0]] @ first.down)
     transform = standing_transform(first.down, height, equilibria.center_of_mass)
     steps = [_step(equilibria, first.down, first.touching, transform)]
     for before, after in pairwise(moments):

@@ -1,0 +1,64 @@
+"""Classification of facets, edges and vertices, on bodies where it is known."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from dicedesign.geometry.hull import convex_hull
+from dicedesign.rest.equilibria import FacetKind, classify
+
+CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
+
+
+def test_a_cube_rests_on_facets_balances_on_corners_and_tips_over_edges() -> None:
+    cube = classify(convex_hull(CUBE), [0, 0, 0])
+    assert (cube.facet_kind == FacetKind.STABLE).all()
+    assert cube.maximum.all()
+    assert cube.saddle.sum() == 2 * 12
+    assert cube.hinge.all()
+    lengths = np.linalg.norm(cube.saddle_directions, axis=1)
+    unit = np.abs(cube.saddle_directions / lengths[:, None])
+    np.testing.assert_allclose(np.sort(unit, axis=1), [[0, 0.5**0.5, 0.5**0.5]] * 24, atol=1e-15)
+
+
+def test_steep_caps_roll_over_their_base() -> None:
+    ring = [[np.cos(a), np.sin(a)] for a in np.arange(5) * 2 * np.pi / 5]
+    walls = [[x, y, z] for x, y in ring for z in (-0.75, 0.75)]
+    body = classify(convex_hull([*walls, [0, 0, 2.05], [0, 0, -2.05]]), [0, 0, 0])
+    steep = np.abs(body.hull.normals[:, 2]) > 0.1
+    assert steep.sum() == 10
+    assert (body.facet_kind[steep] == FacetKind.ROLLS_OVER_EDGE).all()
+    assert (body.facet_kind[~steep] == FacetKind.STABLE).all()
+    beyond = body.hull.facet[body.hull.twin[body.roll_edge[steep]]]
+    assert not steep[beyond].any()
+
+
+def test_a_slanting_spike_tips_onto_the_vertex_nearest_to_its_foot() -> None:
+    """The foot of c lies in the cone of a corner exactly where F1 says so."""
+    rng = np.random.default_rng(5)
+    tipping = 0
+    for _ in range(200):
+        hull = convex_hull(rng.normal(size=(6, 3)) * [1, 1, 4])
+        body = classify(hull, hull.centroid)
+        for facet in np.flatnonzero(body.facet_kind == FacetKind.ROLLS_TO_VERTEX):
+            tipping += 1
+            polygon = hull.polygon(facet)
+            n = hull.normals[facet]
+            foot = hull.centroid + n * ((polygon[0] - hull.centroid) @ n)
+            corner = hull.vertices[body.roll_vertex[facet]]
+            beside = [(foot - corner) @ (x - corner) for x in polygon]
+            assert max(beside) <= 1e-12
+    assert tipping > 20
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3])
+def test_edges_are_hinges_where_the_foot_is_between_their_ends(shift: float) -> None:
+    hull = convex_hull(CUBE * [1.0, 2.0, 3.0])
+    center = np.array([0.0, shift, -shift])
+    body = classify(hull, center)
+    a, b = hull.vertices[hull.tail], hull.vertices[hull.head]
+    t = ((center - a) * (b - a)).sum(1) / ((b - a) ** 2).sum(1)
+    np.testing.assert_array_equal(body.hinge, (t > 0) & (t < 1))
