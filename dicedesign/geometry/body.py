@@ -13,6 +13,10 @@ from dicedesign.tolerances import ROUNDED_DIGITS
 
 __all__ = ["Body", "as_numbers", "is_rounded", "make_body", "weld"]
 
+SMALLEST_EXTENT: Final = 1e-40
+"""Products of up to six coordinates must neither underflow nor overflow: no body is smaller than
+this, and no coordinate larger than its inverse, in the unit given."""
+
 _POWERS_OF_TEN: Final = np.array([float(f"1e{k}") for k in range(23)])
 """Those that are float64 numbers, so that a quotient by them is the nearest to the decimal."""
 
@@ -59,7 +63,8 @@ def make_body(
     Raises
     ------
     InputError: an array has the wrong shape or type, or an index refers to no point.
-    DegenerateBodyError: a coordinate is not finite, or there are fewer than 4 distinct points.
+    DegenerateBodyError: a coordinate is not finite, coordinates are so large or their extent is so
+        small that products of a few overflow, or there are fewer than 4 distinct points.
     """
     array = as_numbers(points, name)
     single = single_precision or (array.dtype.kind == "f" and array.dtype.itemsize <= 4)
@@ -71,6 +76,13 @@ def make_body(
             f"{name}: expected finite coordinates, got {positions[first].tolist()} in point "
             f"{first} ({np.count_nonzero(~finite)} of {len(positions)} points are not finite); "
             "remove or repair them"
+        )
+    largest, extent = float(np.abs(positions).max()), float(np.ptp(positions, axis=0).max())
+    if largest > 1.0 / SMALLEST_EXTENT or 0.0 < extent < SMALLEST_EXTENT:
+        raise DegenerateBodyError(
+            f"{name}: expected coordinates of at most {1.0 / SMALLEST_EXTENT:g}, an extent of at "
+            f"least {SMALLEST_EXTENT:g}, got {largest:.3g} and {extent:.3g}; use another unit of "
+            "length"
         )
     faces: NDArray[np.int64] | None = None
     if triangles is not None and np.size(triangles) > 0:

@@ -6,6 +6,7 @@ line a file is wrong.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -96,7 +97,12 @@ def read_xyz(path: Path) -> Geometry:
 
     Parameters, results and errors are those of `read_obj`, without triangles.
     """
-    points = [_position(path, number, fields) for number, fields in _lines(path, ",;")]
+    points = []
+    for number, words in _lines(path):
+        if len(words) >= 3 and all(_DECIMAL_COMMA.fullmatch(word) for word in words[:3]):
+            raise bad_line(path, number, "decimal points", " ".join(words))
+        fields = " ".join(words).replace(",", " ").replace(";", " ").split()
+        points.append(_position(path, number, fields))
     return _arrays(points, [])
 
 
@@ -108,10 +114,12 @@ TEXT_READERS: Final[dict[str, Callable[[Path], Geometry]]] = {
 """The reader of each file ending, in lower case."""
 
 
-def _lines(path: Path, separators: str = "") -> Iterator[Line]:
+_DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+")
+
+
+def _lines(path: Path) -> Iterator[Line]:
     """Number and fields of every line that holds any, comments and continuations resolved."""
     text = path.read_text(encoding="utf-8-sig", errors="replace")
-    to_space = str.maketrans(dict.fromkeys(separators, " "))
     pending, start = "", 0
     for number, line in enumerate(text.split("\n"), start=1):
         start = start or number
@@ -119,7 +127,7 @@ def _lines(path: Path, separators: str = "") -> Iterator[Line]:
         if line.endswith("\\"):
             pending = line[:-1]
             continue
-        if fields := line.translate(to_space).split():
+        if fields := line.split():
             yield start, fields
         pending, start = "", 0
 

@@ -162,3 +162,10 @@ def test_fewer_than_four_distinct_points_are_refused(points: list[list[float]]) 
 def test_wrong_triangles_are_refused(triangles: object, message: str) -> None:
     with pytest.raises(InputError, match=re.escape(message)):
         make_body(CORNERS, triangles, name="die")
+
+
+@pytest.mark.parametrize("scale", [1e-100, 1e60, 1e300])
+def test_sizes_that_overflow_are_refused(scale: float) -> None:
+    corners = scale * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    with pytest.raises(DegenerateBodyError, match="use another unit of length"):
+        make_body(corners)

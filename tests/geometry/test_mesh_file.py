@@ -434,3 +434,13 @@ def test_reading_imports_no_more_than_it_needs(tmp_path: Path, name: str) -> Non
         cwd=Path(__file__).resolve().parents[2],
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "[]\n", "")
+
+
+def test_decimal_commas_are_not_taken_for_separators(tmp_path: Path) -> None:
+    path = write(tmp_path, "a.xyz", "1,234 2,345 3,456\n" * 4)
+    with pytest.raises(MeshFileError, match="line 1: expected decimal points, got '1,234 2,345"):
+        read_body(path)
+    path = write(tmp_path, "b.xyz", "1, 2, 3\n4,5,6\n7;8;9\n1.5 2,2 7\n")
+    np.testing.assert_array_equal(
+        read_body(path).points, [[1, 2, 3], [4, 5, 6], [7, 8, 9], [1.5, 2, 2]]
+    )
