@@ -114,7 +114,10 @@ BAD = [
     (["rest", "box.obj", "--coplanar-tolerance", "-1"], "coplanar tolerance: expected"),
     (["drop", "box.obj", "--down", "0,0,0"], "down: expected"),
     (["drop", "box.obj", "--down", "up"], "--down: expected three numbers"),
-    (["drop", "box.obj", "--down", "0,0,1", "--max-angle-deg", "-1"], "positive"),
+    (
+        ["drop", "box.obj", "--down", "0,0,1", "--max-angle-deg", "-1"],
+        "--max-angle-deg: expected at least 0.0057",
+    ),
     (["run", "missing.yaml"], "missing.yaml"),
     (["run", "bad.yaml"], "bad.yaml: colour: unknown key"),
     (["run", "good.yaml", "--out", "box.obj/x"], "folder that can be written"),

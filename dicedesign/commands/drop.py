@@ -10,7 +10,8 @@ import numpy as np
 
 from dicedesign.commands.rest import add_body_options, poses_of
 from dicedesign.commands.vectors import vector
-from dicedesign.rest.roll import RollStep, roll
+from dicedesign.errors import InputError
+from dicedesign.rest.roll import SMALLEST_ANGLE, RollStep, roll
 
 __all__ = ["add_parser"]
 
@@ -38,7 +39,14 @@ def add_parser(commands: Any) -> None:
 
 def _drop(options: argparse.Namespace) -> int:
     down = vector("--down", options.down)
-    largest = None if options.max_angle_deg is None else float(np.radians(options.max_angle_deg))
+    largest = None
+    if options.max_angle_deg is not None:
+        largest = float(np.radians(options.max_angle_deg))
+        if not largest >= SMALLEST_ANGLE:
+            raise InputError(
+                f"--max-angle-deg: expected at least {np.degrees(SMALLEST_ANGLE):.2g}, got "
+                f"{options.max_angle_deg:g}; take a larger angle"
+            )
     poses = poses_of(options)
     equilibria = poses.morse.equilibria
     steps = roll(equilibria, down, largest)

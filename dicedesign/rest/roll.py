@@ -17,7 +17,7 @@ from dicedesign.rest.poses import standing_transform
 from dicedesign.rest.tracing import crossing, exit_half_edges, hinge_facets
 from dicedesign.tolerances import ROUNDING
 
-__all__ = ["RollStep", "roll"]
+__all__ = ["SMALLEST_ANGLE", "RollStep", "roll"]
 
 Floats = NDArray[np.float64]
 SMALLEST_ANGLE = 1e-4
