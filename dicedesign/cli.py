@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     # Imported here, so that an interrupt during the import ends as plainly as any other.
-    from dicedesign.commands import drop, rest, run
+    from dicedesign.commands import bench, drop, rest, run
 
     parser = argparse.ArgumentParser(
         prog="dicedesign",
@@ -49,7 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"dicedesign {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for module in (run, rest, drop):
+    for module in (run, rest, drop, bench):
         module.add_parser(commands)
     return parser
 

@@ -10,6 +10,7 @@ FLOORS = (
     ("geometry",),
     ("rest",),
     ("design",),
+    ("bench",),
     ("fabricate",),
     ("show",),
     ("recipe", "recipe_file", "design_stage", "summary"),

@@ -22,6 +22,7 @@ from dicedesign.geometry.ragged import ragged_ranges
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import (
     Separatrices,
+    basin_references,
     border_areas,
     separatrices,
     separatrix_points,
@@ -70,7 +71,8 @@ class RestEvaluation:
             return torch.ones(1, dtype=torch.float64) + 0.0 * anything
         points = separatrix_points(self.paths, self.vertices, self.center, _TORCH)
         # A closed loop's area does not depend on the reference direction: no gradient there.
-        reference = torch.as_tensor(self.hull.normals[self.paths.rests])
+        normals = self.hull.normals[self.paths.rests]
+        reference = torch.as_tensor(basin_references(self.paths, points.detach().numpy(), normals))
         border = border_areas(self.paths, points, reference, _TORCH)
         basins = torch.as_tensor(self.paths.basins.ravel())
         areas = torch.zeros(rests, dtype=torch.float64).index_add(0, basins, border.reshape(-1))

@@ -17,10 +17,20 @@ from dicedesign.geometry.sphere import oblique_projection, signed_solid_angle
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import ascend, destined_facets
 
-__all__ = ["Separatrices", "border_areas", "separatrices", "separatrix_points", "wraps"]
+__all__ = [
+    "Separatrices",
+    "basin_references",
+    "border_areas",
+    "separatrices",
+    "separatrix_points",
+    "wraps",
+]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+NEAR_ANTIPODE = 0.05
+"""1 + cosine, some 18 degrees: a border so near to the antipode is measured from elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +116,40 @@ def separatrix_points(paths: Separatrices, vertices: Any, center: Any, xp: Modul
         points.append(point)
     points.append(radii[paths.maxima])
     return xp.stack(points, 1)
+
+
+def basin_references(paths: Separatrices, points: Floats, normals: Floats) -> Floats:
+    """A direction for each basin from which its area can be measured without cancellation.
+
+    That is its rest's normal, unless the antipode lies near the basin's border: a triangle between
+    nearly opposite directions has no area to speak of. Then it is the coordinate direction whose
+    antipode is farthest from the border.
+
+    points: (2 s, depth + 2, 3) from `separatrix_points`; normals: (k, 3). Returns (k, 3).
+    """
+    unit = points / np.sqrt((points * points).sum(-1))[..., None]
+    middle = unit[:, 1:] + unit[:, :-1]
+    middle = middle / np.sqrt((middle * middle).sum(-1))[..., None]
+    border = np.concatenate([unit, middle], axis=1)
+    basins = np.repeat(paths.basins, 2, axis=0)
+
+    def distance(references: Floats) -> Floats:
+        """(k,) of the border from the references' antipodes: 1 + cosine."""
+        nearest = np.full(len(normals), np.inf)
+        for basin in basins.T:
+            along = (references[basin][:, None, :] * border).sum(-1)
+            np.minimum.at(nearest, basin, 1.0 + along.min(axis=1))
+        return nearest
+
+    references, nearest = normals.copy(), distance(normals)
+    poor = nearest < NEAR_ANTIPODE
+    if poor.any():
+        for axis in (*np.eye(3), *-np.eye(3)):
+            gap = distance(np.tile(axis, (len(normals), 1)))
+            better = poor & (gap > nearest)
+            references[better] = axis
+            nearest = np.where(better, gap, nearest)
+    return references
 
 
 def border_areas(paths: Separatrices, points: Any, normals: Any, xp: ModuleType) -> Any:

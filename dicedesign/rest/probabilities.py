@@ -12,6 +12,7 @@ from dicedesign.geometry.hull import ConvexHull
 from dicedesign.rest.equilibria import Equilibria, Tie, classify
 from dicedesign.rest.morse import (
     Separatrices,
+    basin_references,
     border_areas,
     separatrices,
     separatrix_points,
@@ -81,8 +82,8 @@ def _trace(equilibria: Equilibria) -> Basins:
     points = separatrix_points(paths, equilibria.hull.vertices, equilibria.center_of_mass, np)
     if len(paths.rests) == 1:
         return Basins(equilibria, paths, points, np.array([4.0 * np.pi]))
-    normals = equilibria.hull.normals[paths.rests]
-    border = border_areas(paths, points, normals, np)
+    references = basin_references(paths, points, equilibria.hull.normals[paths.rests])
+    border = border_areas(paths, points, references, np)
     sums = np.zeros(len(paths.rests))
     np.add.at(sums, paths.basins.ravel(), border.ravel())
     return Basins(equilibria, paths, points, closed_areas(sums))

@@ -1,0 +1,55 @@
+"""How much a body's probabilities magnify a rounding of its coordinates."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.geometry.hull import ConvexHull
+from dicedesign.rest.morse import Separatrices, border_areas, separatrix_points
+
+__all__ = ["condition"]
+
+Floats = NDArray[np.float64]
+
+STEP: Final = 1e-10
+"""Relative size of the perturbations."""
+
+TRIALS: Final = 3
+
+REFERENCE: Final = np.array([0.48, 0.31, -0.82])
+"""A direction from which areas are measured; any will do whose opposite is on no border."""
+
+
+def condition(hull: ConvexHull, center: Floats, paths: Separatrices) -> float:
+    """Largest change of a probability over the relative size of the change of coordinates.
+
+    Every corner is moved by `STEP` times its distance from the center of mass, in random directions
+    along the axes, while all decisions (which edges a path crosses, which facets are rests) are
+    kept: an estimate from below of the condition number of what is computed after them.
+
+    hull: the convex hull; center: (3,) strictly inside; paths: its separatrices.
+    """
+    if len(paths.saddles) == 0:
+        return 0.0
+    rng = np.random.default_rng(0)
+    radii = hull.vertices - center
+    size = STEP * np.sqrt((radii**2).sum(-1))[:, None]
+    before = _areas(radii, paths)
+    largest = 0.0
+    for _ in range(TRIALS):
+        moved = radii + size * rng.choice([-1.0, 1.0], size=radii.shape)
+        change = (_areas(moved, paths) - before) / (4.0 * np.pi)
+        largest = max(largest, float(np.abs(change - np.round(change)).max()) / STEP)
+    return largest
+
+
+def _areas(radii: Floats, paths: Separatrices) -> Floats:
+    """Areas (k,) of the basins, up to multiples of 4 pi; radii (n, 3): corners from the center."""
+    points = separatrix_points(paths, radii, np.zeros(3), np)
+    border = border_areas(paths, points, np.tile(REFERENCE, (len(paths.rests), 1)), np)
+    areas = np.zeros(len(paths.rests))
+    np.add.at(areas, paths.basins.ravel(), border.ravel())
+    return areas
