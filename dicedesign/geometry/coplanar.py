@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import doubled_area_vectors
 
 __all__ = ["facet_labels"]
@@ -25,7 +26,7 @@ def facet_labels(
     the edge opposite to each corner; tolerance: a length. Returns (t,) integers from 0.
     """
     doubled = doubled_area_vectors(points, triangles)
-    area = np.sqrt((doubled * doubled).sum(-1))
+    area = norms(doubled)
     normals = doubled / np.maximum(area, np.finfo(np.float64).tiny)[:, None]
     left = np.repeat(np.arange(len(triangles)), 3)
     right = neighbors.ravel()

@@ -19,6 +19,7 @@ from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.body import as_numbers
 from dicedesign.geometry.coplanar import facet_labels
 from dicedesign.geometry.mass import solid_properties
+from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.tolerances import (
     COPLANAR_TOLERANCE,
@@ -93,13 +94,12 @@ class ConvexHull:
     @cached_property
     def normals(self) -> Floats:
         """(m, 3) outward unit normals."""
-        vectors = self.area_vectors
-        return vectors / np.sqrt((vectors * vectors).sum(-1))[:, None]
+        return unit_vectors(self.area_vectors)
 
     @cached_property
     def areas(self) -> Floats:
         """(m,) facet areas."""
-        return 0.5 * np.sqrt((self.area_vectors**2).sum(-1))
+        return 0.5 * norms(self.area_vectors)
 
     @cached_property
     def triangles(self) -> Integers:
@@ -225,8 +225,7 @@ def _oriented(qhull: QhullHull, points: Floats) -> tuple[Integers, Integers]:
     `neighbors[t, k]` lies across the edge opposite to corner k."""
     triangles = qhull.simplices.astype(np.int64)
     neighbors = qhull.neighbors.astype(np.int64)
-    a, b, c = points[triangles].transpose(1, 0, 2)
-    outward = (np.linalg.cross(b - a, c - a) * qhull.equations[:, :3]).sum(-1)
+    outward = (doubled_area_vectors(points, triangles) * qhull.equations[:, :3]).sum(-1)
     flip = outward < 0.0
     if (_edge_parity(triangles, neighbors) != (flip[:, None] ^ flip[neighbors])).any():
         flip = _propagated_flip(triangles, neighbors, outward)

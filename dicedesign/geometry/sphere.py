@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["angle_between", "oblique_projection", "rotation_between", "signed_solid_angle"]
+__all__ = [
+    "angle_between",
+    "norms",
+    "oblique_projection",
+    "rotation_between",
+    "signed_solid_angle",
+    "unit_vectors",
+]
 
 
 def oblique_projection(u: Any, along: Any, normal: Any) -> Any:
@@ -46,10 +53,19 @@ def signed_solid_angle(n: Any, a: Any, b: Any, xp: ModuleType) -> Any:
     return 2.0 * xp.atan2(determinant, denominator)
 
 
+def norms(vectors: NDArray[Any]) -> NDArray[np.float64]:
+    """Lengths (...) of vectors (..., 3)."""
+    return np.sqrt((vectors * vectors).sum(-1))
+
+
+def unit_vectors(vectors: NDArray[Any]) -> NDArray[np.float64]:
+    """Vectors (..., 3), none of them zero, at length 1."""
+    return vectors / norms(vectors)[..., None]
+
+
 def angle_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """Angle in [0, pi] between vectors a and b (..., 3), exact for small and flat angles."""
-    cross = np.linalg.cross(a, b)
-    return np.arctan2(np.sqrt((cross * cross).sum(-1)), (a * b).sum(-1))
+    return np.arctan2(norms(np.linalg.cross(a, b)), (a * b).sum(-1))
 
 
 def rotation_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

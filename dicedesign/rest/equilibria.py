@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dicedesign.errors import InputError, OutsideHullError
 from dicedesign.geometry.hull import ConvexHull
-from dicedesign.geometry.sphere import oblique_projection
+from dicedesign.geometry.sphere import norms, oblique_projection
 from dicedesign.rest.exact import ExactSigns
 from dicedesign.tolerances import BOUNDARY_TOLERANCE, ROUNDING
 
@@ -68,6 +68,11 @@ class Equilibria:
         return self.hull.vertices[self.hull.head] - self.hull.vertices[self.hull.tail]
 
     @cached_property
+    def edge_lengths(self) -> Floats:
+        """(h,) length of each half-edge."""
+        return norms(self.edge_vectors)
+
+    @cached_property
     def growth_sign(self) -> Integers:
         """(h,) sign, 1 or -1, of r_p . (x_q - x_p): 1 where distance from c grows at the start."""
         r, v = self.radii[self.hull.tail], self.edge_vectors
@@ -115,8 +120,8 @@ class Equilibria:
     ) -> Integers:
         """Signs of values (h,), rounded by up to bounds (h,), that change with c by at most the
         half-edge's length for a unit move."""
-        length = np.sqrt((self.edge_vectors**2).sum(-1))
-        unsure = np.flatnonzero(np.abs(values) <= bounds + self.tie_distance * length)
+        reach = bounds + self.tie_distance * self.edge_lengths
+        unsure = np.flatnonzero(np.abs(values) <= reach)
         self.settle(len(unsure) == 0)
         signs = np.where(values > 0.0, 1, -1)
         for index in unsure:
@@ -169,7 +174,7 @@ class Equilibria:
         """(m,) half-edge that the body on a facet rolls over (F2), or -1."""
         target = np.full(len(self.hull.normals), -1, dtype=np.int64)
         candidates = np.flatnonzero((self.side_sign < 0) & self.hinge)
-        length = np.sqrt((self.edge_vectors[candidates] ** 2).sum(-1))
+        length = self.edge_lengths[candidates]
         # One edge faces the foot; of several, which only facets flat within a tolerance can have,
         # the farthest counts.
         order = candidates[np.argsort(-self.side[candidates] / length, kind="stable")]

@@ -1,6 +1,6 @@
 """The Morse-Smale complex of the support function: which separatrices divide which basins.
 
-Only integers are found here (`Separatrices`); `separatrix_segments` turns them into points with
+Only integers are found here (`Separatrices`); `separatrix_points` turns them into points with
 formulas that NumPy and torch share.
 """
 
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.geometry.sphere import oblique_projection, signed_solid_angle
+from dicedesign.geometry.sphere import oblique_projection, signed_solid_angle, unit_vectors
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import ascend, destined_facets
 
@@ -68,10 +68,9 @@ def separatrices(equilibria: Equilibria) -> Separatrices:
     """
     hull = equilibria.hull
     rests = np.flatnonzero(equilibria.stable)
-    empty = np.empty(0, dtype=np.int64)
     saddles = np.flatnonzero(equilibria.saddle & (np.arange(len(hull.tail)) < hull.twin))
     if len(rests) == 1:
-        saddles = empty
+        saddles = saddles[:0]
     sides = np.stack([hull.facet[saddles], hull.facet[hull.twin[saddles]]], axis=1)
     needed, inverse = np.unique(sides, return_inverse=True)
     destined = destined_facets(equilibria, needed)[inverse].reshape(sides.shape)
@@ -80,13 +79,12 @@ def separatrices(equilibria: Equilibria) -> Separatrices:
     basins = np.searchsorted(rests, destined[dividing])
     starts = np.stack([hull.head[saddles], hull.tail[saddles]], axis=1).ravel()
     branches = ascend(equilibria, np.repeat(saddles, 2), starts)
-    crossed = branches.crossed
     return Separatrices(
         rests,
         saddles,
         basins,
         np.stack([hull.tail[saddles], hull.head[saddles]], axis=1),
-        np.stack([hull.tail[crossed], hull.head[crossed]], axis=2),
+        np.stack([hull.tail[branches.crossed], hull.head[branches.crossed]], axis=2),
         branches.lengths,
         branches.maxima,
     )
@@ -127,9 +125,8 @@ def basin_references(paths: Separatrices, points: Floats, normals: Floats) -> Fl
 
     points: (2 s, depth + 2, 3) from `separatrix_points`; normals: (k, 3). Returns (k, 3).
     """
-    unit = points / np.sqrt((points * points).sum(-1))[..., None]
-    middle = unit[:, 1:] + unit[:, :-1]
-    middle = middle / np.sqrt((middle * middle).sum(-1))[..., None]
+    unit = unit_vectors(points)
+    middle = unit_vectors(unit[:, 1:] + unit[:, :-1])
     border = np.concatenate([unit, middle], axis=1)
     basins = np.repeat(paths.basins, 2, axis=0)
 

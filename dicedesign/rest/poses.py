@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from dicedesign.geometry.body import Body, as_numbers, is_rounded, make_body
 from dicedesign.geometry.center_of_mass import resolve_center_of_mass
 from dicedesign.geometry.hull import ConvexHull, convex_hull
-from dicedesign.geometry.sphere import angle_between, rotation_between
-from dicedesign.rest.equilibria import Equilibria, classify
+from dicedesign.geometry.sphere import angle_between, rotation_between, unit_vectors
+from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.morse import Separatrices
 from dicedesign.rest.probabilities import find_basins
 from dicedesign.rest.tracing import destined_facets
@@ -48,6 +48,7 @@ class MorseComplex:
     polylines: for each saddle the unit points (m, 3) of its separatrix from maximum to maximum,
         with the basin `saddle_basins[:, 0]` on its left; consecutive points span great arcs.
     equilibria: the classified hull.
+    rest_facets: (k,) facet of the hull that each rest stands on.
     """
 
     minima: Floats
@@ -74,6 +75,7 @@ class RestPoses:
 
     Attributes
     ----------
+    hull: the convex hull of the body.
     normals: (k, 3) outward unit normals of the stable facets: the direction that points down.
     probabilities: (k,) summing to 1.
     facets: (k,) facet numbers in `hull`.
@@ -82,6 +84,7 @@ class RestPoses:
         mass on the z axis.
     margins: (k,) angle in radians from the facet normal to the nearest saddle of its basin; pi for
         a body with one rest.
+    morse: the Morse-Smale complex.
     center_of_mass: (3,) and the source it came from in words.
     notes: what was repaired or assumed on the way.
     seconds: wall-clock seconds spent on "hull" and on "rest".
@@ -162,8 +165,7 @@ def analyse(
     mass moved by a hair to either side (`find_basins`); its Morse complex is that of one side.
     """
     started = time.perf_counter()
-    center = classify(hull, center_of_mass).center_of_mass
-    sides = find_basins(hull, center)
+    sides = find_basins(hull, center_of_mass)
     areas = np.zeros((len(sides), len(hull.normals)))
     for row, side in zip(areas, sides, strict=True):
         row[side.paths.rests] = side.areas
@@ -176,13 +178,10 @@ def analyse(
     place = np.full(len(basins), -1, dtype=np.int64)
     place[facets] = np.arange(len(facets))
     morse = _complex(equilibria, paths, points, normals, facets, place[paths.rests])
-    feet = equilibria.radii[hull.tail[hull.facet_start[facets]]]
+    feet = hull.vertices[hull.tail[hull.facet_start[facets]]] - center_of_mass
     heights = (feet * normals).sum(-1)
     transforms = np.stack(
-        [
-            standing_transform(n, h, equilibria.center_of_mass)
-            for n, h in zip(normals, heights, strict=True)
-        ]
+        [standing_transform(n, h, center_of_mass) for n, h in zip(normals, heights, strict=True)]
     )
     margins = np.full(len(facets), np.pi)
     for column in (0, 1):
@@ -197,7 +196,7 @@ def analyse(
         transforms=transforms,
         margins=margins,
         morse=morse,
-        center_of_mass=center,
+        center_of_mass=center_of_mass,
         center_of_mass_source=center_of_mass_source,
         notes=notes,
         seconds={"hull": hull_seconds, "rest": time.perf_counter() - started},
@@ -212,19 +211,18 @@ def _complex(
     facets: Integers,
     place: Integers,
 ) -> MorseComplex:
-    unit = points / np.sqrt((points * points).sum(-1))[..., None]
+    unit = unit_vectors(points)
     moving = np.ones(unit.shape[:2], dtype=bool)
     moving[:, 1:] = (unit[:, 1:] != unit[:, :-1]).any(-1)
     polylines = tuple(
         np.concatenate([unit[2 * s + 1][moving[2 * s + 1]][:0:-1], unit[2 * s][moving[2 * s]]])
         for s in range(len(paths.saddles))
     )
-    peaks = equilibria.radii[equilibria.maximum]
     return MorseComplex(
         minima=normals,
         saddles=unit[::2, 0],
         saddle_basins=place[paths.basins],
-        maxima=peaks / np.sqrt((peaks * peaks).sum(-1))[:, None],
+        maxima=unit_vectors(equilibria.radii[equilibria.maximum]),
         polylines=polylines,
         equilibria=equilibria,
         rest_facets=facets,

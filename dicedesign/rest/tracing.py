@@ -8,14 +8,13 @@ oblique projection. All lines advance together, one cell per step.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.ragged import ragged_ranges
-from dicedesign.geometry.sphere import oblique_projection
+from dicedesign.geometry.sphere import norms, oblique_projection
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.tolerances import ROUNDING
 
@@ -88,10 +87,9 @@ def exit_half_edges(
     score = np.where(leaves, np.inf, np.minimum(at_left, -at_right))
     best = np.lexsort((-score, owner))
     # A corner between two candidates is at the left of one and at the right of the other.
-    slack = _length(along)[owner] * (errors + ROUNDING)[owner]
+    slack = norms(along)[owner] * (errors + ROUNDING)[owner]
     slack += (
-        equilibria.tie_distance
-        + _length(left_of_travel) * equilibria.normal_error[hull.facet[edges]]
+        equilibria.tie_distance + norms(left_of_travel) * equilibria.normal_error[hull.facet[edges]]
     )
     unsure = ~last_of_chain & (np.abs(at_left) <= slack)
     certain = np.bincount(owner[unsure], minlength=len(vertices)) == 0
@@ -116,24 +114,20 @@ def crossing(
     hull = equilibria.hull
     r, v = equilibria.radii[hull.tail[half_edges]], equilibria.edge_vectors[half_edges]
     point = oblique_projection(directions, r, v)
-    length = _length(point)
+    length = norms(point)
     directed = length > 0.0
     scale = np.where(directed, length, 1.0)
     # A line that starts exactly at r_p has no direction; it may as well run to the arc's end.
     end = hull.normals[hull.facet[half_edges]]
     along = (point if ascending else -point) / scale[:, None]
     unit: Floats = np.where(directed[:, None], along, end)
-    edge = _length(v)
-    shrink = _length(np.linalg.cross(r, unit)) * edge / scale
-    ahead = _length(np.linalg.cross(equilibria.radii[hull.head[half_edges]], unit))
+    edge = equilibria.edge_lengths[half_edges]
+    shrink = norms(np.linalg.cross(r, unit)) * edge / scale
+    ahead = norms(np.linalg.cross(equilibria.radii[hull.head[half_edges]], unit))
     turn = edge / np.maximum(ahead, edge)
-    errors = errors * shrink + ROUNDING * (1.0 + _length(r) * edge / scale * turn)
+    errors = errors * shrink + ROUNDING * (1.0 + norms(r) * edge / scale * turn)
     errors = errors + equilibria.tie_distance * edge / scale
     return unit, np.where(directed, errors, 1.0)
-
-
-def _length(vectors: NDArray[Any]) -> Floats:
-    return np.sqrt((vectors * vectors).sum(-1))
 
 
 def ascend(equilibria: Equilibria, saddles: Integers, vertices: Integers) -> Branches:
@@ -175,9 +169,9 @@ def ascend(equilibria: Equilibria, saddles: Integers, vertices: Integers) -> Bra
 def saddle_points(equilibria: Equilibria, half_edges: Integers) -> tuple[Floats, Floats]:
     """Unit saddle directions (k, 3) of half-edges (k,), and bounds (k,) on their errors."""
     directions = equilibria.saddle_directions[half_edges]
-    length = _length(directions)
-    edge = _length(equilibria.edge_vectors[half_edges])
-    size = _length(equilibria.radii[equilibria.hull.tail[half_edges]]) * edge * edge
+    length = norms(directions)
+    edge = equilibria.edge_lengths[half_edges]
+    size = norms(equilibria.radii[equilibria.hull.tail[half_edges]]) * edge * edge
     errors = ROUNDING * (1.0 + size / length) + equilibria.tie_distance * edge * edge / length
     return directions / length[:, None], errors
 
@@ -193,13 +187,14 @@ def hinge_facets(
     hull = equilibria.hull
     r, v = equilibria.radii[hull.tail[half_edges]], equilibria.edge_vectors[half_edges]
     value = (r * np.linalg.cross(v, directions)).sum(-1)
-    reach = _length(r) * _length(v)
+    edge = equilibria.edge_lengths[half_edges]
+    reach = norms(r) * edge
     twin = hull.twin[half_edges]
     right_is_uphill = equilibria.side_sign[twin] < 0
     left_is_uphill = equilibria.side_sign[half_edges] < 0
     to_left = ((value > 0.0) | right_is_uphill) & ~left_is_uphill
     certain = (
-        (np.abs(value) > reach * (errors + ROUNDING) + equilibria.tie_distance * _length(v))
+        (np.abs(value) > reach * (errors + ROUNDING) + equilibria.tie_distance * edge)
         | right_is_uphill
         | left_is_uphill
     )

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dicedesign.geometry.sphere import norms, unit_vectors
+
 __all__ = ["Disc", "choose_axis", "great_arcs", "opposite_discs"]
 
 Floats = NDArray[np.float64]
@@ -59,7 +61,7 @@ class Disc:
             crossings = np.flatnonzero(inside[1:] != inside[:-1])
             fraction = height[crossings] / (height[crossings] - height[crossings + 1])
             rim = path[crossings] + fraction[:, None] * (path[crossings + 1] - path[crossings])
-            rim /= np.sqrt((rim * rim).sum(-1))[:, None]
+            rim = unit_vectors(rim)
             full = np.insert(path, crossings + 1, rim, axis=0)
             borders = crossings + 1 + np.arange(len(crossings))
             starts = np.concatenate([[0], borders])
@@ -75,11 +77,11 @@ class Disc:
 def great_arcs(starts: Floats, ends: Floats, pieces: int) -> Floats:
     """Great arcs (k, pieces + 1, 3) between unit directions (k, 3) that are not opposite."""
     t = np.linspace(0.0, 1.0, pieces + 1)
-    chord = np.sqrt(((ends - starts) ** 2).sum(-1))
+    chord = norms(ends - starts)
     turns = (2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)) / math.pi)[:, None]
     back, forth = (1.0 - t) * np.sinc((1.0 - t) * turns), t * np.sinc(t * turns)
     points = back[..., None] * starts[:, None] + forth[..., None] * ends[:, None]
-    return points / np.sqrt((points * points).sum(-1))[..., None]
+    return unit_vectors(points)
 
 
 def choose_axis(minima: Floats) -> tuple[int, int, int]:
@@ -89,10 +91,9 @@ def choose_axis(minima: Floats) -> tuple[int, int, int]:
     axes = [t for t in triples if t > (0, 0, 0) and math.gcd(*t) == 1]
     axes.sort(key=lambda t: sum(n < 0 for n in t))
     grid = np.array(axes, dtype=np.float64)
-    lengths = np.sqrt((grid * grid).sum(-1))
-    nearest = np.abs(minima @ (grid / lengths[:, None]).T).min(axis=0)
+    nearest = np.abs(minima @ unit_vectors(grid).T).min(axis=0)
     # Long axes are harder to picture, so they have to be clearly better.
-    return axes[int(np.argmax(np.round(nearest - 0.02 * lengths, 9)))]
+    return axes[int(np.argmax(np.round(nearest - 0.02 * norms(grid), 9)))]
 
 
 def opposite_discs(axis: tuple[int, int, int]) -> tuple[Disc, Disc]:
