@@ -1,7 +1,8 @@
 """The convex hull with polygonal facets, as half-edges.
 
 Qhull gives triangles; coplanar ones are merged here, so that a cube has six facets. Half-edges are
-stored facet by facet, counter-clockwise seen from outside.
+stored facet by facet, counter-clockwise seen from outside, in an order that depends only on which
+vertices each facet has.
 """
 
 from __future__ import annotations
@@ -11,14 +12,15 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import ConvexHull as QhullHull
-from scipy.spatial import QhullError
+from scipy.spatial import QhullError, cKDTree
 from scipy.spatial.distance import cdist
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.body import as_numbers
 from dicedesign.geometry.coplanar import facet_labels
 from dicedesign.geometry.mass import solid_properties
+from dicedesign.geometry.qhull import hull_triangles
+from dicedesign.geometry.ragged import ragged_ranges
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.tolerances import (
@@ -42,7 +44,8 @@ class ConvexHull:
     ----------
     vertices: (n, 3) corners only; points inside facets or edges are left out.
     source: (n,) index of each corner in the points the hull was made from.
-    facet_start: (m + 1,) half-edges of facet f are `facet_start[f] : facet_start[f + 1]`.
+    facet_start: (m + 1,) half-edges of facet f are `facet_start[f] : facet_start[f + 1]`. The first
+        one starts at the facet's lowest vertex, and facets are sorted by their first half-edges.
     tail: (h,) vertex where a half-edge starts.
     twin: (h,) the opposite half-edge, which lies in the neighbouring facet.
     """
@@ -133,8 +136,9 @@ def convex_hull(
     points: (n, 3) in any length unit.
     coplanar_tolerance: largest distance from a facet's plane, relative to half the extent of the
         points. Default: `COPLANAR_TOLERANCE`, or `COPLANAR_TOLERANCE_FLOAT32` for rounded points.
-        Unless it is 0, the rounding of points far from the origin is added, and where the facets
-        then make no polyhedron it is widened in turn by `COPLANAR_WIDENINGS`.
+        Unless it is 0, the rounding of points far from the origin is added, points nearer than that
+        to another are left out, and where the facets make no polyhedron it is widened in turn by
+        `COPLANAR_WIDENINGS`.
     single_precision: the points were rounded to float32 before they came here; float32 arrays
         always count as such.
 
@@ -176,16 +180,18 @@ def convex_hull(
     if coplanar_tolerance > 0.0:
         eps = float(np.finfo(np.float32 if single else np.float64).eps)
         tolerance += 4.0 * eps * magnitude / scale
-    try:
-        qhull = _qhull(local / scale)
-    except QhullError as error:
-        raise _flat_error(local) from error
-    triangles, neighbors = _oriented(qhull, local / scale)
-    for factor in COPLANAR_WIDENINGS if tolerance > 0.0 else COPLANAR_WIDENINGS[:1]:
-        labels = facet_labels(local / scale, triangles, neighbors, factor * tolerance)
-        hull = _half_edges(positions, triangles, neighbors, labels)
-        if hull is not None:
+    kept, scaled = np.arange(len(positions)), local / scale
+    while True:
+        try:
+            hull = _merged_hull(positions, kept, scaled, tolerance)
+        except QhullError as error:
+            raise _flat_error(local) from error
+        if hull is None:
+            break
+        repeated = _repeated(scaled, kept, hull, tolerance)
+        if len(repeated) == 0:
             return hull
+        kept = np.setdiff1d(kept, repeated)
     if _thickness(local) <= 2.0 * tolerance * scale:
         raise _flat_error(local)
     raise DegenerateBodyError(
@@ -193,6 +199,32 @@ def convex_hull(
         f"coplanar tolerance of {coplanar_tolerance:g}; pass another coplanar_tolerance or remove "
         "points that nearly coincide"
     )
+
+
+def _merged_hull(
+    positions: Floats, kept: Integers, scaled: Floats, tolerance: float
+) -> ConvexHull | None:
+    """Hull of the kept points, or None where its facets make no polyhedron at any tolerance."""
+    triangles, neighbors = hull_triangles(scaled[kept])
+    triangles = kept[triangles]
+    for factor in COPLANAR_WIDENINGS if tolerance > 0.0 else COPLANAR_WIDENINGS[:1]:
+        labels = facet_labels(scaled, triangles, neighbors, factor * tolerance)
+        hull = _half_edges(positions, triangles, neighbors, labels)
+        if hull is not None:
+            return hull
+    return None
+
+
+def _repeated(points: Floats, kept: Integers, hull: ConvexHull, distance: float) -> Integers:
+    """Kept points within a distance of a vertex of lower number, which stands for them; only those
+    are looked for that make an edge so short."""
+    tail, head = hull.source[hull.tail], hull.source[hull.head]
+    short = (norms(points[head] - points[tail]) <= distance) & (tail < head) & (distance > 0.0)
+    if not short.any():
+        return np.empty(0, dtype=np.int64)
+    standing = np.setdiff1d(tail[short], head[short])
+    close = cKDTree(points[kept]).query_ball_point(points[standing], distance)
+    return np.setdiff1d(kept[np.concatenate(close).astype(np.int64)], standing)
 
 
 def _thickness(local: Floats) -> float:
@@ -209,64 +241,6 @@ def _flat_error(local: Floats) -> DegenerateBodyError:
         f"points: expected points that span a solid, got {len(local)} points {where}; "
         "a body needs thickness in all three directions"
     )
-
-
-def _qhull(points: Floats) -> QhullHull:
-    """Hull triangles by Qhull. Where clusters of points make it give up on a facet that became
-    wider than rounding explains, it is asked to go on: flat triangles are merged here anyway."""
-    try:
-        return QhullHull(points)
-    except QhullError:
-        return QhullHull(points, qhull_options="Qt Q12 Pp")
-
-
-def _oriented(qhull: QhullHull, points: Floats) -> tuple[Integers, Integers]:
-    """Qhull's triangles turned counter-clockwise seen from outside, with their neighbours:
-    `neighbors[t, k]` lies across the edge opposite to corner k."""
-    triangles = qhull.simplices.astype(np.int64)
-    neighbors = qhull.neighbors.astype(np.int64)
-    outward = (doubled_area_vectors(points, triangles) * qhull.equations[:, :3]).sum(-1)
-    flip = outward < 0.0
-    if (_edge_parity(triangles, neighbors) != (flip[:, None] ^ flip[neighbors])).any():
-        flip = _propagated_flip(triangles, neighbors, outward)
-    triangles[flip] = triangles[flip][:, [0, 2, 1]]
-    neighbors[flip] = neighbors[flip][:, [0, 2, 1]]
-    return triangles, neighbors
-
-
-def _edge_parity(triangles: Integers, neighbors: Integers) -> NDArray[np.bool_]:
-    """(t, 3) True where a triangle and its neighbour run along their common edge in the same
-    direction, so that exactly one of the two must be turned."""
-    parity = np.empty(triangles.shape, dtype=bool)
-    for k in range(3):
-        start, end = triangles[:, (k + 1) % 3], triangles[:, (k + 2) % 3]
-        other = triangles[neighbors[:, k]]
-        position = np.argmax(other == start[:, None], axis=1)
-        parity[:, k] = other[np.arange(len(other)), (position + 1) % 3] == end
-    return parity
-
-
-def _propagated_flip(
-    triangles: Integers, neighbors: Integers, outward: Floats
-) -> NDArray[np.bool_]:
-    """Turn every triangle consistently with the one whose orientation is clearest (slivers have
-    normals that are only rounding noise)."""
-    parity = _edge_parity(triangles, neighbors)
-    start = int(np.argmax(np.abs(outward)))
-    flip = np.zeros(len(triangles), dtype=bool)
-    flip[start] = outward[start] < 0.0
-    seen = np.zeros(len(triangles), dtype=bool)
-    seen[start] = True
-    stack = [start]
-    while stack:
-        t = stack.pop()
-        for k in range(3):
-            other = int(neighbors[t, k])
-            if not seen[other]:
-                seen[other] = True
-                flip[other] = flip[t] ^ parity[t, k]
-                stack.append(other)
-    return flip
 
 
 def _half_edges(
@@ -301,6 +275,7 @@ def _half_edges(
         return None
     facet_start = np.concatenate([[0], np.cumsum(count)])
     source, tail = np.unique(tail, return_inverse=True)
+    facet_start, tail = _sorted_facets(facet_start, tail)
     bare = ConvexHull(points[source], source, facet_start, tail, np.empty(0, dtype=np.int64))
     size = np.int64(len(source))
     forward, backward = bare.tail * size + bare.head, bare.head * size + bare.tail
@@ -310,6 +285,19 @@ def _half_edges(
     if (forward[twin] != backward).any() or len(source) - len(tail) // 2 + facets != 2:
         return None
     return ConvexHull(bare.vertices, source, facet_start, tail, twin)
+
+
+def _sorted_facets(facet_start: Integers, tail: Integers) -> tuple[Integers, Integers]:
+    """The same facets in the order that `ConvexHull` describes."""
+    start, count = facet_start[:-1], np.diff(facet_start)
+    owner = np.repeat(np.arange(len(count)), count)
+    first = np.lexsort((tail, owner))[start] - start
+    second = tail[start + (first + 1) % count]
+    order = np.lexsort((second, tail[start + first]))
+    facet, step = ragged_ranges(np.zeros(len(order), dtype=np.int64), count[order])
+    old = order[facet]
+    walk = start[old] + (first[old] + step) % count[old]
+    return np.concatenate([[0], np.cumsum(count[order])]), tail[walk]
 
 
 def _walk_facets(facet: Integers, follower: Integers, count: Integers) -> Integers | None:
