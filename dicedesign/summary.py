@@ -79,10 +79,11 @@ def _engraved_odds(verdict: Verdict, target: Target, engraved: EngravedDie) -> n
 
 
 def design_summary(design: DescentResult) -> dict[str, Any]:
-    """How the design went: energy terms at the end and the history of steps."""
+    """How the design went: energy terms at the end, what was computed, the history of steps."""
     return {
         "energy": design.terms,
         "evaluations": design.evaluations,
+        "hulls": {"built": design.hulls_built, "reused": design.hulls_reused},
         "history": [
             {
                 "step": step.step,

@@ -20,9 +20,15 @@ __all__ = [
     "ENGRAVED_VOLUME_TOLERANCE",
     "FLATNESS_TOLERANCE",
     "PROBABILITY_SUM_TOLERANCE",
+    "REUSE_FLATNESS",
+    "REUSE_LEVERAGE",
+    "REUSE_MARGIN",
+    "REUSE_OFFSET",
+    "REUSE_TURN",
     "ROUNDED_DIGITS",
     "ROUNDING",
     "SAME_REST_ANGLE",
+    "SLIVER",
     "TIE_TOLERANCE",
     "VOLUME_TOLERANCE",
 ]
@@ -39,6 +45,28 @@ times the extrapolation from a facet's largest triangle to its far corners."""
 COPLANAR_WIDENINGS: Final = (1.0, 10.0, 100.0, 1000.0)
 """Factors of the coplanar tolerance, tried in turn until the merged facets make a polyhedron:
 clusters of points at one spacing can leave facets that a tolerance of that size cuts apart."""
+
+REUSE_FLATNESS: Final = 1e-14
+"""A hull keeps its connectivity only if the corners of every facet are this near to its plane,
+relative to half the largest extent of the points; then any triangles that Qhull makes of it are one
+facet to COPLANAR_TOLERANCE. What is not above this counts as rounding."""
+
+REUSE_MARGIN: Final = 1e-7
+"""A hull keeps its connectivity only if all corners of every facet's neighbours but those of the
+common edge are this far below its plane, relative to the same: four orders of magnitude above what
+counts as coplanar. Then no edge is shorter either."""
+
+REUSE_LEVERAGE: Final = 100.0 * REUSE_FLATNESS
+"""The same depth times the length of the edge, and times the facet's area over its number of
+corners, relative to powers of the same: a short edge or a small facet fixes a plane less well."""
+
+REUSE_TURN: Final = 5e-3
+"""A hull keeps its connectivity only if its facets turn at each corner by more than this, in
+radians: three corners almost on a line fix no plane."""
+
+REUSE_OFFSET: Final = 8.0
+"""A hull keeps its connectivity only if no coordinate is larger than this, relative to the same:
+farther from the origin, coordinates are rounded too coarsely."""
 
 FLATNESS_TOLERANCE: Final = 1e-12
 """Where a hull is refused, singular values of the points below this part of the largest count as
@@ -74,6 +102,10 @@ the body then stands on nearly the same facet."""
 ROUNDING: Final = 32.0 * 2.0**-53
 """Relative bound on the rounding error of the sums of products that decide about a body (at most a
 dozen operations each, plus a margin). Signs of values within it are found in exact arithmetic."""
+
+SLIVER: Final = 2.0**-30
+"""A facet of no more than this part of the square over its longest edge has its normal computed in
+exact arithmetic: rounding would turn it noticeably."""
 
 TIE_TOLERANCE: Final = 1e-14
 """A body is tied where a move of its center of mass by this, relative to its extent plus its

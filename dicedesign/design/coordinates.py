@@ -13,6 +13,7 @@ from torch import Tensor
 from dicedesign.design.differentiable import RestEvaluation
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hull_reuse import HullMaker
 
 __all__ = ["Coordinates", "FacetCoordinates", "VertexCoordinates"]
 
@@ -22,8 +23,9 @@ Floats = NDArray[np.float64]
 class Coordinates(Protocol):
     """Parameters of a convex shape, as a flat array."""
 
-    def points(self, parameters: Tensor) -> Tensor:
-        """(n, 3) points, differentiable in the parameters, whose hull is the shape."""
+    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
+        """(n, 3) points, differentiable in the parameters, whose hull is the shape; `hull_of` makes
+        the hulls that are needed on the way."""
 
     def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """The parameters without what the shape no longer uses."""
@@ -43,14 +45,16 @@ class VertexCoordinates:
     scale: float
 
     @classmethod
-    def of(cls, points: Floats, origin: Floats) -> tuple[VertexCoordinates, Floats]:
+    def of(
+        cls, points: Floats, origin: Floats, hull_of: HullMaker = convex_hull
+    ) -> tuple[VertexCoordinates, Floats]:
         """Coordinates about an origin (3,), and the parameters of the hull of points (n, 3)."""
-        hull = convex_hull(points)
+        hull = hull_of(points)
         offsets = hull.vertices - origin
         scale = float(np.abs(offsets).max())
         return cls(origin, scale), (offsets / scale).ravel()
 
-    def points(self, parameters: Tensor) -> Tensor:
+    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
         """See `Coordinates`."""
         return torch.as_tensor(self.origin) + self.scale * parameters.reshape(-1, 3)
 
@@ -72,12 +76,14 @@ class FacetCoordinates:
     origin: Floats
 
     @classmethod
-    def of(cls, points: Floats, origin: Floats) -> tuple[FacetCoordinates, Floats]:
+    def of(
+        cls, points: Floats, origin: Floats, hull_of: HullMaker = convex_hull
+    ) -> tuple[FacetCoordinates, Floats]:
         """Coordinates about an origin (3,) inside, and the parameters of the hull of points (n, 3).
 
         Raises DegenerateBodyError if the origin is not strictly inside.
         """
-        hull = convex_hull(points)
+        hull = hull_of(points)
         heights = _heights(hull, origin)
         if (heights <= 0.0).any():
             raise DegenerateBodyError(
@@ -86,14 +92,14 @@ class FacetCoordinates:
             )
         return cls(origin), np.concatenate([hull.normals.ravel(), np.log(heights)])
 
-    def points(self, parameters: Tensor) -> Tensor:
+    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
         """See `Coordinates`: one corner for each triangle of the polar hull, from the three planes
         that meet there. Raises DegenerateBodyError if the half-spaces bound no solid."""
         count = parameters.shape[0] // 4
         normals = parameters[: 3 * count].reshape(count, 3)
         lengths = torch.linalg.vector_norm(normals, dim=1) * torch.exp(parameters[3 * count :])
         polar = normals / lengths[:, None]
-        hull = convex_hull(polar.detach().numpy())
+        hull = hull_of(polar.detach().numpy())
         if (_heights(hull, np.zeros(3)) <= 0.0).any():
             raise DegenerateBodyError(
                 "facet coordinates: expected half-spaces that bound a solid, got normals that "

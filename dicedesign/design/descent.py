@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 
 from dicedesign.design.coordinates import Coordinates, FacetCoordinates, VertexCoordinates
 from dicedesign.design.energy import EnergyWeights
-from dicedesign.design.line_search import LineSearch
+from dicedesign.design.line_search import LineSearch, has_slope
 from dicedesign.design.objective import Evaluation, Objective
+from dicedesign.design.schedule import Schedule
 from dicedesign.design.sobolev import SobolevOptions, SobolevSolver, graph_laplacian
 from dicedesign.design.starts import Start
 from dicedesign.design.stopping import Status, Stopping
 from dicedesign.errors import InputError
-from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.hull_reuse import HullMemory
 from dicedesign.options import STRICT
 from dicedesign.rest.equilibria import classify
 
@@ -26,20 +28,12 @@ __all__ = ["DescentOptions", "DescentResult", "DescentStep", "descend_to_target"
 
 Floats = NDArray[np.float64]
 
-STALL_WINDOW: Final = 10
-"""Number of last energies that tell whether progress stalls: the later half against the earlier."""
+SHAKE: Final = 1e-6
+"""Least perturbation of a start that balances exactly, so that its basins cannot be told."""
 
-STALL_DECREASE: Final = 0.02
-"""Relative decrease of the energy over half a window below which progress has stalled."""
-
-LAST_WINDOW: Final = 200
-"""The same number once the shaping terms are dropped, when narrow valleys take long."""
-
-LAST_DECREASE: Final = 0.05
-"""Relative decrease over half of it below which there is no progress left."""
-
-SMALLEST_RELAXATION: Final = 1e-3
-"""Factor on the shaping terms below which they are dropped."""
+NEAR_BOUNDARY: Final = 0.1
+"""A given center of mass nearer to a facet than this part of the centroid's distance is a poor
+origin for half-spaces: their distances are varied by factors."""
 
 
 @dataclass(frozen=True)
@@ -49,13 +43,15 @@ class DescentOptions:
     Attributes
     ----------
     coordinates: "facets" keeps every facet flat; "vertices" moves vertices as the paper does.
-    weights: of the energy's terms.
+    weights: of the energy's terms. The stability margin is narrowed where no progress is left with
+        it and the tolerance is not reached.
     sobolev: preconditioning of vertex gradients, or None; needs `coordinates` "vertices".
     stopping: tolerance and limits.
     relaxation: factor on the barycenter and neighbor weights each time progress stalls, in (0, 1);
         those two terms shape the die first and then give way to the probabilities.
     perturbation: standard deviation of the seeded noise on the starting parameters, which breaks
-        the ties of symmetric shapes; not negative.
+        the ties of symmetric shapes; not negative. Where the start balances such that its odds
+        cannot be told, it is at least `SHAKE`.
     """
 
     __pydantic_config__ = STRICT
@@ -113,6 +109,8 @@ class DescentResult:
     terms: the energy's terms at the end, with their full weights.
     history: every accepted step, the first being the start.
     evaluations: energies computed, those of rejected trials and after pruning included.
+    hulls_built: hulls computed for them from scratch, polar hulls of facet coordinates included.
+    hulls_reused: hulls that only moved the vertices of the one before, for the same result.
     """
 
     status: Status
@@ -121,6 +119,8 @@ class DescentResult:
     terms: dict[str, float]
     history: tuple[DescentStep, ...]
     evaluations: int
+    hulls_built: int
+    hulls_reused: int
 
 
 def descend_to_target(
@@ -131,6 +131,7 @@ def descend_to_target(
     center_of_mass: Floats | None = None,
     seed: int = 0,
     on_step: Callable[[DescentStep], None] | None = None,
+    on_evaluation: Callable[[Evaluation], None] | None = None,
 ) -> DescentResult:
     """Move a starting shape until its rests have the target probabilities.
 
@@ -142,6 +143,7 @@ def descend_to_target(
     center_of_mass: (3,) fixed, in the coordinates of `start.points`, or None for the uniform solid.
     seed: of the perturbation.
     on_step: called after every accepted step.
+    on_evaluation: called with what every accepted step was recorded from, to look at more of it.
 
     Raises
     ------
@@ -154,7 +156,8 @@ def descend_to_target(
             f"target: expected {len(start.directions)} outcomes, one for each direction of the "
             f"start, got {len(target)}; take another start"
         )
-    return _Descent(start, target, options, center_of_mass, seed, on_step).run()
+    descent = _Descent(start, target, options, center_of_mass, seed, on_step, on_evaluation)
+    return descent.run()
 
 
 class _Descent:
@@ -168,29 +171,31 @@ class _Descent:
         center_of_mass: Floats | None,
         seed: int,
         on_step: Callable[[DescentStep], None] | None,
+        on_evaluation: Callable[[Evaluation], None] | None,
     ) -> None:
-        hull = convex_hull(start.points)
+        shapes = HullMemory()
+        hull = shapes.hull(start.points)
         origin = hull.centroid
         if center_of_mass is not None:
-            origin = center_of_mass = classify(hull, center_of_mass).center_of_mass
+            center_of_mass = classify(hull, center_of_mass).center_of_mass
+            if _clearance(hull, center_of_mass) > NEAR_BOUNDARY * _clearance(hull, origin):
+                origin = center_of_mass
         coordinates: Coordinates
         if options.coordinates == "facets":
-            coordinates, parameters = FacetCoordinates.of(start.points, origin)
+            coordinates, parameters = FacetCoordinates.of(start.points, origin, shapes.hull)
         else:
-            coordinates, parameters = VertexCoordinates.of(start.points, origin)
-        noise = np.random.default_rng(seed).normal(size=parameters.shape)
+            coordinates, parameters = VertexCoordinates.of(start.points, origin, shapes.hull)
         self.options = options
-        self.relaxation = 1.0
-        self.objective = Objective(coordinates, target, options.weights, center_of_mass)
+        self.schedule = Schedule(options.weights, options.relaxation, options.stopping.tolerance)
+        self.objective = Objective(coordinates, target, options.weights, center_of_mass, shapes)
         self.started = time.perf_counter()
         self.on_step = on_step
+        self.on_evaluation = on_evaluation
         self.line_search = LineSearch()
         self.evaluations = 1
         self.history: list[DescentStep] = []
-        self.energies: list[float] = []
-        self.current = self.objective.evaluate(
-            parameters + options.perturbation * noise, start.directions
-        ).refreshed()
+        noise = np.random.default_rng(seed).normal(size=parameters.shape)
+        self.current = self._first(parameters, noise, start.directions)
         self.sobolev: tuple[ConvexHull, SobolevSolver] | None = None
 
     def run(self) -> DescentResult:
@@ -206,7 +211,20 @@ class _Descent:
             self.current.under(full).values,
             tuple(self.history),
             self.evaluations + self.line_search.evaluations,
+            self.objective.shapes.built + self.objective.polars.built,
+            self.objective.shapes.reused + self.objective.polars.reused,
         )
+
+    def _first(self, parameters: Floats, noise: Floats, directions: Floats) -> Evaluation:
+        """The start, shaken if it has to be."""
+        size = self.options.perturbation
+        if size < SHAKE:
+            still = self.objective.attempt(parameters + size * noise, directions)
+            if still is not None:
+                return still.refreshed()
+            self.evaluations += 1
+            size = SHAKE
+        return self.objective.evaluate(parameters + size * noise, directions).refreshed()
 
     def _advance(self) -> Status | None:
         limit = self.options.stopping.limit(self.history[-1].step, self._seconds())
@@ -215,15 +233,19 @@ class _Descent:
         following = self.line_search.search(self.current, self._direction())
         if following is not None:
             self._accept(following)
-            if not self._stalled(STALL_WINDOW, STALL_DECREASE):
+            if not self.schedule.at_rest:
                 return None
-        # At rest under the present weights: done, or let the shaping terms give way.
+        # At rest under the present weights: done, or let some of them give way.
         if self._reached():
             return Status.CONVERGED
-        if self.relaxation == 0.0:
-            ended = following is None or self._stalled(LAST_WINDOW, LAST_DECREASE)
-            return Status.NO_PROGRESS if ended else None
-        self._relax()
+        if following is not None and not self.schedule.exhausted:
+            return None
+        if not self.schedule.give_way():
+            lost = not has_slope(self.current.gradient)
+            return Status.NO_GRADIENT if lost else Status.NO_PROGRESS
+        self.objective = replace(self.objective, weights=self.schedule.weights)
+        self.current = self.current.under(self.objective)
+        self.line_search.restart()
         return None
 
     def _direction(self) -> Floats:
@@ -240,46 +262,37 @@ class _Descent:
     def _accept(self, following: Evaluation) -> None:
         pruned = self.objective.coordinates.pruned(following.parameters, following.rests)
         if len(pruned) != len(following.parameters):
-            following = self.objective.evaluate(pruned, following.directions)
             self.evaluations += 1
-            self.line_search.restart()
+            fewer = self.objective.attempt(pruned, following.directions)
+            if fewer is not None:
+                following = fewer
+                self.line_search.restart()
         self.current = following.refreshed()
         self._record()
 
     def _reached(self) -> bool:
         return self.current.error <= self.options.stopping.tolerance
 
-    def _stalled(self, window: int, decrease: float) -> bool:
-        if len(self.energies) <= window:
-            return False
-        recent = self.energies[-window:]
-        half = window // 2
-        # Below the square of the tolerance an energy has nothing more to say.
-        worth = max(self.current.value, self.options.stopping.tolerance**2)
-        return min(recent[:half]) - min(recent[half:]) < decrease * worth
-
-    def _relax(self) -> None:
-        self.relaxation *= self.options.relaxation
-        if self.relaxation < SMALLEST_RELAXATION:
-            self.relaxation = 0.0
-        weights = self.options.weights.relaxed(self.relaxation)
-        self.objective = replace(self.objective, weights=weights)
-        self.current = self.current.under(self.objective)
-        self.line_search.restart()
-        self.energies.clear()
-
     def _seconds(self) -> float:
         return time.perf_counter() - self.started
 
     def _record(self) -> None:
         current = self.current
-        self.energies.append(current.value)
+        self.schedule.record(current.value)
         step = DescentStep(
             len(self.history), self._seconds(), current.value, current.values, current.error
         )
         self.history.append(step)
+        if self.on_evaluation is not None:
+            self.on_evaluation(current)
         if self.on_step is not None:
             self.on_step(step)
+
+
+def _clearance(hull: ConvexHull, point: Floats) -> float:
+    """Distance of a point (3,) inside from the nearest facet's plane."""
+    feet = hull.vertices[hull.tail[hull.facet_start[:-1]]] - point
+    return float((feet * hull.normals).sum(-1).min())
 
 
 def _same_edges(a: ConvexHull, b: ConvexHull) -> bool:

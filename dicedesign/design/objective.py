@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from dicedesign.design.energy import (
     updated_directions,
 )
 from dicedesign.errors import DiceError
+from dicedesign.geometry.hull_reuse import HullMemory
 
 __all__ = ["Evaluation", "Objective"]
 
@@ -36,12 +37,16 @@ class Objective:
     target: (k,) wanted probabilities.
     weights: of the regularizers.
     center_of_mass: (3,) fixed, or None for that of the uniform solid.
+    shapes: the hulls of the last evaluation and how many there were.
+    polars: the same for the hulls that the coordinates need to make a shape.
     """
 
     coordinates: Coordinates
     target: Floats
     weights: EnergyWeights
     center_of_mass: Floats | None
+    shapes: HullMemory = field(default_factory=HullMemory, repr=False, compare=False)
+    polars: HullMemory = field(default_factory=HullMemory, repr=False, compare=False)
 
     def evaluate(self, parameters: Floats, directions: Floats) -> Evaluation:
         """Hull, rests and energy at flat parameters, for outcome directions (k, 3).
@@ -52,7 +57,8 @@ class Objective:
         center = None
         if self.center_of_mass is not None:
             center = torch.as_tensor(self.center_of_mass)
-        rests = evaluate_rests(self.coordinates.points(leaf), center)
+        points = self.coordinates.points(leaf, self.polars.hull)
+        rests = evaluate_rests(points, center, self.shapes.hull)
         return Evaluation(self, leaf, rests, directions)
 
     def attempt(self, parameters: Floats, directions: Floats) -> Evaluation | None:
