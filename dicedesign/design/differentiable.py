@@ -18,6 +18,7 @@ from torch import Tensor
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hull_reuse import HullMaker
 from dicedesign.geometry.ragged import ragged_ranges
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import (
@@ -27,7 +28,7 @@ from dicedesign.rest.morse import (
     separatrices,
     separatrix_points,
 )
-from dicedesign.rest.probabilities import closed_areas
+from dicedesign.rest.probabilities import closed_areas, find_basins
 
 __all__ = ["RestEvaluation", "differentiable_rest", "evaluate_rests", "hull_centroid"]
 
@@ -43,11 +44,13 @@ class RestEvaluation:
     equilibria: the classified hull, whose numbers are the integers of this evaluation.
     vertices: (n, 3) hull vertices as tensor.
     center: (3,) center of mass as tensor.
+    traced: the separatrices, where they are known.
     """
 
     equilibria: Equilibria
     vertices: Tensor
     center: Tensor
+    traced: Separatrices | None = None
 
     @property
     def hull(self) -> ConvexHull:
@@ -57,7 +60,7 @@ class RestEvaluation:
     @cached_property
     def paths(self) -> Separatrices:
         """The separatrices that divide basins; rests are numbered as in `paths.rests`."""
-        return separatrices(self.equilibria)
+        return self.traced or separatrices(self.equilibria)
 
     @cached_property
     def probabilities(self) -> Tensor:
@@ -112,13 +115,16 @@ def hull_centroid(vertices: Tensor, triangles: NDArray[np.int64]) -> Tensor:
     return origin + moment / sixfold.sum()
 
 
-def evaluate_rests(points: Tensor, center_of_mass: Tensor | None = None) -> RestEvaluation:
+def evaluate_rests(
+    points: Tensor, center_of_mass: Tensor | None = None, hull_of: HullMaker = convex_hull
+) -> RestEvaluation:
     """Hull and rests of points.
 
     Parameters
     ----------
     points: (n, 3) float64.
     center_of_mass: (3,) float64, or None for that of the uniform solid hull.
+    hull_of: makes the hull.
 
     Raises
     ------
@@ -130,7 +136,7 @@ def evaluate_rests(points: Tensor, center_of_mass: Tensor | None = None) -> Rest
             f"vertices: expected a float64 tensor of shape (n, 3), got {points.dtype} of shape "
             f"{tuple(points.shape)}; convert it with .double()"
         )
-    hull = convex_hull(points.detach().numpy())
+    hull = hull_of(points.detach().numpy())
     vertices = points[torch.as_tensor(hull.source)]
     if center_of_mass is None:
         center = hull_centroid(vertices, hull.triangles)
@@ -165,8 +171,20 @@ def differentiable_rest(
     ------
     InputError, DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`.
 
+    Of a body that balances within rounding the mean of both sides is returned, as by `rest_poses`.
+
     Source: algorithm 3, eq. 9 and 10; section 3.1.
     """
     rests = evaluate_rests(vertices, center_of_mass)
-    order = np.argsort(-rests.probabilities.detach().numpy(), kind="stable")
-    return rests.rest_normals[order], rests.probabilities[torch.as_tensor(order)]
+    hull, center = rests.hull, rests.equilibria.center_of_mass
+    sides = find_basins(hull, center)
+    of_facet = torch.zeros(len(hull.normals), dtype=torch.float64)
+    for side in sides:
+        moved = rests.center + torch.as_tensor(side.equilibria.center_of_mass - center)
+        beside = RestEvaluation(side.equilibria, rests.vertices, moved, side.paths)
+        of_facet = of_facet.index_add(0, torch.as_tensor(side.paths.rests), beside.probabilities)
+    probabilities = of_facet / len(sides)
+    # Stable, so that equal rests keep the order of their facets.
+    order = np.argsort(-of_facet.detach().numpy(), kind="stable")
+    facets = order[: len(np.unique(np.concatenate([side.paths.rests for side in sides])))]
+    return rests.facet_normals(facets), probabilities[torch.as_tensor(facets)]

@@ -1,0 +1,80 @@
+"""Derivatives of probabilities as differences of the 60-digit oracle."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.bench.oracle import oracle_probabilities
+from dicedesign.bench.sixty_digits import (
+    DIGITS,
+    Vector,
+    cross,
+    dot,
+    minus,
+    multiprecision,
+    plus,
+    times,
+    vector,
+)
+from dicedesign.geometry.hull import ConvexHull
+
+__all__ = ["oracle_derivative"]
+
+Floats = NDArray[np.float64]
+
+STEP: Final = "1e-20"
+"""Part of the displacement that is taken to both sides: the difference quotient is off by about its
+square, and by the oracle's 1e-60 over it."""
+
+
+def oracle_derivative(
+    hull: ConvexHull, center: Floats | None, along: Floats, center_along: Floats
+) -> Floats:
+    """Derivative (m,) of the probability of each facet, right to all digits of float64.
+
+    The facets stay those of the hull, as they do for any displacement small enough.
+
+    hull: of triangles only if corners move, as others do not stay flat.
+    center: (3,) center of mass, or None for that of the uniform solid, which then moves as the
+        corners make it.
+    along: (n, 3) velocity of each corner.
+    center_along: (3,) that of a given center; without meaning for a uniform one.
+
+    Raises OracleError where the body balances exactly.
+    """
+    if len(hull.triangles) != len(hull.normals) and along.any():
+        raise ValueError("oracle_derivative: expected corners at rest or a hull of triangles only")
+    mp = multiprecision()
+    triangles = hull.triangles.tolist()
+    polygons = [polygon.tolist() for polygon in np.split(hull.tail, hull.facet_start[1:-1])]
+    with mp.workdps(DIGITS):
+        step = mp.mpf(STEP)
+        sides = []
+        for move in (step, -step):
+            moved = [_moved(x, v, move) for x, v in zip(hull.vertices, along, strict=True)]
+            middle = (
+                _centroid(moved, triangles)
+                if center is None
+                else _moved(center, center_along, move)
+            )
+            sides.append(oracle_probabilities(moved, polygons, [middle]))
+        return np.array([float((p - q) / (2 * step)) for p, q in zip(*sides, strict=True)])
+
+
+def _moved(x: Floats, velocity: Floats, time: Any) -> Vector:
+    return plus(vector(x.tolist()), times(time, vector(velocity.tolist())))
+
+
+def _centroid(vertices: list[Vector], triangles: list[list[int]]) -> Vector:
+    """Mean of the centers of the tetrahedra between the first corner and each facet, by volume."""
+    apex = vertices[0]
+    volume, moment = vector((0, 0, 0))[0], vector((0, 0, 0))
+    for a, b, c in triangles:
+        x, y, z = (minus(vertices[corner], apex) for corner in (a, b, c))
+        sixfold = dot(x, cross(y, z))
+        volume += sixfold
+        moment = plus(moment, times(sixfold / 4, plus(x, plus(y, z))))
+    return plus(apex, times(1 / volume, moment))
