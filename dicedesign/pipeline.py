@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from dicedesign.errors import EngravingError, OutputError
 from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.stl import stl_bytes
 from dicedesign.files import atomic_write
+from dicedesign.peak_memory import peak_megabytes, restart_peak
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import recipe_text
 from dicedesign.summary import design_summary, odds_summary, target_summary
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.engrave import EngravedDie
     from dicedesign.fabricate.layout import Placement
 
-__all__ = ["RunResult", "run_recipe"]
+__all__ = ["RunResult", "engrave_die", "run_recipe"]
 
 RESULT: Final = "result.json"
 OWNED: Final = (
@@ -72,18 +73,37 @@ class RunResult:
 
 @dataclass
 class _Clock:
-    """Names and seconds of the stages that ran."""
+    """The stages that ran, in order.
+
+    Attributes
+    ----------
+    stages: of each its "name", "seconds" of wall-clock time, and "peak_mb": the most memory that
+        the process held during it, all libraries included, in units of 10^6 bytes; None where the
+        system does not tell.
+    peak_since: "stage", or "start" where the system cannot count anew for each stage: then
+        "peak_mb" is the most since the process started.
+    on_stage: told the name of each stage as it begins.
+    """
 
     stages: list[dict[str, Any]] = field(default_factory=list)
+    peak_since: Literal["stage", "start"] = "stage"
     on_stage: Callable[[str], None] | None = None
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         if self.on_stage is not None:
             self.on_stage(name)
+        self.peak_since = "stage" if restart_peak() else "start"
         started = time.perf_counter()
         yield
-        self.stages.append({"name": name, "seconds": round(time.perf_counter() - started, 4)})
+        seconds, peak = time.perf_counter() - started, peak_megabytes()
+        self.stages.append(
+            {
+                "name": name,
+                "seconds": round(seconds, 4),
+                "peak_mb": None if peak is None else round(peak, 1),
+            }
+        )
 
 
 def run_recipe(
@@ -152,20 +172,21 @@ def _results(
     if recipe.engrave is not None:
         with clock.stage("engrave"):
             try:
-                engraved, placements = _engrave(die, recipe.engrave, recipe.size_mm)
+                engraved, placements = engrave_die(die, recipe.engrave, recipe.size_mm)
                 files["die.stl"] = stl_bytes(engraved.vertices, engraved.triangles)
             except EngravingError as error:
                 if die.status is Status.CONVERGED:
                     raise
                 message += f"; not engraved: {error}"
-    summary = {
-        "name": recipe.name,
-        "status": _plain_name(die.status),
-        "message": message,
-        **target_summary(die.target),
-        **odds_summary(die.verdict, die.target, engraved),
-        **design_summary(die.design),
-    }
+    with clock.stage("summary"):
+        summary = {
+            "name": recipe.name,
+            "status": _plain_name(die.status),
+            "message": message,
+            **target_summary(die.target),
+            **odds_summary(die.verdict, die.target, engraved),
+            **design_summary(die.design),
+        }
     with clock.stage("figures"):
         tolerance = recipe.method.descent.stopping.tolerance
         images = _figures(summary, tolerance, die.verdict, engraved, placements)
@@ -173,7 +194,9 @@ def _results(
     files["recipe.yaml"] = recipe_text(recipe).encode("utf-8")
     written = [name for name in OWNED if name in files or name == "report.html"]
     summary["files"] = {Path(name).stem: name for name in [*written, RESULT]}
+    # The same list as the clock's: the page shows the stages before its own, result.json all.
     summary["stages"] = clock.stages
+    summary["peak_since"] = clock.peak_since
     with clock.stage("report"):
         from dicedesign.show.report import report_html
 
@@ -181,9 +204,14 @@ def _results(
     return files, summary
 
 
-def _engrave(
+def engrave_die(
     die: DesignedDie, options: EngravingOptions, size_mm: float
 ) -> tuple[EngravedDie, list[Placement]]:
+    """Cut the labels into a designed die of a largest vertex-to-vertex distance `size_mm`.
+
+    Returns the engraved solid and where each label is. Raises EngravingError where a label has no
+    facet or does not fit on it.
+    """
     from dicedesign.fabricate.engrave import engrave
     from dicedesign.fabricate.layout import place_labels
 

@@ -6,7 +6,7 @@ import ast
 from pathlib import Path
 
 FLOORS = (
-    ("errors", "files", "tolerances", "options"),
+    ("errors", "files", "peak_memory", "tolerances", "options"),
     ("geometry",),
     ("rest",),
     ("design",),

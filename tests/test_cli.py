@@ -183,19 +183,6 @@ def test_notes_about_a_mesh_start_go_to_stderr(tmp_path: Path) -> None:
     assert done.stderr == "note: welded 1 points to others at equal positions\n"
 
 
-@pytest.mark.parametrize("suffix", ["obj", "stl", "off", "ply", "glb", "3mf"])
-def test_a_query_loads_nothing_heavy(tmp_path: Path, suffix: str) -> None:
-    trimesh.creation.box().export(tmp_path / f"box.{suffix}")
-    script = (
-        "import sys; from dicedesign.cli import main; code = main(sys.argv[1:]);"
-        "heavy = {'torch', 'manifold3d', 'matplotlib', 'pydantic', 'fontTools'};"
-        "sys.exit(code or ', '.join(heavy & set(sys.modules)) or None)"
-    )
-    command = [sys.executable, "-c", script, "rest", f"box.{suffix}", "--json"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-
-
 def test_an_unknown_command_is_bad_usage(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["roll"])

@@ -31,6 +31,11 @@ _FIGURES: Final = (
     ("labels", "Every label", "Each labelled facet seen straight from outside."),
 )
 
+_PEAK_SINCE: Final = {
+    "stage": "during the stage",
+    "start": "from its start to the end of the stage",
+}
+
 _PRINTING: Final = (
     "Print the STL file in millimetres with 100 % infill, so that the density is uniform: the odds "
     "hold for a solid of one material. Let it cool, and remove supports without rounding edges. "
@@ -49,7 +54,8 @@ def report_html(result: Mapping[str, Any], images: Mapping[str, bytes]) -> str:
         "labels" (k,), "energy" (term to value), perhaps "engraved_max_abs_error",
         "center_of_mass" (3,) in mm, "facets" (each with "label" or None, "probability",
         "polygon_area_mm2", "inradius_mm" and "margin_deg"), "unstable_facets", "stages" (each with
-        "name" and "seconds") and "files" (kind to path).
+        "name", "seconds" and "peak_mb", a number or None), "peak_since" ("stage" or "start", what
+        "peak_mb" counts from) and "files" (kind to path).
     images: PNG bytes of "bars", "convergence", "gauss_map", "views" and "labels"; sections of those
         that are absent are left out.
 
@@ -103,12 +109,19 @@ def _facets(result: Mapping[str, Any]) -> str:
 
 
 def _details(result: Mapping[str, Any]) -> str:
-    stages = [[stage["name"], f"{stage['seconds']:.2f}"] for stage in result["stages"]]
+    stages = [
+        [stage["name"], f"{stage['seconds']:.2f}", number(stage["peak_mb"], 4)]
+        for stage in result["stages"]
+    ]
     terms = [[term, number(value, 4)] for term, value in result["energy"].items()]
+    memory = (
+        "Only what the recipe asks for is run; the making of this page follows. Memory is the most "
+        f"that the whole program held {_PEAK_SINCE[result['peak_since']]}, libraries included."
+    )
     files = [f"{kind}: {file}" for kind, file in result["files"].items()]
     return "\n".join(
         [
-            table_section("Stages", ["stage", "time (s)"], stages),
+            table_section("Stages", ["stage", "time (s)", "memory (MB)"], stages, memory),
             table_section("Energy", ["term", "value"], terms),
             list_section("Files", files),
         ]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from itertools import pairwise, product
 from pathlib import Path
 
@@ -164,22 +162,6 @@ def test_single_precision_bodies_use_the_wider_tolerance() -> None:
 def test_bad_centers_are_refused(center: object) -> None:
     with pytest.raises(InputError, match=r"^center of mass: expected .*three"):
         rest_poses(CUBE, center)  # type: ignore[arg-type]
-
-
-def test_a_query_loads_nothing_heavy() -> None:
-    code = (
-        "import sys, numpy, dicedesign; "
-        "dicedesign.rest_poses(numpy.random.default_rng(0).normal(size=(9, 3))); "
-        "print(sorted({'torch', 'manifold3d', 'matplotlib', 'trimesh'} & set(sys.modules)))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=Path(__file__).resolve().parents[2],
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "[]\n", "")
 
 
 def test_an_stl_file_has_the_same_rests_by_any_reader(tmp_path: Path) -> None:

@@ -75,7 +75,11 @@ def result() -> dict[str, Any]:
         ],
         "unstable_facets": 4,
         "history": [{"step": 0, "seconds": 0.0, "energy": 1.0, "max_abs_error": 1e-4}],
-        "stages": [{"name": "start", "seconds": 0.5}],
+        "stages": [
+            {"name": "start", "seconds": 0.5, "peak_mb": 301.2},
+            {"name": "design", "seconds": 2.25, "peak_mb": None},
+        ],
+        "peak_since": "stage",
         "files": {"solid": "out/die.stl"},
     }
 
@@ -118,6 +122,21 @@ def test_report_escapes(result, images):
     assert "<tails>" not in text
     assert "&lt;tails&gt;" in text
     assert "<title>two &lt; three</title>" in text
+
+
+@pytest.mark.parametrize(
+    ("since", "text"),
+    [
+        ("stage", "held during the stage,"),
+        ("start", "held from its start to the end of the stage,"),
+    ],
+)
+def test_stages_are_listed_with_seconds_and_memory(result, images, since, text):
+    result["peak_since"] = since
+    page = parsed(report_html(result, images))
+    at = page.cells.index("start")
+    assert page.cells[at : at + 6] == ["start", "0.50", "301.2", "design", "2.25", "-"]
+    assert text in page.text
 
 
 @pytest.mark.parametrize("missing", list(TITLES))

@@ -1,0 +1,137 @@
+"""What hulls, flow lines and exact arithmetic cost where they are not needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from dicedesign.bench.cost import Row, timed
+from dicedesign.bench.extremes import large
+from dicedesign.bench.stopwatch import in_turn
+from dicedesign.design.coordinates import FacetCoordinates
+from dicedesign.design.starts import hendecahedron
+from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hull_reuse import HullMemory
+from dicedesign.rest.equilibria import classify
+from dicedesign.rest.exact import ExactSigns
+from dicedesign.rest.morse import separatrices
+from dicedesign.rest.tracing import ascend
+
+__all__ = ["blade", "exact_rows", "hull_rows", "tracing_rows"]
+
+Floats = NDArray[np.float64]
+
+
+def hull_rows(seconds: float) -> Iterator[Row]:
+    """Hulls of points that move a little to and fro, as in a descent: a die's corners, of which
+    more than three lie on a facet, and points of which many are near to changing neighbors."""
+    start = hendecahedron("bisymmetric")
+    coordinates, parameters = FacetCoordinates.of(start.points, np.zeros(3))
+    rng = np.random.default_rng(0)
+    parameters = parameters + 1e-2 * rng.normal(size=parameters.shape)
+    die = [
+        coordinates.points(torch.as_tensor(place)).numpy()
+        for place in (parameters, parameters + 1e-4 * rng.normal(size=parameters.shape))
+    ]
+    points = large(500).points
+    cloud = [points, points + 1e-6 * rng.normal(size=points.shape)]
+    for name, places in (("die of 11 facets", die), ("hull of 500 points", cloud)):
+        yield _hull_row(name, places, seconds / 2.0)
+
+
+def _hull_row(name: str, places: Sequence[Floats], seconds: float) -> Row:
+    memory = HullMemory()
+    reused, rebuilt = in_turn(
+        [
+            lambda: [memory.hull(place) for place in places],
+            lambda: [convex_hull(place) for place in places],
+        ],
+        seconds,
+    )
+    share = memory.reused / (memory.reused + memory.built)
+    name = f"{name}, edges last in {100.0 * share:.0f} %"
+    return timed("hull rebuilt though its edges last", name, reused / 2.0, rebuilt / 2.0)
+
+
+def blade(ball: int, edge: int) -> ConvexHull:
+    """A ball of some points with a blade of others, along a quarter of a great circle about the
+    origin. Each corner of the blade is a maximum; saddles between them can lie inside one basin."""
+    points = np.random.default_rng(0).normal(size=(ball, 3))
+    points *= 0.7 / np.sqrt((points**2).sum(-1))[:, None]
+    angle = np.radians(np.linspace(-45.0, 45.0, edge))
+    arc = np.stack([np.sin(angle), np.zeros(edge), np.cos(angle)], axis=1)
+    return convex_hull(np.concatenate([points + np.array([0.0, 0.0, 0.3]), arc]))
+
+
+def tracing_rows(seconds: float) -> Iterator[Row]:
+    """Flow lines followed uphill from saddles."""
+    ellipsoid = convex_hull(large(1000).points)
+    for name, hull, center in (
+        ("ball with a blade", blade(400, 600), np.zeros(3)),
+        ("ellipsoid of 1000 points", ellipsoid, ellipsoid.centroid),
+    ):
+        equilibria = classify(hull, center)
+        dividing = separatrices(equilibria).saddles
+        saddles = np.flatnonzero(equilibria.saddle & (np.arange(len(hull.tail)) < hull.twin))
+        works = []
+        for some in (dividing, saddles):
+            ends = np.stack([hull.head[some], hull.tail[some]], axis=1).ravel()
+            works.append(partial(ascend, equilibria, np.repeat(some, 2), ends))
+        without, included = in_turn(works, seconds / 2.0)
+        quantity = f"{name}, {len(dividing)} of {len(saddles)} divide"
+        yield timed("saddles that divide nothing", quantity, without, included)
+
+
+class _CountingSigns(ExactSigns):
+    """Exact decisions, counted."""
+
+    calls = 0
+
+    def growth(self, half_edge: int) -> int:
+        self.calls += 1
+        return super().growth(half_edge)
+
+    def side(self, half_edge: int) -> int:
+        self.calls += 1
+        return super().side(half_edge)
+
+    def ascend(self, elements: Any, saddle: int, vertex: int) -> tuple[list[int], int]:
+        self.calls += 1
+        return super().ascend(elements, saddle, vertex)
+
+    def descend(self, elements: Any, facet: int) -> int:
+        self.calls += 1
+        return super().descend(elements, facet)
+
+
+def _balanced(sides: int) -> Floats:
+    """Corners of a frustum about the origin (2 sides, 3): the origin's foot on the plane of each
+    side lies on that side's lower edge, to rounding."""
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(sides)], axis=1)
+    ring /= np.cos(np.pi / sides)
+    return np.concatenate([ring - [0.0, 0.0, 1.0], 3.0 * ring + [0.0, 0.0, 1.0]])
+
+
+def exact_rows(seconds: float) -> Iterator[Row]:
+    """The same shape with its balances and, a little deformed, without."""
+    points = _balanced(64)
+    noise = 1e-3 * np.random.default_rng(0).normal(size=points.shape)
+    hulls = [convex_hull(points + noise), convex_hull(points)]
+
+    def trace(hull: ConvexHull) -> int:
+        signs = _CountingSigns(hull, np.zeros(3))
+        separatrices(replace(classify(hull, np.zeros(3)), exact=signs))
+        return signs.calls
+
+    counts = [trace(hull) for hull in hulls]
+    times = in_turn([partial(trace, hull) for hull in hulls], seconds / 2.0)
+    feature = "exact arithmetic, for what rounding leaves open"
+    yield Row(feature, "64-sided frustum: decisions", "calls", counts[0], counts[1])
+    yield timed(feature, "64-sided frustum: tracing", *times)

@@ -1,0 +1,272 @@
+"""What is not asked for is not imported, not allocated and not computed."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from dicedesign import rest_poses
+from dicedesign.bench.extremes import large, weighted_sphere
+from dicedesign.bench.lean_bodies import blade
+from dicedesign.design import differentiable, energy, sobolev
+from dicedesign.design.descent import DescentOptions, DescentResult, descend_to_target
+from dicedesign.design.energy import EnergyWeights
+from dicedesign.design.line_search import LineSearch
+from dicedesign.design.objective import Evaluation, Objective
+from dicedesign.design.sobolev import SobolevOptions
+from dicedesign.design.starts import Start, hendecahedron
+from dicedesign.design.stopping import Stopping
+from dicedesign.design.targets import sum_of_dice
+from dicedesign.geometry.hull import convex_hull
+from dicedesign.rest import morse
+from dicedesign.rest.equilibria import classify
+from dicedesign.rest.exact import ExactSigns
+from dicedesign.rest.morse import separatrices
+from dicedesign.rest.roll import roll
+
+SOLVERS = {"clarabel", "osqp", "piqp", "proxsuite", "quadprog", "cvxpy", "highspy", "qpsolvers"}
+"""Modules that solve quadratic programs."""
+
+TERMS = ("coplanar", "barycenter", "neighbor", "stability")
+
+
+def modules_after(arguments: list[str], folder: Path) -> set[str]:
+    """Modules, the package's own among them, that a command in a new process has loaded."""
+    script = (
+        "import json, sys; from dicedesign.cli import main; code = main(sys.argv[1:]);"
+        "print(json.dumps([name for name, module in sys.modules.items() if module is not None]));"
+        "sys.exit(code)"
+    )
+    command = [sys.executable, "-c", script, *arguments]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    return set(json.loads(done.stdout.splitlines()[-1]))
+
+
+def descend(**options: Any) -> DescentResult:
+    """Some steps of the design of a die that rolls the total of two."""
+    center = options.pop("center_of_mass", None)
+    stopping = Stopping(1e-9, steps=options.pop("steps", 4), seconds=300.0)
+    target = sum_of_dice([6, 6]).probabilities
+    chosen = DescentOptions(stopping=stopping, **options)
+    return descend_to_target(hendecahedron("circus"), target, chosen, center_of_mass=center)
+
+
+def forbidden(*arguments: object, **options: object) -> None:
+    raise AssertionError("this was not asked for")
+
+
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any, str], list[tuple[Any, ...]]]:
+    """Replaces a function of a module or class by itself, and lists the arguments of its calls."""
+
+    def count(owner: Any, name: str) -> list[tuple[Any, ...]]:
+        calls: list[tuple[Any, ...]] = []
+        original = getattr(owner, name)
+
+        def spy(*arguments: Any, **options: Any) -> Any:
+            calls.append(arguments)
+            return original(*arguments, **options)
+
+        monkeypatch.setattr(owner, name, spy)
+        return calls
+
+    return count
+
+
+# A query.
+
+
+@pytest.mark.parametrize("suffix", ["obj", "stl", "off", "ply", "glb", "3mf"])
+def test_a_query_loads_nothing_heavy(tmp_path: Path, suffix: str) -> None:
+    trimesh.creation.box().export(tmp_path / f"box.{suffix}")
+    loaded = modules_after(["rest", f"box.{suffix}", "--json"], tmp_path)
+    heavy = {"torch", "manifold3d", "matplotlib", "pydantic", "fontTools", "mpmath", "tqdm"}
+    if suffix in ("obj", "stl", "off"):
+        heavy |= {"trimesh", "lxml"}
+    assert loaded & (heavy | SOLVERS) == set()
+    floors = {name.split(".")[1] for name in loaded if name.startswith("dicedesign.")}
+    assert floors & {"design", "fabricate", "show", "recipe", "pipeline", "concave"} == set()
+
+
+def test_a_query_in_python_loads_nothing_heavy(repository: Path) -> None:
+    code = (
+        "import sys, numpy, dicedesign; "
+        "dicedesign.rest_poses(numpy.random.default_rng(0).normal(size=(9, 3))); "
+        "print(sorted({'torch', 'manifold3d', 'matplotlib', 'trimesh'} & set(sys.modules)))"
+    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=repository)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "[]\n", "")
+
+
+def test_the_figure_of_a_query_loads_what_draws_it_and_no_more(tmp_path: Path) -> None:
+    trimesh.creation.box().export(tmp_path / "box.stl")
+    loaded = modules_after(["rest", "box.stl", "--figure", "map.png"], tmp_path)
+    assert {"matplotlib", "dicedesign.show.gauss_map"} <= loaded
+    others = {"bars", "convergence", "views", "render", "report"}
+    assert loaded & {f"dicedesign.show.{name}" for name in others} == set()
+    assert loaded & {"torch", "manifold3d", "trimesh", "matplotlib.pyplot"} == set()
+
+
+def test_saddles_that_divide_nothing_are_not_traced(
+    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+) -> None:
+    """Which they are is told by bodies that are let go on both sides of each saddle and rolled."""
+    hull = blade(40, 100)
+    equilibria = classify(hull, np.zeros(3))
+    saddles = np.flatnonzero(equilibria.saddle & (np.arange(len(hull.tail)) < hull.twin))
+    sides = np.stack([hull.facet[saddles], hull.facet[hull.twin[saddles]]], axis=1)
+    ends = np.array([[roll(equilibria, hull.normals[f])[-1].down for f in pair] for pair in sides])
+    apart = np.abs(ends[:, 0] - ends[:, 1]).max(axis=1) > 1e-9
+    assert 10 < apart.sum() < len(saddles) - 10
+    calls = counted(morse, "ascend")
+    separatrices(equilibria)
+    assert len(calls) == 1
+    np.testing.assert_array_equal(calls[0][1], np.repeat(saddles[apart], 2))
+
+
+def test_a_body_with_one_rest_has_nothing_rolled_or_traced(
+    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+) -> None:
+    works = [counted(morse, "destined_facets"), counted(morse, "ascend")]
+    body = weighted_sphere()
+    assert rest_poses(body.points, body.center).probabilities.tolist() == [1.0]
+    for calls in works:
+        assert calls
+        for equilibria, elements, *_ in calls:
+            assert equilibria.saddle.any()
+            assert len(elements) == 0
+
+
+def test_exact_arithmetic_is_for_what_rounding_leaves_open(
+    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+) -> None:
+    calls = [counted(ExactSigns, name) for name in ("growth", "side", "ascend", "descend")]
+    rest_poses(np.random.default_rng(5).normal(size=(200, 3)))
+    assert not any(calls)
+    # A block that widens upward, its center of mass straight above an edge of its foot.
+    foot = np.array([(x, y, 0.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
+    block = convex_hull(np.concatenate([foot, 2.0 * foot + [0.0, 0.0, 2.0]]))
+    separatrices(classify(block, [1.0, 0.0, 1.0]))
+    assert any(calls)
+
+
+# A design.
+
+
+@pytest.mark.parametrize("term", TERMS)
+def test_a_term_without_weight_is_not_called(monkeypatch: pytest.MonkeyPatch, term: str) -> None:
+    monkeypatch.setattr(energy, f"{term}_energy", forbidden)
+    result = descend(weights=EnergyWeights(**{term: 0.0}))
+    assert term not in result.terms
+    assert len(result.history) == 5
+    with pytest.raises(AssertionError, match="not asked for"):
+        descend(weights=EnergyWeights(**{term: 0.1}))
+
+
+def test_shaping_terms_are_not_called_once_they_have_given_way(
+    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+) -> None:
+    calls = {name: counted(energy, f"{name}_energy") for name in ("dice", "neighbor")}
+    result = descend(steps=120, relaxation=1e-6)
+    gone = [step.step for step in result.history if "neighbor" not in step.terms]
+    assert gone
+    # The last one is for the report, with the weights that were asked for.
+    assert 0 < len(calls["neighbor"]) < len(calls["dice"]) - len(gone)
+
+
+def test_a_fixed_center_of_mass_takes_no_mass_gradient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(differentiable, "hull_centroid", forbidden)
+    following = []
+    original = Objective.evaluate
+
+    def spy(self: Objective, parameters: np.ndarray, directions: np.ndarray) -> Evaluation:
+        evaluation = original(self, parameters, directions)
+        following.append(evaluation.rests.center.requires_grad)
+        return evaluation
+
+    monkeypatch.setattr(Objective, "evaluate", spy)
+    result = descend(center_of_mass=np.array([0.01, 0.0, 0.02]))
+    assert len(result.history) == 5
+    assert following
+    assert not any(following)
+    with pytest.raises(AssertionError, match="not asked for"):
+        descend()
+
+
+@pytest.mark.parametrize("coordinates", ["facets", "vertices"])
+def test_without_sobolev_there_is_no_laplacian_and_no_factor(
+    monkeypatch: pytest.MonkeyPatch, coordinates: str
+) -> None:
+    for name in ("csc_array", "splu"):
+        monkeypatch.setattr(sobolev, name, forbidden)
+    assert len(descend(coordinates=coordinates).history) == 5
+    with pytest.raises(AssertionError, match="not asked for"):
+        descend(coordinates="vertices", sobolev=SobolevOptions())
+
+
+def test_the_sobolev_factor_lasts_as_long_as_the_edges(
+    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+) -> None:
+    factors = counted(sobolev, "splu")
+    searches = counted(LineSearch, "search")
+    points = large(30).points
+    start = Start(points, rest_poses(points).normals[:4])
+    options = DescentOptions(
+        "vertices", sobolev=SobolevOptions(), stopping=Stopping(1e-9, steps=40)
+    )
+    descend_to_target(start, np.full(4, 0.25), options)
+    edges = []
+    for _, at, _ in searches:
+        hull = at.rests.hull
+        edges.append(frozenset(zip(hull.tail.tolist(), hull.head.tolist(), strict=True)))
+    changes = sum(edges[i] != edges[i - 1] for i in range(1, len(edges)))
+    assert 0 < changes < len(edges) - 5
+    assert len(factors) == 1 + changes
+
+
+def test_rejected_trials_have_no_gradient(
+    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+) -> None:
+    gradients = counted(torch.autograd, "grad")
+    evaluations = counted(Objective, "evaluate")
+    searches = counted(LineSearch, "search")
+    result = descend(steps=60)
+    assert len(evaluations) == result.evaluations
+    assert len(gradients) <= len(searches)
+    assert len(evaluations) > len(searches) + 5
+
+
+# A recipe.
+
+PLAIN = "name: d4\nseed: 1\ntarget: {fair: 4}\nstart: {repulsion: {}}\nengrave: false\n"
+
+
+def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -> None:
+    (tmp_path / "d4.yaml").write_text(PLAIN)
+    loaded = modules_after(["run", "d4.yaml", "--out", "d4"], tmp_path)
+    assert {"torch", "matplotlib", "dicedesign.pipeline"} <= loaded
+    # Matplotlib itself takes a table of glyph names from fontTools.
+    others = {"manifold3d", "trimesh", "lxml", "fontTools.ttLib", "mpmath", "matplotlib.pyplot"}
+    assert loaded & (others | SOLVERS) == set()
+    own = {name for name in loaded if name.startswith("dicedesign.")}
+    assert not any(name.startswith("dicedesign.concave") for name in own)
+    assert (
+        own & {f"dicedesign.fabricate.{name}" for name in ("engrave", "glyphs", "layout")} == set()
+    )
+    stages = json.loads((tmp_path / "d4" / "result.json").read_text())["stages"]
+    assert [stage["name"] for stage in stages] == [
+        "start", "design", "export", "summary", "figures", "report",
+    ]  # fmt: skip
+    assert all(stage["seconds"] >= 0.0 for stage in stages)
+    assert all(50.0 < stage["peak_mb"] < 5000.0 for stage in stages)
