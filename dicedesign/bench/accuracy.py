@@ -1,0 +1,206 @@
+"""Error of resting probabilities over the time they take, by this model and by other methods."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.bench.heuristics import (
+    TrimeshError,
+    matched,
+    solid_angle_probabilities,
+    trimesh_poses,
+)
+from dicedesign.bench.precision import evaluated_probabilities
+from dicedesign.bench.sampled import lattice_directions, random_directions, sampled_probabilities
+from dicedesign.bench.subjects import Subject
+from dicedesign.rest.poses import rest_poses
+from dicedesign.rest.probabilities import find_basins
+
+__all__ = [
+    "FLOAT32",
+    "FLOAT64",
+    "LATTICE",
+    "MONTE_CARLO",
+    "SEED",
+    "SOLID_ANGLES",
+    "SPREAD",
+    "TRIMESH",
+    "TRIMESH_SPREAD",
+    "Answer",
+    "answers",
+]
+
+Floats = NDArray[np.float64]
+
+FLOAT64: Final = "this model, float64"
+FLOAT32: Final = "this model, float32"
+MONTE_CARLO: Final = "traced random directions"
+LATTICE: Final = "traced lattice directions"
+SOLID_ANGLES: Final = "solid angles of facets"
+TRIMESH: Final = "trimesh, exact center"
+TRIMESH_SPREAD: Final = "trimesh, spread centers"
+"""trimesh's stable poses for the center of mass, and for several drawn around it."""
+
+DIRECTIONS: Final = (100, 1000, 10_000, 100_000, 1_000_000)
+"""How many directions are traced."""
+
+CENTERS: Final = (10, 100, 1000)
+"""How many centers of mass trimesh draws."""
+
+SPREAD: Final = 0.01
+"""Spread of these centers along each axis, in units of half the body's largest extent."""
+
+SAME_NORMAL: Final = np.radians(3.0)
+"""A rest that trimesh finds belongs to the hull's nearest facet, if that is turned by no more."""
+
+SEED: Final = 0
+"""Of random directions, of the lattice's orientation and of trimesh's centers of mass."""
+
+REPETITIONS: Final = 40
+"""Run times are medians of so many runs, or of as many as fit into `REPEAT_SECONDS`."""
+
+REPEAT_SECONDS: Final = 0.5
+
+SECONDS_PER_FACET: Final = {SOLID_ANGLES: 1e-3, TRIMESH: 2e-4}
+"""What a method may take for each facet of a dense hull on a common machine, roughly; solid angles
+mostly where facets are so small that rolling off them is decided in exact arithmetic."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One method's answer.
+
+    Attributes
+    ----------
+    method: one of this module's names.
+    samples: directions or centers of mass; None for methods that take none.
+    seconds: from the points and the center of mass to the probabilities, hull included; None where
+        there is no answer.
+    error: largest error of a facet's probability; None where there is none or it is not known.
+    note: why not.
+    """
+
+    method: str
+    samples: int | None = None
+    seconds: float | None = None
+    error: float | None = None
+    note: str = ""
+
+
+def answers(subject: Subject, *, most_directions: int, seconds: float) -> Iterator[Answer]:
+    """The answers of all methods.
+
+    most_directions: tracing takes no more.
+    seconds: an answer that is expected to take longer is left out, and says so.
+    """
+    yield from _model(subject)
+    counts = [count for count in DIRECTIONS if count <= most_directions]
+    ways = ((MONTE_CARLO, random_directions), (LATTICE, lattice_directions))
+    base = timed(lambda: _traced(subject, lattice_directions, 1))[1]
+    for method, directions in ways:
+        trace = partial(_traced, subject, directions)
+        yield from _growing(subject, method, counts, trace, seconds, base, 0.0)
+    yield _solid_angles(subject, seconds)
+    each = SECONDS_PER_FACET[TRIMESH] * len(subject.hull.normals)
+    alone = partial(_trimesh, subject, 0.0)
+    for answer in _growing(subject, TRIMESH, (1,), alone, seconds, 0.0, each):
+        yield answer
+        if answer.seconds is None:
+            return
+        each = answer.seconds
+    half_extent = float(np.ptp(subject.hull.vertices, axis=0).max()) / 2.0
+    spread = partial(_trimesh, subject, (SPREAD * half_extent) ** 2)
+    yield from _growing(subject, TRIMESH_SPREAD, CENTERS, spread, seconds, 0.0, each)
+
+
+def timed(run: Callable[[], Any]) -> tuple[Any, float]:
+    """What a call returns, and the median of its seconds in a few runs."""
+    taken: list[float] = []
+    while len(taken) < REPETITIONS and sum(taken) < REPEAT_SECONDS:
+        started = time.perf_counter()
+        result = run()
+        taken.append(time.perf_counter() - started)
+    return result, float(np.median(taken))
+
+
+def _model(subject: Subject) -> Iterator[Answer]:
+    """This model as it is, and with its coordinates in float32: the same run, of which only the
+    evaluation is exchanged."""
+    poses, seconds = timed(lambda: rest_poses(subject.body, subject.center))
+    shares = np.zeros(len(subject.hull.normals))
+    shares[poses.facets] = poses.probabilities
+    if subject.oracle:
+        yield Answer(FLOAT64, None, seconds, subject.error(shares))
+    else:
+        yield Answer(FLOAT64, None, seconds, None, "taken as exact")
+    sides = find_basins(subject.hull, subject.center)
+    evaluate = partial(evaluated_probabilities, subject.hull, sides)
+    _, double = timed(lambda: evaluate(np.float64))
+    shares, single = timed(lambda: evaluate(np.float32))
+    yield Answer(FLOAT32, None, seconds - double + single, subject.error(shares))
+
+
+def _growing(
+    subject: Subject,
+    method: str,
+    counts: Sequence[int],
+    ask: Callable[[int], tuple[Floats, float]],
+    limit: float,
+    base: float,
+    each: float,
+) -> Iterator[Answer]:
+    """Answers with growing sample counts, until one is expected to take too long. At first base is
+    expected for all samples together and each for each of them; then as the last answers took."""
+    taken, done = base, 0
+    for count in counts:
+        expected = taken + each * (count - done)
+        if expected > limit:
+            yield _left_out(method, count, expected)
+            continue
+        before = taken
+        try:
+            (shares, lost), taken = timed(partial(ask, count))
+        except TrimeshError as error:
+            yield Answer(method, count, note=f"failed: {error}")
+            return
+        each, done = max(taken - before, 0.0) / (count - done), count
+        yield Answer(method, count, taken, max(subject.error(shares), lost))
+
+
+def _solid_angles(subject: Subject, limit: float) -> Answer:
+    expected = SECONDS_PER_FACET[SOLID_ANGLES] * len(subject.hull.normals)
+    if expected > limit:
+        return _left_out(SOLID_ANGLES, None, expected)
+    shares, taken = timed(lambda: solid_angle_probabilities(subject.classified()))
+    return Answer(SOLID_ANGLES, None, taken, subject.error(shares))
+
+
+def _left_out(method: str, samples: int | None, expected: float) -> Answer:
+    return Answer(method, samples, note=f"left out, some {expected:.0f} s expected")
+
+
+def _traced(
+    subject: Subject, directions: Callable[[int, int], Floats], count: int
+) -> tuple[Floats, float]:
+    return sampled_probabilities(subject.classified(), directions(count, SEED)), 0.0
+
+
+def _trimesh(subject: Subject, variance: float, samples: int) -> tuple[Floats, float]:
+    hull = subject.hull
+    triangles = hull.source[hull.triangles]
+    normals, shares = trimesh_poses(
+        subject.body.points,
+        triangles,
+        subject.center,
+        variance=variance,
+        samples=samples,
+        seed=SEED,
+    )
+    return matched(hull, normals, shares, SAME_NORMAL)

@@ -1,0 +1,97 @@
+"""What others take for resting probabilities: solid angles of facets, and trimesh's stable poses.
+
+Both let a body that falls towards a facet land on it, however it would roll on the way. That is
+right where every facet, edge and corner carries an equilibrium, and wrong elsewhere.
+"""
+
+from __future__ import annotations
+
+import inspect
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.sphere import signed_solid_angle
+from dicedesign.rest.equilibria import Equilibria
+from dicedesign.rest.tracing import destined_facets
+
+__all__ = ["TrimeshError", "matched", "solid_angle_probabilities", "trimesh_poses"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class TrimeshError(RuntimeError):
+    """trimesh gave no answer; the message is its own."""
+
+
+def solid_angle_probabilities(equilibria: Equilibria) -> Floats:
+    """Share of the solid angle (m,) that each facet covers as seen from the center of mass, passed
+    on to the facet on which a body comes to rest that is let go on it."""
+    hull = equilibria.hull
+    corners = equilibria.radii[hull.triangles]
+    angles = signed_solid_angle(corners[:, 0], corners[:, 1], corners[:, 2], np)
+    facets = np.arange(len(hull.normals))
+    owner = np.repeat(facets, np.diff(hull.facet_start) - 2)
+    shares = _gathered(owner, angles / (4.0 * np.pi), len(facets))
+    return _gathered(destined_facets(equilibria, facets), shares, len(facets))
+
+
+def trimesh_poses(
+    points: Floats, triangles: Integers, center: Floats, *, variance: float, samples: int, seed: int
+) -> tuple[Floats, Floats]:
+    """Rests and their probabilities by `trimesh.poses.compute_stable_poses`.
+
+    It draws centers of mass from a normal distribution, leaves out those outside of the hull, and
+    takes the mean over them of the facets' solid angles, passed on by toppling over edges.
+
+    points: (n, 3); triangles: (t, 3) into them; center: (3,) mean center of mass; variance: its
+    `sigma`, the square of the spread along each axis, in squared length units; samples: how many
+    centers of mass; seed: of these, where the installed trimesh takes one.
+    Returns (k, 3) normals that point down and (k,) probabilities.
+
+    Raises
+    ------
+    TrimeshError: trimesh raised an error or gave something else than numbers.
+    """
+    import trimesh
+
+    compute = trimesh.poses.compute_stable_poses
+    options: dict[str, Any] = {"sigma": variance, "n_samples": samples}
+    if "seed" in inspect.signature(compute).parameters:
+        options["seed"] = seed
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            mesh = trimesh.Trimesh(points, triangles, process=False)
+            transforms, shares = compute(mesh, center_mass=center, **options)
+        except Exception as error:  # whatever its algorithm runs into
+            raise TrimeshError(f"{type(error).__name__}: {error}") from error
+    if not np.isfinite(shares).all():
+        raise TrimeshError("probabilities that are not numbers")
+    return -np.asarray(transforms)[:, 2, :3], np.asarray(shares)
+
+
+def matched(
+    hull: ConvexHull, normals: Floats, shares: Floats, angle: float
+) -> tuple[Floats, float]:
+    """Shares (k,) of rests with normals (k, 3), put on the facets with the nearest normals.
+
+    angle: largest one in radians between two normals that count as the same.
+    Returns (m,), and the largest share that found no facet.
+    """
+    distances, nearest = cKDTree(hull.normals).query(normals)
+    near = distances <= 2.0 * np.sin(angle / 2.0)
+    found = _gathered(nearest[near], shares[near], len(hull.normals))
+    return found, float(shares[~near].max(initial=0.0))
+
+
+def _gathered(places: Integers, values: Floats, count: int) -> Floats:
+    """(count,) sums of the values (k,) at each of the places (k,)."""
+    sums = np.zeros(count)
+    np.add.at(sums, places, values)
+    return sums

@@ -1,0 +1,29 @@
+"""What a measurement was made on, without names of users or folders."""
+
+from __future__ import annotations
+
+import os
+import platform
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+
+__all__ = ["machine_description"]
+
+
+def machine_description(*packages: str) -> dict[str, str]:
+    """The date (UTC), the machine, and the versions of Python and of packages.
+
+    packages: distribution names; those that are not installed are left out.
+    """
+    cores = os.cpu_count() or 1
+    described = {
+        "date": datetime.now(UTC).date().isoformat(),
+        "machine": f"{platform.system()} {platform.machine()}, {cores} cores",
+        "python": platform.python_version(),
+    }
+    for package in packages:
+        try:
+            described[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return described

@@ -1,0 +1,152 @@
+"""`dicedesign bench accuracy`: error of the probabilities over run time, by several methods."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dicedesign.errors import InputError, OutputError
+
+if TYPE_CHECKING:
+    from dicedesign.bench.accuracy import Answer
+    from dicedesign.bench.subjects import Subject
+    from dicedesign.geometry.body import Body
+
+__all__ = ["add_parser"]
+
+METHOD_WIDTH = 27
+
+
+def add_parser(benches: Any) -> None:
+    """Add the bench to argparse's `benches`."""
+    parser = benches.add_parser(
+        "accuracy",
+        help="error against run time, by this model and others",
+        description="Compare the errors of resting probabilities and the times they take: this "
+        "model in float64 and float32, traced directions, trimesh's stable poses, and solid angles "
+        "of facets. Errors are largest differences of a facet's probability from 60-digit "
+        "arithmetic, or for large hulls from this model in float64.",
+    )
+    parser.add_argument(
+        "meshes", nargs="*", type=Path, metavar="MESH", help="STL, OBJ, PLY, OFF, GLB, XYZ, ..."
+    )
+    parser.add_argument(
+        "--samples",
+        type=int,
+        default=10**6,
+        metavar="N",
+        help="trace at most N directions (default: 1000000)",
+    )
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        default=20.0,
+        metavar="S",
+        help="leave out answers that are expected to take more than S seconds (default: 20)",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("outputs/bench"),
+        metavar="DIR",
+        help="folder for accuracy.png and accuracy.json (default: outputs/bench)",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
+    parser.set_defaults(command=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    from dicedesign.bench.accuracy import answers
+    from dicedesign.bench.accuracy_report import Result, accuracy_figure, accuracy_record
+    from dicedesign.bench.subjects import make_subject
+    from dicedesign.files import atomic_write
+    from dicedesign.show.png import png_bytes
+
+    _check(options)
+    bodies = _bodies(options.meshes)
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"--out: expected a folder that can be made, got {str(options.out)!r} "
+            f"({error.strerror}); choose another"
+        ) from error
+    subjects = [make_subject(name, body) for name, body in bodies]
+    results = []
+    with tqdm(file=sys.stderr, disable=not sys.stderr.isatty(), unit=" answers") as bar:
+
+        def show(line: str) -> None:
+            if not options.json:
+                with tqdm.external_write_mode(sys.stdout):
+                    print(line, flush=True)
+
+        for subject in subjects:
+            bar.set_description_str(subject.name)
+            show(_heading(subject))
+            found = []
+            for answer in answers(
+                subject, most_directions=options.samples, seconds=options.seconds
+            ):
+                bar.update()
+                found.append(answer)
+                show(_row(answer))
+            show("")
+            results.append(Result(subject, found))
+    text = json.dumps(accuracy_record(results), indent=1, allow_nan=False)
+    figure, record = options.out / "accuracy.png", options.out / "accuracy.json"
+    atomic_write(figure, png_bytes(accuracy_figure(results)))
+    atomic_write(record, f"{text}\n".encode())
+    if options.json:
+        print(text)
+    print(f"wrote {figure} and {record}", file=sys.stderr if options.json else sys.stdout)
+    return 0
+
+
+def _check(options: argparse.Namespace) -> None:
+    from dicedesign.bench.accuracy import DIRECTIONS
+
+    if options.samples < DIRECTIONS[0]:
+        raise InputError(
+            f"--samples: expected at least {DIRECTIONS[0]}, got {options.samples}; give more"
+        )
+    if not options.seconds > 0.0:
+        raise InputError(
+            f"--seconds: expected a positive number, got {options.seconds:g}; give more"
+        )
+
+
+def _bodies(meshes: list[Path]) -> list[tuple[str, Body]]:
+    """The bodies in the files, named without their folders, or the built-in ones."""
+    from dicedesign.bench.subjects import built_in_bodies
+    from dicedesign.geometry.mesh_file import read_body
+
+    if not meshes:
+        return list(built_in_bodies())
+    return [(mesh.name, read_body(mesh)) for mesh in meshes]
+
+
+def _heading(subject: Subject) -> str:
+    reference = "60-digit arithmetic" if subject.oracle else "this model in float64"
+    lines = [
+        f"{subject.name}: {len(subject.hull.normals)} facets, {subject.rests} rests; errors "
+        f"against {reference}"
+    ]
+    if subject.tied:
+        lines.append(
+            "the body balances somewhere: this model takes the mean to both sides, the other "
+            "methods none"
+        )
+    return "\n".join([*lines, f"{'method':<{METHOD_WIDTH}}{'samples':>9}{'s':>12}{'error':>10}"])
+
+
+def _row(answer: Answer) -> str:
+    samples = "" if answer.samples is None else str(answer.samples)
+    seconds = "-" if answer.seconds is None else f"{answer.seconds:.5f}"
+    error = "-" if answer.error is None else f"{answer.error:.1e}"
+    row = f"{answer.method:<{METHOD_WIDTH}}{samples:>9}{seconds:>12}{error:>10}  {answer.note}"
+    return row.rstrip()

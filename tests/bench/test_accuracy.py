@@ -1,0 +1,343 @@
+"""The methods that the accuracy bench compares, and what it writes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from dicedesign.bench import accuracy, subjects
+from dicedesign.bench.accuracy import (
+    DIRECTIONS,
+    FLOAT32,
+    FLOAT64,
+    LATTICE,
+    MONTE_CARLO,
+    SOLID_ANGLES,
+    TRIMESH,
+    TRIMESH_SPREAD,
+    answers,
+)
+from dicedesign.bench.accuracy_report import Result, accuracy_figure, accuracy_record
+from dicedesign.bench.heuristics import matched, solid_angle_probabilities, trimesh_poses
+from dicedesign.bench.monostatic import conway_guy
+from dicedesign.bench.precision import evaluated_probabilities
+from dicedesign.bench.problem import Problem
+from dicedesign.bench.sampled import lattice_directions, random_directions, sampled_probabilities
+from dicedesign.bench.sixty_digits import OracleError
+from dicedesign.bench.solids import box, platonic, prism
+from dicedesign.bench.stiff import placed, random_body
+from dicedesign.bench.subjects import Subject, built_in_bodies, make_subject
+from dicedesign.cli import main
+from dicedesign.geometry.body import make_body
+from dicedesign.geometry.hull import convex_hull
+from dicedesign.rest.equilibria import Equilibria, classify
+from dicedesign.rest.probabilities import find_basins
+
+
+def classified(problem: Problem) -> Equilibria:
+    hull = convex_hull(problem.points)
+    return classify(hull, hull.centroid if problem.center is None else problem.center)
+
+
+def subject_of(problem: Problem, *, oracle_facets: int = 2000) -> Subject:
+    return make_subject("body", make_body(problem.points), oracle_facets=oracle_facets)
+
+
+@pytest.mark.parametrize("make", [random_directions, lattice_directions])
+def test_directions_are_even(make) -> None:
+    directions = make(20_000, 3)
+    np.testing.assert_allclose((directions**2).sum(-1), 1.0, rtol=1e-14)
+    assert len(np.unique(directions, axis=0)) == 20_000
+    # Means of 1, x and x x^T over the sphere, within five standard errors of random ones.
+    assert np.abs(directions.mean(axis=0)).max() < 5.0 * np.sqrt(1.0 / 3.0 / 20_000)
+    second = directions.T @ directions / 20_000
+    assert np.abs(second - np.eye(3) / 3.0).max() < 5.0 * np.sqrt(4.0 / 45.0 / 20_000)
+    np.testing.assert_array_equal(directions, make(20_000, 3))
+    assert not np.array_equal(directions, make(20_000, 4))
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [box(1.0, 2.0, 3.0), platonic("tetrahedron"), prism(5)],
+    ids=["box", "tetrahedron", "prism"],
+)
+def test_tracing_converges_to_closed_forms(problem: Problem) -> None:
+    assert problem.shares is not None
+    expected = np.sort(problem.shares)
+    elements = classified(problem)
+    for count, limit in ((1000, 1e-2), (100_000, 5e-4)):
+        found = sampled_probabilities(elements, lattice_directions(count, 1))
+        assert np.abs(np.sort(found) - expected).max() < limit
+        found = sampled_probabilities(elements, random_directions(count, 1))
+        deviation = np.sqrt(expected * (1.0 - expected) / count)
+        assert (np.abs(np.sort(found) - expected) < 5.0 * deviation).all()
+        assert abs(found.sum() - 1.0) < 1e-12
+
+
+def test_random_directions_err_as_statistics_say() -> None:
+    subject = subject_of(random_body(0, 20))
+    exact = np.array([float(p) for p in subject.exact])
+    elements = classify(subject.hull, subject.center)
+    found = np.array(
+        [sampled_probabilities(elements, random_directions(2000, s)) for s in range(20)]
+    )
+    rests = exact > 0.0
+    assert (found[:, ~rests] == 0.0).all()
+    scores = (found - exact)[:, rests] / np.sqrt(exact * (1.0 - exact) / 2000.0)[rests]
+    assert 0.8 < np.sqrt((scores**2).mean()) < 1.2
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_lattice_beats_random_directions(seed: int) -> None:
+    subject = subject_of(random_body(seed, 20))
+    elements = classify(subject.hull, subject.center)
+    errors = [
+        subject.error(sampled_probabilities(elements, make(10_000, 0)))
+        for make in (lattice_directions, random_directions)
+    ]
+    assert errors[0] < errors[1] / 2.0
+
+
+def test_chunks_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
+    elements, down = classified(random_body(1)), random_directions(1000, 5)
+    whole = sampled_probabilities(elements, down)
+    monkeypatch.setattr("dicedesign.bench.sampled.MOST_HEIGHTS", 99 * len(elements.radii))
+    np.testing.assert_array_equal(sampled_probabilities(elements, down), whole)
+
+
+def test_solid_angles_of_a_box_seen_from_off_its_middle() -> None:
+    center = np.array([0.2, -0.3, 0.1])
+    hull = convex_hull(box(1.0, 2.0, 3.0).points)
+    found = solid_angle_probabilities(classify(hull, center))
+    half = np.array([0.5, 1.0, 1.5])
+    for normal, share in zip(hull.normals, found, strict=True):
+        axis, sign = int(np.argmax(np.abs(normal))), normal[np.argmax(np.abs(normal))]
+        height = half[axis] - sign * center[axis]
+        first, second = np.delete(np.arange(3), axis)
+        angle = 0.0
+        for a in (half[first] - center[first], half[first] + center[first]):
+            for b in (half[second] - center[second], half[second] + center[second]):
+                angle += np.arctan(a * b / (height * np.sqrt(a * a + b * b + height * height)))
+        assert abs(share - angle / (4.0 * np.pi)) < 1e-15
+
+
+def test_solid_angles_are_exact_where_all_elements_carry_equilibria() -> None:
+    name, body = next(built_in_bodies())
+    subject = make_subject(name, body)
+    elements = classify(subject.hull, subject.center)
+    assert elements.stable.all()
+    assert elements.saddle.all()
+    assert elements.maximum.all()
+    assert subject.error(solid_angle_probabilities(elements)) < 1e-15
+
+
+def test_trimesh_passes_solid_angles_on_as_we_do() -> None:
+    subject = subject_of(random_body(0, 20))
+    hull = subject.hull
+    normals, shares = trimesh_poses(
+        hull.vertices, hull.triangles, subject.center, variance=0.0, samples=1, seed=0
+    )
+    found, lost = matched(hull, normals, shares, 1e-6)
+    assert lost == 0.0
+    ours = solid_angle_probabilities(classify(hull, subject.center))
+    np.testing.assert_allclose(found, ours, atol=1e-12)
+    assert subject.error(ours) > 1e-3
+
+
+@pytest.mark.parametrize("name", ["cube", "dodecahedron", "icosahedron"])
+def test_trimesh_agrees_on_regular_solids(name: str) -> None:
+    subject = subject_of(platonic(name))
+    found = {a.method: a.error for a in answers(subject, most_directions=0, seconds=0.05)}
+    for method in (TRIMESH, SOLID_ANGLES, FLOAT64):
+        assert found[method] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_rests_without_a_facet_are_lost() -> None:
+    hull = convex_hull(box(1.0, 1.0, 1.0).points)
+    normals = np.array([[1.0, 0.0, 0.0], [1.0, 0.01, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    normals /= np.sqrt((normals**2).sum(-1))[:, None]
+    found, lost = matched(hull, normals, np.array([0.3, 0.1, 0.4, 0.2]), 0.05)
+    np.testing.assert_allclose(found, hull.normals @ [0.4, 0.0, 0.2] * (hull.normals.sum(-1) > 0))
+    assert lost == 0.4
+
+
+def test_float64_evaluation_is_this_models() -> None:
+    for problem in (random_body(3), box(1.0, 2.0, 3.0), conway_guy()):
+        hull = convex_hull(problem.points)
+        center = hull.centroid if problem.center is None else problem.center
+        sides = find_basins(hull, center)
+        expected = np.zeros(len(hull.normals))
+        for side in sides:
+            expected[side.paths.rests] += side.areas / (4.0 * np.pi * len(sides))
+        found = evaluated_probabilities(hull, sides, np.float64)
+        np.testing.assert_allclose(found, expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("size", [1e-30, 1.0, 1e30])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_float32_evaluation_errs_like_float32(seed: int, size: float) -> None:
+    subject = subject_of(placed(random_body(seed, 20), size, 0.0))
+    sides = find_basins(subject.hull, subject.center)
+    error = subject.error(evaluated_probabilities(subject.hull, sides, np.float32))
+    assert 1e-9 < error < 1e-5
+
+
+def test_the_reference_is_the_oracle_for_small_hulls_only() -> None:
+    small, large = subject_of(random_body(0)), subject_of(random_body(0), oracle_facets=4)
+    assert small.oracle
+    assert not large.oracle
+    assert small.rests == large.rests
+    assert small.error(np.array(large.exact)) < 1e-14
+    found = {a.method: a for a in answers(large, most_directions=100, seconds=1e-9)}
+    assert found[FLOAT64].error is None
+    assert found[FLOAT64].note == "taken as exact"
+    assert found[FLOAT32].error is not None
+
+
+def test_a_body_the_oracle_cannot_answer_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*arguments: object) -> None:
+        raise OracleError("oracle: expected one way out of cell 1, got 2")
+
+    monkeypatch.setattr(subjects, "oracle_probabilities", fail)
+    subject = subject_of(box(1.0, 2.0, 3.0))
+    assert not subject.oracle
+    np.testing.assert_allclose(sorted(subject.exact), np.sort(box(1.0, 2.0, 3.0).shares))
+
+
+def test_a_tied_body_is_measured_on_both_sides() -> None:
+    square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    # Leans so far that its center of mass is above an edge.
+    leaning = Problem(np.concatenate([square, square + np.array([1.0, 0.0, 1.0])]))
+    subject = subject_of(leaning)
+    assert subject.tied
+    assert not subject_of(random_body(0)).tied
+    found = {a.method: a for a in answers(subject, most_directions=100, seconds=1e-9)}
+    error = found[FLOAT64].error
+    assert error is not None
+    assert error < 1e-12
+
+
+def test_what_would_take_too_long_is_left_out() -> None:
+    found = list(answers(subject_of(random_body(0)), most_directions=10**6, seconds=1e-9))
+    left_out = [answer for answer in found if answer.note.startswith("left out, some")]
+    assert [(a.method, a.samples) for a in left_out] == [
+        *[(method, count) for method in (MONTE_CARLO, LATTICE) for count in DIRECTIONS],
+        (SOLID_ANGLES, None),
+        (TRIMESH, 1),
+    ]
+    assert all(answer.seconds is None and answer.error is None for answer in left_out)
+    assert {a.method for a in found if a.error is not None} == {FLOAT64, FLOAT32}
+
+
+def test_a_failure_of_trimesh_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(mesh, center_mass=None, sigma=0.0, n_samples=1):
+        if n_samples > 1:
+            raise IndexError("no such pose")
+        return trimesh_compute(mesh, center_mass=center_mass)
+
+    trimesh_compute = trimesh.poses.compute_stable_poses
+    monkeypatch.setattr(trimesh.poses, "compute_stable_poses", fail)
+    found = list(answers(subject_of(random_body(0)), most_directions=100, seconds=5.0))
+    assert found[-2].method == TRIMESH
+    assert found[-2].note == ""
+    assert found[-1].method == TRIMESH_SPREAD
+    assert found[-1].note == "failed: IndexError: no such pose"
+    assert found[-1].error is None
+
+
+def test_the_built_in_bodies_have_oracle_answers() -> None:
+    subjects = [make_subject(name, body) for name, body in built_in_bodies()]
+    assert [subject.rests for subject in subjects] == [11, 8, 35]
+    assert all(subject.oracle for subject in subjects)
+    assert len(subjects[2].hull.vertices) == 1000
+
+
+def test_run_times_are_medians(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([0.0, 0.1, 1.0, 1.05, 2.0, 2.2, 3.0, 3.3])
+    monkeypatch.setattr(accuracy.time, "perf_counter", lambda: next(clock))
+    result, seconds = accuracy.timed(lambda: "done")
+    assert result == "done"
+    assert seconds == pytest.approx(0.15)
+
+
+def test_the_record_and_the_figure_hold_every_answer() -> None:
+    subject = replace(subject_of(random_body(0)), name="a body")
+    result = Result(subject, list(answers(subject, most_directions=1000, seconds=1.0)))
+    record = json.loads(json.dumps(accuracy_record([result]), allow_nan=False))
+    assert {"date", "machine", "python", "numpy", "trimesh"} <= set(record)
+    (body,) = record["bodies"]
+    assert body["name"] == "a body"
+    assert body["reference"] == "60-digit oracle"
+    assert body["facets"] == len(subject.hull.normals)
+    assert len(body["answers"]) == len(result.answers)
+    (axes,) = accuracy_figure([result, result]).axes[:1]
+    drawn = {line.get_label(): line for line in axes.lines}
+    for method in (FLOAT64, FLOAT32, MONTE_CARLO, LATTICE, SOLID_ANGLES, TRIMESH):
+        wanted = [(a.seconds, a.error) for a in result.answers if a.method == method]
+        np.testing.assert_allclose(np.transpose(drawn[method].get_data()), wanted)
+    expected = drawn["random directions, expected"].get_ydata()
+    np.testing.assert_allclose(expected[0] / expected[1], np.sqrt(10.0))
+
+
+def test_the_legend_keeps_its_order_where_a_panel_lacks_a_method() -> None:
+    unknown, one_rest = (
+        subject_of(random_body(0), oracle_facets=4),
+        subject_of(conway_guy()),
+    )
+    results = [
+        Result(subject, list(answers(subject, most_directions=100, seconds=0.1)))
+        for subject in (unknown, one_rest)
+    ]
+    figure = accuracy_figure(results)
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels[:3] == [FLOAT64, FLOAT32, MONTE_CARLO]
+    drawn = [{line.get_label(): len(line.get_xdata()) for line in a.lines} for a in figure.axes]
+    assert (drawn[0][FLOAT64], drawn[1][FLOAT64]) == (0, 1)
+    assert (drawn[0]["random directions, expected"], drawn[1]["random directions, expected"]) == (
+        1,
+        0,
+    )
+
+
+def test_the_command_measures_a_mesh_file(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:
+    mesh, out = tmp_path / "box.stl", tmp_path / "new" / "bench"
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(mesh)
+    options = ["--samples", "1000", "--seconds", "0.5", "--out", str(out)]
+    assert main(["bench", "accuracy", str(mesh), *options]) == 0
+    text = capsys.readouterr().out
+    assert "box.stl: 6 facets, 6 rests; errors against 60-digit arithmetic" in text
+    assert f"{MONTE_CARLO:<27}{1000:>9}" in text
+    assert f"{10_000:>9}" not in text
+    assert f"wrote {out / 'accuracy.png'} and {out / 'accuracy.json'}" in text
+    assert (out / "accuracy.png").read_bytes().startswith(b"\x89PNG")
+    assert str(tmp_path) not in (out / "accuracy.json").read_text()
+
+    assert main(["bench", "accuracy", str(mesh), *options, "--json"]) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out) == json.loads((out / "accuracy.json").read_text())
+    assert "wrote" in printed.err
+    methods = [row["method"] for row in json.loads(printed.out)["bodies"][0]["answers"]]
+    assert methods[:2] == [FLOAT64, FLOAT32]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--samples", "9"], "--samples: expected at least 100, got 9"),
+        (["--seconds", "0"], "--seconds: expected a positive number, got 0"),
+        (["--seconds", "nan"], "--seconds: expected a positive number, got nan"),
+        (["no_such.stl"], "no_such.stl: no such file"),
+        (["--out", "taken/bench"], "--out: expected a folder that can be made"),
+    ],
+)
+def test_bad_input_is_said_plainly(
+    options: list[str], message: str, tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "taken").write_text("")
+    assert main(["bench", "accuracy", *options]) == 2
+    assert message in capsys.readouterr().err
