@@ -15,7 +15,6 @@ from dicedesign.bench.solids import box, icosphere, platonic
 
 __all__ = [
     "ANTIPODE_SEEDS",
-    "conway_guy",
     "globe",
     "large",
     "lens",
@@ -31,23 +30,6 @@ Floats = NDArray[np.float64]
 
 ANTIPODE_SEEDS: Final = (5, 102, 255, 278, 463, 482, 623, 874)
 """Needles of `lopsided_needle` on which one basin holds the antipode of its own normal."""
-
-
-def conway_guy(sides: int = 17, slope: float = 12.0) -> Problem:
-    """A uniform body that rests on one of its 19 facets only.
-
-    The cross-section is a double spiral: radius cos^k(b) at the angle k b from the top, so that the
-    point nearest to the origin is the lower end of each side. Slanted ends put the center of mass
-    below the origin, and lean so far that the body tips over them.
-    Source: J. H. Conway and R. K. Guy, Stability of polyhedra, SIAM Review 11 (1969) 78-82.
-    """
-    step = 2.0 * np.pi / (sides + 1)
-    k = np.arange((sides + 1) // 2)
-    half = np.cos(step) ** k[:, None] * np.column_stack([np.sin(k * step), np.cos(k * step)])
-    outline = np.concatenate([half, half[:0:-1] * [-1.0, 1.0]])
-    reach = slope + 1.1 / slope - slope * outline[:, 1]
-    ends = [np.column_stack([outline, side * reach]) for side in (-1.0, 1.0)]
-    return Problem(np.concatenate(ends), shares=np.ones(1), rests=1)
 
 
 def weighted_sphere() -> Problem:

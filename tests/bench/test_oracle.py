@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dicedesign.bench import extremes, solids
+from dicedesign.bench import monostatic, solids
 from dicedesign.bench.measure import measure
 from dicedesign.bench.oracle import oracle_probabilities
 from dicedesign.bench.problem import Problem
@@ -44,7 +44,7 @@ def test_a_box_has_its_solid_angles(edges: tuple[float, float, float]) -> None:
 
 
 def test_one_rest_takes_all() -> None:
-    hull = convex_hull(extremes.conway_guy().points)
+    hull = convex_hull(monostatic.conway_guy().points)
     found = ask(hull, hull.centroid)
     assert np.count_nonzero(found) == 1
     assert found.sum() == 1.0

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dicedesign.bench import extremes, solids, stability, stiff
+from dicedesign.bench import solids, stability, stiff
 from dicedesign.bench.cases import stability_cases
 from dicedesign.bench.measure import measure
 from dicedesign.bench.problem import Problem, turned
@@ -23,9 +23,7 @@ CASES = stability_cases()
 
 
 def test_every_quick_case_is_ok() -> None:
-    started = time.perf_counter()
     rows = list(run_stability(quick=True))
-    assert time.perf_counter() - started < 60.0
     assert len(rows) > 250
     assert [row for row in rows if row.verdict != OK] == []
 
@@ -60,12 +58,6 @@ def test_archimedean_solids_have_equal_edges_and_corners_on_a_sphere(name: str) 
     problem = solids.archimedean(name)
     assert problem.shares is not None
     assert problem.shares.sum() == pytest.approx(1.0, abs=1e-14)
-
-
-def test_the_unistable_polyhedron_has_nineteen_facets_and_one_rest() -> None:
-    found = measure(extremes.conway_guy())
-    assert (found.facets, found.rests) == (19, 1)
-    assert found.errors["oracle"] == 0.0
 
 
 @pytest.mark.parametrize("power", [-3, -9, -13])
