@@ -1,15 +1,18 @@
-"""Bodies that carry their answers."""
+"""Bodies that carry their answers, and designs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-__all__ = ["Case", "Problem", "turned"]
+from dicedesign.design.starts import Start
+
+__all__ = ["Case", "DesignProblem", "Problem", "turned"]
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +28,7 @@ class Problem:
     triangles: (t, 3) corners of a mesh, or None for a point cloud.
     coplanar_tolerance: see `dicedesign.geometry.hull.convex_hull`.
     shares: (k,) exact probabilities in any order, where a closed form is known.
-    rests: number of rests, where it is known.
+    rests, facets: how many there are, where it is known.
     symmetries: matrices (3, 3) that map body and center of mass to themselves without rounding.
     """
 
@@ -35,7 +38,33 @@ class Problem:
     coplanar_tolerance: float | None = None
     shares: Floats | None = None
     rests: int | None = None
+    facets: int | None = None
     symmetries: tuple[Floats, ...] = ()
+
+
+@dataclass(frozen=True)
+class DesignProblem:
+    """A design that is hard on the method, and how long it may take.
+
+    Attributes
+    ----------
+    start: shape and outcome directions.
+    target: (k,) wanted probability of each direction.
+    coordinates: of the descent.
+    center_of_mass: (3,) in the coordinates of `start.points`, or None for the uniform solid.
+    tolerance: largest |p - q| wanted.
+    perturbation: of the start; 0 keeps what is stiff about it.
+    steps, seconds: limits.
+    """
+
+    start: Start
+    target: Floats
+    coordinates: Literal["facets", "vertices"] = "facets"
+    center_of_mass: Floats | None = None
+    tolerance: float = 1e-3
+    perturbation: float = 1e-3
+    steps: int = 400
+    seconds: float = 3.0
 
 
 @dataclass(frozen=True)
@@ -52,7 +81,7 @@ class Case:
     """
 
     name: str
-    build: Callable[[], Problem]
+    build: Callable[[], Problem | DesignProblem]
     turns: int = 0
     points: int = 0
     quick: bool = True

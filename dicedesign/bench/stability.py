@@ -10,7 +10,7 @@ import numpy as np
 
 from dicedesign.bench.cases import stability_cases
 from dicedesign.bench.measure import Measurement, measure
-from dicedesign.bench.problem import Case, turned
+from dicedesign.bench.problem import Case, DesignProblem, turned
 from dicedesign.bench.watchdog import CrashError, HangError, Watchdog
 
 __all__ = ["ERROR_LIMIT", "OK", "Row", "run_case", "run_stability", "verdict"]
@@ -50,6 +50,7 @@ class Row:
     seconds: longest wall-clock time of a query.
     tied: whether the center of mass was moved to both sides of a balance.
     verdict: "ok", or what went wrong.
+    ending: how a design ended; empty for other cases.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Row:
     seconds: float = 0.0
     tied: bool = False
     verdict: str = OK
+    ending: str = ""
 
 
 def run_stability(
@@ -97,22 +99,35 @@ def run_case(task: tuple[str, int]) -> Row:
     """One case by its name: as it stands for 0 turns, else in so many random orientations."""
     name, turns = task
     problem = _cases()[name].build()
+    if isinstance(problem, DesignProblem):
+        return _design_row(name, problem)
     if turns == 0:
-        return _row(name, [measure(problem)], problem.rests)
+        return _row(name, [measure(problem)], problem.rests, problem.facets)
     if problem.shares is None:
         shares = measure(problem, oracle=False).probabilities
         problem = replace(problem, shares=np.array(shares))
     found = [measure(turned(problem, seed), oracle=seed < ORACLE_TURNS) for seed in range(turns)]
-    return _row(name, found, problem.rests)
+    return _row(name, found, problem.rests, problem.facets)
+
+
+def _design_row(name: str, problem: DesignProblem) -> Row:
+    from dicedesign.bench.watched_design import watch_design
+
+    watched = watch_design(problem)
+    row = _row(name, [watched.measurement], None)
+    found = watched.faults[0] if watched.faults else row.verdict
+    return replace(row, seconds=watched.seconds, verdict=found, ending=watched.ending)
 
 
 def _cases() -> dict[str, Case]:
     return {case.name: case for case in stability_cases()}
 
 
-def _row(name: str, found: Sequence[Measurement], rests: int | None) -> Row:
+def _row(
+    name: str, found: Sequence[Measurement], rests: int | None, facets: int | None = None
+) -> Row:
     errors = [error for one in found for error in one.errors.values()]
-    verdicts = [verdict(one, rests) for one in found]
+    verdicts = [verdict(one, rests, facets) for one in found]
     return Row(
         name=name,
         size=found[0].facets,
@@ -127,11 +142,13 @@ def _row(name: str, found: Sequence[Measurement], rests: int | None) -> Row:
     )
 
 
-def verdict(found: Measurement, rests: int | None = None) -> str:
-    """ "ok", or what is wrong with a measurement whose number of rests may be known."""
+def verdict(found: Measurement, rests: int | None = None, facets: int | None = None) -> str:
+    """ "ok", or what is wrong with a measurement whose number of rests or facets may be known."""
     limit = max(ERROR_LIMIT, CONDITION_FACTOR * found.condition * float(np.finfo(np.float64).eps))
     if rests is not None and found.rests != rests:
         return f"{found.rests} rests instead of {rests}"
+    if facets is not None and found.facets != facets:
+        return f"{found.facets} facets instead of {facets}"
     if not abs(found.excess) <= ERROR_LIMIT:
         return f"sum of probabilities off by {found.excess:.1e}"
     if found.outside > OUTSIDE_LIMIT:

@@ -8,6 +8,7 @@ terms charge the largest value that one facet can have.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 import torch
@@ -18,6 +19,7 @@ from torch import Tensor
 from dicedesign.design.differentiable import RestEvaluation
 from dicedesign.errors import InputError
 from dicedesign.options import STRICT
+from dicedesign.tolerances import SAME_REST_ANGLE
 
 __all__ = [
     "Clusters",
@@ -39,6 +41,10 @@ Integers = NDArray[np.int64]
 
 LARGEST_SQUARED_DISTANCE = 4.0
 """Between two unit vectors: what a cluster without a rest is charged."""
+
+SMALLEST_MEAN: Final = 1e-3
+"""Length of the sum of a region's maxima below which it is no longer stretched to length 1: maxima
+that cancel have no mean direction, and near there the gradient would grow without bound."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +94,11 @@ class EnergyWeights:
         """The same with the barycenter and neighbor terms times a factor. Those two pull away from
         the target; the coplanar and stability terms vanish on a finished die and stay."""
         return replace(self, barycenter=self.barycenter * factor, neighbor=self.neighbor * factor)
+
+    def narrowed(self, factor: float) -> EnergyWeights:
+        """The same with the stability margin times a factor. A basin holds at least the circle of
+        that radius about its rest, so that small probabilities need small margins."""
+        return replace(self, stability_margin=self.stability_margin * factor)
 
 
 @dataclass(frozen=True)
@@ -161,7 +172,8 @@ def barycenter_energy(rests: RestEvaluation, clusters: Clusters) -> Tensor:
     outcome, peak = np.unique(np.stack([outcome, peak]), axis=1)
     zeros = torch.zeros(clusters.directions.shape, dtype=torch.float64)
     sums = zeros.index_add(0, torch.as_tensor(outcome), rests.vertex_directions(peak))
-    barycenters = sums / torch.linalg.vector_norm(sums, dim=1, keepdim=True).clamp_min(1e-300)
+    lengths = torch.linalg.vector_norm(sums, dim=1, keepdim=True)
+    barycenters = sums / lengths.clamp_min(SMALLEST_MEAN)
     bordered = np.isin(clusters.of_rest, outcome)
     own = barycenters[clusters.of_rest[bordered]]
     return energy + ((rests.rest_normals[bordered] - own) ** 2).sum()
@@ -197,17 +209,25 @@ def stability_energy(rests: RestEvaluation, clusters: Clusters, margin: float) -
     far = torch.full((len(hull.normals),), torch.inf, dtype=torch.float64)
     depth = far.scatter_reduce(0, torch.as_tensor(hull.facet), distance, "amin")
     sign = torch.full((len(hull.normals),), -1.0, dtype=torch.float64)
-    wanted = outcome_facets(hull.normals, clusters.directions)
+    wanted = outcome_facets(hull.normals, clusters.directions, depth.detach().numpy())
     sign[wanted] = 1.0
     missing = len(clusters.directions) - len(wanted)
     wall = (torch.relu(1.0 - sign * depth / margin) ** 2).sum()
     return wall + missing * (1.0 + 1.0 / margin) ** 2
 
 
-def outcome_facets(normals: Floats, directions: Floats) -> Integers:
-    """(k,) distinct facets, of normals (m, 3), that lie nearest to the directions (k, 3) as a
-    whole (least sum of cosines lost); with m < k facets, those of the m outcomes that get one."""
-    return np.asarray(linear_sum_assignment(-directions @ normals.T)[1], dtype=np.int64)
+def outcome_facets(normals: Floats, directions: Floats, depths: Floats) -> Integers:
+    """(k,) distinct facets, of normals (m, 3), that bear the outcomes of directions (k, 3).
+
+    They lie nearest to the directions as a whole (least sum of cosines lost). Of facets that all
+    lie within `SAME_REST_ANGLE` of a direction, as the parts of a facet that broke in two, the one
+    of largest depth (m,) bears it: where two are equally deep they can change places and the
+    stability energy is the same. With m < k facets, those of the m outcomes that get one.
+    """
+    cosines = directions @ normals.T
+    within = cosines > np.cos(SAME_REST_ANGLE)
+    gain = np.where(within, 3.0 + np.clip(depths, -1.0, 1.0), cosines)
+    return np.asarray(linear_sum_assignment(-gain)[1], dtype=np.int64)
 
 
 def total_energy(

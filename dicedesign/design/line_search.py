@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dicedesign.design.objective import Evaluation
 
-__all__ = ["LineSearch"]
+__all__ = ["LineSearch", "has_slope"]
 
 Floats = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ SMALLEST_GUESS: Final = 1e-8
 """Step length below which no search begins."""
 
 SMALLEST_STEP: Final = 1e-9
-"""Step length at which backtracking gives up."""
+"""Step length at which backtracking gives up, in units of a direction clipped to size 1."""
 
 LARGEST_STEP: Final = 10.0
 """Step length above which no search begins."""
@@ -29,11 +29,20 @@ LARGEST_STEP: Final = 10.0
 LARGEST_MOVE: Final = 0.1
 """Largest change of any parameter in one step."""
 
+LARGEST_SLOPE: Final = 1e100
+"""Largest entry of a gradient that counts as finite: its square must be."""
+
 SUFFICIENT_DECREASE: Final = 1e-4
-"""Part of the decrease that the slope promises which a step must achieve."""
+"""Part of the decrease that the slope promises, at most the whole energy, which a step must
+achieve."""
 
 MEMORY: Final = 5
 """Number of last energies of which the worst is the one to get below."""
+
+
+def has_slope(*directions: Floats) -> bool:
+    """Whether gradients and what was made of them are numbers that can be worked with."""
+    return all(bool((np.abs(vector) <= LARGEST_SLOPE).all()) for vector in directions)
 
 
 @dataclass
@@ -44,6 +53,10 @@ class LineSearch:
     `MEMORY` energies rather than the last one lets it work in narrow valleys. A step is taken only
     if it makes a solid, loses no outcome, and moves no parameter by more than `LARGEST_MOVE`: far
     enough away lies another solution with another set of rests.
+
+    That limit also damps a gradient that is large without meaning much: near a glancing crossing it
+    grows like the inverse of the distance from the event, and then only its direction counts. Where
+    it is no number, or beyond `LARGEST_SLOPE`, there is no step.
 
     Sources: Barzilai and Borwein, IMA J. Numer. Anal. 8, 1988; Grippo, Lampariello and Lucidi,
     SIAM J. Numer. Anal. 23, 1986.
@@ -69,7 +82,7 @@ class LineSearch:
         ascent: direction uphill, a preconditioned gradient with positive slope.
         """
         gradient, parameters = at.gradient, at.parameters
-        if not np.isfinite([gradient, ascent]).all():
+        if not has_slope(gradient, ascent):
             return None
         slope = float(gradient @ ascent)
         if slope <= 0.0:
@@ -77,11 +90,12 @@ class LineSearch:
         self._energies = [*self._energies[-(MEMORY - 1) :], at.value]
         bound = max(self._energies)
         step = self._guess(parameters, gradient, ascent)
-        step = min(step, LARGEST_MOVE / float(np.abs(ascent).max()))
-        while step > SMALLEST_STEP:
+        size = float(np.abs(ascent).max())
+        step = min(step, LARGEST_MOVE / size)
+        while step * max(1.0, size) > SMALLEST_STEP:
             self.evaluations += 1
             trial = at.objective.attempt(parameters - step * ascent, at.directions)
-            enough = bound - SUFFICIENT_DECREASE * step * slope
+            enough = bound - SUFFICIENT_DECREASE * min(step * slope, at.value)
             if trial is not None and trial.value <= enough and trial.flaws <= at.flaws:
                 self._last = (parameters, gradient, ascent, step)
                 self._steps += 1

@@ -22,6 +22,10 @@ class Status(Enum):
         "elsewhere; raise weights.stability or weights.coplanar"
     )
     NO_PROGRESS = "no step lowers the energy any further; try another start, assignment or seed"
+    NO_GRADIENT = (
+        "the energy has no finite gradient at this shape, which balances exactly; raise "
+        "method.descent.perturbation, or try another start or seed"
+    )
     STEP_LIMIT = "reached the number of steps; allow more steps"
     TIME_LIMIT = "ran out of time; allow more seconds"
 

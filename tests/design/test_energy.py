@@ -140,8 +140,7 @@ def test_equation_15_sums_over_all_facets_nearby(clustered, radius: float) -> No
 def naive_stability(rests: RestEvaluation, clusters: Clusters, margin: float) -> float:
     hull, center = rests.hull, rests.center.detach().numpy()
     radius = max(np.linalg.norm(x - center) for x in hull.vertices)
-    wanted = set(outcome_facets(hull.normals, clusters.directions).tolist())
-    energy = 0.0
+    every = []
     for f in range(len(hull.normals)):
         corners, normal = hull.polygon(f), hull.normals[f]
         foot = center + normal * (normal @ (corners[0] - center))
@@ -149,8 +148,12 @@ def naive_stability(rests: RestEvaluation, clusters: Clusters, margin: float) ->
         for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
             inward = np.cross(normal, b - a) / np.linalg.norm(b - a)
             depths.append(inward @ (foot - a) / radius)
+        every.append(min(depths))
+    wanted = set(outcome_facets(hull.normals, clusters.directions, np.array(every)).tolist())
+    energy = 0.0
+    for f, depth in enumerate(every):
         sign = 1.0 if f in wanted else -1.0
-        energy += max(0.0, 1.0 - sign * min(depths) / margin) ** 2
+        energy += max(0.0, 1.0 - sign * depth / margin) ** 2
     return energy + (1.0 + 1.0 / margin) ** 2 * (len(clusters.directions) - len(wanted))
 
 
@@ -323,7 +326,7 @@ def test_outcome_facets_are_distinct_and_near_as_a_whole(random_points, outcomes
     normals = unit(random_points(1, 8))
     directions = unit(np.random.default_rng(4).normal(size=(outcomes, 3)))
     directions[-1] = directions[0]
-    facets = outcome_facets(normals, directions)
+    facets = outcome_facets(normals, directions, np.zeros(8))
     assert facets.dtype == np.int64
     assert len(set(facets.tolist())) == outcomes
     lost = (directions * normals[facets]).sum()
@@ -336,7 +339,17 @@ def test_outcome_facets_are_distinct_and_near_as_a_whole(random_points, outcomes
 def test_outcome_facets_of_facet_normals_are_these_facets(random_points) -> None:
     normals = unit(random_points(1, 20))
     order = np.random.default_rng(0).permutation(20)[:7]
-    np.testing.assert_array_equal(outcome_facets(normals, normals[order]), order)
+    facets = outcome_facets(normals, normals[order], np.zeros(20))
+    np.testing.assert_array_equal(facets, order)
+
+
+def test_of_the_parts_of_a_broken_facet_the_deepest_bears_the_outcome() -> None:
+    parts = unit(np.array([[0.0, 0.01, 1.0], [0.0, -0.01, 1.0], [1.0, 0.0, 0.0]]))
+    up = np.array([[0.0, 0.0, 1.0]])
+    for depths, deepest in (([0.02, -0.02, 0.9], 0), ([-0.02, 0.02, 0.9], 1)):
+        assert outcome_facets(parts, up, np.array(depths)).tolist() == [deepest]
+    both = outcome_facets(parts, np.concatenate([parts[:1], parts[2:]]), np.array([-0.1, 0.1, 0.9]))
+    assert both.tolist() == [1, 2]
 
 
 def test_relaxed_weights_lose_two_terms_only() -> None:

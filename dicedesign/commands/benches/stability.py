@@ -66,7 +66,7 @@ def _table_row(row: Row) -> str:
         "-" if row.error is None else f"{row.error:.1e}",
         f"{row.condition:.1e}",
         f"{row.seconds:.4f}",
-        row.verdict + (" (tied)" if row.tied else ""),
+        row.verdict + "".join(f" ({note})" for note in ("tied" * row.tied, row.ending) if note),
     )
 
 

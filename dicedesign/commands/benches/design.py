@@ -1,0 +1,141 @@
+"""`dicedesign bench design`: every method of design on the same recipes."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dicedesign.errors import InputError, OutputError
+
+if TYPE_CHECKING:
+    from dicedesign.bench.methods import Run
+    from dicedesign.design.descent import DescentStep
+
+__all__ = ["add_parser"]
+
+EARLY = (0.1, 1.0)
+"""Seconds at which the table gives the error."""
+
+
+def add_parser(benches: Any) -> None:
+    """Add the bench to argparse's `benches`."""
+    parser = benches.add_parser(
+        "design",
+        help="error against run time, by every method of design",
+        description="Design recipes by every method and preconditioner there is, from the same "
+        "start, and compare error and dice energy over time. Errors are largest |p - q| over the "
+        "clusters of rests, the smallest so far; the last column is that of the finished die, on "
+        "which only rests near a labelled facet count. Of the energy only the dice term (eq. 12) "
+        "is compared, as the other terms have weights that differ between methods.",
+    )
+    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE", help="YAML file")
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        default=15.0,
+        metavar="S",
+        help="longest time of each run (default: 15)",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("outputs/bench"),
+        metavar="DIR",
+        help="folder for design.png and design.json (default: outputs/bench)",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser.set_defaults(command=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    import torch
+    from tqdm import tqdm
+
+    from dicedesign.bench.methods import METHODS, methods_figure, methods_record, run_method
+    from dicedesign.design_stage import make_start
+    from dicedesign.files import atomic_write
+    from dicedesign.recipe_file import read_recipe
+    from dicedesign.show.png import png_bytes
+
+    # Tensors here are far too small to share among threads.
+    torch.set_num_threads(1)
+    if not options.seconds > 0.0:
+        raise InputError(
+            f"--seconds: expected a positive number, got {options.seconds:g}; give more"
+        )
+    recipes = [read_recipe(path) for path in options.recipes]
+    starts = [make_start(recipe) for recipe in recipes]
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"--out: expected a folder that can be made, got {str(options.out)!r} "
+            f"({error.strerror}); choose another"
+        ) from error
+    runs = []
+    with tqdm(file=sys.stderr, disable=not sys.stderr.isatty(), unit=" steps") as bar:
+
+        def on_step(step: DescentStep) -> None:
+            bar.update()
+            bar.set_postfix_str(f"max |p - q| {step.error:.2e}")
+
+        if not options.json:
+            print(_heading(), flush=True)
+        for recipe, start in zip(recipes, starts, strict=True):
+            for method in METHODS:
+                bar.set_description_str(f"{recipe.name}: {method.name}")
+                runs.append(run_method(recipe, start, method, options.seconds, on_step))
+                if not options.json:
+                    with tqdm.external_write_mode(sys.stdout):
+                        print(_row(runs[-1]), flush=True)
+    text = json.dumps(methods_record(runs, options.seconds), indent=1, allow_nan=False)
+    figure, record = options.out / "design.png", options.out / "design.json"
+    atomic_write(figure, png_bytes(methods_figure(runs)))
+    atomic_write(record, f"{text}\n".encode())
+    if options.json:
+        print(text)
+    print(f"wrote {figure} and {record}", file=sys.stderr if options.json else sys.stdout)
+    return 0
+
+
+def _heading() -> str:
+    errors = (*(f"at {seconds:g} s" for seconds in EARLY), "end")
+    return _line(
+        "recipe",
+        "method",
+        "status",
+        "steps",
+        "energies",
+        "hulls",
+        "kept",
+        "s",
+        *errors,
+        "energy",
+        "die",
+    )
+
+
+def _row(run: Run) -> str:
+    return _line(
+        run.recipe,
+        run.method,
+        run.status.lower().replace("_", " "),
+        str(run.steps),
+        str(run.evaluations),
+        str(run.hulls_built),
+        str(run.hulls_reused),
+        f"{run.seconds[-1]:.2f}",
+        *(f"{run.error_after(seconds):.1e}" for seconds in EARLY),
+        f"{run.errors[-1]:.1e}",
+        f"{run.energies[-1]:.1e}",
+        f"{run.die_error:.1e}",
+    )
+
+
+def _line(recipe: str, method: str, status: str, *values: str) -> str:
+    widths = (6, 9, 7, 7, 7, 9, 9, 9, 9, 9)
+    cells = "".join(f"{value:>{width}}" for value, width in zip(values, widths, strict=True))
+    return f"{recipe:<20} {method:<30} {status:<12}{cells}"
