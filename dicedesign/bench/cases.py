@@ -1,4 +1,4 @@
-"""The suite of stiff and extreme bodies, by name."""
+"""The suite of stiff and extreme bodies and designs, by name."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Final
 
-from dicedesign.bench import extremes, solids, stiff
+from dicedesign.bench import extremes, monostatic, solids, stiff, stiff_designs
 from dicedesign.bench.problem import Case, Problem
 from dicedesign.bench.uniform import ARCHIMEDEAN, PLATONIC
 
@@ -26,7 +26,16 @@ def stability_cases() -> tuple[Case, ...]:
     """All cases, each with a name of its own."""
     return tuple(
         case
-        for family in (_symmetric, _degenerate, _balanced, _placed, _few_rests, _large, _inputs)
+        for family in (
+            _symmetric,
+            _degenerate,
+            _balanced,
+            _placed,
+            _few_rests,
+            _large,
+            _inputs,
+            stiff_designs.design_cases,
+        )
         for case in family()
     )
 
@@ -52,7 +61,7 @@ def _symmetric() -> Iterator[Case]:
 
 
 def _degenerate() -> Iterator[Case]:
-    for power in range(2, 15, 2):
+    for power in (*range(2, 15, 2), 15):
         for tolerance, how in ((None, ""), (0.0, ", tolerance 0")):
             for centered, where in ((True, ""), (False, " off center")):
                 yield Case(
@@ -119,7 +128,9 @@ def _placed_body(build: Callable[[], Problem], size: float, distance: float) -> 
 
 
 def _few_rests() -> Iterator[Case]:
-    yield Case("Conway-Guy 19-facet unistable", extremes.conway_guy, TURNS)
+    yield Case("Conway-Guy 19-facet unistable", monostatic.conway_guy, TURNS)
+    yield Case("unistable polyhedron with 18 facets", partial(monostatic.unistable, 18), TURNS)
+    yield Case("unistable polyhedron with 14 facets", partial(monostatic.unistable, 14), TURNS)
     yield Case("weighted sphere", extremes.weighted_sphere, TURNS)
     yield Case("lens", extremes.lens, TURNS)
     for seed in extremes.ANTIPODE_SEEDS:

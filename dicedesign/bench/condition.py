@@ -14,7 +14,7 @@ __all__ = ["condition"]
 
 Floats = NDArray[np.float64]
 
-STEP: Final = 1e-10
+STEP: Final = 1e-13
 """Relative size of the perturbations."""
 
 TRIALS: Final = 3

@@ -176,15 +176,16 @@ def differentiable_rest(
     Source: algorithm 3, eq. 9 and 10; section 3.1.
     """
     rests = evaluate_rests(vertices, center_of_mass)
-    hull, center = rests.hull, rests.equilibria.center_of_mass
-    sides = find_basins(hull, center)
+    center = rests.equilibria.center_of_mass
+    sides = find_basins(rests.hull, center)
+    hull = sides[0].equilibria.hull
+    corners = vertices[torch.as_tensor(hull.source)]
     of_facet = torch.zeros(len(hull.normals), dtype=torch.float64)
     for side in sides:
         moved = rests.center + torch.as_tensor(side.equilibria.center_of_mass - center)
-        beside = RestEvaluation(side.equilibria, rests.vertices, moved, side.paths)
+        beside = RestEvaluation(side.equilibria, corners, moved, side.paths)
         of_facet = of_facet.index_add(0, torch.as_tensor(side.paths.rests), beside.probabilities)
-    probabilities = of_facet / len(sides)
     # Stable, so that equal rests keep the order of their facets.
     order = np.argsort(-of_facet.detach().numpy(), kind="stable")
     facets = order[: len(np.unique(np.concatenate([side.paths.rests for side in sides])))]
-    return rests.facet_normals(facets), probabilities[torch.as_tensor(facets)]
+    return beside.facet_normals(facets), of_facet[torch.as_tensor(facets)] / len(sides)

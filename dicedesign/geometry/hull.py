@@ -18,9 +18,11 @@ from scipy.spatial.distance import cdist
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.body import as_numbers
 from dicedesign.geometry.coplanar import facet_labels
+from dicedesign.geometry.exact_hull import exact_facets
+from dicedesign.geometry.half_edges import facet_loops
+from dicedesign.geometry.integers import IntegerPoints
 from dicedesign.geometry.mass import solid_properties
 from dicedesign.geometry.qhull import hull_triangles
-from dicedesign.geometry.ragged import ragged_ranges
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.tolerances import (
@@ -28,6 +30,7 @@ from dicedesign.tolerances import (
     COPLANAR_TOLERANCE_FLOAT32,
     COPLANAR_WIDENINGS,
     FLATNESS_TOLERANCE,
+    SLIVER,
 )
 
 __all__ = ["ConvexHull", "convex_hull"]
@@ -92,7 +95,16 @@ class ConvexHull:
         """(m, 3) outward normals of length twice the facet's area, in squared length units."""
         doubled = doubled_area_vectors(self.vertices, self.triangles)
         first = self.facet_start[:-1] - 2 * np.arange(len(self.facet_start) - 1)
-        return np.add.reduceat(doubled, first, axis=0)
+        vectors = np.add.reduceat(doubled, first, axis=0)
+        extents = np.ptp(self.vertices, axis=0)
+        exact = IntegerPoints(self.vertices)
+        for facet in np.flatnonzero(norms(vectors) <= SLIVER * (extents @ extents)):
+            corners = self.polygon(int(facet))
+            longest = norms(corners - np.roll(corners, 1, axis=0)).max()
+            if norms(vectors[facet]) <= SLIVER * longest * longest:
+                start, end = self.facet_start[facet], self.facet_start[facet + 1]
+                vectors[facet] = exact.area_vector(self.tail[start:end].tolist())
+        return vectors
 
     @cached_property
     def normals(self) -> Floats:
@@ -103,6 +115,16 @@ class ConvexHull:
     def areas(self) -> Floats:
         """(m,) facet areas."""
         return 0.5 * norms(self.area_vectors)
+
+    @cached_property
+    def unevenness(self) -> float:
+        """Largest distance of two corners of one facet across its plane; 0 but for rounding where
+        all facets are flat."""
+        start = self.facet_start[:-1]
+        offsets = self.vertices[self.tail] - self.vertices[self.tail[start]][self.facet]
+        heights = (offsets * self.normals[self.facet]).sum(-1)
+        highest, lowest = np.maximum.reduceat(heights, start), np.minimum.reduceat(heights, start)
+        return float((highest - lowest).max())
 
     @cached_property
     def triangles(self) -> Integers:
@@ -136,9 +158,10 @@ def convex_hull(
     points: (n, 3) in any length unit.
     coplanar_tolerance: largest distance from a facet's plane, relative to half the extent of the
         points. Default: `COPLANAR_TOLERANCE`, or `COPLANAR_TOLERANCE_FLOAT32` for rounded points.
-        Unless it is 0, the rounding of points far from the origin is added, points nearer than that
-        to another are left out, and where the facets make no polyhedron it is widened in turn by
-        `COPLANAR_WIDENINGS`.
+        The rounding of points far from the origin is added, points nearer than that to another are
+        left out, and where the facets make no polyhedron it is widened in turn by
+        `COPLANAR_WIDENINGS`. None of this at 0: the hull is then that of the points to the last
+        bit, its facets exactly flat, its edges exactly convex (`exact_facets`).
     single_precision: the points were rounded to float32 before they came here; float32 arrays
         always count as such.
 
@@ -176,11 +199,11 @@ def convex_hull(
             "points: expected points that span a solid, got one repeated; pass distinct points"
         )
     magnitude = max(float(np.abs(lower).max()), float(np.abs(upper).max()))
-    tolerance = coplanar_tolerance
-    if coplanar_tolerance > 0.0:
-        eps = float(np.finfo(np.float32 if single else np.float64).eps)
-        tolerance += 4.0 * eps * magnitude / scale
     kept, scaled = np.arange(len(positions)), local / scale
+    if coplanar_tolerance == 0.0:
+        return _exact_hull(positions, local)
+    eps = float(np.finfo(np.float32 if single else np.float64).eps)
+    tolerance = coplanar_tolerance + 4.0 * eps * magnitude / scale
     while True:
         try:
             hull = _merged_hull(positions, kept, scaled, tolerance)
@@ -207,19 +230,36 @@ def _merged_hull(
     """Hull of the kept points, or None where its facets make no polyhedron at any tolerance."""
     triangles, neighbors = hull_triangles(scaled[kept])
     triangles = kept[triangles]
-    for factor in COPLANAR_WIDENINGS if tolerance > 0.0 else COPLANAR_WIDENINGS[:1]:
+    for factor in COPLANAR_WIDENINGS:
         labels = facet_labels(scaled, triangles, neighbors, factor * tolerance)
-        hull = _half_edges(positions, triangles, neighbors, labels)
+        hull = _polyhedron(positions, triangles, neighbors, labels)
         if hull is not None:
             return hull
     return None
+
+
+def _exact_hull(positions: Floats, local: Floats) -> ConvexHull:
+    """Hull whose facets are flat and whose edges are convex to the last bit."""
+    extents = np.abs(local).max(axis=0)
+    facets = exact_facets(positions, local / np.where(extents > 0.0, extents, 1.0))
+    hull = None if facets is None else _polyhedron(positions, *facets)
+    if hull is None:
+        raise _flat_error(local / extents.max())
+    return hull
+
+
+def _polyhedron(
+    positions: Floats, triangles: Integers, neighbors: Integers, labels: Integers
+) -> ConvexHull | None:
+    loops = facet_loops(len(positions), triangles, neighbors, labels)
+    return None if loops is None else ConvexHull(positions[loops[0]], *loops)
 
 
 def _repeated(points: Floats, kept: Integers, hull: ConvexHull, distance: float) -> Integers:
     """Kept points within a distance of a vertex of lower number, which stands for them; only those
     are looked for that make an edge so short."""
     tail, head = hull.source[hull.tail], hull.source[hull.head]
-    short = (norms(points[head] - points[tail]) <= distance) & (tail < head) & (distance > 0.0)
+    short = (norms(points[head] - points[tail]) <= distance) & (tail < head)
     if not short.any():
         return np.empty(0, dtype=np.int64)
     standing = np.setdiff1d(tail[short], head[short])
@@ -234,84 +274,10 @@ def _thickness(local: Floats) -> float:
 
 
 def _flat_error(local: Floats) -> DegenerateBodyError:
-    extents = np.linalg.svd(local, compute_uv=False)
+    extents = np.linalg.svd(local - local.mean(axis=0), compute_uv=False)
     rank = int((extents > FLATNESS_TOLERANCE * extents[0]).sum())
     where = {1: "on one line", 2: "on one plane"}.get(rank, "too close to one plane")
     return DegenerateBodyError(
         f"points: expected points that span a solid, got {len(local)} points {where}; "
         "a body needs thickness in all three directions"
     )
-
-
-def _half_edges(
-    points: Floats, triangles: Integers, neighbors: Integers, labels: Integers
-) -> ConvexHull | None:
-    """Polygonal half-edge structure of labelled triangles, or None where it is no polyhedron."""
-    border = labels[:, None] != labels[neighbors]
-    triangle, corner = np.nonzero(border)
-    tail = triangles[triangle, (corner + 1) % 3]
-    head = triangles[triangle, (corner + 2) % 3]
-    facet = labels[triangle]
-    facets = int(labels.max()) + 1
-    count = np.bincount(facet, minlength=facets)
-    if len(tail) < 12 or (count < 3).any():
-        return None
-    # The follower of a half-edge starts, in the same facet, where it ends.
-    size = np.int64(len(points))
-    key = facet * size + tail
-    order = np.argsort(key)
-    found = np.minimum(np.searchsorted(key[order], facet * size + head), len(order) - 1)
-    follower = order[found]
-    if (key[follower] != facet * size + head).any():
-        return None
-    walk = _walk_facets(facet, follower, count)
-    if walk is None:
-        return None
-    tail, facet = tail[walk], facet[walk]
-    keep = np.bincount(tail, minlength=len(points))[tail] >= 3
-    tail, facet = tail[keep], facet[keep]
-    count = np.bincount(facet, minlength=facets)
-    if (count < 3).any():
-        return None
-    facet_start = np.concatenate([[0], np.cumsum(count)])
-    source, tail = np.unique(tail, return_inverse=True)
-    facet_start, tail = _sorted_facets(facet_start, tail)
-    bare = ConvexHull(points[source], source, facet_start, tail, np.empty(0, dtype=np.int64))
-    size = np.int64(len(source))
-    forward, backward = bare.tail * size + bare.head, bare.head * size + bare.tail
-    order = np.argsort(forward)
-    found = np.minimum(np.searchsorted(forward[order], backward), len(order) - 1)
-    twin = order[found]
-    if (forward[twin] != backward).any() or len(source) - len(tail) // 2 + facets != 2:
-        return None
-    return ConvexHull(bare.vertices, source, facet_start, tail, twin)
-
-
-def _sorted_facets(facet_start: Integers, tail: Integers) -> tuple[Integers, Integers]:
-    """The same facets in the order that `ConvexHull` describes."""
-    start, count = facet_start[:-1], np.diff(facet_start)
-    owner = np.repeat(np.arange(len(count)), count)
-    first = np.lexsort((tail, owner))[start] - start
-    second = tail[start + (first + 1) % count]
-    order = np.lexsort((second, tail[start + first]))
-    facet, step = ragged_ranges(np.zeros(len(order), dtype=np.int64), count[order])
-    old = order[facet]
-    walk = start[old] + (first[old] + step) % count[old]
-    return np.concatenate([[0], np.cumsum(count[order])]), tail[walk]
-
-
-def _walk_facets(facet: Integers, follower: Integers, count: Integers) -> Integers | None:
-    """Half-edges in walking order, facet by facet, or None if a facet's border is not one loop."""
-    start = np.concatenate([[0], np.cumsum(count)])
-    current = np.empty(len(count), dtype=np.int64)
-    current[facet[::-1]] = np.arange(len(facet))[::-1]
-    first = current.copy()
-    walk = np.empty(len(facet), dtype=np.int64)
-    active = np.arange(len(count))
-    for step in range(int(count.max())):
-        if step > 0 and (current[active] == first[active]).any():
-            return None
-        walk[start[active] + step] = current[active]
-        current[active] = follower[current[active]]
-        active = active[count[active] > step + 1]
-    return walk if (current == first).all() else None

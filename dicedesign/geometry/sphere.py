@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "angle_between",
+    "foot_on_line",
     "norms",
     "oblique_projection",
     "rotation_between",
@@ -25,14 +26,25 @@ def oblique_projection(u: Any, along: Any, normal: Any) -> Any:
     """Direction of `u` moved parallel to `along` until it is perpendicular to `normal`.
 
     With `along = r_p` and `normal` the edge vector this is the point where a flow line of the cell
-    of vertex p crosses the arc of that edge; with `along = normal` it is the orthogonal projection
-    that gives a saddle direction (eq. 7, 8). Free of divisions: the result is scaled by
+    of vertex p crosses the arc of that edge; with `along = normal` it is the orthogonal projection.
+    Free of divisions: the result is scaled by
     `along . normal`, and where that product goes to zero (a glancing crossing) the direction goes
     to that of `along`. It is reversed where the product is negative.
 
     u, along, normal: (..., 3), NumPy or torch; returns (..., 3).
     """
     return u * (along * normal).sum(-1)[..., None] - along * (u * normal).sum(-1)[..., None]
+
+
+def foot_on_line(a: Any, b: Any, v: Any, xp: ModuleType) -> Any:
+    """Nearest point to the origin on the line through a and b, times `v . v` with v = b - a: for
+    the ends of an edge its saddle direction (eq. 7, 8).
+
+    It is found from the nearer of the two: from a far one its digits cancel.
+    a, b, v: (..., 3); returns (..., 3).
+    """
+    nearer = ((a * a).sum(-1) <= (b * b).sum(-1))[..., None]
+    return oblique_projection(xp.where(nearer, a, b), v, v)
 
 
 def signed_solid_angle(n: Any, a: Any, b: Any, xp: ModuleType) -> Any:

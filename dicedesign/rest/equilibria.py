@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dicedesign.errors import InputError, OutsideHullError
 from dicedesign.geometry.hull import ConvexHull
-from dicedesign.geometry.sphere import norms, oblique_projection
+from dicedesign.geometry.sphere import foot_on_line, norms
 from dicedesign.rest.exact import ExactSigns
 from dicedesign.tolerances import BOUNDARY_TOLERANCE, ROUNDING
 
@@ -155,8 +155,8 @@ class Equilibria:
     def saddle_directions(self) -> Floats:
         """(h, 3) direction from c to the nearest point of each edge's line (eq. 7, 8), not
         normalised. Only hinge edges have that point inside the edge."""
-        v = self.edge_vectors
-        return oblique_projection(self.radii[self.hull.tail], v, v)
+        r = self.radii
+        return foot_on_line(r[self.hull.tail], r[self.hull.head], self.edge_vectors, np)
 
     @cached_property
     def maximum(self) -> Booleans:

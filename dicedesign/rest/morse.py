@@ -13,7 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.geometry.sphere import oblique_projection, signed_solid_angle, unit_vectors
+from dicedesign.geometry.sphere import (
+    foot_on_line,
+    oblique_projection,
+    signed_solid_angle,
+    unit_vectors,
+)
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import ascend, destined_facets
 
@@ -101,7 +106,7 @@ def separatrix_points(paths: Separatrices, vertices: Any, center: Any, xp: Modul
     radii = vertices - center
     tail, head = paths.saddle_ends[:, 0], paths.saddle_ends[:, 1]
     v = vertices[head] - vertices[tail]
-    saddle = oblique_projection(radii[tail], v, v)
+    saddle = foot_on_line(radii[tail], radii[head], v, xp)
     point = xp.stack([saddle, saddle], 1).reshape(-1, 3)
     points = [point]
     for step in range(paths.crossed.shape[1]):

@@ -32,6 +32,12 @@ TIED = (
 )
 """Note on a body with ties."""
 
+UNEVEN = (
+    "facets bend by less than they are uneven, so that others were made of the hull's corners; "
+    "another coplanar tolerance may say more"
+)
+"""Note on a body whose facets could not be told apart where it mattered."""
+
 
 @dataclass(frozen=True)
 class MorseComplex:
@@ -163,9 +169,13 @@ def analyse(
 
     A body that balances somewhere to within rounding gets the mean of the odds with its center of
     mass moved by a hair to either side (`find_basins`); its Morse complex is that of one side.
+    `find_basins` also says when another hull of the same corners takes the place of the given one.
     """
     started = time.perf_counter()
     sides = find_basins(hull, center_of_mass)
+    if sides[0].equilibria.hull is not hull:
+        hull = sides[0].equilibria.hull
+        notes = (*notes, UNEVEN)
     areas = np.zeros((len(sides), len(hull.normals)))
     for row, side in zip(areas, sides, strict=True):
         row[side.paths.rests] = side.areas

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.rest.equilibria import Equilibria, Tie, classify
 from dicedesign.rest.morse import (
     Separatrices,
@@ -18,7 +19,7 @@ from dicedesign.rest.morse import (
     separatrix_points,
     wraps,
 )
-from dicedesign.tolerances import CLOSURE_TOLERANCE, TIE_TOLERANCE
+from dicedesign.tolerances import CLOSURE_TOLERANCE, COPLANAR_WIDENINGS, TIE_TOLERANCE
 
 __all__ = ["Basins", "closed_areas", "find_basins"]
 
@@ -30,6 +31,9 @@ no plane of symmetry that a body is likely to have."""
 
 TIE_STEP = 4.0
 """How far, in units of the distance within which ties are looked for."""
+
+COARSEST = 0.5
+"""No coplanar tolerance is widened beyond this."""
 
 
 @dataclass(frozen=True)
@@ -57,23 +61,61 @@ def find_basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
     balances on an edge, a corner or a saddle, or a path runs into such a balance or through a facet
     normal. Its mass there could fall both ways, and should fall both ways equally often, whatever
     rounding says; so its odds are defined as the mean of those with the center of mass moved a
-    little further than that to one side and to the other.
+    little further than that to one side and to the other, but not out of the body. Where a bound on
+    rounding leaves a decision open, bodies some ten times as far from a balance count as tied too.
 
-    hull: the convex hull; center_of_mass: (3,) strictly inside it.
+    Facets that were merged within a coplanar tolerance are not quite flat, and near a balance the
+    decisions about them can contradict each other: the body seems to roll in a circle, or its
+    basins overlap. Such a body is tied to within its unevenness. If both its neighbours are
+    contradictory too, facets bend by less than they are uneven; the basins are then those of the
+    hull at a coplanar tolerance of the unevenness times the first of `COPLANAR_WIDENINGS` above 1
+    that is enough, or, if none is, at tolerance 0, where facets are exactly flat.
+
+    hull: the convex hull; center_of_mass: (3,) strictly inside it. The basins' own hull is another
+    one only in that last case; its `source` refers to the same points.
 
     Raises
     ------
     OutsideHullError: the center of mass is not strictly inside the hull.
     DegenerateBodyError: the basins do not close.
     """
+    try:
+        return _basins(hull, center_of_mass)
+    except DegenerateBodyError:
+        unevenness = hull.unevenness / (np.ptp(hull.vertices, axis=0).max() / 2.0)
+    for factor in COPLANAR_WIDENINGS[1:]:
+        with suppress(DegenerateBodyError):
+            coarser = _made_again(hull, min(factor * unevenness, COARSEST))
+            return _basins(coarser, center_of_mass)
+    return _basins(_made_again(hull, 0.0), center_of_mass)
+
+
+def _made_again(hull: ConvexHull, coplanar_tolerance: float) -> ConvexHull:
+    again = convex_hull(hull.vertices, coplanar_tolerance)
+    return replace(again, source=hull.source[again.source])
+
+
+def _basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
+    """As `find_basins`, of no other hull."""
     far = np.abs(np.concatenate([hull.vertices, center_of_mass[None]])).max()
     distance = TIE_TOLERANCE * float(far + np.ptp(hull.vertices, axis=0).max())
     try:
         return (_trace(classify(hull, center_of_mass, distance)),)
     except Tie:
-        move = TIE_STEP * distance * TIE_DIRECTION
-        beside = (center_of_mass + move, center_of_mass - move)
-        return tuple(_trace(classify(hull, center)) for center in beside)
+        with suppress(DegenerateBodyError):
+            return _beside(hull, center_of_mass, distance)
+    except DegenerateBodyError:
+        pass
+    return _beside(hull, center_of_mass, distance + hull.unevenness)
+
+
+def _beside(hull: ConvexHull, center_of_mass: Floats, distance: float) -> tuple[Basins, ...]:
+    """The basins of a body tied to within a distance."""
+    corners = hull.vertices[hull.tail[hull.facet_start[:-1]]]
+    depth = float(((corners - center_of_mass) * hull.normals).sum(-1).min())
+    move = min(TIE_STEP * distance, depth / 2.0) * TIE_DIRECTION
+    centers = center_of_mass + move, center_of_mass - move
+    return tuple(_trace(classify(hull, center)) for center in centers)
 
 
 def _trace(equilibria: Equilibria) -> Basins:
@@ -98,10 +140,11 @@ def closed_areas(signed: Floats) -> Floats:
     """
     areas = signed + 4.0 * np.pi * wraps(signed)
     gap = abs(float(areas.sum()) - 4.0 * np.pi)
-    if not (gap <= CLOSURE_TOLERANCE and (areas > 0.0).all()):
+    if not (gap <= CLOSURE_TOLERANCE and (areas > -CLOSURE_TOLERANCE).all()):
         raise DegenerateBodyError(
             f"body: expected basins that cover the sphere once, got a difference of {gap:.3g} "
             "steradian; its facets are flat only within the coplanar tolerance, so give a smaller "
             "or larger one"
         )
-    return areas
+    # The smallest of basins come out as rounding noise.
+    return np.maximum(areas, np.finfo(np.float64).tiny)

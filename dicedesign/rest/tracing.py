@@ -171,7 +171,9 @@ def saddle_points(equilibria: Equilibria, half_edges: Integers) -> tuple[Floats,
     directions = equilibria.saddle_directions[half_edges]
     length = norms(directions)
     edge = equilibria.edge_lengths[half_edges]
-    size = norms(equilibria.radii[equilibria.hull.tail[half_edges]]) * edge * edge
+    hull, radii = equilibria.hull, norms(equilibria.radii)
+    nearest = np.minimum(radii[hull.tail[half_edges]], radii[hull.head[half_edges]])
+    size = nearest * edge * edge
     errors = ROUNDING * (1.0 + size / length) + equilibria.tie_distance * edge * edge / length
     return directions / length[:, None], errors
 

@@ -244,7 +244,9 @@ def test_what_is_nearly_flat_is_called_so() -> None:
         convex_hull(thin)
 
 
-def test_at_tolerance_zero_facets_are_merged_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_facets_that_make_no_polyhedron_are_merged_again_and_then_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     tolerances = []
 
     def labels(points: object, triangles: np.ndarray, neighbors: object, tolerance: float):
@@ -252,8 +254,24 @@ def test_at_tolerance_zero_facets_are_merged_once(monkeypatch: pytest.MonkeyPatc
         return np.zeros(len(triangles), dtype=np.int64)
 
     monkeypatch.setattr("dicedesign.geometry.hull.facet_labels", labels)
-    for tolerance, passes in ((0.0, 1), (1e-3, 4)):
-        tolerances.clear()
-        with pytest.raises(DegenerateBodyError, match=r"told apart, got none .* pass another"):
-            convex_hull(CUBE, tolerance)
-        assert len(tolerances) == passes
+    with pytest.raises(DegenerateBodyError, match=r"told apart, got none .* pass another"):
+        convex_hull(CUBE, 1e-3)
+    np.testing.assert_allclose(tolerances, [1e-3, 1e-2, 1e-1, 1.0])
+
+
+def test_slivers_have_normals() -> None:
+    """Points beside the middle of an edge by their last bit: floats see no area there."""
+    ends = np.array([[1.1, 1.3, 1.7], [0.3, -0.4, 0.9]])
+    middle = ends.mean(axis=0)
+    rest = np.array([[0.2, 2.0, -1.0], [3.0, -0.3, -0.5], [-1.0, 0.3, 0.0]])
+    slivers = 0
+    for seed in range(30):
+        bits = np.random.default_rng(seed).integers(-2, 3, size=(3, 3))
+        points = np.concatenate([ends, middle + np.spacing(middle) * bits, rest])
+        hull = convex_hull(points, 0.0)
+        slivers += int((hull.areas < 1e-15).sum())
+        np.testing.assert_allclose((hull.normals**2).sum(-1), 1.0, rtol=1e-14)
+        first = hull.vertices[hull.tail[hull.facet_start[:-1]]]
+        heights = points @ hull.normals.T - (first * hull.normals).sum(-1)
+        assert heights.max() < 2e-15
+    assert slivers > 10

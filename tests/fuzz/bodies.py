@@ -1,0 +1,180 @@
+"""What the fuzzing strategies do to a body: every step is a plain function of a few numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull as Triangulation
+from scipy.spatial import QhullError
+
+from dicedesign.bench.problem import Problem
+from dicedesign.bench.solids import icosphere
+
+Floats = NDArray[np.float64]
+
+ON: Final = ("facet", "edge", "corner")
+
+
+def cloud(seed: int, count: int, shape: str) -> Problem:
+    """Random points: "normal", on a "sphere", in a "cube" or on its faces ("walls")."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(count, 3))
+    if shape == "sphere":
+        points /= np.sqrt((points**2).sum(-1))[:, None]
+    elif shape in ("cube", "walls"):
+        points = rng.uniform(-1.0, 1.0, size=(count, 3))
+        if shape == "walls":
+            points[np.arange(count), rng.integers(3, size=count)] = rng.choice([-1.0, 1.0], count)
+    return Problem(points)
+
+
+def lattice(points: Sequence[tuple[int, int, int]], tolerance: float | None = None) -> Problem:
+    """Points with small integer coordinates."""
+    return Problem(np.array(points, dtype=np.float64), coplanar_tolerance=tolerance)
+
+
+def globe_with_weight(subdivisions: int, seed: int, depth: float) -> Problem:
+    """A sphere of triangles with its center of mass below a point of one, at a depth of parts of
+    its radius."""
+    points = icosphere(subdivisions).points
+    return weighted(Problem(points), seed, depth, "facet")
+
+
+def with_repeats(problem: Problem, seed: int) -> Problem:
+    """All points, and some of them up to three times more, in random order."""
+    rng = np.random.default_rng(seed)
+    counts = np.maximum(rng.integers(-2, 4, size=len(problem.points)), 0) + 1
+    order = rng.permutation(np.repeat(np.arange(len(problem.points)), counts))
+    return replace(problem, points=problem.points[order])
+
+
+def with_extras(problem: Problem, seed: int, count: int, on: str) -> Problem:
+    """Further points on facets or edges of the hull, to within rounding, or "inside" of it."""
+    rng = np.random.default_rng(seed)
+    triangles = _triangles(problem.points)
+    if triangles is None:
+        return problem
+    corners = problem.points[triangles[rng.integers(len(triangles), size=count)]]
+    weights = rng.dirichlet(np.ones(3), size=count)
+    if on == "edge":
+        weights[:, 2] = 0.0
+        weights /= weights.sum(axis=1)[:, None]
+    extras = (weights[:, :, None] * corners).sum(axis=1)
+    if on == "inside":
+        middle = problem.points[np.unique(triangles)].mean(axis=0)
+        extras = middle + rng.uniform(0.0, 0.98, size=(count, 1)) * (extras - middle)
+    order = rng.permutation(len(problem.points) + count)
+    return replace(problem, points=np.concatenate([problem.points, extras])[order])
+
+
+def with_noise(problem: Problem, seed: int, power: float) -> Problem:
+    """Every coordinate moved by about 10^power of the extent; what was known is forgotten."""
+    points = problem.points
+    noise = np.random.default_rng(seed).normal(size=points.shape)
+    moved = points + 10.0**power * float(np.ptp(points, axis=0).max()) * noise
+    return Problem(moved, problem.center, coplanar_tolerance=problem.coplanar_tolerance)
+
+
+def squeezed(problem: Problem, powers: tuple[float, float]) -> Problem:
+    """Stretched along y and z by powers of ten: needles, plates and blades."""
+    factors = np.array([1.0, 10.0 ** powers[0], 10.0 ** powers[1]])
+    center = None if problem.center is None else problem.center * factors
+    return Problem(problem.points * factors, center, coplanar_tolerance=problem.coplanar_tolerance)
+
+
+def lopsided(problem: Problem, seed: int) -> Problem:
+    """With a center of mass anywhere inside."""
+    triangles = _triangles(problem.points)
+    if triangles is None:
+        return problem
+    corners = problem.points[np.unique(triangles)]
+    weights = np.random.default_rng(seed).dirichlet(np.full(len(corners), 0.5))
+    return _centered(problem, weights @ corners)
+
+
+def weighted(problem: Problem, seed: int, depth: float, on: str) -> Problem:
+    """With a center of mass on the way from a point on a facet, an edge or a corner of the hull to
+    its middle, after a part `depth` of that way."""
+    rng = np.random.default_rng(seed)
+    triangles = _triangles(problem.points)
+    if triangles is None:
+        return problem
+    weights = rng.dirichlet(np.ones(3))
+    weights[3 - ON.index(on) :] = 0.0
+    start = (weights / weights.sum()) @ problem.points[triangles[rng.integers(len(triangles))]]
+    middle = problem.points[np.unique(triangles)].mean(axis=0)
+    return _centered(problem, start + depth * (middle - start))
+
+
+def overhanging(problem: Problem, seed: int, distance: float, on: str) -> Problem:
+    """With a center of mass above a point that is `distance` extents beside an edge or a corner of
+    a facet, inside of it or beyond: the body nearly balances there."""
+    rng = np.random.default_rng(seed)
+    triangles = _triangles(problem.points)
+    if triangles is None:
+        return problem
+    points = problem.points
+    middle = points[np.unique(triangles)].mean(axis=0)
+    for triangle in rng.permutation(triangles):
+        a, b, c = points[rng.permutation(triangle)]
+        along, normal = b - a, np.cross(b - a, c - a)
+        if not normal.any():
+            continue
+        inward = np.cross(normal, along)
+        inward *= np.sign(inward @ (c - a)) / np.sqrt(inward @ inward)
+        normal *= np.sign(normal @ (middle - a)) / np.sqrt(normal @ normal)
+        foot = a + (0.0 if on == "corner" else rng.uniform(0.1, 0.9)) * along
+        foot = foot + distance * float(np.ptp(points, axis=0).max()) * inward
+        height = rng.uniform(0.2, 0.8) * ((points - a) @ normal).max()
+        moved = _centered(problem, foot + height * normal)
+        if moved is not problem:
+            return moved
+    return problem
+
+
+def glancing_edge(problem: Problem, seed: int, growth: float) -> Problem:
+    """With a center of mass for which a corner p and a hull edge v from it have r_p . v = growth
+    |r_p| |v|: a path that crosses the edge does so at a glance, or the corner is about to be a
+    maximum."""
+    rng = np.random.default_rng(seed)
+    triangles = _triangles(problem.points)
+    if triangles is None:
+        return problem
+    points = problem.points
+    center = points[np.unique(triangles)].mean(axis=0)
+    for triangle in rng.permutation(triangles):
+        p, q, _ = points[rng.permutation(triangle)]
+        v = (q - p) / np.sqrt((q - p) @ (q - p))
+        rise = (p - center) @ v
+        moved = _centered(
+            problem, center + v * (rise - growth * np.sqrt(((p - center) ** 2).sum()))
+        )
+        if moved is not problem:
+            return moved
+    return problem
+
+
+def _centered(problem: Problem, center: Floats) -> Problem:
+    """With another center of mass, or the same problem where that is not inside."""
+    local = problem.points - center
+    try:
+        planes = Triangulation(local / np.abs(local).max()).equations
+    except (QhullError, ValueError):
+        return problem
+    if planes[:, 3].max() >= 0.0:
+        return problem
+    return Problem(problem.points, center, coplanar_tolerance=problem.coplanar_tolerance)
+
+
+def _triangles(points: Floats) -> NDArray[np.int64] | None:
+    """Triangles of the hull, in a fixed order, or None where points are too flat for Qhull."""
+    local = points - points.mean(axis=0)
+    try:
+        simplices = Triangulation(local / max(float(np.abs(local).max()), 1e-300)).simplices
+    except (QhullError, ValueError):
+        return None
+    return np.unique(np.sort(simplices, axis=1), axis=0).astype(np.int64)

@@ -1,0 +1,101 @@
+"""Changes of a body that change nothing about its rests, or only their names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.bench.measure import measure, share_error
+from dicedesign.bench.problem import Problem
+from dicedesign.bench.stability import OK, verdict
+from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.rest.probabilities import find_basins
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Law:
+    """A changed body and what becomes of its rests.
+
+    Attributes
+    ----------
+    name: what was done.
+    problem: the changed body.
+    factors: (3,) by which coordinates were multiplied.
+    exact: whether the probabilities keep every bit.
+    tied: whether the odds of a tied body are kept too.
+    """
+
+    name: str
+    problem: Problem
+    factors: Floats
+    exact: bool
+    tied: bool
+
+
+def laws(problem: Problem, center: Floats) -> Iterator[Law]:
+    """Changed bodies: permuted, scaled by a power of two, with points inside, mirrored.
+
+    center: (3,) the center of mass in use, which is given in all of them, so that a rounding of the
+    uniform solid's is no part of the comparison.
+    """
+    rng = np.random.default_rng(len(problem.points))
+    points, same = problem.points, np.ones(3)
+    given = replace(problem, center=center)
+    order = rng.permutation(len(points))
+    yield Law("permuted", replace(given, points=points[order]), same, exact=False, tied=True)
+    power = float(2.0 ** rng.integers(-20, 21))
+    scaled = replace(given, points=power * points, center=power * center)
+    yield Law(f"scaled by {power:g}", scaled, power * same, exact=True, tied=True)
+    middle = np.unique(points, axis=0).mean(axis=0)
+    corners = points[rng.integers(len(points), size=5)]
+    inner = middle + rng.uniform(0.0, 0.9, size=(5, 1)) * (corners - middle)
+    filled = np.concatenate([points, inner])
+    yield Law("with points inside", replace(given, points=filled), same, exact=False, tied=True)
+    signs = rng.choice([-1.0, 1.0], size=3)
+    signs *= -np.prod(signs)
+    mirrored = replace(given, points=signs * points, center=signs * center)
+    # A tied body's center of mass is moved along one direction, whichever way the body is turned.
+    yield Law("mirrored", mirrored, signs, exact=False, tied=False)
+
+
+def ask(problem: Problem) -> RestPoses:
+    """The rests of a problem."""
+    tolerance = problem.coplanar_tolerance
+    return rest_poses(problem.points, problem.center, coplanar_tolerance=tolerance)
+
+
+def difference_from_exact(problem: Problem, poses: RestPoses) -> float:
+    """Largest difference of a probability between a body and its hull at tolerance 0, whose rests
+    count for those with the nearest normals."""
+    exact = replace(problem, center=poses.center_of_mass, coplanar_tolerance=0.0)
+    assert verdict(measure(exact)) == OK
+    odds = ask(exact)
+    sums = np.zeros(len(poses.normals))
+    np.add.at(sums, np.argmax(odds.normals @ poses.normals.T, axis=1), odds.probabilities)
+    return float(np.abs(sums - poses.probabilities).max())
+
+
+def is_tied(poses: RestPoses) -> bool:
+    """Whether the odds are the mean of those of two bodies."""
+    return len(find_basins(poses.hull, poses.center_of_mass)) > 1
+
+
+def difference(law: Law, poses: RestPoses, changed: RestPoses) -> float:
+    """Largest difference of a probability between a body and the changed one, facet by facet; where
+    other points of nearly the same place are their corners, in order of size."""
+    before, after = _by_corners(poses, law.factors), _by_corners(changed, np.ones(3))
+    if before.keys() != after.keys():
+        return share_error(poses.probabilities, changed.probabilities)
+    return max(abs(before[rest] - after[rest]) for rest in before)
+
+
+def _by_corners(poses: RestPoses, factors: Floats) -> dict[frozenset[tuple[float, ...]], float]:
+    """Probabilities by the corners of the facets stood on, which are multiplied by factors (3,)."""
+    polygons = [poses.hull.polygon(facet) * factors + 0.0 for facet in poses.facets]
+    keys = [frozenset(map(tuple, polygon.tolist())) for polygon in polygons]
+    return dict(zip(keys, poses.probabilities.tolist(), strict=True))

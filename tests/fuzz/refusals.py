@@ -1,0 +1,95 @@
+"""Whether a body may be refused, decided without the product."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull as Triangulation
+from scipy.spatial import QhullError
+
+from dicedesign.bench.problem import Problem
+from dicedesign.rest.probabilities import TIE_STEP
+from dicedesign.tolerances import (
+    BOUNDARY_TOLERANCE,
+    COPLANAR_TOLERANCE,
+    COPLANAR_WIDENINGS,
+    TIE_TOLERANCE,
+)
+
+Floats = NDArray[np.float64]
+Vector = list[Fraction]
+
+MARGIN = 4.0
+"""Bodies within so many tolerances of being refused may be."""
+
+
+def thickness(points: Floats) -> float:
+    """Height of a large tetrahedron of points over half their extent: 0 exactly where they lie on
+    a plane, else at most the least width of the body and not much less."""
+    rows = [[Fraction(float(x)) for x in point] for point in np.unique(points, axis=0)]
+    local = [_minus(row, rows[0]) for row in rows]
+    a = max(local, key=lambda x: _dot(x, x))
+    if not any(a):
+        return 0.0
+    b = max(local, key=lambda x: _dot(_cross(a, x), _cross(a, x)))
+    normal = _cross(a, b)
+    if not any(normal):
+        return 0.0
+    height = max(abs(_dot(normal, x)) for x in local)
+    extent = float(np.ptp(points, axis=0).max()) / 2.0
+    return float(height) / (float(_dot(normal, normal)) ** 0.5 * extent)
+
+
+def may_be_refused(problem: Problem) -> bool:
+    """Whether a body may be refused: too flat, or its center of mass not inside."""
+    return may_be_too_flat(problem) or may_be_outside(problem)
+
+
+def may_be_too_flat(problem: Problem) -> bool:
+    """Whether the points span no volume to within the coplanar tolerance."""
+    return thickness(problem.points) <= MARGIN * _tolerance(problem)
+
+
+def may_be_outside(problem: Problem) -> bool:
+    """Whether the given center of mass is on the hull's boundary or beyond, to within the tolerance
+    by which facets are flat, or so near that the move of a tied body's puts it there."""
+    if problem.center is None:
+        return False
+    local = problem.points - problem.center
+    scale = float(np.ptp(local, axis=0).max()) / 2.0
+    try:
+        planes = np.unique(Triangulation(local / scale).equations, axis=0)
+    except (QhullError, ValueError):
+        return True
+    depth = -float(planes[:, 3].max())
+    gaps = np.abs(local / scale @ planes[:, :3].T + planes[:, 3])
+    # How far points lie off the facets to which they may be counted.
+    uneven = gaps[gaps <= max(COPLANAR_WIDENINGS) * _tolerance(problem)].max()
+    far = float(np.abs(problem.points).max()) / scale
+    move = TIE_STEP * TIE_TOLERANCE * (2.0 + far)
+    return depth <= move + MARGIN * (BOUNDARY_TOLERANCE + float(uneven))
+
+
+def _tolerance(problem: Problem) -> float:
+    """Coplanar tolerance over half the extent, with the rounding of points far away."""
+    tolerance = problem.coplanar_tolerance
+    if tolerance == 0.0:
+        return float(np.finfo(np.float64).eps)
+    scale = float(np.ptp(problem.points, axis=0).max()) / 2.0
+    far = float(np.abs(problem.points).max()) / scale
+    chosen = COPLANAR_TOLERANCE if tolerance is None else tolerance
+    return float(chosen + 4.0 * np.finfo(np.float64).eps * far)
+
+
+def _minus(a: Vector, b: Vector) -> Vector:
+    return [x - y for x, y in zip(a, b, strict=True)]
+
+
+def _dot(a: Vector, b: Vector) -> Fraction:
+    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return [a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)]
