@@ -14,6 +14,7 @@ from typing import Final
 __all__ = [
     "BOUNDARY_TOLERANCE",
     "CLOSURE_TOLERANCE",
+    "COPLANAR_COARSEST",
     "COPLANAR_TOLERANCE",
     "COPLANAR_TOLERANCE_FLOAT32",
     "COPLANAR_WIDENINGS",
@@ -31,6 +32,7 @@ __all__ = [
     "SLIVER",
     "TIE_TOLERANCE",
     "VOLUME_TOLERANCE",
+    "WARP_TOLERANCE",
 ]
 
 COPLANAR_TOLERANCE: Final = 1e-11
@@ -45,6 +47,9 @@ times the extrapolation from a facet's largest triangle to its far corners."""
 COPLANAR_WIDENINGS: Final = (1.0, 10.0, 100.0, 1000.0)
 """Factors of the coplanar tolerance, tried in turn until the merged facets make a polyhedron:
 clusters of points at one spacing can leave facets that a tolerance of that size cuts apart."""
+
+COPLANAR_COARSEST: Final = 0.5
+"""No coplanar tolerance is widened beyond this where facets are as uneven as they bend."""
 
 REUSE_FLATNESS: Final = 1e-14
 """A hull keeps its connectivity only if the corners of every facet are this near to its plane,
@@ -110,3 +115,8 @@ exact arithmetic: rounding would turn it noticeably."""
 TIE_TOLERANCE: Final = 1e-14
 """A body is tied where a move of its center of mass by this, relative to its extent plus its
 largest coordinate, could change what it does: a computed center of mass is not known better."""
+
+WARP_TOLERANCE: Final = 0.01
+"""Facets that were merged within a tolerance make a body as long as no edge is turned by more than
+this sine from where the planes beside it meet. It is where an edge or a facet is hardly wider than
+its facets are uneven, as among points that lie in clusters."""

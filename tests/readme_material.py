@@ -1,6 +1,6 @@
 """Make what the README shows from finished runs: the table of recipes and the gallery.
 
-Usage, after `dicedesign run` of every recipe:
+Usage, after `dicedesign run` of every recipe and the benches that draw:
     python tests/readme_material.py outputs
 prints the table in Markdown and writes outputs/gallery/*.png.
 """
@@ -57,11 +57,14 @@ def gallery(outputs: Path, target: Path) -> None:
     save(strip, target / "dice.png")
     shown = outputs / "2d6_hendecahedron"
     for name in ("gauss_map", "bars", "convergence", "views", "labels"):
-        picture = Image.open(shown / f"{name}.png").convert("RGB")
-        save(
-            picture.resize((1000, round(1000 * picture.height / picture.width))),
-            target / f"{name}.png",
-        )
+        save(narrowed(Image.open(shown / f"{name}.png")), target / f"{name}.png")
+    for path in sorted((outputs / "bench").glob("*.png")):
+        save(narrowed(Image.open(path)), target / f"bench_{path.name}")
+
+
+def narrowed(picture: Image.Image) -> Image.Image:
+    """As wide as a page."""
+    return picture.convert("RGB").resize((1000, round(1000 * picture.height / picture.width)))
 
 
 def save(picture: Image.Image, path: Path) -> None:

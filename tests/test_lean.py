@@ -27,7 +27,7 @@ from dicedesign.design.starts import Start, hendecahedron
 from dicedesign.design.stopping import Stopping
 from dicedesign.design.targets import sum_of_dice
 from dicedesign.geometry.hull import convex_hull
-from dicedesign.rest import morse
+from dicedesign.rest import morse, poses
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.exact import ExactSigns
 from dicedesign.rest.morse import separatrices
@@ -133,6 +133,17 @@ def test_saddles_that_divide_nothing_are_not_traced(
     separatrices(equilibria)
     assert len(calls) == 1
     np.testing.assert_array_equal(calls[0][1], np.repeat(saddles[apart], 2))
+
+
+def test_odds_make_no_transforms_and_no_polylines(
+    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+) -> None:
+    calls = counted(poses, "standing_transform")
+    answer = rest_poses(np.random.default_rng(5).normal(size=(20, 3)))
+    assert not calls
+    assert "polylines" not in vars(answer.morse)
+    assert len(answer.transforms) == len(calls) == len(answer.probabilities)
+    assert len(answer.morse.polylines) == len(answer.morse.saddles)
 
 
 def test_a_body_with_one_rest_has_nothing_rolled_or_traced(

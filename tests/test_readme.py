@@ -16,6 +16,12 @@ import pytest
 from dicedesign.recipe_file import read_recipe
 
 
+BENCHES = ("stability", "gradients", "accuracy", "design", "lean")
+
+NIGHTLY = "pytest tests/fuzz --hypothesis-profile=nightly"
+"""Takes a quarter of an hour, and is started by hand."""
+
+
 def blocks(repository: Path, language: str) -> list[str]:
     text = (repository / "README.md").read_text()
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
@@ -40,15 +46,18 @@ def run_dicedesign(arguments: str, folder: Path) -> str:
 
 def test_shell_commands_run(repository: Path, workplace: Path) -> None:
     lines = [line for block in blocks(repository, "sh") for line in block.splitlines()]
-    plain = [line for line in lines if line.startswith("dicedesign ")]
+    benches = [line for line in lines if line.startswith("dicedesign bench ")]
+    plain = [line for line in lines if line.startswith("dicedesign ") and line not in benches]
     assert len(plain) == 4
     for line in plain:
         assert run_dicedesign(line.removeprefix("dicedesign "), workplace)
     assert (workplace / "map.png").exists()
-    # The other two install; the script that checks a change runs them as they stand.
-    others = [line for line in lines if line not in plain]
-    assert len(others) == 2
-    assert all(line.startswith("python3 -m venv .venv && ") for line in others)
+    # The script that checks a change runs the benches and the two that install as they stand.
+    assert {line.split()[2] for line in benches} == set(BENCHES)
+    others = [line for line in lines if line not in plain + benches]
+    install = [line for line in others if line.startswith("python3 -m venv .venv && ")]
+    assert len(install) == 2
+    assert [line for line in others if line not in install] == [NIGHTLY]
 
 
 def test_python_blocks_run(repository: Path, workplace: Path) -> None:

@@ -71,7 +71,7 @@ def accuracy_record(results: Sequence[Result]) -> dict[str, Any]:
         for result in results
     ]
     return {
-        **machine_description("numpy", "scipy", "trimesh"),
+        **machine_description("numpy", "scipy", "trimesh", "mpmath"),
         "seed": SEED,
         "spread_of_centers": SPREAD,
         "bodies": bodies,

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.geometry.hull import ConvexHull
-from dicedesign.rest.morse import Separatrices, border_areas, separatrix_points
+from dicedesign.geometry.sphere import norms
+from dicedesign.rest.morse import Separatrices, separatrix_points, signed_areas
 
 __all__ = ["condition"]
 
@@ -36,7 +37,7 @@ def condition(hull: ConvexHull, center: Floats, paths: Separatrices) -> float:
         return 0.0
     rng = np.random.default_rng(0)
     radii = hull.vertices - center
-    size = STEP * np.sqrt((radii**2).sum(-1))[:, None]
+    size = STEP * norms(radii)[:, None]
     before = _areas(radii, paths)
     largest = 0.0
     for _ in range(TRIALS):
@@ -49,7 +50,4 @@ def condition(hull: ConvexHull, center: Floats, paths: Separatrices) -> float:
 def _areas(radii: Floats, paths: Separatrices) -> Floats:
     """Areas (k,) of the basins, up to multiples of 4 pi; radii (n, 3): corners from the center."""
     points = separatrix_points(paths, radii, np.zeros(3), np)
-    border = border_areas(paths, points, np.tile(REFERENCE, (len(paths.rests), 1)), np)
-    areas = np.zeros(len(paths.rests))
-    np.add.at(areas, paths.basins.ravel(), border.ravel())
-    return areas
+    return signed_areas(paths, points, np.tile(REFERENCE, (len(paths.rests), 1)))

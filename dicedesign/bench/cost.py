@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["Row", "timed"]
+__all__ = ["Row", "time_row"]
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Row:
         }
 
 
-def timed(feature: str, quantity: str, without: float, included: float) -> Row:
+def time_row(feature: str, quantity: str, without: float, included: float) -> Row:
     """A row of two times in seconds, in the unit in which the smaller one is at least 1."""
     unit, scale = ("ms", 1e3) if min(without, included) >= 1e-3 else ("µs", 1e6)
     return Row(feature, quantity, unit, scale * without, scale * included)

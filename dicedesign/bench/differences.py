@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.bench.oracle import oracle_probabilities
+from dicedesign.bench.oracle import facet_polygons, oracle_probabilities
 from dicedesign.bench.sixty_digits import (
     DIGITS,
     Vector,
@@ -49,7 +49,7 @@ def oracle_derivative(
         raise ValueError("oracle_derivative: expected corners at rest or a hull of triangles only")
     mp = multiprecision()
     triangles = hull.triangles.tolist()
-    polygons = [polygon.tolist() for polygon in np.split(hull.tail, hull.facet_start[1:-1])]
+    polygons = facet_polygons(hull)
     with mp.workdps(DIGITS):
         step = mp.mpf(STEP)
         sides = []

@@ -31,6 +31,7 @@ from dicedesign.bench.differences import oracle_derivative
 from dicedesign.bench.random_hulls import random_hull
 from dicedesign.design.differentiable import RestEvaluation
 from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.morse import separatrices
 from dicedesign.rest.tracing import destined_facets
@@ -139,16 +140,14 @@ class _Walk:
         self.number = number
         self.hull = convex_hull(random_hull(number)[1].points)
         direction = np.random.default_rng(number).normal(size=3)
-        self.direction = direction / np.sqrt((direction**2).sum())
-        offsets = self.hull.vertices - self.hull.centroid
-        self.radius = float(np.sqrt((offsets**2).sum(-1)).max())
+        self.direction = unit_vectors(direction)
+        self.radius = float(norms(self.hull.vertices - self.hull.centroid).max())
         self.reach = 0.5 * self._way_out()
 
     def _way_out(self) -> float:
         """How far the direction stays inside, over the radius and at most 1."""
         hull = self.hull
-        feet = hull.vertices[hull.tail[hull.facet_start[:-1]]] - hull.centroid
-        heights = (feet * hull.normals).sum(-1)
+        heights = hull.heights(hull.centroid)
         along = hull.normals @ self.direction * self.radius
         return min(1.0, float((heights[along > 0.0] / along[along > 0.0]).min()))
 

@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull as Triangulation
 
 from dicedesign.bench.problem import Problem
 from dicedesign.bench.solids import box, icosphere, platonic
+from dicedesign.geometry.sphere import unit_vectors
 
 __all__ = [
     "ANTIPODE_SEEDS",
@@ -60,8 +61,8 @@ def lopsided_needle(seed: int) -> Problem:
 
 def large(points: int, seed: int = 0) -> Problem:
     """The hull of random points on an ellipsoid, uniform."""
-    x = np.random.default_rng(seed).normal(size=(points, 3))
-    return Problem(x / np.sqrt((x * x).sum(-1))[:, None] * [1.0, 0.8, 0.7])
+    directions = unit_vectors(np.random.default_rng(seed).normal(size=(points, 3)))
+    return Problem(directions * [1.0, 0.8, 0.7])
 
 
 def globe(rings: int, sides: int) -> Problem:

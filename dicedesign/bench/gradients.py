@@ -16,6 +16,7 @@ from dicedesign.bench.differences import oracle_derivative
 from dicedesign.bench.problem import Problem
 from dicedesign.bench.random_hulls import random_hull
 from dicedesign.design.differentiable import RestEvaluation, evaluate_rests
+from dicedesign.geometry.sphere import norms
 
 __all__ = ["MEDIAN_LIMIT", "GradientRow", "compare_gradients", "gradient_row", "is_sound"]
 
@@ -89,7 +90,8 @@ def gradient_row(name: str, problem: Problem, seed: int = 0) -> GradientRow:
     center = None if problem.center is None else torch.tensor(problem.center, requires_grad=True)
     rests = evaluate_rests(points, center)
     hull, middle = rests.hull, rests.equilibria.center_of_mass
-    radius = float(np.sqrt(((hull.vertices - middle) ** 2).sum(-1)).max())
+    reaches = norms(hull.vertices - middle)
+    radius = float(reaches.max())
     along = np.zeros((len(problem.points), 3))
     along[hull.source] = radius * rng.normal(size=(len(hull.source), 3))
     center_along = radius * rng.normal(size=3)
@@ -102,7 +104,7 @@ def gradient_row(name: str, problem: Problem, seed: int = 0) -> GradientRow:
     all_found = np.zeros(len(exact))
     all_found[rests.paths.rests] = found
     distances = np.zeros(len(along))
-    distances[hull.source] = np.sqrt(((hull.vertices - middle) ** 2).sum(-1))
+    distances[hull.source] = reaches
     gradient_condition = float((bends @ distances).max()) / largest
     epsilon = float(np.finfo(np.float64).eps)
     growth, slant = smallest_growth_and_slant(rests.paths, hull.vertices, middle)

@@ -11,13 +11,14 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from dicedesign.bench.cost import Row, timed
+from dicedesign.bench.cost import Row, time_row
 from dicedesign.bench.extremes import large
 from dicedesign.bench.stopwatch import in_turn
 from dicedesign.design.coordinates import FacetCoordinates
 from dicedesign.design.starts import hendecahedron
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hull_reuse import HullMemory
+from dicedesign.geometry.sphere import norms
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.exact import ExactSigns
 from dicedesign.rest.morse import separatrices
@@ -56,14 +57,14 @@ def _hull_row(name: str, places: Sequence[Floats], seconds: float) -> Row:
     )
     share = memory.reused / (memory.reused + memory.built)
     name = f"{name}, edges last in {100.0 * share:.0f} %"
-    return timed("hull rebuilt though its edges last", name, reused / 2.0, rebuilt / 2.0)
+    return time_row("hull rebuilt though its edges last", name, reused / 2.0, rebuilt / 2.0)
 
 
 def blade(ball: int, edge: int) -> ConvexHull:
     """A ball of some points with a blade of others, along a quarter of a great circle about the
     origin. Each corner of the blade is a maximum; saddles between them can lie inside one basin."""
     points = np.random.default_rng(0).normal(size=(ball, 3))
-    points *= 0.7 / np.sqrt((points**2).sum(-1))[:, None]
+    points *= 0.7 / norms(points)[:, None]
     angle = np.radians(np.linspace(-45.0, 45.0, edge))
     arc = np.stack([np.sin(angle), np.zeros(edge), np.cos(angle)], axis=1)
     return convex_hull(np.concatenate([points + np.array([0.0, 0.0, 0.3]), arc]))
@@ -85,7 +86,7 @@ def tracing_rows(seconds: float) -> Iterator[Row]:
             works.append(partial(ascend, equilibria, np.repeat(some, 2), ends))
         without, included = in_turn(works, seconds / 2.0)
         quantity = f"{name}, {len(dividing)} of {len(saddles)} divide"
-        yield timed("saddles that divide nothing", quantity, without, included)
+        yield time_row("saddles that divide nothing", quantity, without, included)
 
 
 class _CountingSigns(ExactSigns):
@@ -134,4 +135,4 @@ def exact_rows(seconds: float) -> Iterator[Row]:
     times = in_turn([partial(trace, hull) for hull in hulls], seconds / 2.0)
     feature = "exact arithmetic, for what rounding leaves open"
     yield Row(feature, "64-sided frustum: decisions", "calls", counts[0], counts[1])
-    yield timed(feature, "64-sided frustum: tracing", *times)
+    yield time_row(feature, "64-sided frustum: tracing", *times)

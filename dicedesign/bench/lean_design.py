@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.bench.cost import Row, timed
+from dicedesign.bench.cost import Row, time_row
 from dicedesign.bench.extremes import large
 from dicedesign.bench.stopwatch import in_turn
 from dicedesign.design.coordinates import FacetCoordinates, VertexCoordinates
@@ -51,7 +51,7 @@ def energy_rows(seconds: float) -> Iterator[Row]:
     times = np.reshape(in_turn(works, 2.0 * seconds), (2, -1))
     for index, term in enumerate(TERMS, start=1):
         for quantity, found in zip(("energies", "energies and gradient"), times, strict=True):
-            yield timed(f"{term} term", f"{quantity}, rests known", found[index], found[0])
+            yield time_row(f"{term} term", f"{quantity}, rests known", found[index], found[0])
 
     def whole(objective: Objective) -> Evaluation:
         fresh = objective.evaluate(parameters, start.directions)
@@ -68,9 +68,9 @@ def energy_rows(seconds: float) -> Iterator[Row]:
         ],
         seconds,
     )
-    yield timed("center of mass of the uniform solid", "trial of a step", fixed_value, value)
-    yield timed("center of mass of the uniform solid", "and its gradient", fixed_slope, slope)
-    yield timed("gradient, for accepted steps only", "trial of a step", value, slope)
+    yield time_row("center of mass of the uniform solid", "trial of a step", fixed_value, value)
+    yield time_row("center of mass of the uniform solid", "and its gradient", fixed_slope, slope)
+    yield time_row("gradient, for accepted steps only", "trial of a step", value, slope)
 
 
 def sobolev_rows(seconds: float) -> Iterator[Row]:
@@ -96,5 +96,7 @@ def sobolev_rows(seconds: float) -> Iterator[Row]:
         ],
         seconds,
     )
-    yield timed("Sobolev step, its factor kept", "energy and gradient, 500 vertices", bare, smooth)
-    yield timed("Sobolev factor made anew", "smoothing a gradient, 500 vertices", solve, anew)
+    yield time_row(
+        "Sobolev step, its factor kept", "energy and gradient, 500 vertices", bare, smooth
+    )
+    yield time_row("Sobolev factor made anew", "smoothing a gradient, 500 vertices", solve, anew)

@@ -11,9 +11,9 @@ __all__ = ["machine_description"]
 
 
 def machine_description(*packages: str) -> dict[str, str]:
-    """The date (UTC), the machine, and the versions of Python and of packages.
+    """The date (UTC), the machine, and the versions of Python, of this package and of others.
 
-    packages: distribution names; those that are not installed are left out.
+    packages: distribution names of the others; what is not installed is left out.
     """
     cores = os.cpu_count() or 1
     described = {
@@ -21,7 +21,7 @@ def machine_description(*packages: str) -> dict[str, str]:
         "machine": f"{platform.system()} {platform.machine()}, {cores} cores",
         "python": platform.python_version(),
     }
-    for package in packages:
+    for package in ("dicedesign", *packages):
         try:
             described[package] = version(package)
         except PackageNotFoundError:

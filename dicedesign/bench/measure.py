@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dicedesign.bench.condition import condition
-from dicedesign.bench.oracle import oracle_probabilities
+from dicedesign.bench.oracle import hull_probabilities
 from dicedesign.bench.problem import Problem
 from dicedesign.geometry.body import make_body
 from dicedesign.geometry.hull import ConvexHull
@@ -99,14 +99,8 @@ def share_error(expected: Floats, found: Floats) -> float:
 
 
 def _oracle_error(poses: RestPoses, centers: list[Floats]) -> float:
-    hull = poses.hull
-    polygons = np.split(hull.tail, hull.facet_start[1:-1])
-    exact = oracle_probabilities(
-        hull.vertices.tolist(),
-        [polygon.tolist() for polygon in polygons],
-        [center.tolist() for center in centers],
-    )
-    found = np.zeros(len(polygons))
+    exact = hull_probabilities(poses.hull, centers)
+    found = np.zeros(len(exact))
     found[poses.facets] = poses.probabilities
     return max(abs(float(p - q)) for p, q in zip(exact, found.tolist(), strict=True))
 
@@ -119,10 +113,9 @@ def _asymmetry(poses: RestPoses, matrix: Floats) -> float:
 def _outside(hull: ConvexHull, points: Floats, center: Floats) -> float:
     if len(points) * len(hull.normals) > HULL_CHECK_PAIRS:
         return float("nan")
-    local, corners = points - center, hull.vertices - center
-    planes = (corners[hull.tail[hull.facet_start[:-1]]] * hull.normals).sum(-1)
-    scale = float(np.ptp(corners, axis=0).max()) / 2.0
-    beyond = (local @ hull.normals.T - planes).max(axis=0)
+    local = points - center
+    scale = float(np.ptp(hull.vertices - center, axis=0).max()) / 2.0
+    beyond = (local @ hull.normals.T - hull.heights(center)).max(axis=0)
     # A facet's plane is known the less the more slender the facet is.
     rounding = 4.0 * float(np.finfo(np.float64).eps * np.abs(points).max())
     return float((beyond - rounding * (1.0 + scale * scale / hull.areas)).max()) / scale

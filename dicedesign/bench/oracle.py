@@ -12,6 +12,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dicedesign.bench.sixty_digits import (
     DIGITS,
     Number,
@@ -28,8 +31,9 @@ from dicedesign.bench.sixty_digits import (
     unit,
     vector,
 )
+from dicedesign.geometry.hull import ConvexHull
 
-__all__ = ["oracle_probabilities"]
+__all__ = ["facet_polygons", "hull_probabilities", "oracle_probabilities"]
 
 Vectors = Sequence[Sequence[Any]]
 Edge = tuple[int, int]
@@ -62,6 +66,17 @@ def oracle_probabilities(
     with mp.workdps(DIGITS):
         areas = [_Oracle(vertices, polygons, center).areas() for center in centers]
         return [sum(of_facet) / (4 * mp.pi * len(centers)) for of_facet in zip(*areas, strict=True)]
+
+
+def hull_probabilities(hull: ConvexHull, centers: Sequence[NDArray[np.float64]]) -> list[Number]:
+    """`oracle_probabilities` of a hull's facets, for centers of mass (3,); raises the same."""
+    points = [center.tolist() for center in centers]
+    return oracle_probabilities(hull.vertices.tolist(), facet_polygons(hull), points)
+
+
+def facet_polygons(hull: ConvexHull) -> list[list[int]]:
+    """The corners of each facet, as `oracle_probabilities` wants them."""
+    return [polygon.tolist() for polygon in np.split(hull.tail, hull.facet_start[1:-1])]
 
 
 class _Oracle:

@@ -12,8 +12,8 @@ from dicedesign.geometry.hull import ConvexHull
 from dicedesign.rest.morse import (
     Separatrices,
     basin_references,
-    border_areas,
     separatrix_points,
+    signed_areas,
     wraps,
 )
 from dicedesign.rest.probabilities import Basins
@@ -51,7 +51,5 @@ def _shares(
         return np.ones(1, dtype=vertices.dtype)
     points = separatrix_points(paths, vertices, center, np)
     references = basin_references(paths, points, normals)
-    border = border_areas(paths, points, references, np)
-    signed = np.zeros(len(paths.rests), dtype=vertices.dtype)
-    np.add.at(signed, paths.basins.ravel(), border.ravel())
+    signed = signed_areas(paths, points, references)
     return (signed / (4.0 * np.pi)) + wraps(signed).astype(vertices.dtype)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dicedesign.bench.problem import Problem
 from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.rest.equilibria import classify
 
 __all__ = ["KINDS", "random_hull"]
@@ -48,8 +49,7 @@ def _cloud(rng: np.random.Generator) -> Floats:
 
 def _ellipsoid(rng: np.random.Generator) -> Floats:
     directions = rng.normal(size=(_count(rng), 3))
-    lengths = np.sqrt((directions**2).sum(-1))[:, None]
-    return directions / lengths * rng.uniform(0.4, 1.0, size=3)
+    return unit_vectors(directions) * rng.uniform(0.4, 1.0, size=3)
 
 
 def _needle(rng: np.random.Generator) -> Floats:

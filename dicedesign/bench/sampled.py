@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import destined_facets, slide
 
@@ -48,8 +49,7 @@ def sampled_probabilities(equilibria: Equilibria, directions: Floats) -> Floats:
 
 def random_directions(count: int, seed: int) -> Floats:
     """(count, 3) independent unit vectors, uniform on the sphere."""
-    normal = np.random.default_rng(seed).normal(size=(count, 3))
-    return normal / np.sqrt((normal * normal).sum(-1))[:, None]
+    return unit_vectors(np.random.default_rng(seed).normal(size=(count, 3)))
 
 
 def lattice_directions(count: int, seed: int) -> Floats:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull as Triangulation
 
 from dicedesign.bench.problem import Problem
+from dicedesign.geometry.sphere import norms, unit_vectors
 
 __all__ = [
     "bulging_cube",
@@ -89,7 +90,7 @@ def off_balance(distance: float, *, corner: bool) -> Problem:
     points = np.concatenate(
         [np.column_stack([scale * bottom, np.full(4, z)]) for scale, z in ((1.0, 0.0), (2.0, 2.0))]
     )
-    along = (bottom[1] - bottom[0]) / np.sqrt(((bottom[1] - bottom[0]) ** 2).sum())
+    along = unit_vectors(bottom[1] - bottom[0])
     inward = np.array([-along[1], along[0]])
     foot = bottom[0] + distance * (inward + (0.3 * along if corner else 0.0))
     if not corner:
@@ -106,11 +107,11 @@ def glancing(growth: float) -> Problem:
     tail = hull.simplices[:, [0, 1, 2, 1, 2, 0]].ravel()
     head = hull.simplices[:, [1, 2, 0, 0, 1, 2]].ravel()
     r, v = points[tail] - center, points[head] - points[tail]
-    v = v / np.sqrt((v * v).sum(-1))[:, None]
+    v = unit_vectors(v)
     rise = (r * v).sum(-1)
     opened = np.isin(tail, tail[rise >= 0.0], invert=True)
     edge = int(np.argmax(np.where(opened, rise, -np.inf)))
-    distance = float(np.sqrt((r[edge] ** 2).sum()))
+    distance = float(norms(r[edge]))
     return Problem(points, center + v[edge] * (rise[edge] - growth * distance))
 
 

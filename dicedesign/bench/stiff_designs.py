@@ -18,6 +18,7 @@ from dicedesign.design.starts import Start, prism, repulsion
 from dicedesign.design.targets import binomial, fair, listed, sum_of_dice
 from dicedesign.geometry.halfspaces import polyhedron_corners
 from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.rest.poses import rest_poses
 
 __all__ = ["coincident", "design_cases", "leaning", "loaded_box", "near_facet"]
@@ -78,7 +79,7 @@ def leaning(depth: float) -> DesignProblem:
     )
     normals = AXES.copy()
     normals[:2, 2] = (-lean, lean)
-    start = Start(points, normals / np.sqrt((normals**2).sum(-1))[:, None])
+    start = Start(points, unit_vectors(normals))
     return DesignProblem(start, fair(6).probabilities, perturbation=0.0)
 
 
@@ -94,7 +95,7 @@ def coincident(angle: float) -> DesignProblem:
     """Two of the seven facets that bear outcomes include an angle, in radians, near zero."""
     normals = repulsion(7, 0).directions.copy()
     axis = np.cross(normals[0], [0.0, 0.0, 1.0])
-    turn = Rotation.from_rotvec(angle * axis / np.sqrt((axis**2).sum()))
+    turn = Rotation.from_rotvec(angle * axis / norms(axis))
     normals[1] = turn.apply(normals[0])
     start = Start(polyhedron_corners(normals, np.ones(7)), normals)
     return DesignProblem(start, fair(7).probabilities)
@@ -126,8 +127,7 @@ def _lopsided() -> DesignProblem:
 
 def _needle(factor: float) -> DesignProblem:
     sphere = repulsion(6, 0)
-    directions = sphere.directions / [1.0, 1.0, factor]
-    directions /= np.sqrt((directions**2).sum(-1))[:, None]
+    directions = unit_vectors(sphere.directions / [1.0, 1.0, factor])
     return DesignProblem(
         Start(sphere.points * [1.0, 1.0, factor], directions), fair(6).probabilities
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dicedesign.bench.extremes import large
 from dicedesign.bench.measure import ORACLE_FACETS
-from dicedesign.bench.oracle import oracle_probabilities
+from dicedesign.bench.oracle import hull_probabilities
 from dicedesign.bench.precision import evaluated_probabilities
 from dicedesign.bench.sixty_digits import OracleError
 from dicedesign.bench.stiff import random_body
@@ -82,23 +83,12 @@ def make_subject(name: str, body: Body, *, oracle_facets: int = ORACLE_FACETS) -
     sides = find_basins(hull, center)
     exact: Sequence[Any] | None = None
     if len(hull.normals) <= oracle_facets:
-        exact = _oracle_answer(hull, [side.equilibria.center_of_mass for side in sides])
+        with suppress(OracleError):
+            exact = hull_probabilities(hull, [s.equilibria.center_of_mass for s in sides])
     oracle = exact is not None
     if exact is None:
         exact = evaluated_probabilities(hull, sides, np.float64).tolist()
     return Subject(name, body, center, hull, exact, oracle, len(sides) > 1)
-
-
-def _oracle_answer(hull: ConvexHull, centers: Sequence[Floats]) -> Sequence[Any] | None:
-    polygons = np.split(hull.tail, hull.facet_start[1:-1])
-    try:
-        return oracle_probabilities(
-            hull.vertices.tolist(),
-            [polygon.tolist() for polygon in polygons],
-            [center.tolist() for center in centers],
-        )
-    except OracleError:
-        return None
 
 
 def built_in_bodies() -> Iterator[tuple[str, Body]]:

@@ -108,9 +108,7 @@ def step_faults(evaluation: Evaluation) -> list[str]:
     volume = solid_properties(hull.vertices, hull.triangles)[0]
     if not volume > 0.0:
         faults.append(f"volume {volume:.1e}")
-    feet = hull.vertices[hull.tail[hull.facet_start[:-1]]]
-    heights = ((feet - evaluation.rests.center.detach().numpy()) * hull.normals).sum(-1)
-    if not (heights > 0.0).all():
+    if not (hull.heights(evaluation.rests.center.detach().numpy()) > 0.0).all():
         faults.append("center of mass lost")
     probabilities = evaluation.rests.probabilities.detach().numpy()
     excess = float(probabilities.sum()) - 1.0

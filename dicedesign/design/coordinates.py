@@ -12,7 +12,7 @@ from torch import Tensor
 
 from dicedesign.design.differentiable import RestEvaluation
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hull import convex_hull
 from dicedesign.geometry.hull_reuse import HullMaker
 
 __all__ = ["Coordinates", "FacetCoordinates", "VertexCoordinates"]
@@ -84,7 +84,7 @@ class FacetCoordinates:
         Raises DegenerateBodyError if the origin is not strictly inside.
         """
         hull = hull_of(points)
-        heights = _heights(hull, origin)
+        heights = hull.heights(origin)
         if (heights <= 0.0).any():
             raise DegenerateBodyError(
                 f"facet coordinates: expected an origin inside the shape, got {origin.tolist()}; "
@@ -100,7 +100,7 @@ class FacetCoordinates:
         lengths = torch.linalg.vector_norm(normals, dim=1) * torch.exp(parameters[3 * count :])
         polar = normals / lengths[:, None]
         hull = hull_of(polar.detach().numpy())
-        if (_heights(hull, np.zeros(3)) <= 0.0).any():
+        if (hull.heights(np.zeros(3)) <= 0.0).any():
             raise DegenerateBodyError(
                 "facet coordinates: expected half-spaces that bound a solid, got normals that "
                 "leave a direction open; take a smaller step"
@@ -112,9 +112,3 @@ class FacetCoordinates:
     def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """See `Coordinates`: half-spaces that cut nothing stay, as they may cut again."""
         return parameters
-
-
-def _heights(hull: ConvexHull, origin: Floats) -> Floats:
-    """(m,) distances of the facets' planes from a point (3,), positive on the inside."""
-    feet = hull.vertices[hull.tail[hull.facet_start[:-1]]] - origin
-    return (feet * hull.normals).sum(-1)

@@ -178,7 +178,8 @@ class _Descent:
         origin = hull.centroid
         if center_of_mass is not None:
             center_of_mass = classify(hull, center_of_mass).center_of_mass
-            if _clearance(hull, center_of_mass) > NEAR_BOUNDARY * _clearance(hull, origin):
+            clearance = hull.heights(center_of_mass).min()
+            if clearance > NEAR_BOUNDARY * hull.heights(origin).min():
                 origin = center_of_mass
         coordinates: Coordinates
         if options.coordinates == "facets":
@@ -287,12 +288,6 @@ class _Descent:
             self.on_evaluation(current)
         if self.on_step is not None:
             self.on_step(step)
-
-
-def _clearance(hull: ConvexHull, point: Floats) -> float:
-    """Distance of a point (3,) inside from the nearest facet's plane."""
-    feet = hull.vertices[hull.tail[hull.facet_start[:-1]]] - point
-    return float((feet * hull.normals).sum(-1).min())
 
 
 def _same_edges(a: ConvexHull, b: ConvexHull) -> bool:

@@ -226,6 +226,7 @@ def outcome_facets(normals: Floats, directions: Floats, depths: Floats) -> Integ
     """
     cosines = directions @ normals.T
     within = cosines > np.cos(SAME_REST_ANGLE)
+    # Being within the angle is worth at least 2, more than any cosine.
     gain = np.where(within, 3.0 + np.clip(depths, -1.0, 1.0), cosines)
     return np.asarray(linear_sum_assignment(-gain)[1], dtype=np.int64)
 

@@ -39,8 +39,7 @@ def polyhedron_corners(normals: ArrayLike, offsets: ArrayLike) -> NDArray[np.flo
     if (d <= 0.0).any():
         raise _no_polyhedron(f"offset {d.min():g}")
     polar = convex_hull(n / d[:, None])
-    feet = polar.vertices[polar.tail[polar.facet_start[:-1]]]
-    heights = (feet * polar.normals).sum(-1)
+    heights = polar.heights(np.zeros(3))
     if (heights <= 0.0).any():
         raise _no_polyhedron("one that is unbounded")
     return polar.normals / heights[:, None]

@@ -30,6 +30,7 @@ from dicedesign.tolerances import (
     COPLANAR_TOLERANCE_FLOAT32,
     COPLANAR_WIDENINGS,
     FLATNESS_TOLERANCE,
+    ROUNDING,
     SLIVER,
 )
 
@@ -120,11 +121,32 @@ class ConvexHull:
     def unevenness(self) -> float:
         """Largest distance of two corners of one facet across its plane; 0 but for rounding where
         all facets are flat."""
+        return float(self._unevenness.max())
+
+    @cached_property
+    def _unevenness(self) -> Floats:
+        """(m,) the same of each facet."""
         start = self.facet_start[:-1]
         offsets = self.vertices[self.tail] - self.vertices[self.tail[start]][self.facet]
         heights = (offsets * self.normals[self.facet]).sum(-1)
-        highest, lowest = np.maximum.reduceat(heights, start), np.minimum.reduceat(heights, start)
-        return float((highest - lowest).max())
+        return np.maximum.reduceat(heights, start) - np.minimum.reduceat(heights, start)
+
+    @cached_property
+    def warp(self) -> float:
+        """Largest sine of the angle between an edge and the line in which the planes of its two
+        facets meet, 1 where they meet the wrong way round. 0 where all facets are flat to within
+        rounding."""
+        extent = float(np.ptp(self.vertices, axis=0).max())
+        rough = self._unevenness > ROUNDING * extent
+        edges = np.flatnonzero(rough[self.facet] | rough[self.facet[self.twin]])
+        if len(edges) == 0:
+            return 0.0
+        along = self.vertices[self.head[edges]] - self.vertices[self.tail[edges]]
+        left, right = self.facet[edges], self.facet[self.twin[edges]]
+        line = np.linalg.cross(self.normals[left], self.normals[right])
+        size = norms(line) * norms(along)
+        sine = norms(np.linalg.cross(line, along)) / np.where(size > 0.0, size, 1.0)
+        return float(np.where((line * along).sum(-1) > 0.0, sine, 1.0).max())
 
     @cached_property
     def triangles(self) -> Integers:
@@ -137,6 +159,11 @@ class ConvexHull:
     def centroid(self) -> Floats:
         """(3,) center of mass of the uniform solid hull."""
         return solid_properties(self.vertices, self.triangles)[1]
+
+    def heights(self, point: Floats) -> Floats:
+        """(m,) distances of the facets' planes from a point (3,), positive where it is inside."""
+        corners = self.vertices[self.tail[self.facet_start[:-1]]]
+        return ((corners - point) * self.normals).sum(-1)
 
     def polygon(self, facet: int) -> Floats:
         """(k, 3) corners of a facet, counter-clockwise seen from outside."""

@@ -22,6 +22,10 @@ MANTISSA = 53
 """Binary digits of a float."""
 
 
+WIDEST = 1000
+"""Binary digits of an integer, about, up to which it fits in a float."""
+
+
 class IntegerPoints:
     """Points (n, 3), finite, times one power of two that makes all coordinates integers.
 
@@ -45,7 +49,7 @@ class IntegerPoints:
     def area_vector(self, polygon: Sequence[int]) -> NDArray[np.float64]:
         """(3,) normal of a polygon of points, times twice its area, rounded once."""
         exact = area_vector([self[int(corner)] for corner in polygon])
-        excess = max(max(x.bit_length() for x in exact) - 1000, 0)
+        excess = max(max(x.bit_length() for x in exact) - WIDEST, 0)
         exponent = 2 * (self._least - MANTISSA) + excess
         return np.array([ldexp(x / (1 << excess), exponent) for x in exact])
 

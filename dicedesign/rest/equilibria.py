@@ -217,8 +217,7 @@ def classify(hull: ConvexHull, center_of_mass: ArrayLike, tie_distance: float = 
     if center.shape != (3,) or not np.isfinite(center).all():
         raise InputError(f"center of mass: expected three finite numbers, got {center_of_mass!r}")
     radii = hull.vertices - center
-    anchor = radii[hull.tail[hull.facet_start[:-1]]]
-    heights = (anchor * hull.normals).sum(-1)
+    heights = hull.heights(center)
     lowest = int(np.argmin(heights))
     scale = float(np.abs(hull.vertices - hull.vertices.mean(axis=0)).max())
     if heights[lowest] <= BOUNDARY_TOLERANCE * scale:

@@ -28,6 +28,7 @@ __all__ = [
     "border_areas",
     "separatrices",
     "separatrix_points",
+    "signed_areas",
     "wraps",
 ]
 
@@ -170,6 +171,14 @@ def border_areas(paths: Separatrices, points: Any, normals: Any, xp: ModuleType)
         # The branch into the head's cell runs along the left basin's border, the other against it.
         contributions.append(sign * (angles[:, 0] - angles[:, 1]))
     return xp.stack(contributions, 1)
+
+
+def signed_areas(paths: Separatrices, points: NDArray[Any], references: Floats) -> NDArray[Any]:
+    """Areas (k,) of the basins, up to multiples of 4 pi and in the type of the points; see
+    `border_areas`."""
+    areas = np.zeros(len(paths.rests), dtype=points.dtype)
+    np.add.at(areas, paths.basins.ravel(), border_areas(paths, points, references, np).ravel())
+    return areas
 
 
 def wraps(areas: Floats) -> Integers:

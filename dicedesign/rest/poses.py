@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -33,8 +33,8 @@ TIED = (
 """Note on a body with ties."""
 
 UNEVEN = (
-    "facets bend by less than they are uneven, so that others were made of the hull's corners; "
-    "another coplanar tolerance may say more"
+    "some facets are no wider, or bend by no more, than they are uneven, so that others were made "
+    "of the hull's corners; another coplanar tolerance may say more"
 )
 """Note on a body whose facets could not be told apart where it mattered."""
 
@@ -51,9 +51,10 @@ class MorseComplex:
     saddles: (s, 3) unit directions of the saddles that divide two basins.
     saddle_basins: (s, 2) the two rests that a saddle divides.
     maxima: (v, 3) unit directions of the balancing vertices.
-    polylines: for each saddle the unit points (m, 3) of its separatrix from maximum to maximum,
-        with the basin `saddle_basins[:, 0]` on its left; consecutive points span great arcs.
-    equilibria: the classified hull.
+    branches: (2 s, d, 3) unit points of the separatrices from saddles to maxima, repeated where a
+        branch waits; of saddle i, branch 2 i has the basin `saddle_basins[i, 0]` on its left and
+        branch 2 i + 1 on its right.
+    equilibria: the classified hull, in which ties are not looked for.
     rest_facets: (k,) facet of the hull that each rest stands on.
     """
 
@@ -61,9 +62,21 @@ class MorseComplex:
     saddles: Floats
     saddle_basins: Integers
     maxima: Floats
-    polylines: tuple[Floats, ...]
+    branches: Floats
     equilibria: Equilibria
     rest_facets: Integers
+
+    @cached_property
+    def polylines(self) -> tuple[Floats, ...]:
+        """For each saddle the unit points (m, 3) of its separatrix from maximum to maximum, with
+        the basin `saddle_basins[:, 0]` on its left; consecutive points span great arcs."""
+        moving = np.ones(self.branches.shape[:2], dtype=bool)
+        moving[:, 1:] = (self.branches[:, 1:] != self.branches[:, :-1]).any(-1)
+        paths = [branch[distinct] for branch, distinct in zip(self.branches, moving, strict=True)]
+        return tuple(
+            np.concatenate([backward[:0:-1], forward])
+            for forward, backward in zip(paths[::2], paths[1::2], strict=True)
+        )
 
     @cached_property
     def basin_of_facet(self) -> Integers:
@@ -86,8 +99,6 @@ class RestPoses:
     probabilities: (k,) summing to 1.
     facets: (k,) facet numbers in `hull`.
     areas: (k,) areas of the facets stood on, in squared length units.
-    transforms: (k, 4, 4) rigid motions that stand the body on the plane z = 0 with the center of
-        mass on the z axis.
     margins: (k,) angle in radians from the facet normal to the nearest saddle of its basin; pi for
         a body with one rest.
     morse: the Morse-Smale complex.
@@ -101,13 +112,24 @@ class RestPoses:
     probabilities: Floats
     facets: Integers
     areas: Floats
-    transforms: Floats
     margins: Floats
     morse: MorseComplex
     center_of_mass: Floats
     center_of_mass_source: str
     notes: tuple[str, ...]
     seconds: dict[str, float]
+
+    @cached_property
+    def transforms(self) -> Floats:
+        """(k, 4, 4) rigid motions that stand the body on the plane z = 0 with the center of mass on
+        the z axis."""
+        heights = self.hull.heights(self.center_of_mass)[self.facets]
+        return np.stack(
+            [
+                standing_transform(normal, height, self.center_of_mass)
+                for normal, height in zip(self.normals, heights, strict=True)
+            ]
+        )
 
 
 def standing_transform(normal: Floats, height: float, center_of_mass: Floats) -> Floats:
@@ -188,11 +210,6 @@ def analyse(
     place = np.full(len(basins), -1, dtype=np.int64)
     place[facets] = np.arange(len(facets))
     morse = _complex(equilibria, paths, points, normals, facets, place[paths.rests])
-    feet = hull.vertices[hull.tail[hull.facet_start[facets]]] - center_of_mass
-    heights = (feet * normals).sum(-1)
-    transforms = np.stack(
-        [standing_transform(n, h, center_of_mass) for n, h in zip(normals, heights, strict=True)]
-    )
     margins = np.full(len(facets), np.pi)
     for column in (0, 1):
         basin = morse.saddle_basins[:, column]
@@ -203,7 +220,6 @@ def analyse(
         probabilities=basins[facets] / (4.0 * np.pi),
         facets=facets,
         areas=hull.areas[facets],
-        transforms=transforms,
         margins=margins,
         morse=morse,
         center_of_mass=center_of_mass,
@@ -222,18 +238,13 @@ def _complex(
     place: Integers,
 ) -> MorseComplex:
     unit = unit_vectors(points)
-    moving = np.ones(unit.shape[:2], dtype=bool)
-    moving[:, 1:] = (unit[:, 1:] != unit[:, :-1]).any(-1)
-    polylines = tuple(
-        np.concatenate([unit[2 * s + 1][moving[2 * s + 1]][:0:-1], unit[2 * s][moving[2 * s]]])
-        for s in range(len(paths.saddles))
-    )
     return MorseComplex(
         minima=normals,
         saddles=unit[::2, 0],
         saddle_basins=place[paths.basins],
         maxima=unit_vectors(equilibria.radii[equilibria.maximum]),
-        polylines=polylines,
-        equilibria=equilibria,
+        branches=unit,
+        # A balance that no basin depends on is none to give up for when bodies are rolled.
+        equilibria=replace(equilibria, tie_distance=0.0),
         rest_facets=facets,
     )

@@ -14,12 +14,18 @@ from dicedesign.rest.equilibria import Equilibria, Tie, classify
 from dicedesign.rest.morse import (
     Separatrices,
     basin_references,
-    border_areas,
     separatrices,
     separatrix_points,
+    signed_areas,
     wraps,
 )
-from dicedesign.tolerances import CLOSURE_TOLERANCE, COPLANAR_WIDENINGS, TIE_TOLERANCE
+from dicedesign.tolerances import (
+    CLOSURE_TOLERANCE,
+    COPLANAR_COARSEST,
+    COPLANAR_WIDENINGS,
+    TIE_TOLERANCE,
+    WARP_TOLERANCE,
+)
 
 __all__ = ["Basins", "closed_areas", "find_basins"]
 
@@ -31,9 +37,6 @@ no plane of symmetry that a body is likely to have."""
 
 TIE_STEP = 4.0
 """How far, in units of the distance within which ties are looked for."""
-
-COARSEST = 0.5
-"""No coplanar tolerance is widened beyond this."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,8 @@ def find_basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
     basins overlap. Such a body is tied to within its unevenness. If both its neighbours are
     contradictory too, facets bend by less than they are uneven; the basins are then those of the
     hull at a coplanar tolerance of the unevenness times the first of `COPLANAR_WIDENINGS` above 1
-    that is enough, or, if none is, at tolerance 0, where facets are exactly flat.
+    that is enough, or, if none is, at tolerance 0, where facets are exactly flat. The same is done
+    with a hull whose facets are no wider than they are uneven (`WARP_TOLERANCE`).
 
     hull: the convex hull; center_of_mass: (3,) strictly inside it. The basins' own hull is another
     one only in that last case; its `source` refers to the same points.
@@ -79,14 +83,15 @@ def find_basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
     OutsideHullError: the center of mass is not strictly inside the hull.
     DegenerateBodyError: the basins do not close.
     """
-    try:
-        return _basins(hull, center_of_mass)
-    except DegenerateBodyError:
-        unevenness = hull.unevenness / (np.ptp(hull.vertices, axis=0).max() / 2.0)
+    if hull.warp <= WARP_TOLERANCE:
+        with suppress(DegenerateBodyError):
+            return _basins(hull, center_of_mass)
+    unevenness = hull.unevenness / (np.ptp(hull.vertices, axis=0).max() / 2.0)
     for factor in COPLANAR_WIDENINGS[1:]:
         with suppress(DegenerateBodyError):
-            coarser = _made_again(hull, min(factor * unevenness, COARSEST))
-            return _basins(coarser, center_of_mass)
+            coarser = _made_again(hull, min(factor * unevenness, COPLANAR_COARSEST))
+            if coarser.warp <= WARP_TOLERANCE:
+                return _basins(coarser, center_of_mass)
     return _basins(_made_again(hull, 0.0), center_of_mass)
 
 
@@ -111,8 +116,7 @@ def _basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
 
 def _beside(hull: ConvexHull, center_of_mass: Floats, distance: float) -> tuple[Basins, ...]:
     """The basins of a body tied to within a distance."""
-    corners = hull.vertices[hull.tail[hull.facet_start[:-1]]]
-    depth = float(((corners - center_of_mass) * hull.normals).sum(-1).min())
+    depth = float(hull.heights(center_of_mass).min())
     move = min(TIE_STEP * distance, depth / 2.0) * TIE_DIRECTION
     centers = center_of_mass + move, center_of_mass - move
     return tuple(_trace(classify(hull, center)) for center in centers)
@@ -125,10 +129,8 @@ def _trace(equilibria: Equilibria) -> Basins:
     if len(paths.rests) == 1:
         return Basins(equilibria, paths, points, np.array([4.0 * np.pi]))
     references = basin_references(paths, points, equilibria.hull.normals[paths.rests])
-    border = border_areas(paths, points, references, np)
-    sums = np.zeros(len(paths.rests))
-    np.add.at(sums, paths.basins.ravel(), border.ravel())
-    return Basins(equilibria, paths, points, closed_areas(sums))
+    areas = closed_areas(signed_areas(paths, points, references))
+    return Basins(equilibria, paths, points, areas)
 
 
 def closed_areas(signed: Floats) -> Floats:

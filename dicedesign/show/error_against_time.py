@@ -16,7 +16,7 @@ from dicedesign.errors import InputError
 from dicedesign.show.palette import DARK, FAINT
 from dicedesign.show.png import agg_figure
 
-__all__ = ["DISTINCT", "ErrorCurve", "ErrorPanel", "error_against_time_figure"]
+__all__ = ["DISTINCT", "ErrorCurve", "ErrorPanel", "error_against_time_figure", "style_axes"]
 
 DISTINCT: Final = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#000000", "#e69f00", "#56b4e9")
 """Line colours that the colour-blind tell apart. Source: M. Okabe and K. Ito, Color Universal
@@ -112,10 +112,7 @@ def error_against_time_figure(
         axes.set(xscale="log", yscale="log", ylim=(floor, top))
         axes.set_xlim(seconds.min() / 1.8, seconds.max() * 1.8)
         _draw(axes, panel, levels, floor)
-        axes.set_title(panel.title, fontsize=11, color=DARK)
-        axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
-        axes.minorticks_off()
-        axes.spines[["top", "right"]].set_visible(False)
+        style_axes(axes, panel.title)
         if place % columns == 0:
             axes.set_ylabel(error_label)
         else:
@@ -135,6 +132,14 @@ def error_against_time_figure(
         columnspacing=1.8,
     )
     return figure
+
+
+def style_axes(axes: Axes, title: str) -> None:
+    """A title, a faint grid, and no frame: for logarithmic axes whose decades alone have ticks."""
+    axes.set_title(title, fontsize=11, color=DARK)
+    axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
+    axes.minorticks_off()
+    axes.spines[["top", "right"]].set_visible(False)
 
 
 def _draw(axes: Axes, panel: ErrorPanel, levels: Mapping[str, float], floor: float) -> None:

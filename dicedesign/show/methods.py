@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from dicedesign.errors import InputError
-from dicedesign.show.error_against_time import DISTINCT
+from dicedesign.show.error_against_time import DISTINCT, style_axes
 from dicedesign.show.palette import DARK, FAINT
 from dicedesign.show.png import agg_figure
 
@@ -95,10 +95,7 @@ def design_methods_figure(panels: Sequence[DesignPanel]) -> Figure:
         pair[0].axhline(panel.tolerance, **_TOLERANCE, zorder=1)
         for axes, what in zip(pair, ("error, max |p − q|", "dice energy"), strict=True):
             axes.set_xlim(_FIRST, 1.3 * max(latest, 10.0 * _FIRST))
-            axes.set_title(f"{panel.title}: {what}", fontsize=11, color=DARK)
-            axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
-            axes.minorticks_off()
-            axes.spines[["top", "right"]].set_visible(False)
+            style_axes(axes, f"{panel.title}: {what}")
             if row == len(panels) - 1:
                 axes.set_xlabel("run time (s)")
             else:

@@ -202,7 +202,7 @@ def test_a_body_the_oracle_cannot_answer_for(monkeypatch: pytest.MonkeyPatch) ->
     def fail(*arguments: object) -> None:
         raise OracleError("oracle: expected one way out of cell 1, got 2")
 
-    monkeypatch.setattr(subjects, "oracle_probabilities", fail)
+    monkeypatch.setattr(subjects, "hull_probabilities", fail)
     subject = subject_of(box(1.0, 2.0, 3.0))
     assert not subject.oracle
     np.testing.assert_allclose(sorted(subject.exact), np.sort(box(1.0, 2.0, 3.0).shares))
@@ -268,7 +268,7 @@ def test_the_record_and_the_figure_hold_every_answer() -> None:
     subject = replace(subject_of(random_body(0)), name="a body")
     result = Result(subject, list(answers(subject, most_directions=1000, seconds=1.0)))
     record = json.loads(json.dumps(accuracy_record([result]), allow_nan=False))
-    assert {"date", "machine", "python", "numpy", "trimesh"} <= set(record)
+    assert {"date", "machine", "python", "dicedesign", "numpy", "trimesh"} <= set(record)
     (body,) = record["bodies"]
     assert body["name"] == "a body"
     assert body["reference"] == "60-digit oracle"

@@ -267,6 +267,7 @@ def test_the_command_prints_tables_or_json(
     monkeypatch.setattr(gradients, "compare_gradients", lambda hulls: iter([row, bad]))
     assert main(["bench", "gradients", "--hulls", "2", "--json"]) == 1
     given = json.loads(capsys.readouterr().out)
+    assert {"date", "machine", "python", "dicedesign", "mpmath"} <= set(given)
     assert [one["ok"] for one in given["hulls"]] == [True, False]
     assert given["exponents"]["grazing"] == pytest.approx(-1.0)
     assert not given["ok"]

@@ -11,7 +11,7 @@ import pytest
 
 from dicedesign.bench import monostatic, solids
 from dicedesign.bench.measure import measure
-from dicedesign.bench.oracle import oracle_probabilities
+from dicedesign.bench.oracle import hull_probabilities, oracle_probabilities
 from dicedesign.bench.problem import Problem
 from dicedesign.bench.sixty_digits import OracleError
 from dicedesign.errors import InputError
@@ -26,9 +26,7 @@ TETRAHEDRON_FACETS = [[1, 3, 2], [0, 2, 3], [0, 3, 1], [0, 1, 2]]
 
 
 def ask(hull: ConvexHull, *centers: np.ndarray) -> np.ndarray:
-    polygons = [polygon.tolist() for polygon in np.split(hull.tail, hull.facet_start[1:-1])]
-    exact = oracle_probabilities(hull.vertices.tolist(), polygons, [c.tolist() for c in centers])
-    return np.array([float(p) for p in exact])
+    return np.array([float(p) for p in hull_probabilities(hull, centers)])
 
 
 def test_a_tetrahedron_to_fifty_digits() -> None:

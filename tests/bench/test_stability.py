@@ -136,7 +136,8 @@ def test_the_watchdog_reports_and_goes_on() -> None:
 def test_the_command_prints_a_table_or_json(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rows = [run_case(("cube", 0)), Row("needle", verdict="hang: no answer in 60 s")]
+    hung = Row("needle", excess=float("nan"), verdict="hang: no answer in 60 s")
+    rows = [run_case(("cube", 0)), hung]
     monkeypatch.setattr(
         stability, "run_stability", lambda **options: iter(rows[: options["largest"]])
     )
@@ -146,6 +147,15 @@ def test_the_command_prints_a_table_or_json(
     assert table[1].split()[:3] == ["cube", "6", "6"]
     assert table[-1] == "1 cases, 1 ok, 0 not"
     assert main(["bench", "stability", "--largest", "2", "--json"]) == 1
-    given = json.loads(capsys.readouterr().out)["rows"]
+    record = json.loads(capsys.readouterr().out)
+    assert {"date", "machine", "python", "dicedesign", "mpmath"} <= set(record)
+    given = record["rows"]
     assert [row["verdict"] for row in given] == [OK, "hang: no answer in 60 s"]
     assert given[1]["error"] is None
+    # JSON has no word for what is not a number.
+    assert given[1]["excess"] is None
+
+
+def test_a_negative_size_is_an_error_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "stability", "--largest", "-1"]) == 2
+    assert "--largest: expected at least 0, got -1" in capsys.readouterr().err

@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull as QhullHull
 
 from dicedesign import rest_poses
 from dicedesign.bench.cases import stability_cases
-from dicedesign.bench.oracle import oracle_probabilities
+from dicedesign.bench.oracle import hull_probabilities
 from dicedesign.bench.problem import DesignProblem, Problem
 from dicedesign.bench.stability import OK, run_case
 from dicedesign.bench.stiff_designs import (
@@ -55,8 +55,7 @@ def oracle_error(design: DesignProblem, vertices: np.ndarray, directions: np.nda
     """Largest |p - q| in 60-digit arithmetic, each rest counted for the nearest direction."""
     poses = rest_poses(vertices, design.center_of_mass)
     hull = poses.hull
-    polygons = [polygon.tolist() for polygon in np.split(hull.tail, hull.facet_start[1:-1])]
-    exact = oracle_probabilities(hull.vertices.tolist(), polygons, [poses.center_of_mass.tolist()])
+    exact = hull_probabilities(hull, [poses.center_of_mass])
     sums = np.zeros(len(design.target))
     for normal, probability in zip(hull.normals, exact, strict=True):
         sums[np.argmax(directions @ normal)] += float(probability)

@@ -9,12 +9,18 @@ import numpy as np
 import pytest
 import trimesh
 
+from dicedesign.bench.extremes import weighted_sphere
+from dicedesign.bench.monostatic import conway_guy
+from dicedesign.bench.problem import Problem
 from dicedesign.errors import InputError
 from dicedesign.geometry.body import make_body
 from dicedesign.geometry.mesh_file import read_body
 from dicedesign.geometry.sphere import angle_between
+from dicedesign.rest.equilibria import Tie, classify
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import roll
+from dicedesign.rest.tracing import destined_facets
+from dicedesign.show.basins import basin_of_directions
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 
@@ -124,6 +130,21 @@ def test_basins_of_facets_agree_with_rolls(seed: int) -> None:
     for normal, basin in zip(rests.hull.normals, basins, strict=True):
         ended = roll(rests.morse.equilibria, normal)[-1].down
         np.testing.assert_array_equal(ended, rests.normals[basin])
+
+
+@pytest.mark.parametrize("problem", [conway_guy(), weighted_sphere()], ids=["spiral", "sphere"])
+def test_a_balance_that_no_basin_depends_on_stops_no_roll(problem: Problem) -> None:
+    rests = rest_poses(problem.points, problem.center)
+    equilibria = rests.morse.equilibria
+    assert len(rests.probabilities) == 1
+    watchful = classify(rests.hull, rests.center_of_mass, 1e-13)
+    with pytest.raises(Tie):
+        destined_facets(watchful, np.arange(len(rests.hull.normals)))
+    assert (rests.morse.basin_of_facet == 0).all()
+    for normal in rests.hull.normals[::7]:
+        np.testing.assert_array_equal(roll(equilibria, normal)[-1].down, rests.normals[0])
+    directions = np.random.default_rng(0).normal(size=(50, 3))
+    assert (basin_of_directions(rests, directions) == 0).all()
 
 
 def test_meshes_arrays_and_bodies_are_taken() -> None:

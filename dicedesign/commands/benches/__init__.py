@@ -1,1 +1,1 @@
-"""One module for each bench, with its command line."""
+"""One module for each bench, with its command line, and `reporting`, which they share."""

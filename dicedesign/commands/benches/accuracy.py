@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dicedesign.errors import InputError, OutputError
+from dicedesign.commands.benches.reporting import (
+    add_folder_option,
+    add_json_option,
+    make_folder,
+    print_row,
+    progress_bar,
+    require_positive_seconds,
+    write_results,
+)
+from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
     from dicedesign.bench.accuracy import Answer
@@ -47,43 +54,26 @@ def add_parser(benches: Any) -> None:
         metavar="S",
         help="leave out answers that are expected to take more than S seconds (default: 20)",
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("outputs/bench"),
-        metavar="DIR",
-        help="folder for accuracy.png and accuracy.json (default: outputs/bench)",
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
+    add_folder_option(parser, "accuracy")
+    add_json_option(parser)
     parser.set_defaults(command=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tqdm import tqdm
-
     from dicedesign.bench.accuracy import answers
     from dicedesign.bench.accuracy_report import Result, accuracy_figure, accuracy_record
     from dicedesign.bench.subjects import make_subject
-    from dicedesign.files import atomic_write
-    from dicedesign.show.png import png_bytes
 
     _check(options)
     bodies = _bodies(options.meshes)
-    try:
-        options.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"--out: expected a folder that can be made, got {str(options.out)!r} "
-            f"({error.strerror}); choose another"
-        ) from error
+    make_folder(options.out)
     subjects = [make_subject(name, body) for name, body in bodies]
     results = []
-    with tqdm(file=sys.stderr, disable=not sys.stderr.isatty(), unit=" answers") as bar:
+    with progress_bar("answers") as bar:
 
         def show(line: str) -> None:
             if not options.json:
-                with tqdm.external_write_mode(sys.stdout):
-                    print(line, flush=True)
+                print_row(line)
 
         for subject in subjects:
             bar.set_description_str(subject.name)
@@ -97,13 +87,13 @@ def _run(options: argparse.Namespace) -> int:
                 show(_row(answer))
             show("")
             results.append(Result(subject, found))
-    text = json.dumps(accuracy_record(results), indent=1, allow_nan=False)
-    figure, record = options.out / "accuracy.png", options.out / "accuracy.json"
-    atomic_write(figure, png_bytes(accuracy_figure(results)))
-    atomic_write(record, f"{text}\n".encode())
-    if options.json:
-        print(text)
-    print(f"wrote {figure} and {record}", file=sys.stderr if options.json else sys.stdout)
+    write_results(
+        options.out,
+        "accuracy",
+        accuracy_figure(results),
+        accuracy_record(results),
+        as_json=options.json,
+    )
     return 0
 
 
@@ -114,10 +104,7 @@ def _check(options: argparse.Namespace) -> None:
         raise InputError(
             f"--samples: expected at least {DIRECTIONS[0]}, got {options.samples}; give more"
         )
-    if not options.seconds > 0.0:
-        raise InputError(
-            f"--seconds: expected a positive number, got {options.seconds:g}; give more"
-        )
+    require_positive_seconds(options.seconds)
 
 
 def _bodies(meshes: list[Path]) -> list[tuple[str, Body]]:

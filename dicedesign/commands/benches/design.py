@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dicedesign.errors import InputError, OutputError
+from dicedesign.commands.benches.reporting import (
+    add_folder_option,
+    add_json_option,
+    make_folder,
+    print_row,
+    progress_bar,
+    require_positive_seconds,
+    write_results,
+)
 
 if TYPE_CHECKING:
     from dicedesign.bench.methods import Run
@@ -39,65 +45,46 @@ def add_parser(benches: Any) -> None:
         metavar="S",
         help="longest time of each run (default: 15)",
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("outputs/bench"),
-        metavar="DIR",
-        help="folder for design.png and design.json (default: outputs/bench)",
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    add_folder_option(parser, "design")
+    add_json_option(parser)
     parser.set_defaults(command=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
     import torch
-    from tqdm import tqdm
 
     from dicedesign.bench.methods import METHODS, methods_figure, methods_record, run_method
     from dicedesign.design_stage import make_start
-    from dicedesign.files import atomic_write
     from dicedesign.recipe_file import read_recipe
-    from dicedesign.show.png import png_bytes
 
     # Tensors here are far too small to share among threads.
     torch.set_num_threads(1)
-    if not options.seconds > 0.0:
-        raise InputError(
-            f"--seconds: expected a positive number, got {options.seconds:g}; give more"
-        )
+    require_positive_seconds(options.seconds)
     recipes = [read_recipe(path) for path in options.recipes]
     starts = [make_start(recipe) for recipe in recipes]
-    try:
-        options.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"--out: expected a folder that can be made, got {str(options.out)!r} "
-            f"({error.strerror}); choose another"
-        ) from error
+    make_folder(options.out)
     runs = []
-    with tqdm(file=sys.stderr, disable=not sys.stderr.isatty(), unit=" steps") as bar:
+    with progress_bar("steps") as bar:
 
         def on_step(step: DescentStep) -> None:
             bar.update()
             bar.set_postfix_str(f"max |p - q| {step.error:.2e}")
 
         if not options.json:
-            print(_heading(), flush=True)
+            print_row(_heading())
         for recipe, start in zip(recipes, starts, strict=True):
             for method in METHODS:
                 bar.set_description_str(f"{recipe.name}: {method.name}")
                 runs.append(run_method(recipe, start, method, options.seconds, on_step))
                 if not options.json:
-                    with tqdm.external_write_mode(sys.stdout):
-                        print(_row(runs[-1]), flush=True)
-    text = json.dumps(methods_record(runs, options.seconds), indent=1, allow_nan=False)
-    figure, record = options.out / "design.png", options.out / "design.json"
-    atomic_write(figure, png_bytes(methods_figure(runs)))
-    atomic_write(record, f"{text}\n".encode())
-    if options.json:
-        print(text)
-    print(f"wrote {figure} and {record}", file=sys.stderr if options.json else sys.stdout)
+                    print_row(_row(runs[-1]))
+    write_results(
+        options.out,
+        "design",
+        methods_figure(runs),
+        methods_record(runs, options.seconds),
+        as_json=options.json,
+    )
     return 0
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from dicedesign.commands.benches.reporting import add_json_option, json_text
 from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,9 +30,9 @@ def add_parser(benches: Any) -> None:
         "which probabilities or gradients jump. Exit code 0 if every verdict is ok, else 1.",
     )
     parser.add_argument(
-        "--hulls", type=int, default=1000, metavar="N", help="random hulls (default 1000)"
+        "--hulls", type=int, default=1000, metavar="N", help="random hulls (default: 1000)"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
+    add_json_option(parser)
     parser.set_defaults(command=_run)
 
 
@@ -40,6 +40,7 @@ def _run(options: argparse.Namespace) -> int:
     from dicedesign.bench.events import BODIES, find_events
     from dicedesign.bench.gradients import compare_gradients, is_sound
     from dicedesign.bench.grazing import exponent, glancing_rows, grazing_rows
+    from dicedesign.bench.machine import machine_description
 
     if options.hulls < 1:
         raise InputError(f"--hulls: expected at least 1, got {options.hulls}; give more")
@@ -60,7 +61,8 @@ def _run(options: argparse.Namespace) -> int:
         answer: dict[str, Any] = {
             name: [{**asdict(row), "ok": row.ok} for row in rows] for name, rows in tables.items()
         }
-        print(json.dumps({**answer, "exponents": exponents, "ok": ok}, indent=1))
+        described = machine_description("numpy", "scipy", "torch", "mpmath")
+        print(json_text({**described, **answer, "exponents": exponents, "ok": ok}))
         return 0 if ok else 1
     _print_hulls(hulls, sound)
     for name, rows in (("glancing", glancing), ("grazing", grazing)):

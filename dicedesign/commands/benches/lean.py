@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from typing import TYPE_CHECKING, Any
+
+from dicedesign.commands.benches.reporting import (
+    add_json_option,
+    json_text,
+    print_row,
+    progress_bar,
+)
 
 if TYPE_CHECKING:
     from dicedesign.bench.cost import Row
@@ -25,30 +30,29 @@ def add_parser(benches: Any) -> None:
         "about half a minute. Seconds are processor time, medians of several repetitions; memory "
         "is the peak of a new process, libraries included.",
     )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    add_json_option(parser)
     parser.set_defaults(command=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
     import torch
-    from tqdm import tqdm
 
     from dicedesign.bench.lean import run_lean
+    from dicedesign.bench.machine import machine_description
 
     # As `dicedesign run` does.
     torch.set_num_threads(1)
     rows = []
-    with tqdm(file=sys.stderr, disable=not sys.stderr.isatty(), unit=" rows") as bar:
+    with progress_bar("rows") as bar:
         if not options.json:
-            print(_line("feature", "measured", "without", "with", "", "ratio"), flush=True)
+            print_row(_line("feature", "measured", "without", "with", "", "ratio"))
         for row in run_lean(on_group=bar.set_description_str):
             bar.update()
             rows.append(row.plain())
             if not options.json:
-                with tqdm.external_write_mode(sys.stdout):
-                    print(_table_row(row), flush=True)
+                print_row(_table_row(row))
     if options.json:
-        print(json.dumps({"rows": rows}, indent=1, allow_nan=False))
+        print(json_text({**machine_description("numpy", "scipy", "torch"), "rows": rows}))
     return 0
 
 

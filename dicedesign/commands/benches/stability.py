@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
+
+from dicedesign.commands.benches.reporting import (
+    add_json_option,
+    json_text,
+    print_row,
+    progress_bar,
+)
+from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
     from dicedesign.bench.stability import Row
@@ -28,30 +34,33 @@ def add_parser(benches: Any) -> None:
     parser.add_argument(
         "--largest", type=int, metavar="N", help="leave out bodies of more than N points"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    add_json_option(parser)
     parser.set_defaults(command=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tqdm import tqdm
-
+    from dicedesign.bench.machine import machine_description
     from dicedesign.bench.stability import OK, run_stability
 
+    if options.largest is not None and options.largest < 0:
+        raise InputError(f"--largest: expected at least 0, got {options.largest}; give more")
     rows = []
-    with tqdm(file=sys.stderr, disable=not sys.stderr.isatty(), unit=" cases") as bar:
+    with progress_bar("cases") as bar:
         if not options.json:
-            print(_line("case", "facets", "rests", "sum - 1", "error", "condition", "s", "verdict"))
+            print_row(
+                _line("case", "facets", "rests", "sum - 1", "error", "condition", "s", "verdict")
+            )
         for row in run_stability(
             quick=options.quick, largest=options.largest, on_case=bar.set_description_str
         ):
             bar.update()
             rows.append(row)
             if not options.json:
-                with tqdm.external_write_mode(sys.stdout):
-                    print(_table_row(row), flush=True)
+                print_row(_table_row(row))
     failed = sum(row.verdict != OK for row in rows)
     if options.json:
-        print(json.dumps({"rows": [asdict(row) for row in rows]}, indent=1))
+        described = machine_description("numpy", "scipy", "torch", "mpmath")
+        print(json_text({**described, "rows": [asdict(row) for row in rows]}))
     else:
         print(f"{len(rows)} cases, {len(rows) - failed} ok, {failed} not")
     return 0 if failed == 0 else 1
