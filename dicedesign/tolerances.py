@@ -30,6 +30,7 @@ __all__ = [
     "ROUNDING",
     "SAME_REST_ANGLE",
     "SLIVER",
+    "THIN_VOLUME",
     "TIE_TOLERANCE",
     "VOLUME_TOLERANCE",
     "WARP_TOLERANCE",
@@ -111,6 +112,11 @@ dozen operations each, plus a margin). Signs of values within it are found in ex
 SLIVER: Final = 2.0**-30
 """A facet of no more than this part of the square over its longest edge has its normal computed in
 exact arithmetic: rounding would turn it noticeably."""
+
+THIN_VOLUME: Final = 1e-3
+"""A body is thin when its volume is less than this part of the cube of its largest coordinate from
+its middle: a needle about 90 times as long as thick, a plate 8000 times. Its centroid is then
+computed in its principal axes."""
 
 TIE_TOLERANCE: Final = 1e-14
 """A body is tied where a move of its center of mass by this, relative to its extent plus its

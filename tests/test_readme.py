@@ -15,7 +15,6 @@ import pytest
 
 from dicedesign.recipe_file import read_recipe
 
-
 BENCHES = ("stability", "gradients", "accuracy", "design", "lean")
 
 NIGHTLY = "pytest tests/fuzz --hypothesis-profile=nightly"

@@ -19,6 +19,7 @@ from torch import Tensor
 from dicedesign.errors import InputError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hull_reuse import HullMaker
+from dicedesign.geometry.mass import principal_axes
 from dicedesign.geometry.ragged import ragged_ranges
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import (
@@ -107,12 +108,28 @@ class RestEvaluation:
 
 
 def hull_centroid(vertices: Tensor, triangles: NDArray[np.int64]) -> Tensor:
-    """Center of mass (3,) of the uniform solid with vertices (n, 3) and triangles (t, 3)."""
+    """Center of mass (3,) of the uniform solid with vertices (n, 3) and triangles (t, 3).
+
+    That of a needle or a plate is computed in its `principal_axes`, which count as constant: they
+    change the rounding only.
+    """
     origin = vertices.detach().mean(dim=0)
-    a, b, c = (vertices[triangles[:, k]] - origin for k in range(3))
+    offsets = vertices - origin
+    centroid, sixfold = _sums(offsets, triangles)
+    thin = principal_axes(offsets.detach().numpy(), sixfold.item() / 6.0)
+    if thin is not None:
+        axes, sizes = map(torch.as_tensor, thin)
+        centroid = (_sums(offsets @ axes.T / sizes, triangles)[0] * sizes) @ axes
+    return origin + centroid
+
+
+def _sums(offsets: Tensor, triangles: NDArray[np.int64]) -> tuple[Tensor, Tensor]:
+    """Centroid (3,) and sixfold volume by tetrahedra from the origin."""
+    a, b, c = (offsets[triangles[:, k]] for k in range(3))
     sixfold = (a * torch.linalg.cross(b, c)).sum(-1)
     moment = (sixfold[:, None] * (a + b + c)).sum(0) / 4.0
-    return origin + moment / sixfold.sum()
+    total = sixfold.sum()
+    return moment / total, total
 
 
 def evaluate_rests(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -92,30 +93,42 @@ class ConvexHull:
         return np.concatenate([[0], np.cumsum(degree)]), order
 
     @cached_property
-    def area_vectors(self) -> Floats:
-        """(m, 3) outward normals of length twice the facet's area, in squared length units."""
-        doubled = doubled_area_vectors(self.vertices, self.triangles)
+    def _exponent(self) -> int:
+        """Binary exponent of the largest coordinate."""
+        return int(np.frexp(np.abs(self.vertices).max())[1])
+
+    @cached_property
+    def _unit_vertices(self) -> Floats:
+        """(n, 3) vertices times a power of two that makes the largest coordinate one of about 1, so
+        that products of them can be had for a body of any size."""
+        return np.ldexp(self.vertices, -self._exponent)
+
+    @cached_property
+    def _unit_area_vectors(self) -> Floats:
+        """(m, 3) outward normals of length twice the area of the facet between `_unit_vertices`."""
+        points = self._unit_vertices
+        doubled = doubled_area_vectors(points, self.triangles)
         first = self.facet_start[:-1] - 2 * np.arange(len(self.facet_start) - 1)
         vectors = np.add.reduceat(doubled, first, axis=0)
-        extents = np.ptp(self.vertices, axis=0)
-        exact = IntegerPoints(self.vertices)
+        extents = np.ptp(points, axis=0)
+        exact = IntegerPoints(points)
         for facet in np.flatnonzero(norms(vectors) <= SLIVER * (extents @ extents)):
-            corners = self.polygon(int(facet))
-            longest = norms(corners - np.roll(corners, 1, axis=0)).max()
+            corners = self.tail[self.facet_start[facet] : self.facet_start[facet + 1]]
+            longest = norms(points[corners] - points[np.roll(corners, 1)]).max()
             if norms(vectors[facet]) <= SLIVER * longest * longest:
-                start, end = self.facet_start[facet], self.facet_start[facet + 1]
-                vectors[facet] = exact.area_vector(self.tail[start:end].tolist())
+                vectors[facet] = exact.area_vector(corners.tolist())
         return vectors
 
     @cached_property
     def normals(self) -> Floats:
         """(m, 3) outward unit normals."""
-        return unit_vectors(self.area_vectors)
+        return unit_vectors(self._unit_area_vectors)
 
     @cached_property
     def areas(self) -> Floats:
-        """(m,) facet areas."""
-        return 0.5 * norms(self.area_vectors)
+        """(m,) facet areas, in squared length units; 0 or infinite where they are no float."""
+        with np.errstate(over="ignore", under="ignore"):
+            return np.ldexp(0.5 * norms(self._unit_area_vectors), 2 * self._exponent)
 
     @cached_property
     def unevenness(self) -> float:
@@ -141,7 +154,7 @@ class ConvexHull:
         edges = np.flatnonzero(rough[self.facet] | rough[self.facet[self.twin]])
         if len(edges) == 0:
             return 0.0
-        along = self.vertices[self.head[edges]] - self.vertices[self.tail[edges]]
+        along = self._unit_vertices[self.head[edges]] - self._unit_vertices[self.tail[edges]]
         left, right = self.facet[edges], self.facet[self.twin[edges]]
         line = np.linalg.cross(self.normals[left], self.normals[right])
         size = norms(line) * norms(along)
@@ -158,7 +171,8 @@ class ConvexHull:
     @cached_property
     def centroid(self) -> Floats:
         """(3,) center of mass of the uniform solid hull."""
-        return solid_properties(self.vertices, self.triangles)[1]
+        centroid = solid_properties(self._unit_vertices, self.triangles)[1]
+        return np.ldexp(centroid, self._exponent)
 
     def heights(self, point: Floats) -> Floats:
         """(m,) distances of the facets' planes from a point (3,), positive where it is inside."""
@@ -171,8 +185,11 @@ class ConvexHull:
 
     @cached_property
     def diameter(self) -> float:
-        """Largest vertex-to-vertex distance."""
-        return max(float(cdist(x[None], self.vertices).max()) for x in self.vertices)
+        """Largest vertex-to-vertex distance; infinite where it is no float."""
+        points = self._unit_vertices
+        longest = max(float(cdist(x[None], points).max()) for x in points)
+        with np.errstate(over="ignore"):
+            return float(np.ldexp(longest, self._exponent))
 
 
 def convex_hull(
@@ -202,9 +219,9 @@ def convex_hull(
     single = single_precision or given.dtype == np.float32
     if coplanar_tolerance is None:
         coplanar_tolerance = COPLANAR_TOLERANCE_FLOAT32 if single else COPLANAR_TOLERANCE
-    if not 0.0 <= coplanar_tolerance < 1.0:
+    if not (isinstance(coplanar_tolerance, Real) and 0.0 <= coplanar_tolerance < 1.0):
         raise InputError(
-            f"coplanar tolerance: expected a number in [0, 1), got {coplanar_tolerance:g}; "
+            f"coplanar tolerance: expected a number in [0, 1), got {coplanar_tolerance!r}; "
             "leave it out for the default"
         )
     positions = given.astype(np.float64)
@@ -219,7 +236,8 @@ def convex_hull(
             "remove or repair that point"
         )
     lower, upper = positions.min(axis=0), positions.max(axis=0)
-    local = positions - (lower + upper) / 2.0
+    # Halved before they are added: the sum of two large ones is no float.
+    local = positions - (lower / 2.0 + upper / 2.0)
     scale = float(np.abs(local).max())
     if scale == 0.0:
         raise DegenerateBodyError(
@@ -235,15 +253,15 @@ def convex_hull(
         try:
             hull = _merged_hull(positions, kept, scaled, tolerance)
         except QhullError as error:
-            raise _flat_error(local) from error
+            raise _flat_error(scaled) from error
         if hull is None:
             break
         repeated = _repeated(scaled, kept, hull, tolerance)
         if len(repeated) == 0:
             return hull
         kept = np.setdiff1d(kept, repeated)
-    if _thickness(local) <= 2.0 * tolerance * scale:
-        raise _flat_error(local)
+    if _thickness(scaled) <= 2.0 * tolerance:
+        raise _flat_error(scaled)
     raise DegenerateBodyError(
         "points: expected facets that can be told apart, got none that make a polyhedron at a "
         f"coplanar tolerance of {coplanar_tolerance:g}; pass another coplanar_tolerance or remove "

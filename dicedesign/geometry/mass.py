@@ -5,16 +5,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["is_closed", "solid_properties"]
+from dicedesign.tolerances import THIN_VOLUME
+
+__all__ = ["is_closed", "principal_axes", "solid_properties"]
+
+Floats = NDArray[np.float64]
 
 
-def solid_properties(
-    points: NDArray[np.float64], triangles: NDArray[np.int64]
-) -> tuple[float, NDArray[np.float64]]:
+def solid_properties(points: Floats, triangles: NDArray[np.int64]) -> tuple[float, Floats]:
     """Signed volume and centroid of the uniform solid a closed surface bounds.
 
     The volume is summed over signed tetrahedra from the mean of the points, in units of the
-    body's own size, so a body far from the origin or of any scale loses nothing.
+    body's own size, so a body far from the origin or of any scale loses nothing. That of a needle
+    or a plate is summed in its `principal_axes`.
 
     Parameters
     ----------
@@ -32,13 +35,44 @@ def solid_properties(
     scale = float(np.abs(offsets).max())
     if scale == 0.0:
         return 0.0, np.full(3, np.nan)
-    a, b, c = np.moveaxis((offsets / scale)[triangles], 1, 0)
+    offsets = offsets / scale
+    volume, centroid = _sums(offsets, triangles)
+    thin = principal_axes(offsets, volume)
+    if thin is not None:
+        axes, sizes = thin
+        volume, centroid = _sums(offsets @ axes.T / sizes, triangles)
+        volume, centroid = volume * float(sizes.prod()), (centroid * sizes) @ axes
+    return volume * scale**3, reference + scale * centroid
+
+
+def principal_axes(offsets: Floats, volume: float) -> tuple[Floats, Floats] | None:
+    """Axes and sizes in which a needle or a plate is about as thick as it is long.
+
+    Of a body A times as long as thick, the sums over tetrahedra lose some A^2 units of rounding,
+    for they cancel to that part of their terms, but only A when they are taken of the linear image
+    `offsets @ axes.T / sizes`. The volume of the body is that of the image times the product of the
+    sizes, its centroid `(centroid * sizes) @ axes` for the image's.
+
+    offsets: (n, 3) points less a point near their mean; volume: of the body, to within rounding.
+    Returns axes (3, 3), a rotation with one axis per row, and sizes (3,) in the unit of the
+    offsets; None for a body that is not thin (`THIN_VOLUME`), or flat to within rounding.
+    """
+    if abs(volume) >= THIN_VOLUME * float(np.abs(offsets).max()) ** 3:
+        return None
+    _, sizes, axes = np.linalg.svd(offsets, full_matrices=False)
+    if sizes[-1] <= np.finfo(np.float64).eps * sizes[0]:
+        return None
+    return axes * np.sign(np.linalg.det(axes)), sizes / np.sqrt(len(offsets))
+
+
+def _sums(offsets: Floats, triangles: NDArray[np.int64]) -> tuple[float, Floats]:
+    """Volume and centroid (3,) by tetrahedra from the origin."""
+    a, b, c = np.moveaxis(offsets[triangles], 1, 0)
     volumes = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
     volume = float(volumes.sum())
     if volume == 0.0:
         return 0.0, np.full(3, np.nan)
-    moment = (volumes[:, None] * (a + b + c)).sum(axis=0) / 4.0
-    return volume * scale**3, reference + scale * (moment / volume)
+    return volume, (volumes[:, None] * (a + b + c)).sum(axis=0) / 4.0 / volume
 
 
 def is_closed(triangles: NDArray[np.int64]) -> bool:

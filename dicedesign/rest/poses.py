@@ -28,7 +28,7 @@ Integers = NDArray[np.int64]
 
 TIED = (
     "the body balances somewhere to within rounding; the odds are the mean of those with its "
-    "center of mass moved by a hair to either side"
+    "center of mass moved aside by a hair, to opposite sides"
 )
 """Note on a body with ties."""
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.errors import DegenerateBodyError
+from dicedesign.errors import DegenerateBodyError, OutsideHullError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.rest.equilibria import Equilibria, Tie, classify
 from dicedesign.rest.morse import (
@@ -19,7 +19,9 @@ from dicedesign.rest.morse import (
     signed_areas,
     wraps,
 )
+from dicedesign.rest.ties import aside_directions
 from dicedesign.tolerances import (
+    BOUNDARY_TOLERANCE,
     CLOSURE_TOLERANCE,
     COPLANAR_COARSEST,
     COPLANAR_WIDENINGS,
@@ -30,10 +32,6 @@ from dicedesign.tolerances import (
 __all__ = ["Basins", "closed_areas", "find_basins"]
 
 Floats = NDArray[np.float64]
-
-TIE_DIRECTION = np.array([0.73, 0.58, -0.36])
-"""The way in which a tied body's center of mass is moved, forth and back: of length about 1 and in
-no plane of symmetry that a body is likely to have."""
 
 TIE_STEP = 4.0
 """How far, in units of the distance within which ties are looked for."""
@@ -58,18 +56,19 @@ class Basins:
 
 
 def find_basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
-    """The basins of a body; of a tied one, those of two bodies beside it.
+    """The basins of a body; of a tied one, those of an even number of bodies beside it.
 
     A body is tied if a move of its center of mass by `TIE_TOLERANCE` could change what it does: it
     balances on an edge, a corner or a saddle, or a path runs into such a balance or through a facet
-    normal. Its mass there could fall both ways, and should fall both ways equally often, whatever
-    rounding says; so its odds are defined as the mean of those with the center of mass moved a
-    little further than that to one side and to the other, but not out of the body. Where a bound on
-    rounding leaves a decision open, bodies some ten times as far from a balance count as tied too.
+    normal. Its mass there could fall either way, and equally often to both sides, whatever rounding
+    says; so its odds are defined as the mean of those with the center of mass moved a little
+    further than that, but not out of the body, in the directions of `aside_directions`: opposite
+    pairs that turn with the body and that its symmetries permute. Where a bound on rounding leaves
+    a decision open, bodies some ten times as far from a balance count as tied too.
 
     Facets that were merged within a coplanar tolerance are not quite flat, and near a balance the
     decisions about them can contradict each other: the body seems to roll in a circle, or its
-    basins overlap. Such a body is tied to within its unevenness. If both its neighbours are
+    basins overlap. Such a body is tied to within its unevenness. If bodies beside it are
     contradictory too, facets bend by less than they are uneven; the basins are then those of the
     hull at a coplanar tolerance of the unevenness times the first of `COPLANAR_WIDENINGS` above 1
     that is enough, or, if none is, at tolerance 0, where facets are exactly flat. The same is done
@@ -116,10 +115,14 @@ def _basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
 
 def _beside(hull: ConvexHull, center_of_mass: Floats, distance: float) -> tuple[Basins, ...]:
     """The basins of a body tied to within a distance."""
-    depth = float(hull.heights(center_of_mass).min())
-    move = min(TIE_STEP * distance, depth / 2.0) * TIE_DIRECTION
-    centers = center_of_mass + move, center_of_mass - move
-    return tuple(_trace(classify(hull, center)) for center in centers)
+    extent = float(np.abs(hull.vertices - hull.vertices.mean(axis=0)).max())
+    room = float(hull.heights(center_of_mass).min()) - BOUNDARY_TOLERANCE * extent
+    move = min(TIE_STEP * distance, room / 2.0) * aside_directions(hull, center_of_mass)
+    try:
+        return tuple(_trace(classify(hull, center)) for center in center_of_mass + move)
+    except OutsideHullError:
+        # No room to move in floating point.
+        return (_trace(classify(hull, center_of_mass)),)
 
 
 def _trace(equilibria: Equilibria) -> Basins:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import product
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.rest import equilibria as equilibria_module
@@ -14,7 +16,7 @@ from dicedesign.rest.equilibria import classify
 from dicedesign.rest.exact import ExactSigns
 from dicedesign.rest.morse import separatrices
 from dicedesign.rest.poses import TIED, RestPoses, rest_poses
-from dicedesign.rest.probabilities import TIE_DIRECTION
+from dicedesign.rest.ties import MOST_FLAGS, aside_directions
 
 HALVES = [
     [[3, 1, 3], [3, -2, -3], [2, 2, 0], [1, 2, 2], [1, -2, -1], [0, 3, 1]],
@@ -123,12 +125,75 @@ def test_exact_lines_are_those_of_the_floats(monkeypatch: pytest.MonkeyPatch) ->
 def test_a_balanced_body_is_the_mean_of_its_neighbours(points: list[list[int]]) -> None:
     poses = rest_poses(points)
     assert poses.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
-    sides = [
-        by_normal(rest_poses(points, poses.center_of_mass + sign * 1e-9 * TIE_DIRECTION))
-        for sign in (1.0, -1.0)
-    ]
+    moves = 1e-9 * aside_directions(poses.hull, poses.center_of_mass)
+    sides = [by_normal(rest_poses(points, poses.center_of_mass + move)) for move in moves]
     for normal, p in by_normal(poses).items():
-        assert p == pytest.approx(sum(side.get(normal, 0.0) for side in sides) / 2.0, abs=1e-3)
+        mean = sum(side.get(normal, 0.0) for side in sides) / len(sides)
+        assert p == pytest.approx(mean, abs=1e-3)
+
+
+QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""A quarter of a turn about z."""
+
+CORNERED = (
+    ([(4, 0, 0), (4, 3, 1), (4, 0, 2)], 4),
+    ([(4, 0, 0), (4, 3, 1), (4, -1, 3)], 6),
+    ([(4, 0, 0), (4, 3, 2), (4, -3, 2)], 6),
+)
+"""A quarter of the corners of bodies that balance on corners of their facets, which a quarter of a
+turn maps to themselves, and the height of two more corners above and below."""
+
+
+@pytest.mark.parametrize(("quarter", "height"), CORNERED)
+def test_a_balance_on_corners_keeps_a_body_s_symmetry(quarter: list, height: float) -> None:
+    turns = [np.linalg.matrix_power(QUARTER, k) for k in range(4)]
+    points = np.concatenate([quarter @ turn.T for turn in turns])
+    points = np.concatenate([points, [(0.0, 0.0, height), (0.0, 0.0, -height)]])
+    poses = rest_poses(points, np.zeros(3))
+    assert TIED in poses.notes
+    for turn in turns:
+        image = poses.normals @ turn.T @ poses.normals.T
+        nearest = np.argmax(image, axis=1)
+        assert image.max(axis=1) == pytest.approx(1.0, abs=1e-12)
+        np.testing.assert_allclose(poses.probabilities[nearest], poses.probabilities, atol=1e-12)
+
+
+def test_a_balance_is_decided_alike_in_every_orientation() -> None:
+    points = np.array(
+        [
+            *([4, 0, 0], [4, 3, 1], [4, 0, 2], [-3, -1, -3], [-2, 3, -2]),
+            *([-3, 0, 4], [0, -4, 0], [1, 1, -4], [0, 4, 1]),
+        ],
+        dtype=np.float64,
+    )
+    expected = rest_poses(points, np.zeros(3))
+    assert TIED in expected.notes
+    for turn in Rotation.create_group("O").as_matrix().round():
+        found = rest_poses(points @ turn.T, np.zeros(3))
+        np.testing.assert_allclose(found.probabilities, expected.probabilities, atol=1e-12)
+
+
+def test_the_ways_aside_turn_with_the_body() -> None:
+    points = np.random.default_rng(0).normal(size=(9, 3))
+    cube = np.array(list(product([-1.0, 1.0], repeat=3)))
+    turn = Rotation.random(random_state=1).as_matrix()
+    for corners, count in ((points, 2), (cube, 96)):
+        hull, turned = convex_hull(corners), convex_hull(corners @ turn.T)
+        ways = aside_directions(hull, np.zeros(3)) @ turn.T
+        found = aside_directions(turned, np.zeros(3))
+        assert len(ways) == len(found) == count <= 2 * MOST_FLAGS
+        assert (ways @ found.T).max(axis=1) == pytest.approx(1.0, abs=1e-12)
+        assert ways.sum(axis=0) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("depth", [1.0, 1.05, 1.5, 2.0, 2.5])
+def test_a_center_just_inside_has_room(depth: float) -> None:
+    """Symmetric centers, which are tied, nearly as deep as what counts as the boundary."""
+    for near in (1, 2, 3):
+        center = np.zeros(3)
+        center[:near] = 1.0 - depth * 1.01e-13
+        cube = np.array(list(product([-1.0, 1.0], repeat=3)))
+        assert rest_poses(cube, center).probabilities.sum() == pytest.approx(1.0, abs=1e-12)
 
 
 def test_a_tie_that_matters_is_told() -> None:

@@ -1,0 +1,66 @@
+"""In which directions the center of mass of a body that balances is moved aside."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.sphere import norms, unit_vectors
+
+__all__ = ["aside_directions"]
+
+Floats = NDArray[np.float64]
+
+MIXTURE: Final = (0.73, 0.58, -0.36)
+"""How much of a corner's, an edge's and a facet's direction makes one of a flag: such that it lies
+in no plane of symmetry that a body is likely to have."""
+
+MOST_FLAGS: Final = 64
+"""A body with more equivalent flags than this is moved to two sides only."""
+
+SAME: Final = 9
+"""Decimal digits to which lengths are compared that tell flags apart."""
+
+
+def aside_directions(hull: ConvexHull, center: Floats) -> Floats:
+    """Directions (2 k, 3), unit vectors in opposite pairs, that a symmetry of the body permutes.
+
+    A flag is a corner with an edge at it and a facet beside that edge. Flags that a symmetry maps
+    to each other have the same distances and areas; those with the rarest such set of numbers give
+    one direction each. A body without symmetry is moved along one line, a regular pyramid along as
+    many as it has symmetries. Where there are more than `MOST_FLAGS`, the first stands for all.
+
+    center: (3,) inside.
+    """
+    radii = hull.vertices - center
+    scale = float(norms(radii).max())
+    corner = np.concatenate([hull.tail, hull.head])
+    other = np.concatenate([hull.head, hull.tail])
+    facet = np.tile(hull.facet, 2)
+    beyond = np.tile(hull.facet[hull.twin], 2)
+    distance, heights = norms(radii) / scale, hull.heights(center) / scale
+    middle = (radii[corner] + radii[other]) / (2.0 * scale)
+    keys = np.column_stack(
+        [
+            distance[corner],
+            distance[other],
+            norms(middle),
+            heights[facet],
+            heights[beyond],
+            hull.areas[facet] / scale**2,
+            hull.areas[beyond] / scale**2,
+        ]
+    )
+    _, member, count = np.unique(keys.round(SAME), axis=0, return_inverse=True, return_counts=True)
+    flags = np.flatnonzero(member == np.argmin(count))
+    flags = flags[:1] if len(flags) > MOST_FLAGS else flags
+    mixed = (
+        MIXTURE[0] * radii[corner[flags]] / scale
+        + MIXTURE[1] * middle[flags]
+        + MIXTURE[2] * hull.normals[facet[flags]]
+    )
+    along = unit_vectors(mixed)
+    return np.stack([along, -along], axis=1).reshape(-1, 3)
