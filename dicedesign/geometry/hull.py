@@ -140,9 +140,11 @@ class ConvexHull:
     def _unevenness(self) -> Floats:
         """(m,) the same of each facet."""
         start = self.facet_start[:-1]
-        offsets = self.vertices[self.tail] - self.vertices[self.tail[start]][self.facet]
+        points = self._unit_vertices
+        offsets = points[self.tail] - points[self.tail[start]][self.facet]
         heights = (offsets * self.normals[self.facet]).sum(-1)
-        return np.maximum.reduceat(heights, start) - np.minimum.reduceat(heights, start)
+        spans = np.maximum.reduceat(heights, start) - np.minimum.reduceat(heights, start)
+        return np.ldexp(spans, self._exponent)
 
     @cached_property
     def warp(self) -> float:

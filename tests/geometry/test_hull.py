@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import product
 
 import numpy as np
@@ -185,6 +186,35 @@ def test_scale_does_not_matter(scale: float) -> None:
     np.testing.assert_allclose(hull.normals, convex_hull(points).normals, rtol=0, atol=1e-14)
 
 
+@pytest.mark.parametrize("tolerance", [None, 0.0])
+@pytest.mark.parametrize("exponent", [-1020, -530, -280, 280, 530, 1020])
+def test_a_hull_has_normals_where_products_of_its_coordinates_are_no_floats(
+    exponent: int, tolerance: float | None
+) -> None:
+    points = np.random.default_rng(4).normal(size=(12, 3)) * [1.0, 3.0, 0.2]
+    hull, plain = convex_hull(points * 2.0**exponent, tolerance), convex_hull(points, tolerance)
+    np.testing.assert_array_equal(hull.tail, plain.tail)
+    np.testing.assert_array_equal(hull.normals, plain.normals)
+    np.testing.assert_array_equal(hull.source, plain.source)
+    np.testing.assert_array_equal(np.ldexp(hull.centroid, -exponent), plain.centroid)
+    assert math.ldexp(hull.diameter, -exponent) == plain.diameter
+    if abs(exponent) < 500:
+        np.testing.assert_array_equal(np.ldexp(hull.areas, -2 * exponent), plain.areas)
+    else:
+        assert set(hull.areas) == {0.0 if exponent < 0 else np.inf}
+    assert hull.warp == 0.0
+
+
+def test_cubes_at_both_ends_of_the_floats() -> None:
+    for scale in (5e-324, 1e-160, 1e160, 1e300, np.finfo(np.float64).max):
+        hull = convex_hull(CUBE * scale)
+        assert sizes(hull) == [4] * 6
+        np.testing.assert_array_equal(np.sort(hull.normals.sum(-1)), [-1, -1, -1, 1, 1, 1])
+        for flat, where in (([1, 1, 0], "on one plane"), ([0, 1, 0], "on one line")):
+            with pytest.raises(DegenerateBodyError, match=f"got 8 points {where}"):
+                convex_hull(CUBE * flat * scale)
+
+
 def test_far_away_a_cube_is_still_a_cube() -> None:
     for seed in range(10):
         points = turned(CUBE, seed) + np.array([1e7, -2e7, 3e7])
@@ -226,12 +256,15 @@ def test_what_is_no_array_of_points_is_refused(points: object, message: str) -> 
         convex_hull(points)
 
 
-@pytest.mark.parametrize("tolerance", [-1.0, 1.0, np.nan])
-def test_a_tolerance_out_of_range_is_refused(tolerance: float) -> None:
-    with pytest.raises(
-        InputError, match=r"number in \[0, 1\), got .*; leave it out for the default"
-    ):
-        convex_hull(CUBE, tolerance)
+@pytest.mark.parametrize("tolerance", [-1.0, 1.0, np.nan, "a", "0.1", [0.1], 0.1j])
+def test_a_tolerance_out_of_range_is_refused(tolerance: Any) -> None:
+    for ask in (convex_hull, rest_poses):
+        with pytest.raises(InputError) as caught:
+            ask(CUBE, coplanar_tolerance=tolerance)
+        assert str(caught.value) == (
+            f"coplanar tolerance: expected a number in [0, 1), got {tolerance!r}; leave it out for "
+            "the default"
+        )
 
 
 def test_a_coarse_tolerance_comes_to_an_end() -> None:
