@@ -87,7 +87,8 @@ def design_die(
     )
     directions = design.directions[np.argsort(order)]
     verdict = judge(design.hull, directions, target, recipe.size_mm, center)
-    status, message = _outcome(design, verdict, recipe.method.descent.stopping.tolerance)
+    tolerance = recipe.method.descent.stopping.tolerance
+    status, message = _outcome(design, verdict, target, tolerance)
     return DesignedDie(target, design, verdict, status, message)
 
 
@@ -95,7 +96,9 @@ def _given_center(recipe: Recipe) -> Floats | None:
     return None if recipe.center_of_mass is None else np.array(recipe.center_of_mass)
 
 
-def _outcome(design: DescentResult, verdict: Verdict, tolerance: float) -> tuple[Status, str]:
+def _outcome(
+    design: DescentResult, verdict: Verdict, target: Target, tolerance: float
+) -> tuple[Status, str]:
     """Status and message: the design's, unless the finished die says otherwise."""
     status = design.status
     if status is Status.CONVERGED and verdict.max_abs_error > tolerance:
@@ -107,4 +110,10 @@ def _outcome(design: DescentResult, verdict: Verdict, tolerance: float) -> tuple
     stray = 1.0 - float(verdict.probabilities.sum())
     if stray > tolerance:
         remarks.append(f"{stray:.3g} of the probability lies on rests without a label")
+    smallest = float(target.probabilities[target.probabilities > 0.0].min())
+    if tolerance >= smallest:
+        remarks.append(
+            f"the tolerance is not below the smallest outcome, {smallest:.3g}: set "
+            "method.descent.stopping.tolerance lower"
+        )
     return status, "; ".join(remarks)

@@ -1,4 +1,4 @@
-"""Write files, whole or not at all."""
+"""Write files, whole or not at all, and find out beforehand where that is possible."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dicedesign.errors import OutputError
 
-__all__ = ["atomic_write"]
+__all__ = ["atomic_write", "make_writable_folder"]
 
 
 def atomic_write(path: Path, data: bytes) -> None:
@@ -38,3 +38,22 @@ def atomic_write(path: Path, data: bytes) -> None:
     finally:
         with contextlib.suppress(OSError):
             partial.unlink()
+
+
+def make_writable_folder(folder: Path) -> None:
+    """Make a folder for results if it is missing, and try whether files can be made in it.
+
+    Raises
+    ------
+    OutputError: it cannot be made or written.
+    """
+    probe = folder / f".{secrets.token_hex(8)}.part"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe.touch(exist_ok=False)
+        probe.unlink()
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: expected a folder that can be written, got {error.strerror!r}; choose "
+            "another with --out"
+        ) from error

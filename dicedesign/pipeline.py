@@ -19,7 +19,7 @@ from dicedesign.design_stage import DesignedDie, design_die, make_start
 from dicedesign.errors import EngravingError, OutputError
 from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.stl import stl_bytes
-from dicedesign.files import atomic_write
+from dicedesign.files import atomic_write, make_writable_folder
 from dicedesign.peak_memory import peak_megabytes, restart_peak
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import recipe_text
@@ -134,7 +134,7 @@ def run_recipe(
     clock = _Clock(on_stage=on_stage)
     with clock.stage("start"):
         start = make_start(recipe)
-    _prepare(folder)
+    make_writable_folder(folder)
     with clock.stage("design"):
         die = design_die(recipe, start, on_step=on_step)
     files, summary = _results(recipe, die, clock)
@@ -144,19 +144,6 @@ def run_recipe(
 
 def _plain_name(status: Status) -> str:
     return status.name.lower()
-
-
-def _prepare(folder: Path) -> None:
-    probe = folder / ".writable"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise OutputError(
-            f"{folder}: expected a folder that can be written, but {error.strerror}; choose "
-            "another with --out"
-        ) from error
 
 
 def _results(

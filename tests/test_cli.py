@@ -13,6 +13,7 @@ import pytest
 import trimesh
 
 from dicedesign.cli import main
+from dicedesign.pipeline import RunResult
 
 
 @pytest.fixture
@@ -171,6 +172,28 @@ def test_run_from_a_shell(tmp_path: Path) -> None:
     ended = run([*hasty, "--out", "other"], tmp_path)
     assert ended.returncode == 1
     assert json.loads((tmp_path / "other" / "result.json").read_text())["status"] == "step_limit"
+
+
+def test_tiny_odds_are_printed_with_all_their_digits(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recipe = tmp_path / "d3.yaml"
+    recipe.write_text("name: d3\ntarget: {fair: 3}\nstart: {prism: {}}\n")
+    summary = {
+        "labels": ["1", "22", "3"],
+        "target": [1e-6, 0.083, 0.916999],
+        "probabilities": [0.000384711, 1.0, 0.0],
+        "files": {},
+    }
+    result = RunResult("converged", "done", (), tmp_path, summary)
+    monkeypatch.setattr("dicedesign.pipeline.run_recipe", lambda *a, **k: result)
+    assert main(["run", str(recipe)]) == 0
+    assert capsys.readouterr().out.splitlines()[1:5] == [
+        "label  target      achieved",
+        "    1  1.0000e-06  0.00038471",
+        "   22  0.083000    1.0000",
+        "    3  0.91700     0.0000",
+    ]
 
 
 def test_notes_about_a_mesh_start_go_to_stderr(tmp_path: Path) -> None:

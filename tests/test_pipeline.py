@@ -124,6 +124,20 @@ def test_a_given_center_of_mass_is_in_the_mesh_s_own_coordinates(tmp_path: Path)
     np.testing.assert_allclose(found.normals, poses.normals, atol=1e-10)
 
 
+@pytest.mark.parametrize(("smallest", "told"), [(1e-7, True), (1e-6, True), (1.1e-6, False)])
+def test_a_tolerance_that_hides_the_smallest_outcome_is_told(
+    tmp_path: Path, smallest: float, told: bool
+) -> None:
+    """The tolerance is 1e-6."""
+    target = [0.3, smallest, 0.3, 0.4 - smallest]
+    recipe = stone_recipe(tmp_path, f"target: {{probabilities: {target}}}")
+    remark = (
+        f"; the tolerance is not below the smallest outcome, {smallest:g}: set "
+        "method.descent.stopping.tolerance lower"
+    )
+    assert design_die(recipe, make_start(recipe)).message.endswith(remark) == told
+
+
 def test_a_die_that_also_rests_elsewhere_is_off_target(tmp_path: Path) -> None:
     """The target counts every rest for the nearest of four directions, as the energy does."""
     poses = rest_poses(STONE)

@@ -11,15 +11,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.bench.heuristics import (
-    TrimeshError,
-    matched,
-    solid_angle_probabilities,
-    trimesh_poses,
-)
+from dicedesign.bench.heuristics import matched, solid_angle_probabilities, trimesh_poses
 from dicedesign.bench.precision import evaluated_probabilities
 from dicedesign.bench.sampled import lattice_directions, random_directions, sampled_probabilities
 from dicedesign.bench.subjects import Subject
+from dicedesign.bench.watchdog import CrashError, HangError, Watchdog
+from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.rest.poses import rest_poses
 from dicedesign.rest.probabilities import find_basins
 
@@ -34,10 +31,16 @@ __all__ = [
     "TRIMESH",
     "TRIMESH_SPREAD",
     "Answer",
+    "TrimeshRequest",
     "answers",
+    "timed_trimesh",
 ]
 
 Floats = NDArray[np.float64]
+
+TimedShares = tuple[tuple[Floats, float], float]
+"""Probabilities by facet (m,), the largest of a rest that is none of the facets, and the seconds
+it took."""
 
 FLOAT64: Final = "this model, float64"
 FLOAT32: Final = "this model, float32"
@@ -55,7 +58,8 @@ CENTERS: Final = (10, 100, 1000)
 """How many centers of mass trimesh draws."""
 
 SPREAD: Final = 0.01
-"""Spread of these centers along each axis, in units of half the body's largest extent."""
+"""Spread of these centers along each axis, in units of half the body's thickness: trimesh draws
+until it has as many inside of the hull as it was asked for."""
 
 SAME_NORMAL: Final = np.radians(3.0)
 """A rest that trimesh finds belongs to the hull's nearest facet, if that is turned by no more."""
@@ -67,6 +71,9 @@ REPETITIONS: Final = 40
 """Run times are medians of so many runs, or of as many as fit into `REPEAT_SECONDS`."""
 
 REPEAT_SECONDS: Final = 0.5
+
+WORKER_SECONDS: Final = 120.0
+"""In which a process that runs trimesh must be ready."""
 
 SECONDS_PER_FACET: Final = {SOLID_ANGLES: 1e-3, TRIMESH: 2e-4}
 """What a method may take for each facet of a dense hull on a common machine, roughly; solid angles
@@ -98,26 +105,18 @@ def answers(subject: Subject, *, most_directions: int, seconds: float) -> Iterat
     """The answers of all methods.
 
     most_directions: tracing takes no more.
-    seconds: an answer that is expected to take longer is left out, and says so.
+    seconds: an answer that takes longer, or is expected to, is left out and says so. trimesh is
+        stopped then; the others keep to what is expected of them.
     """
     yield from _model(subject)
     counts = [count for count in DIRECTIONS if count <= most_directions]
     ways = ((MONTE_CARLO, random_directions), (LATTICE, lattice_directions))
-    base = timed(lambda: _traced(subject, lattice_directions, 1))[1]
+    base = _traced(subject, lattice_directions, 1)[1]
     for method, directions in ways:
         trace = partial(_traced, subject, directions)
         yield from _growing(subject, method, counts, trace, seconds, base, 0.0)
     yield _solid_angles(subject, seconds)
-    each = SECONDS_PER_FACET[TRIMESH] * len(subject.hull.normals)
-    alone = partial(_trimesh, subject, 0.0)
-    for answer in _growing(subject, TRIMESH, (1,), alone, seconds, 0.0, each):
-        yield answer
-        if answer.seconds is None:
-            return
-        each = answer.seconds
-    half_extent = float(np.ptp(subject.hull.vertices, axis=0).max()) / 2.0
-    spread = partial(_trimesh, subject, (SPREAD * half_extent) ** 2)
-    yield from _growing(subject, TRIMESH_SPREAD, CENTERS, spread, seconds, 0.0, each)
+    yield from _trimesh_answers(subject, seconds)
 
 
 def timed(run: Callable[[], Any]) -> tuple[Any, float]:
@@ -151,25 +150,31 @@ def _growing(
     subject: Subject,
     method: str,
     counts: Sequence[int],
-    ask: Callable[[int], tuple[Floats, float]],
+    ask: Callable[[int], TimedShares],
     limit: float,
     base: float,
     each: float,
 ) -> Iterator[Answer]:
     """Answers with growing sample counts, until one is expected to take too long. At first base is
     expected for all samples together and each for each of them; then as the last answers took."""
-    taken, done = base, 0
+    taken, done, stopped = base, 0, False
     for count in counts:
         expected = taken + each * (count - done)
+        if stopped:
+            yield Answer(method, count, note="left out, as with fewer samples")
+            continue
         if expected > limit:
             yield _left_out(method, count, expected)
             continue
         before = taken
         try:
-            (shares, lost), taken = timed(partial(ask, count))
-        except TrimeshError as error:
-            yield Answer(method, count, note=f"failed: {error}")
-            return
+            (shares, lost), taken = ask(count)
+        except (HangError, CrashError) as error:
+            stopped = True
+            hung = isinstance(error, HangError)
+            note = f"left out, took more than {limit:g} s" if hung else f"failed: {error}"
+            yield Answer(method, count, note=note)
+            continue
         each, done = max(taken - before, 0.0) / (count - done), count
         yield Answer(method, count, taken, max(subject.error(shares), lost))
 
@@ -186,21 +191,78 @@ def _left_out(method: str, samples: int | None, expected: float) -> Answer:
     return Answer(method, samples, note=f"left out, some {expected:.0f} s expected")
 
 
-def _traced(
-    subject: Subject, directions: Callable[[int, int], Floats], count: int
-) -> tuple[Floats, float]:
-    return sampled_probabilities(subject.classified(), directions(count, SEED)), 0.0
-
-
-def _trimesh(subject: Subject, variance: float, samples: int) -> tuple[Floats, float]:
-    hull = subject.hull
-    triangles = hull.source[hull.triangles]
-    normals, shares = trimesh_poses(
-        subject.body.points,
-        triangles,
-        subject.center,
-        variance=variance,
-        samples=samples,
-        seed=SEED,
+def _traced(subject: Subject, directions: Callable[[int, int], Floats], count: int) -> TimedShares:
+    shares, seconds = timed(
+        lambda: sampled_probabilities(subject.classified(), directions(count, SEED))
     )
-    return matched(hull, normals, shares, SAME_NORMAL)
+    return (shares, 0.0), seconds
+
+
+def _trimesh_answers(subject: Subject, limit: float) -> Iterator[Answer]:
+    each = SECONDS_PER_FACET[TRIMESH] * len(subject.hull.normals)
+    if each > limit:
+        yield _left_out(TRIMESH, 1, each)
+        yield from (_left_out(TRIMESH_SPREAD, count, each * count) for count in CENTERS)
+        return
+    with Watchdog(timed_trimesh) as dog:
+
+        def ask(variance: float, count: int) -> TimedShares:
+            hull = subject.hull
+            request = TrimeshRequest(subject.body.points, hull, subject.center, variance, count)
+            answer: TimedShares = dog.call(request, limit + REPEAT_SECONDS)
+            return answer
+
+        def ask_at_first(count: int) -> TimedShares:
+            dog.call(_simplex_request(), WORKER_SECONDS)
+            return ask(0.0, count)
+
+        (exact,) = _growing(subject, TRIMESH, (1,), ask_at_first, limit, 0.0, each)
+        yield exact
+        if exact.seconds is None:
+            for count in CENTERS:
+                yield Answer(TRIMESH_SPREAD, count, note="left out, as with the exact center")
+            return
+        spread = partial(ask, (SPREAD * _thickness(subject.hull.vertices) / 2.0) ** 2)
+        yield from _growing(subject, TRIMESH_SPREAD, CENTERS, spread, limit, 0.0, exact.seconds)
+
+
+@dataclass(frozen=True)
+class TrimeshRequest:
+    """What `timed_trimesh` is to answer: the points (n, 3) of a body and their hull; the rest as in
+    `trimesh_poses`."""
+
+    points: Floats
+    hull: ConvexHull
+    center: Floats
+    variance: float
+    samples: int
+
+
+def timed_trimesh(request: TrimeshRequest) -> TimedShares:
+    """trimesh's probabilities by facet, the largest that found no facet, and the seconds."""
+
+    def ask() -> tuple[Floats, float]:
+        hull = request.hull
+        normals, shares = trimesh_poses(
+            request.points,
+            hull.source[hull.triangles],
+            request.center,
+            variance=request.variance,
+            samples=request.samples,
+            seed=SEED,
+        )
+        return matched(hull, normals, shares, SAME_NORMAL)
+
+    return timed(ask)
+
+
+def _simplex_request() -> TrimeshRequest:
+    """One that is answered as soon as all that is needed has been imported."""
+    hull = convex_hull(np.concatenate([np.zeros((1, 3)), np.eye(3)]))
+    return TrimeshRequest(hull.vertices, hull, hull.centroid, 0.0, 1)
+
+
+def _thickness(points: Floats) -> float:
+    """Smallest extent of points (n, 3) along their principal axes."""
+    axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
+    return float(np.ptp(points @ axes.T, axis=0).min())

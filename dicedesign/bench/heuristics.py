@@ -26,7 +26,7 @@ Integers = NDArray[np.int64]
 
 
 class TrimeshError(RuntimeError):
-    """trimesh gave no answer; the message is its own."""
+    """trimesh gave no answer; the message says why."""
 
 
 def solid_angle_probabilities(equilibria: Equilibria) -> Floats:
@@ -47,7 +47,8 @@ def trimesh_poses(
     """Rests and their probabilities by `trimesh.poses.compute_stable_poses`.
 
     It draws centers of mass from a normal distribution, leaves out those outside of the hull, and
-    takes the mean over them of the facets' solid angles, passed on by toppling over edges.
+    takes the mean over them of the facets' solid angles, passed on by toppling over edges. It knows
+    lengths too small to count, so it is given the body at a size of about 1.
 
     points: (n, 3); triangles: (t, 3) into them; center: (3,) mean center of mass; variance: its
     `sigma`, the square of the spread along each axis, in squared length units; samples: how many
@@ -56,23 +57,27 @@ def trimesh_poses(
 
     Raises
     ------
-    TrimeshError: trimesh raised an error or gave something else than numbers.
+    TrimeshError: trimesh raised an error, found no rest, or gave something else than numbers.
     """
     import trimesh
 
     compute = trimesh.poses.compute_stable_poses
-    options: dict[str, Any] = {"sigma": variance, "n_samples": samples}
+    # A power of two, which rounds nothing.
+    size = 2.0 ** int(np.frexp(np.ptp(points, axis=0).max())[1])
+    options: dict[str, Any] = {"sigma": variance / size**2, "n_samples": samples}
     if "seed" in inspect.signature(compute).parameters:
         options["seed"] = seed
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            mesh = trimesh.Trimesh(points, triangles, process=False)
-            transforms, shares = compute(mesh, center_mass=center, **options)
+            mesh = trimesh.Trimesh(points / size, triangles, process=False)
+            transforms, shares = compute(mesh, center_mass=center / size, **options)
         except Exception as error:  # whatever its algorithm runs into
             raise TrimeshError(f"{type(error).__name__}: {error}") from error
-    if not np.isfinite(shares).all():
-        raise TrimeshError("probabilities that are not numbers")
+    if len(shares) == 0:
+        raise TrimeshError("no poses")
+    if not (np.isfinite(shares).all() and np.isfinite(transforms).all()):
+        raise TrimeshError("poses that are not numbers")
     return -np.asarray(transforms)[:, 2, :3], np.asarray(shares)
 
 

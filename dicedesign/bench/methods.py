@@ -79,7 +79,7 @@ class Run:
 
     Attributes
     ----------
-    recipe, method: their names.
+    recipe, method: their names; recipes that are compared have different ones.
     tolerance: largest |p - q| wanted.
     status: why it stopped: the name of a `Status`.
     evaluations: energies computed.

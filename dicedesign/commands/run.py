@@ -58,10 +58,10 @@ def _run(options: argparse.Namespace) -> int:
         print(f"note: {note}", file=sys.stderr)
     summary = result.summary
     print(f"{recipe.name}: {result.status} ({result.message})")
-    print("label  target    achieved")
+    print("label  target      achieved")
     rows = zip(summary["labels"], summary["target"], summary["probabilities"], strict=True)
     for label, wanted, got in rows:
-        print(f"{label:>5s}  {wanted:.5f}   {got:.5f}")
+        print(f"{label:>5s}  {wanted:<#10.5g}  {got:#.5g}")
     if "engraved_max_abs_error" in summary:
         print(f"engraved: max |p - q| {summary['engraved_max_abs_error']:.2e}")
     print(f"files in {folder}: {', '.join(summary['files'].values())}")

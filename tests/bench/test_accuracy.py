@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from dicedesign.bench import accuracy, subjects
 from dicedesign.bench.accuracy import (
+    CENTERS,
     DIRECTIONS,
     FLOAT32,
     FLOAT64,
@@ -19,10 +21,16 @@ from dicedesign.bench.accuracy import (
     SOLID_ANGLES,
     TRIMESH,
     TRIMESH_SPREAD,
+    TrimeshRequest,
     answers,
 )
 from dicedesign.bench.accuracy_report import Result, accuracy_figure, accuracy_record
-from dicedesign.bench.heuristics import matched, solid_angle_probabilities, trimesh_poses
+from dicedesign.bench.heuristics import (
+    TrimeshError,
+    matched,
+    solid_angle_probabilities,
+    trimesh_poses,
+)
 from dicedesign.bench.monostatic import conway_guy
 from dicedesign.bench.precision import evaluated_probabilities
 from dicedesign.bench.problem import Problem
@@ -31,6 +39,7 @@ from dicedesign.bench.sixty_digits import OracleError
 from dicedesign.bench.solids import box, platonic, prism
 from dicedesign.bench.stiff import placed, random_body
 from dicedesign.bench.subjects import Subject, built_in_bodies, make_subject
+from dicedesign.bench.watchdog import CrashError
 from dicedesign.cli import main
 from dicedesign.geometry.body import make_body
 from dicedesign.geometry.hull import convex_hull
@@ -41,6 +50,10 @@ from dicedesign.rest.probabilities import find_basins
 def classified(problem: Problem) -> Equilibria:
     hull = convex_hull(problem.points)
     return classify(hull, hull.centroid if problem.center is None else problem.center)
+
+
+def turned(seed: int) -> np.ndarray:
+    return Rotation.random(random_state=seed).as_matrix()
 
 
 def subject_of(problem: Problem, *, oracle_facets: int = 2000) -> Subject:
@@ -228,25 +241,105 @@ def test_what_would_take_too_long_is_left_out() -> None:
         *[(method, count) for method in (MONTE_CARLO, LATTICE) for count in DIRECTIONS],
         (SOLID_ANGLES, None),
         (TRIMESH, 1),
+        *[(TRIMESH_SPREAD, count) for count in CENTERS],
     ]
     assert all(answer.seconds is None and answer.error is None for answer in left_out)
     assert {a.method for a in found if a.error is not None} == {FLOAT64, FLOAT32}
 
 
-def test_a_failure_of_trimesh_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(mesh, center_mass=None, sigma=0.0, n_samples=1):
-        if n_samples > 1:
-            raise IndexError("no such pose")
-        return trimesh_compute(mesh, center_mass=center_mass)
+class Failing:
+    """A watchdog whose work fails from some number of samples on."""
 
-    trimesh_compute = trimesh.poses.compute_stable_poses
-    monkeypatch.setattr(trimesh.poses, "compute_stable_poses", fail)
-    found = list(answers(subject_of(random_body(0)), most_directions=100, seconds=5.0))
-    assert found[-2].method == TRIMESH
-    assert found[-2].note == ""
-    assert found[-1].method == TRIMESH_SPREAD
-    assert found[-1].note == "failed: IndexError: no such pose"
-    assert found[-1].error is None
+    first = 2
+
+    def __init__(self, function) -> None:
+        self.function = function
+
+    def __enter__(self) -> Failing:
+        return self
+
+    def __exit__(self, *arguments: object) -> None:
+        return
+
+    def call(self, request: TrimeshRequest, seconds: float):
+        if request.samples >= self.first:
+            raise CrashError("TrimeshError: IndexError: no such pose")
+        return self.function(request)
+
+
+@pytest.mark.parametrize("first", [1, 2, 100])
+def test_a_failure_of_trimesh_is_a_row(monkeypatch: pytest.MonkeyPatch, first: int) -> None:
+    monkeypatch.setattr(accuracy, "Watchdog", Failing)
+    monkeypatch.setattr(Failing, "first", first)
+    found = list(answers(subject_of(random_body(0)), most_directions=100, seconds=60.0))
+    rows = [(a.method, a.samples) for a in found[-4:]]
+    assert rows == [(TRIMESH, 1), *[(TRIMESH_SPREAD, count) for count in CENTERS]]
+    failed = "failed: TrimeshError: IndexError: no such pose"
+    exact, fewer = "left out, as with the exact center", "left out, as with fewer samples"
+    notes = {
+        1: [failed, exact, exact, exact],
+        2: ["", failed, fewer, fewer],
+        100: ["", "", failed, fewer],
+    }
+    assert [a.note for a in found[-4:]] == notes[first]
+    assert [a.error is None for a in found[-4:]] == [bool(note) for note in notes[first]]
+
+
+def test_trimesh_is_stopped_when_its_centers_are_never_inside(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(accuracy, "SPREAD", 1e9)
+    found = list(answers(subject_of(random_body(0)), most_directions=100, seconds=0.3))
+    assert [a.note for a in found[-4:]] == [
+        "",
+        "left out, took more than 0.3 s",
+        *["left out, as with fewer samples"] * 2,
+    ]
+
+
+def test_centers_are_spread_inside_needles_and_plates(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(accuracy, "CENTERS", (10,))
+    points = np.random.default_rng(0).normal(size=(30, 3))
+    for shape in ([1e6, 1.0, 1.0], [1.0, 1.0, 1e-5]):
+        subject = make_subject("body", make_body(points * shape @ turned(3)))
+        last = list(answers(subject, most_directions=100, seconds=2.0))[-1]
+        assert (last.method, last.note) == (TRIMESH_SPREAD, "")
+        assert last.error is not None
+        assert last.error < 0.1
+
+
+@pytest.mark.parametrize("size", [1e-30, 1e-9, 1e-7, 1e9])
+def test_the_size_of_a_body_makes_no_difference_to_trimesh(size: float) -> None:
+    subject = subject_of(random_body(0, 30))
+    hull = subject.hull
+    expected, found = (
+        trimesh_poses(
+            scale * hull.vertices,
+            hull.triangles,
+            scale * subject.center,
+            variance=(0.01 * scale) ** 2,
+            samples=3,
+            seed=0,
+        )
+        for scale in (1.0, size)
+    )
+    np.testing.assert_allclose(found[1], expected[1], atol=1e-9)
+    np.testing.assert_allclose(found[0], expected[0], atol=1e-9)
+
+
+def test_what_is_no_answer_of_trimesh_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    hull = convex_hull(box(1.0, 2.0, 3.0).points)
+    for transforms, shares, text in (
+        (np.array([]), np.array([]), "no poses"),
+        (np.eye(4)[None], np.array([np.nan]), "poses that are not numbers"),
+        (np.full((1, 4, 4), np.nan), np.ones(1), "poses that are not numbers"),
+    ):
+        given = transforms, shares
+        monkeypatch.setattr(trimesh.poses, "compute_stable_poses", lambda *a, g=given, **k: g)
+        with pytest.raises(TrimeshError, match=f"^{text}$"):
+            trimesh_poses(
+                hull.vertices, hull.triangles, hull.centroid, variance=0.0, samples=1, seed=0
+            )
 
 
 def test_the_built_in_bodies_have_oracle_answers() -> None:
@@ -331,7 +424,7 @@ def test_the_command_measures_a_mesh_file(tmp_path, capsys: pytest.CaptureFixtur
         (["--seconds", "0"], "--seconds: expected a positive number, got 0"),
         (["--seconds", "nan"], "--seconds: expected a positive number, got nan"),
         (["no_such.stl"], "no_such.stl: no such file"),
-        (["--out", "taken/bench"], "--out: expected a folder that can be made"),
+        (["--out", "taken/bench"], "bench: expected a folder that can be written, got"),
     ],
 )
 def test_bad_input_is_said_plainly(

@@ -15,7 +15,7 @@ from dicedesign.bench.methods import METHODS, Run, methods_figure, methods_recor
 from dicedesign.cli import main
 from dicedesign.design.stopping import Status
 from dicedesign.design_stage import make_start
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, OutputError
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import read_recipe
 from dicedesign.show.methods import DesignCurve, DesignPanel, design_methods_figure
@@ -177,13 +177,61 @@ def test_the_command_prints_json_alone(
     assert captured.err.startswith("wrote ")
 
 
+def test_a_folder_that_cannot_be_written_is_noticed_before_the_work(
+    recipe_path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch
+) -> None:
+    def refuse(*arguments: object, **options: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    def work(*arguments: object) -> None:
+        raise AssertionError("began to work")
+
+    monkeypatch.setattr("dicedesign.bench.methods.run_method", work)
+    monkeypatch.setattr("dicedesign.bench.subjects.make_subject", work)
+    monkeypatch.setattr(Path, "touch", refuse)
+    for arguments in (["design", str(recipe_path)], ["accuracy"]):
+        assert main(["bench", *arguments, "--out", str(tmp_path)]) == 2
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert "expected a folder that can be written, got 'Permission denied'" in captured.err
+
+
+def test_results_are_printed_even_if_they_cannot_be_written(
+    recipe_path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch
+) -> None:
+    def full(path: Path, data: bytes) -> None:
+        raise OutputError("the disk is full")
+
+    monkeypatch.setattr("dicedesign.bench.methods.METHODS", METHODS[:1])
+    monkeypatch.setattr("dicedesign.files.atomic_write", full)
+    options = ["--seconds", "1", "--json", "--out", str(tmp_path)]
+    assert main(["bench", "design", str(recipe_path), *options]) == 2
+    captured = capsys.readouterr()
+    assert len(json.loads(captured.out)["runs"]) == 1
+    assert "the disk is full" in captured.err
+
+
+def test_recipes_of_one_name_are_refused(
+    recipe_path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other.yaml"
+    other.write_text(RECIPE.replace("1e-2", "1e-3"))
+    assert main(["bench", "design", str(recipe_path), str(other), "--out", str(tmp_path)]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert (
+        f"{other}: expected a recipe of another name than those before, got 'tiny' as in "
+        f"{recipe_path}; change the name of one"
+    ) in captured.err
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
         (["missing.yaml"], "missing.yaml: expected a readable recipe file"),
         (["RECIPE", "--seconds", "0"], "--seconds: expected a positive number, got 0"),
         (["RECIPE", "--seconds", "nan"], "--seconds: expected a positive number, got nan"),
-        (["RECIPE", "--out", "RECIPE"], "--out: expected a folder that can be made"),
+        (["RECIPE", "--out", "RECIPE"], "tiny.yaml: expected a folder that can be written"),
     ],
 )
 def test_bad_input_is_refused_in_words(

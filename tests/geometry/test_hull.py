@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.mass import solid_properties
+from dicedesign.rest.poses import rest_poses
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 GOLDEN = (1 + np.sqrt(5)) / 2
@@ -187,7 +189,7 @@ def test_scale_does_not_matter(scale: float) -> None:
 
 
 @pytest.mark.parametrize("tolerance", [None, 0.0])
-@pytest.mark.parametrize("exponent", [-1020, -530, -280, 280, 530, 1020])
+@pytest.mark.parametrize("exponent", [-1000, -600, -280, 280, 600, 1020])
 def test_a_hull_has_normals_where_products_of_its_coordinates_are_no_floats(
     exponent: int, tolerance: float | None
 ) -> None:

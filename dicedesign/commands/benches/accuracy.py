@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 from dicedesign.commands.benches.reporting import (
     add_folder_option,
     add_json_option,
-    make_folder,
     print_row,
     progress_bar,
     require_positive_seconds,
     write_results,
 )
 from dicedesign.errors import InputError
+from dicedesign.files import make_writable_folder
 
 if TYPE_CHECKING:
     from dicedesign.bench.accuracy import Answer
@@ -52,7 +52,7 @@ def add_parser(benches: Any) -> None:
         type=float,
         default=20.0,
         metavar="S",
-        help="leave out answers that are expected to take more than S seconds (default: 20)",
+        help="leave out answers that take more than S seconds, or are expected to (default: 20)",
     )
     add_folder_option(parser, "accuracy")
     add_json_option(parser)
@@ -66,7 +66,7 @@ def _run(options: argparse.Namespace) -> int:
 
     _check(options)
     bodies = _bodies(options.meshes)
-    make_folder(options.out)
+    make_writable_folder(options.out)
     subjects = [make_subject(name, body) for name, body in bodies]
     results = []
     with progress_bar("answers") as bar:

@@ -9,16 +9,18 @@ from typing import TYPE_CHECKING, Any
 from dicedesign.commands.benches.reporting import (
     add_folder_option,
     add_json_option,
-    make_folder,
     print_row,
     progress_bar,
     require_positive_seconds,
     write_results,
 )
+from dicedesign.errors import InputError
+from dicedesign.files import make_writable_folder
 
 if TYPE_CHECKING:
     from dicedesign.bench.methods import Run
     from dicedesign.design.descent import DescentStep
+    from dicedesign.recipe import Recipe
 
 __all__ = ["add_parser"]
 
@@ -61,8 +63,9 @@ def _run(options: argparse.Namespace) -> int:
     torch.set_num_threads(1)
     require_positive_seconds(options.seconds)
     recipes = [read_recipe(path) for path in options.recipes]
+    _require_distinct_names(recipes, options.recipes)
     starts = [make_start(recipe) for recipe in recipes]
-    make_folder(options.out)
+    make_writable_folder(options.out)
     runs = []
     with progress_bar("steps") as bar:
 
@@ -86,6 +89,18 @@ def _run(options: argparse.Namespace) -> int:
         as_json=options.json,
     )
     return 0
+
+
+def _require_distinct_names(recipes: list[Recipe], paths: list[Path]) -> None:
+    """Rows and panels are known by the names of their recipes."""
+    known: dict[str, Path] = {}
+    for recipe, path in zip(recipes, paths, strict=True):
+        if recipe.name in known:
+            raise InputError(
+                f"{path}: expected a recipe of another name than those before, got "
+                f"{recipe.name!r} as in {known[recipe.name]}; change the name of one"
+            )
+        known[recipe.name] = path
 
 
 def _heading() -> str:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dicedesign.errors import InputError, OutputError
+from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,7 +20,6 @@ __all__ = [
     "add_folder_option",
     "add_json_option",
     "json_text",
-    "make_folder",
     "print_row",
     "progress_bar",
     "require_positive_seconds",
@@ -50,17 +49,6 @@ def require_positive_seconds(seconds: float) -> None:
         raise InputError(f"--seconds: expected a positive number, got {seconds:g}; give more")
 
 
-def make_folder(folder: Path) -> None:
-    """Make the folder of `--out`. Raises OutputError where that fails."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"--out: expected a folder that can be made, got {str(folder)!r} "
-            f"({error.strerror}); choose another"
-        ) from error
-
-
 @contextmanager
 def progress_bar(unit: str) -> Iterator[Any]:
     """A tqdm bar on stderr that counts a unit in the plural; hidden unless that is a terminal."""
@@ -88,17 +76,18 @@ def write_results(
 ) -> None:
     """Write the figure and the record into the folder of `--out`, and say so.
 
-    as_json: the record is printed too, and what was written is said on stderr.
+    as_json: the record is printed before, and what was written is said on stderr.
+    Raises OutputError if the folder cannot be written any more.
     """
     from dicedesign.files import atomic_write
     from dicedesign.show.png import png_bytes
 
     text = json_text(record)
     drawn, recorded = folder / f"{bench}.png", folder / f"{bench}.json"
+    if as_json:
+        print(text, flush=True)
     atomic_write(drawn, png_bytes(figure))
     atomic_write(recorded, f"{text}\n".encode())
-    if as_json:
-        print(text)
     print(f"wrote {drawn} and {recorded}", file=sys.stderr if as_json else sys.stdout)
 
 
