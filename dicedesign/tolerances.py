@@ -116,7 +116,7 @@ exact arithmetic: rounding would turn it noticeably."""
 THIN_VOLUME: Final = 1e-3
 """A body is thin when its volume is less than this part of the cube of its largest coordinate from
 its middle: a needle about 90 times as long as thick, a plate 8000 times. Its centroid is then
-computed in its principal axes."""
+computed of a thicker linear image."""
 
 TIE_TOLERANCE: Final = 1e-14
 """A body is tied where a move of its center of mass by this, relative to its extent plus its

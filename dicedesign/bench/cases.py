@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
@@ -74,13 +75,19 @@ def _degenerate() -> Iterator[Case]:
                 f"bulge 1e-{power}{how}", partial(stiff.bulging_cube, 10.0**-power, tolerance)
             )
             yield Case(f"dent 1e-{power}{how}", partial(stiff.dented_cube, 10.0**-power, tolerance))
-    yield Case("box needle 1e6", partial(solids.box, 1.0, 1.0, 1e6), TURNS)
-    yield Case("box plate 1e-6", partial(solids.box, 1.0, 1.0, 1e-6), TURNS)
-    for seed in range(4):
-        yield Case(f"random needle 1e6 ({seed})", partial(stiff.stretched, seed, (1.0, 1.0, 1e6)))
-        yield Case(f"random plate 1e-6 ({seed})", partial(stiff.stretched, seed, (1.0, 1.0, 1e-6)))
+    for name, height in (("needle 1e6", 1e6), ("plate 1e-6", 1e-6)):
+        box = partial(solids.box, 1.0, 1.0, height)
+        yield Case(f"box {name}", box, TURNS)
+        yield Case(f"uniform box {name}", partial(_uniform_body, box), TURNS)
+        for seed in range(4):
+            stretched = partial(stiff.stretched, seed, (1.0, 1.0, height))
+            yield Case(f"random {name} ({seed})", stretched, TURNS)
     for power in range(2, 15):
         yield Case(f"glancing crossing 1e-{power}", partial(stiff.glancing, 10.0**-power))
+
+
+def _uniform_body(build: Callable[[], Problem]) -> Problem:
+    return replace(build(), center=None)
 
 
 def _balanced() -> Iterator[Case]:

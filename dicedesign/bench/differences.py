@@ -11,11 +11,9 @@ from dicedesign.bench.oracle import facet_polygons, oracle_probabilities
 from dicedesign.bench.sixty_digits import (
     DIGITS,
     Vector,
-    cross,
-    dot,
-    minus,
     multiprecision,
     plus,
+    solid_centroid,
     times,
     vector,
 )
@@ -56,7 +54,7 @@ def oracle_derivative(
         for move in (step, -step):
             moved = [_moved(x, v, move) for x, v in zip(hull.vertices, along, strict=True)]
             middle = (
-                _centroid(moved, triangles)
+                solid_centroid(moved, triangles)
                 if center is None
                 else _moved(center, center_along, move)
             )
@@ -66,15 +64,3 @@ def oracle_derivative(
 
 def _moved(x: Floats, velocity: Floats, time: Any) -> Vector:
     return plus(vector(x.tolist()), times(time, vector(velocity.tolist())))
-
-
-def _centroid(vertices: list[Vector], triangles: list[list[int]]) -> Vector:
-    """Mean of the centers of the tetrahedra between the first corner and each facet, by volume."""
-    apex = vertices[0]
-    volume, moment = vector((0, 0, 0))[0], vector((0, 0, 0))
-    for a, b, c in triangles:
-        x, y, z = (minus(vertices[corner], apex) for corner in (a, b, c))
-        sixfold = dot(x, cross(y, z))
-        volume += sixfold
-        moment = plus(moment, times(sixfold / 4, plus(x, plus(y, z))))
-    return plus(apex, times(1 / volume, moment))

@@ -13,10 +13,12 @@ from scipy.spatial import cKDTree
 from dicedesign.bench.condition import condition
 from dicedesign.bench.oracle import hull_probabilities
 from dicedesign.bench.problem import Problem
-from dicedesign.geometry.body import make_body
-from dicedesign.geometry.hull import ConvexHull
-from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.rest.probabilities import find_basins
+from dicedesign.bench.sixty_digits import DIGITS, multiprecision, solid_centroid, vector
+from dicedesign.geometry.body import Body, make_body
+from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.winding import consistent_winding
+from dicedesign.rest.poses import UNEVEN, RestPoses, rest_poses
+from dicedesign.rest.probabilities import Basins, find_basins
 
 __all__ = ["ORACLE_FACETS", "Measurement", "measure"]
 
@@ -24,6 +26,10 @@ Floats = NDArray[np.float64]
 
 ORACLE_FACETS: Final = 2000
 """Hulls of up to so many facets are held against the oracle."""
+
+SIDES: Final = 4
+"""Of a tied body, so many of the bodies beside it are held against the oracle and have their
+condition taken."""
 
 HULL_CHECK_PAIRS: Final = 4_000_000
 """Up to so many pairs of a point and a facet it is checked that the hull contains the points."""
@@ -45,6 +51,7 @@ class Measurement:
         explains, over half the body's extent; NaN where that was too much to look at.
     seconds: wall-clock time of the query.
     tied: whether its center of mass was moved to both sides of a balance.
+    made_again: whether its hull was, at a coarser coplanar tolerance (see `find_basins`).
     """
 
     facets: int
@@ -56,10 +63,15 @@ class Measurement:
     outside: float
     seconds: float
     tied: bool
+    made_again: bool
 
 
 def measure(problem: Problem, *, oracle: bool = True) -> Measurement:
     """Ask the product for a problem's rests and compare. Raises as `rest_poses`.
+
+    The oracle is given the center of mass of a uniform solid from 60 digits. Only of a tied body
+    it takes the centers to which the product moved that, for there the odds are what they are
+    defined to be: the mean over bodies beside it.
 
     oracle: whether a small hull is held against the oracle.
     """
@@ -75,18 +87,24 @@ def measure(problem: Problem, *, oracle: bool = True) -> Measurement:
     if problem.symmetries:
         errors["symmetry"] = max(_asymmetry(poses, matrix) for matrix in problem.symmetries)
     if oracle and len(hull.normals) <= ORACLE_FACETS:
-        centers = [side.equilibria.center_of_mass for side in sides]
-        errors["oracle"] = _oracle_error(poses, centers)
+        centers = [side.equilibria.center_of_mass for side in sides[:SIDES]]
+        if problem.center is None and len(sides) == 1:
+            centers = [_uniform_center(problem, body, poses.center_of_mass_source)]
+        errors["oracle"] = max(
+            _difference_from_mean(poses, sides),
+            *(_oracle_error(hull, *s) for s in zip(sides[:SIDES], centers, strict=True)),
+        )
     return Measurement(
         facets=len(hull.normals),
         rests=len(poses.probabilities),
         probabilities=tuple(poses.probabilities.tolist()),
         excess=float(poses.probabilities.sum()) - 1.0,
         errors=errors,
-        condition=max(condition(hull, s.equilibria.center_of_mass, s.paths) for s in sides),
+        condition=max(condition(hull, s.equilibria.center_of_mass, s.paths) for s in sides[:SIDES]),
         outside=_outside(hull, body.points, poses.center_of_mass),
         seconds=seconds,
         tied=len(sides) > 1,
+        made_again=UNEVEN in poses.notes,
     )
 
 
@@ -98,11 +116,40 @@ def share_error(expected: Floats, found: Floats) -> float:
     return float(np.abs(both[0] - both[1]).max())
 
 
-def _oracle_error(poses: RestPoses, centers: list[Floats]) -> float:
-    exact = hull_probabilities(poses.hull, centers)
+def _oracle_error(hull: ConvexHull, side: Basins, center: Floats) -> float:
+    """Largest error of a probability on one side, whose center of mass should be (3,)."""
+    exact = hull_probabilities(hull, [center])
     found = np.zeros(len(exact))
-    found[poses.facets] = poses.probabilities
+    found[side.paths.rests] = side.areas / (4.0 * np.pi)
     return max(abs(float(p - q)) for p, q in zip(exact, found.tolist(), strict=True))
+
+
+def _difference_from_mean(poses: RestPoses, sides: tuple[Basins, ...]) -> float:
+    """Largest difference of the probabilities returned from the mean over all sides."""
+    difference = np.zeros(len(poses.hull.normals))
+    difference[poses.facets] = poses.probabilities
+    for side in sides:
+        difference[side.paths.rests] -= side.areas / (4.0 * np.pi * len(sides))
+    return float(np.abs(difference).max())
+
+
+def _uniform_center(problem: Problem, body: Body, source: str) -> Floats:
+    """Center of mass (3,) of the uniform mesh or hull, computed in 60 digits and rounded once: far
+    from the origin no center can be told better than in the body's coordinates.
+
+    source: which of them. The hull is that before others of its facets are made, see `find_basins`.
+    """
+    hull = convex_hull(
+        body.points, problem.coplanar_tolerance, single_precision=body.single_precision
+    )
+    points, triangles = hull.vertices, hull.triangles
+    if body.triangles is not None and source == "uniform solid":
+        oriented = consistent_winding(body.triangles)
+        assert oriented is not None
+        points, triangles = body.points, oriented
+    with multiprecision().workdps(DIGITS):
+        center = solid_centroid([vector(x) for x in points.tolist()], triangles.tolist())
+        return np.array([float(x) for x in center])
 
 
 def _asymmetry(poses: RestPoses, matrix: Floats) -> float:

@@ -19,6 +19,7 @@ __all__ = [
     "multiprecision",
     "plus",
     "sign",
+    "solid_centroid",
     "spherical_excess",
     "times",
     "unit",
@@ -103,6 +104,21 @@ def spherical_excess(k: Vector, a: Vector, b: Vector) -> Number:
         return multiprecision().mpf(0)
     excess = 2 * multiprecision().pi - _angle(ka, ab) - _angle(ab, bk) - _angle(bk, ka)
     return excess if dot(k, ab) > 0 else -excess
+
+
+def solid_centroid(vertices: Sequence[Vector], triangles: Sequence[Sequence[int]]) -> Vector:
+    """Mean of the centers of the tetrahedra between the first corner and each facet, by volume.
+
+    triangles: corners of each facet, all counter-clockwise from outside or all from inside.
+    """
+    apex = vertices[0]
+    volume, moment = vector((0, 0, 0))[0], vector((0, 0, 0))
+    for a, b, c in triangles:
+        x, y, z = (minus(vertices[corner], apex) for corner in (a, b, c))
+        sixfold = dot(x, cross(y, z))
+        volume += sixfold
+        moment = plus(moment, times(sixfold / 4, plus(x, plus(y, z))))
+    return plus(apex, times(1 / volume, moment))
 
 
 def _angle(a: Vector, b: Vector) -> Number:

@@ -26,6 +26,10 @@ CONDITION_FACTOR: Final = 100.0
 OUTSIDE_LIMIT: Final = 1e-10
 """How far a point may lie outside of the hull, over half its extent."""
 
+COARSER_OUTSIDE_LIMIT: Final = 1e-7
+"""The same of a hull that was made again: at up to 1000 times the unevenness of its facets, which
+is up to 1e-11 or a few times as much."""
+
 PATIENCE: Final = 60.0
 """Seconds after which a case counts as hanging; large ones get a millisecond more per point."""
 
@@ -151,7 +155,7 @@ def verdict(found: Measurement, rests: int | None = None, facets: int | None = N
         return f"{found.facets} facets instead of {facets}"
     if not abs(found.excess) <= ERROR_LIMIT:
         return f"sum of probabilities off by {found.excess:.1e}"
-    if found.outside > OUTSIDE_LIMIT:
+    if found.outside > (COARSER_OUTSIDE_LIMIT if found.made_again else OUTSIDE_LIMIT):
         return f"point outside of the hull by {found.outside:.1e}"
     for name, error in found.errors.items():
         if not error <= limit:

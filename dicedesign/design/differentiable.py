@@ -19,7 +19,7 @@ from torch import Tensor
 from dicedesign.errors import InputError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hull_reuse import HullMaker
-from dicedesign.geometry.mass import principal_axes
+from dicedesign.geometry.mass import stretch_matrix
 from dicedesign.geometry.ragged import ragged_ranges
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import (
@@ -110,16 +110,17 @@ class RestEvaluation:
 def hull_centroid(vertices: Tensor, triangles: NDArray[np.int64]) -> Tensor:
     """Center of mass (3,) of the uniform solid with vertices (n, 3) and triangles (t, 3).
 
-    That of a needle or a plate is computed in its `principal_axes`, which count as constant: they
-    change the rounding only.
+    That of a needle or a plate is computed before it is stretched (`stretch_matrix`); the stretch
+    counts as constant, as it changes the rounding only.
     """
     origin = vertices.detach().mean(dim=0)
     offsets = vertices - origin
     centroid, sixfold = _sums(offsets, triangles)
-    thin = principal_axes(offsets.detach().numpy(), sixfold.item() / 6.0)
-    if thin is not None:
-        axes, sizes = map(torch.as_tensor, thin)
-        centroid = (_sums(offsets @ axes.T / sizes, triangles)[0] * sizes) @ axes
+    stretch = stretch_matrix(offsets.detach().numpy(), sixfold.item() / 6.0)
+    if stretch is not None:
+        matrix = torch.as_tensor(stretch)
+        image = torch.linalg.solve(matrix, offsets, left=False)
+        centroid = _sums(image, triangles)[0] @ matrix
     return origin + centroid
 
 

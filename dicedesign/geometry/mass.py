@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from dicedesign.tolerances import THIN_VOLUME
 
-__all__ = ["is_closed", "principal_axes", "solid_properties"]
+__all__ = ["is_closed", "solid_properties", "stretch_matrix"]
 
 Floats = NDArray[np.float64]
 
@@ -17,7 +18,7 @@ def solid_properties(points: Floats, triangles: NDArray[np.int64]) -> tuple[floa
 
     The volume is summed over signed tetrahedra from the mean of the points, in units of the
     body's own size, so a body far from the origin or of any scale loses nothing. That of a needle
-    or a plate is summed in its `principal_axes`.
+    or a plate is summed before it is stretched, see `stretch_matrix`.
 
     Parameters
     ----------
@@ -37,32 +38,34 @@ def solid_properties(points: Floats, triangles: NDArray[np.int64]) -> tuple[floa
         return 0.0, np.full(3, np.nan)
     offsets = offsets / scale
     volume, centroid = _sums(offsets, triangles)
-    thin = principal_axes(offsets, volume)
-    if thin is not None:
-        axes, sizes = thin
-        volume, centroid = _sums(offsets @ axes.T / sizes, triangles)
-        volume, centroid = volume * float(sizes.prod()), (centroid * sizes) @ axes
+    stretch = stretch_matrix(offsets, volume)
+    if stretch is not None:
+        volume, centroid = _sums(np.linalg.solve(stretch.T, offsets.T).T, triangles)
+        volume, centroid = volume * float(np.linalg.det(stretch)), centroid @ stretch
     return volume * scale**3, reference + scale * centroid
 
 
-def principal_axes(offsets: Floats, volume: float) -> tuple[Floats, Floats] | None:
-    """Axes and sizes in which a needle or a plate is about as thick as it is long.
+def stretch_matrix(offsets: Floats, volume: float) -> Floats | None:
+    """Linear map that makes a needle or a plate of a body about as thick as it is long.
 
     Of a body A times as long as thick, the sums over tetrahedra lose some A^2 units of rounding,
-    for they cancel to that part of their terms, but only A when they are taken of the linear image
-    `offsets @ axes.T / sizes`. The volume of the body is that of the image times the product of the
-    sizes, its centroid `(centroid * sizes) @ axes` for the image's.
+    as they cancel to that part of their terms. Taken of `image`, with `offsets = image @ matrix`,
+    they lose some A, for the rounding of the image, and hardly any where the body lies along the
+    axes of coordinates. Volume and centroid of the body are those of the image times the matrix's
+    determinant, and times the matrix.
 
     offsets: (n, 3) points less a point near their mean; volume: of the body, to within rounding.
-    Returns axes (3, 3), a rotation with one axis per row, and sizes (3,) in the unit of the
-    offsets; None for a body that is not thin (`THIN_VOLUME`), or flat to within rounding.
+    Returns (3, 3), triangular but for the order of its columns; None for a body that is not thin
+    (`THIN_VOLUME`), or thinner than its coordinates tell.
     """
     if abs(volume) >= THIN_VOLUME * float(np.abs(offsets).max()) ** 3:
         return None
-    _, sizes, axes = np.linalg.svd(offsets, full_matrices=False)
-    if sizes[-1] <= np.finfo(np.float64).eps * sizes[0]:
+    factor, order = qr(offsets, mode="r", pivoting=True)
+    factor = factor[:3]
+    if abs(factor[2, 2]) <= np.finfo(np.float64).eps * np.linalg.norm(factor[:, 2]):
         return None
-    return axes * np.sign(np.linalg.det(axes)), sizes / np.sqrt(len(offsets))
+    matrix: Floats = factor[:, np.argsort(order)] / np.sqrt(len(offsets))
+    return matrix
 
 
 def _sums(offsets: Floats, triangles: NDArray[np.int64]) -> tuple[float, Floats]:

@@ -6,6 +6,7 @@ import json
 import os
 import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,10 @@ from dicedesign.bench.stability import OK, Row, run_case, run_stability, verdict
 from dicedesign.bench.uniform import ARCHIMEDEAN
 from dicedesign.bench.watchdog import CrashError, HangError, Watchdog
 from dicedesign.cli import main
+from dicedesign.geometry import center_of_mass, hull
+from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.mass import solid_properties
+from dicedesign.rest.probabilities import Basins, find_basins
 
 CASES = stability_cases()
 
@@ -37,7 +42,8 @@ def test_names_are_unique() -> None:
     [
         "tetrahedron", "dual of snub dodecahedron", "prism 3", "prism 64", "antiprism 64",
         "bipyramid 64", "icosphere 5", "box 1 x 2 x 3", "roof 1e-14", "bulge 1e-15", "dent 1e-15",
-        "box needle 1e6", "box plate 1e-6", "glancing crossing 1e-14", "center 1e-13 from a facet",
+        "box needle 1e6", "box plate 1e-6", "glancing crossing 1e-14",
+        "uniform box needle 1e6", "random plate 1e-6", "center 1e-13 from a facet",
         "center 1e-13 from an edge", "center 1e-13 from a corner", "foot 1e-13 inside an edge",
         "random body at 1e-9", "random body at 1e9", "random body 1e7 sizes away",
         "Conway-Guy 19-facet unistable", "weighted sphere", "lens", "basin beyond a hemisphere",
@@ -101,6 +107,44 @@ def test_a_broken_symmetry_is_noticed() -> None:
     symmetries = (np.diag([-1.0, -1.0, 1.0]),)
     problem = Problem(solids.box(1, 2, 3).points, np.array([0.1, 0, 0]), symmetries=symmetries)
     assert "(symmetry)" in verdict(measure(problem))
+
+
+@pytest.mark.parametrize("case", ["random body", "mesh"])
+def test_a_wrong_center_of_a_uniform_body_is_noticed(
+    monkeypatch: pytest.MonkeyPatch, case: str
+) -> None:
+    problem = stiff.random_body(0)
+    if case == "mesh":
+        dented = convex_hull(problem.points)
+        points = np.concatenate([dented.vertices, 0.5 * dented.centroid[None]])
+        a, b, c = dented.triangles[0]
+        inner = [[a, b, len(points) - 1], [b, c, len(points) - 1], [c, a, len(points) - 1]]
+        triangles = np.concatenate([dented.triangles[1:], inner])
+        problem = Problem(points, triangles=triangles)
+    assert verdict(measure(problem)) == OK
+
+    def wrong(points: np.ndarray, triangles: np.ndarray) -> tuple[float, np.ndarray]:
+        volume, centroid = solid_properties(points, triangles)
+        return volume, centroid + 1e-10
+
+    monkeypatch.setattr(center_of_mass if case == "mesh" else hull, "solid_properties", wrong)
+    assert "(oracle)" in verdict(measure(problem))
+
+
+def test_each_side_of_a_tied_body_is_held_against_the_oracle(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem = stiff.off_balance(0.0, corner=False)
+    found = measure(problem)
+    assert found.tied
+    assert verdict(found) == OK
+
+    def one_wrong(*arguments: Any) -> tuple[Basins, ...]:
+        first, *others = find_basins(*arguments)
+        return replace(first, areas=np.roll(first.areas, 1)), *others
+
+    monkeypatch.setattr("dicedesign.bench.measure.find_basins", one_wrong)
+    assert "(oracle)" in verdict(measure(problem))
 
 
 def test_turning_moves_the_center_too() -> None:

@@ -214,6 +214,24 @@ def test_the_centroid_is_that_of_the_solid_and_so_is_its_gradient(random_points)
         np.testing.assert_allclose(gradient, expected, atol=1e-9)
 
 
+@pytest.mark.parametrize("factors", [[1.0, 1.0, 1e6], [1.0, 1.0, 1e-6]])
+def test_the_centroid_of_a_thin_body_in_any_direction(random_points, factors) -> None:
+    hull = convex_hull(random_points(5, 15))
+    direction = np.array([0.3, -0.7, 0.5])
+    vertices = leaf(hull.vertices)
+    plain = hull_centroid(vertices, hull.triangles)
+    expected = torch.autograd.grad(plain, vertices, torch.tensor(direction))[0].numpy()
+    # An affine map of the vertices maps the centroid too, and gradients by its inverse transposed.
+    matrix = np.array(factors)[:, None] * np.linalg.qr(random_points(6, 3))[0]
+    turned = leaf(hull.vertices @ matrix)
+    centroid = hull_centroid(turned, hull.triangles)
+    back = np.linalg.inv(matrix)
+    gradient = torch.autograd.grad(centroid, turned, torch.tensor(back @ direction))[0].numpy()
+    found, wanted = centroid.detach().numpy() @ back, plain.detach().numpy()
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(gradient @ matrix.T, expected, rtol=0, atol=1e-9)
+
+
 def test_the_gradient_of_a_fixed_center_is_part_of_the_uniform_one(random_points) -> None:
     points = random_points(6, 10)
     hull = convex_hull(points)

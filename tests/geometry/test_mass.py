@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
-from dicedesign.geometry.mass import is_closed, solid_properties
+from dicedesign.geometry.mass import is_closed, solid_properties, stretch_matrix
 from dicedesign.geometry.winding import consistent_winding
 
 MODELS = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "models"
@@ -50,6 +52,28 @@ def sphere() -> tuple[np.ndarray, np.ndarray]:
     points = np.asarray(mesh.vertices) * [1.0, 1.3, 0.7]
     points[:, 0] += 0.2 * points[:, 1] ** 2  # no symmetry, so the centroid is nothing special
     return points, np.asarray(mesh.faces)
+
+
+def exact_properties(points: np.ndarray, triangles: np.ndarray) -> tuple[float, np.ndarray]:
+    """Volume and centroid by tetrahedra from the first point, rounded once."""
+    exact = [[Fraction(x) for x in point] for point in points.tolist()]
+    offsets = [[x - x0 for x, x0 in zip(point, exact[0], strict=True)] for point in exact]
+    sixfold, moment = Fraction(0), [Fraction(0)] * 3
+    for corners in triangles.tolist():
+        a, b, c = (offsets[corner] for corner in corners)
+        turns = [b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2] for i in range(3)]
+        part = sum(x * turn for x, turn in zip(a, turns, strict=True))
+        sixfold += part
+        moment = [m + part * (a[i] + b[i] + c[i]) for i, m in enumerate(moment)]
+    centroid = [float(x0 + m / sixfold / 4) for x0, m in zip(exact[0], moment, strict=True)]
+    return float(sixfold / 6), np.array(centroid)
+
+
+def hollow() -> tuple[np.ndarray, np.ndarray]:
+    """A sphere without symmetry with a cavity off its middle."""
+    points, faces = sphere()
+    both = np.concatenate([points, 0.5 * points + [0.1, 0.2, 0.05]])
+    return both, np.concatenate([faces, faces[:, ::-1] + len(points)])
 
 
 def test_a_tetrahedron_has_the_mean_of_its_corners() -> None:
@@ -115,6 +139,50 @@ def test_scaling_scales(scale: float) -> None:
     scaled_volume, scaled_centroid = solid_properties(points * scale, faces)
     assert scaled_volume == pytest.approx(volume * scale**3, rel=1e-13)
     np.testing.assert_allclose(scaled_centroid, centroid * scale, rtol=0, atol=1e-15 * scale)
+
+
+@pytest.mark.parametrize("body", [sphere, hollow])
+@pytest.mark.parametrize("aspect", [1e3, 1e6, 1e9])
+@pytest.mark.parametrize("kind", ["needle", "blade", "plate"])
+def test_thin_bodies_in_any_direction_lose_no_more_than_their_aspect(body, aspect, kind) -> None:
+    points, faces = body()
+    factors = {"needle": [1, 1, aspect], "blade": [1, aspect**0.5, aspect], "plate": [1, 1, 1e-9]}
+    points = points * factors[kind]
+    thinness = 1e9 if kind == "plate" else aspect
+    limit = np.finfo(np.float64).eps * thinness
+    for seed in range(3):
+        turned = Rotation.random(random_state=seed).apply(points) + 0.3 * seed * np.ptp(points)
+        volume, centroid = solid_properties(turned, faces)
+        expected_volume, expected = exact_properties(turned, faces)
+        assert volume == pytest.approx(expected_volume, rel=10 * limit)
+        np.testing.assert_allclose(centroid, expected, rtol=0, atol=limit * np.ptp(points))
+
+
+@pytest.mark.parametrize("factors", [[1, 1, 1e6], [1e9, 1, 1e3], [1, 1e-6, 1], [1, 1, 1e-20]])
+def test_thin_bodies_along_the_axes_lose_nothing(factors) -> None:
+    points, faces = sphere()
+    points, before = points * factors, solid_properties(points, faces)
+    volume, centroid = solid_properties(points, faces)
+    assert volume == pytest.approx(before[0] * np.prod(factors), rel=1e-14)
+    np.testing.assert_allclose(centroid / factors, before[1], rtol=0, atol=1e-15)
+
+
+def test_only_thin_bodies_are_thickened() -> None:
+    points, faces = sphere()
+    points = points - points.mean(axis=0)
+    volume = solid_properties(points, faces)[0]
+    turn = Rotation.random(random_state=0)
+    for factor, thin in ((30.0, False), (300.0, True)):
+        needle = turn.apply(points * [1, 1, factor])
+        matrix = stretch_matrix(needle, volume * factor)
+        assert (matrix is not None) == thin
+    assert matrix is not None
+    image = needle @ np.linalg.inv(matrix)
+    assert np.linalg.cond(image) < 3.0
+    for factors in ([1, 0, 1], [1, 0, 0]):
+        assert stretch_matrix(points * factors, 0.0) is None
+        turned = turn.apply(points * factors)
+        assert abs(solid_properties(turned, faces)[0]) < 1e-14
 
 
 def test_no_volume_has_no_centroid() -> None:
