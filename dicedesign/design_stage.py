@@ -9,14 +9,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.design.descent import DescentResult, DescentStep, descend_to_target
+from dicedesign.design.descent import descend_to_target
+from dicedesign.design.exact import solve_exactly
+from dicedesign.design.result import DesignResult, DesignStep
+from dicedesign.design.shape_search import shapes_like, shapes_near
 from dicedesign.design.starts import Start, hendecahedron, mesh_start, prism, repulsion
 from dicedesign.design.stopping import Status
 from dicedesign.design.targets import Target
 from dicedesign.design.verdict import Verdict, judge
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.geometry.mesh_file import read_body
-from dicedesign.recipe import Recipe
+from dicedesign.recipe import MethodRecipe, Recipe
 from dicedesign.rest.equilibria import classify
 
 __all__ = ["DesignedDie", "design_die", "make_start"]
@@ -38,20 +41,22 @@ class DesignedDie:
     """
 
     target: Target
-    design: DescentResult
+    design: DesignResult
     verdict: Verdict
     status: Status
     message: str
 
 
-def make_start(recipe: Recipe) -> Start:
-    """The starting shape of a recipe.
+def make_start(recipe: Recipe) -> Start | None:
+    """The starting shape of a recipe, or None where shapes are to be searched.
 
     Raises InputError if a mesh cannot be read or has too few rests, or the center of mass is not
     inside the shape.
     """
     choice, outcomes = recipe.start, len(recipe.target.target().labels)
     center = _given_center(recipe)
+    if choice.search is not None:
+        return None
     if choice.mesh is not None:
         return mesh_start(read_body(Path(choice.mesh.path)), outcomes, center)
     if choice.prism is not None:
@@ -68,7 +73,7 @@ def make_start(recipe: Recipe) -> Start:
 
 
 def design_die(
-    recipe: Recipe, start: Start, *, on_step: Callable[[DescentStep], None] | None = None
+    recipe: Recipe, start: Start | None, *, on_step: Callable[[DesignStep], None] | None = None
 ) -> DesignedDie:
     """Move the start to the recipe's target and judge the finished die; nothing is written.
 
@@ -76,19 +81,30 @@ def design_die(
     """
     target, order = recipe.target.target(), recipe.outcome_of_direction()
     given = _given_center(recipe)
-    center = None if given is None else start.normalised(given)
-    design = descend_to_target(
-        start,
-        target.probabilities[order],
-        recipe.method.descent,
-        center_of_mass=center,
-        seed=recipe.seed,
-        on_step=on_step,
-    )
+    center = None if given is None or start is None else start.normalised(given)
+    wanted, method = target.probabilities[order], recipe.method
+    if method.exact is not None:
+        design = solve_exactly(
+            shapes_near(wanted, recipe.seed) if start is None else shapes_like(start, recipe.seed),
+            wanted,
+            method.exact,
+            center_of_mass=center,
+            on_step=on_step,
+        )
+    else:
+        # Only the exact method searches.
+        assert start is not None
+        design = descend_to_target(
+            start,
+            wanted,
+            method.descent,
+            center_of_mass=center,
+            seed=recipe.seed,
+            on_step=on_step,
+        )
     directions = design.directions[np.argsort(order)]
     verdict = judge(design.hull, directions, target, recipe.size_mm, center)
-    tolerance = recipe.method.descent.stopping.tolerance
-    status, message = _outcome(design, verdict, target, tolerance)
+    status, message = _outcome(design, verdict, target, method)
     return DesignedDie(target, design, verdict, status, message)
 
 
@@ -97,10 +113,10 @@ def _given_center(recipe: Recipe) -> Floats | None:
 
 
 def _outcome(
-    design: DescentResult, verdict: Verdict, target: Target, tolerance: float
+    design: DesignResult, verdict: Verdict, target: Target, method: MethodRecipe
 ) -> tuple[Status, str]:
     """Status and message: the design's, unless the finished die says otherwise."""
-    status = design.status
+    status, tolerance = design.status, method.tolerance
     if status is Status.CONVERGED and verdict.max_abs_error > tolerance:
         status = Status.OFF_TARGET
     remarks = [f"{status.value}; max |p - q| is {verdict.max_abs_error:.3g}"]
@@ -114,6 +130,6 @@ def _outcome(
     if tolerance >= smallest:
         remarks.append(
             f"the tolerance is not below the smallest outcome, {smallest:.3g}: set "
-            "method.descent.stopping.tolerance lower"
+            f"{method.tolerance_key} lower"
         )
     return status, "; ".join(remarks)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
-from dicedesign.design.descent import DescentStep
+from dicedesign.design.result import DesignStep
 from dicedesign.design.stopping import Status
 from dicedesign.design.verdict import Verdict
 from dicedesign.design_stage import DesignedDie, design_die, make_start
@@ -111,7 +111,7 @@ def run_recipe(
     folder: Path,
     *,
     on_stage: Callable[[str], None] | None = None,
-    on_step: Callable[[DescentStep], None] | None = None,
+    on_step: Callable[[DesignStep], None] | None = None,
 ) -> RunResult:
     """Design, check, engrave and report one die.
 
@@ -139,7 +139,9 @@ def run_recipe(
         die = design_die(recipe, start, on_step=on_step)
     files, summary = _results(recipe, die, clock)
     _write(folder, files, summary)
-    return RunResult(summary["status"], summary["message"], start.notes, folder, summary)
+    return RunResult(
+        summary["status"], summary["message"], () if start is None else start.notes, folder, summary
+    )
 
 
 def _plain_name(status: Status) -> str:
@@ -175,7 +177,7 @@ def _results(
             **design_summary(die.design),
         }
     with clock.stage("figures"):
-        tolerance = recipe.method.descent.stopping.tolerance
+        tolerance = recipe.method.tolerance
         images = _figures(summary, tolerance, die.verdict, engraved, placements)
     files.update({f"{name}.png": data for name, data in images.items()})
     files["recipe.yaml"] = recipe_text(recipe).encode("utf-8")

@@ -20,11 +20,12 @@ from pydantic import (
 )
 
 from dicedesign.design.descent import DescentOptions
+from dicedesign.design.exact import ExactOptions
 from dicedesign.design.starts import FEWEST_FACETS, hendecahedron, prism
 from dicedesign.design.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
 from dicedesign.fabricate.engraving_options import EngravingOptions
 
-__all__ = ["Recipe", "StartRecipe", "TargetRecipe"]
+__all__ = ["MethodRecipe", "Recipe", "StartRecipe", "TargetRecipe"]
 
 FEWEST_SIDES: Final = 3
 """A prism has at least so many sides."""
@@ -124,28 +125,34 @@ class MeshRecipe(_Strict):
     path: str
 
 
+class SearchRecipe(_Strict):
+    """`start.search`: random shapes with odds near the target's, one after the other."""
+
+
 class StartRecipe(_Strict):
-    """`start`: one starting shape."""
+    """`start`: one starting shape, or a search for some."""
 
     prism: PrismRecipe | None = None
     hendecahedron: Literal["bisymmetric", "circus"] | None = None
     repulsion: RepulsionRecipe | None = None
     mesh: MeshRecipe | None = None
+    search: SearchRecipe | None = None
 
     @model_validator(mode="after")
     def _check(self) -> StartRecipe:
-        _one_of(self, "prism", "hendecahedron", "repulsion", "mesh")
+        _one_of(self, "prism", "hendecahedron", "repulsion", "mesh", "search")
         return self
 
     def check(self, outcomes: int) -> None:
         """Raise ValueError, naming the key, where the shape cannot bear so many outcomes. What a
         mesh can bear is known only once it is read."""
-        if self.mesh is not None:
+        if self.mesh is not None or self.search is not None:
             return
         if outcomes < FEWEST_SIDES:
             raise ValueError(
-                f"start: expected a mesh for {outcomes} outcomes, as every other start has at "
-                f"least {FEWEST_SIDES} rests; write start: {{mesh: {{path: FILE}}}}"
+                f"start: expected a mesh or a search for {outcomes} outcomes, as every other start "
+                f"has at least {FEWEST_SIDES} rests; write start: {{mesh: {{path: FILE}}}}, or "
+                "start: {search: {}} with method: {exact: {}}"
             )
         if self.prism is not None:
             sides = self.prism.sides_for(outcomes)
@@ -170,9 +177,27 @@ class StartRecipe(_Strict):
 
 
 class MethodRecipe(_Strict):
-    """`method`: how the die is found."""
+    """`method`: how the die is found: by `descent` unless it says `exact`."""
 
     descent: DescentOptions = Field(default_factory=DescentOptions)
+    exact: ExactOptions | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> MethodRecipe:
+        if self.exact is not None and "descent" in self.model_fields_set:
+            raise ValueError("method: expected descent or exact, got both; keep one")
+        return self
+
+    @property
+    def tolerance_key(self) -> str:
+        """Where a recipe says it."""
+        chosen = "descent.stopping" if self.exact is None else "exact"
+        return f"method.{chosen}.tolerance"
+
+    @property
+    def tolerance(self) -> float:
+        """Largest |p - q| that counts as reached."""
+        return self.descent.stopping.tolerance if self.exact is None else self.exact.tolerance
 
 
 class Recipe(_Strict):
@@ -215,7 +240,21 @@ class Recipe(_Strict):
                 f"{', '.join(self.assignment)}; write in_order for the target's order"
             )
         self.start.check(len(labels))
+        if self.start.search is not None:
+            self._check_search()
         return self
+
+    def _check_search(self) -> None:
+        if self.method.exact is None:
+            raise ValueError(
+                "start.search: expected method: {exact: {}}, which can begin anywhere, got "
+                "descent; change the method, or take another start"
+            )
+        if self.center_of_mass is not None:
+            raise ValueError(
+                "center_of_mass: expected uniform where the shape is searched, got a point in no "
+                "known coordinates; leave it out, or take another start"
+            )
 
     def outcome_of_direction(self) -> list[int]:
         """For each direction of the start, the index of its outcome in the target."""
@@ -225,9 +264,11 @@ class Recipe(_Strict):
     def resolved(self) -> dict[str, Any]:
         """The recipe with every default written out, as plain data."""
         plain: dict[str, Any] = TypeAdapter(Recipe).dump_python(self, mode="json")
+        if self.method.exact is not None:
+            plain["method"]["descent"] = None
         plain["assignment"] = plain["assignment"] or "in_order"
         plain["center_of_mass"] = plain["center_of_mass"] or "uniform"
         plain["engrave"] = plain["engrave"] or False
-        for part in ("target", "start"):
+        for part in ("target", "start", "method"):
             plain[part] = {key: value for key, value in plain[part].items() if value is not None}
         return plain

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dicedesign.design.descent import DescentResult
+from dicedesign.design.result import DesignResult
 from dicedesign.design.targets import Target
 from dicedesign.design.verdict import Verdict
 from dicedesign.fabricate.circle import inscribed_circle
@@ -78,7 +78,7 @@ def _engraved_odds(verdict: Verdict, target: Target, engraved: EngravedDie) -> n
     return odds
 
 
-def design_summary(design: DescentResult) -> dict[str, Any]:
+def design_summary(design: DesignResult) -> dict[str, Any]:
     """How the design went: energy terms at the end, what was computed, the history of steps."""
     return {
         "energy": design.terms,

@@ -18,10 +18,11 @@ from dicedesign import rest_poses
 from dicedesign.bench.extremes import large, weighted_sphere
 from dicedesign.bench.lean_bodies import blade
 from dicedesign.design import differentiable, energy, sobolev
-from dicedesign.design.descent import DescentOptions, DescentResult, descend_to_target
+from dicedesign.design.descent import DescentOptions, descend_to_target
 from dicedesign.design.energy import EnergyWeights
 from dicedesign.design.line_search import LineSearch
 from dicedesign.design.objective import Evaluation, Objective
+from dicedesign.design.result import DesignResult
 from dicedesign.design.sobolev import SobolevOptions
 from dicedesign.design.starts import Start, hendecahedron
 from dicedesign.design.stopping import Stopping
@@ -52,7 +53,7 @@ def modules_after(arguments: list[str], folder: Path) -> set[str]:
     return set(json.loads(done.stdout.splitlines()[-1]))
 
 
-def descend(**options: Any) -> DescentResult:
+def descend(**options: Any) -> DesignResult:
     """Some steps of the design of a die that rolls the total of two."""
     center = options.pop("center_of_mass", None)
     stopping = Stopping(1e-9, steps=options.pop("steps", 4), seconds=300.0)

@@ -101,4 +101,4 @@ def test_every_recipe_is_in_the_table_within_its_tolerance(repository: Path) -> 
         recipe = read_recipe(path)
         assert int(outcomes) == int(labelled) == len(recipe.target.target().labels)
         assert int(stray) == 0
-        assert float(error) <= recipe.method.descent.stopping.tolerance
+        assert float(error) <= recipe.method.tolerance

@@ -124,7 +124,7 @@ BAD = [
     ),
     (
         {"target": {"fair": 2}, "start": {"prism": {}}},
-        r"start: expected a mesh for 2 outcomes, .*write start: \{mesh: \{path: FILE\}\}",
+        r"start: expected a mesh or a search for 2 .*write start: \{mesh: \{path: FILE\}\}, or ",
     ),
     ({"name": None}, "name: "),
     ({"name": "../x"}, "name: "),

@@ -24,6 +24,6 @@ def test_a_recipe_gives_its_die_in_time(path: Path) -> None:
     verdict = die.verdict
     assert die.status is Status.CONVERGED
     assert verdict.max_abs_error <= LARGEST_ERROR.get(path.stem, USUAL_ERROR)
-    assert verdict.max_abs_error <= recipe.method.descent.stopping.tolerance
+    assert verdict.max_abs_error <= recipe.method.tolerance
     assert sorted(verdict.outcome_of_rest) == list(range(len(die.target.labels)))
     assert die.design.history[-1].seconds <= LARGEST_SECONDS

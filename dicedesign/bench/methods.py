@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.bench.machine import machine_description
-from dicedesign.design.descent import DescentOptions, DescentStep
+from dicedesign.design.descent import DescentOptions
+from dicedesign.design.exact import ExactOptions
+from dicedesign.design.result import DesignStep
 from dicedesign.design.sobolev import SobolevOptions
 from dicedesign.design.starts import Start
 from dicedesign.design_stage import design_die
@@ -58,11 +60,27 @@ def _descent(
 
 
 def _under(recipe: Recipe, options: DescentOptions) -> Recipe:
-    method = recipe.method.model_copy(update={"descent": options})
+    method = recipe.method.model_copy(update={"descent": options, "exact": None})
     return recipe.model_copy(update={"method": method})
 
 
+def _exactly(recipe: Recipe) -> Recipe:
+    method = recipe.method.model_copy(update={"exact": recipe.method.exact or ExactOptions()})
+    return recipe.model_copy(update={"method": method})
+
+
+def _limited(recipe: Recipe, seconds: float) -> Recipe:
+    """The recipe with so many seconds for its method."""
+    method = recipe.method
+    if method.exact is None:
+        stopping = replace(method.descent.stopping, seconds=seconds)
+        return _under(recipe, replace(method.descent, stopping=stopping))
+    exact = replace(method.exact, seconds=seconds)
+    return recipe.model_copy(update={"method": method.model_copy(update={"exact": exact})})
+
+
 METHODS: Final = (
+    Method("exact", _exactly),
     Method("facets", _descent("facets")),
     Method("vertices", _descent("vertices")),
     Method("vertices, Sobolev p = 1", _descent("vertices", 1)),
@@ -70,7 +88,8 @@ METHODS: Final = (
     Method("paper's energy", _descent("vertices", stability=0.0)),
     Method("paper's energy, Sobolev p = 2", _descent("vertices", 2, 0.0)),
 )
-"""All there are. The paper's energy is eq. 16 over vertices; facets have no preconditioner."""
+"""All there are. The exact method goes on to rounding, whatever the tolerance. The paper's energy
+is that of eq. 16 over vertices. Facets have no preconditioner."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +102,7 @@ class Run:
     tolerance: largest |p - q| wanted.
     status: why it stopped: the name of a `Status`.
     evaluations: energies computed.
-    hulls_built, hulls_reused: see `DescentResult`.
+    hulls_built, hulls_reused: see `DesignResult`.
     die_error: largest |p - q| of the finished die, rests away from a labelled facet not counted.
     seconds, errors, energies: (n,) of every accepted step: time since the start, largest |p - q|
         over the clusters of rests, and the dice energy (eq. 12). That term is common to all
@@ -118,19 +137,15 @@ def run_method(
     start: Start,
     method: Method,
     seconds: float,
-    on_step: Callable[[DescentStep], None] | None = None,
+    on_step: Callable[[DesignStep], None] | None = None,
 ) -> Run:
     """Design one recipe from its start by a method for at most so many seconds."""
-    changed = method.set_up(recipe)
-    options = changed.method.descent
-    stopping = replace(options.stopping, seconds=seconds)
-    changed = _under(changed, replace(options, stopping=stopping))
-    die = design_die(changed, start, on_step=on_step)
+    die = design_die(_limited(method.set_up(recipe), seconds), start, on_step=on_step)
     history = die.design.history
     return Run(
         recipe=recipe.name,
         method=method.name,
-        tolerance=stopping.tolerance,
+        tolerance=recipe.method.tolerance,
         status=die.status.name,
         evaluations=die.design.evaluations,
         hulls_built=die.design.hulls_built,

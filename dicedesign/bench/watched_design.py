@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from dicedesign.bench.measure import Measurement, measure
 from dicedesign.bench.problem import DesignProblem, Problem
-from dicedesign.design.descent import DescentOptions, DescentResult, descend_to_target
+from dicedesign.design.descent import DescentOptions, descend_to_target
 from dicedesign.design.energy import cluster
 from dicedesign.design.objective import Evaluation
+from dicedesign.design.result import DesignResult
 from dicedesign.design.stopping import Status, Stopping
 from dicedesign.geometry.mass import solid_properties
 from dicedesign.rest.poses import rest_poses
@@ -44,7 +45,7 @@ class WatchedDesign:
     seconds: wall-clock time of the design.
     """
 
-    result: DescentResult
+    result: DesignResult
     measurement: Measurement
     error: float
     faults: tuple[str, ...]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dicedesign.design.descent import DescentStep
+    from dicedesign.design.result import DesignStep
 
 __all__ = ["add_parser"]
 
@@ -49,7 +49,7 @@ def _run(options: argparse.Namespace) -> int:
     folder = options.out or Path("outputs") / recipe.name
     with tqdm(file=sys.stderr, disable=not sys.stderr.isatty(), unit=" steps") as bar:
 
-        def on_step(step: DescentStep) -> None:
+        def on_step(step: DesignStep) -> None:
             bar.update()
             bar.set_postfix_str(f"max |p - q| {step.error:.2e}")
 

@@ -14,6 +14,7 @@ from dicedesign.design.coordinates import Coordinates, FacetCoordinates, VertexC
 from dicedesign.design.energy import EnergyWeights
 from dicedesign.design.line_search import LineSearch, has_slope
 from dicedesign.design.objective import Evaluation, Objective
+from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.schedule import Schedule
 from dicedesign.design.sobolev import SobolevOptions, SobolevSolver, graph_laplacian
 from dicedesign.design.starts import Start
@@ -24,7 +25,7 @@ from dicedesign.geometry.hull_reuse import HullMemory
 from dicedesign.options import STRICT
 from dicedesign.rest.equilibria import classify
 
-__all__ = ["DescentOptions", "DescentResult", "DescentStep", "descend_to_target"]
+__all__ = ["DescentOptions", "descend_to_target"]
 
 Floats = NDArray[np.float64]
 
@@ -86,43 +87,6 @@ class DescentOptions:
             )
 
 
-@dataclass(frozen=True)
-class DescentStep:
-    """One accepted step: seconds since the start, weighted energy terms, largest |p - q|."""
-
-    step: int
-    seconds: float
-    energy: float
-    terms: dict[str, float]
-    error: float
-
-
-@dataclass(frozen=True)
-class DescentResult:
-    """Where a descent ended.
-
-    Attributes
-    ----------
-    status: why it stopped.
-    hull: the designed shape.
-    directions: (k, 3) where the outcomes are.
-    terms: the energy's terms at the end, with their full weights.
-    history: every accepted step, the first being the start.
-    evaluations: energies computed, those of rejected trials and after pruning included.
-    hulls_built: hulls computed for them from scratch, polar hulls of facet coordinates included.
-    hulls_reused: hulls that only moved the vertices of the one before, for the same result.
-    """
-
-    status: Status
-    hull: ConvexHull
-    directions: Floats
-    terms: dict[str, float]
-    history: tuple[DescentStep, ...]
-    evaluations: int
-    hulls_built: int
-    hulls_reused: int
-
-
 def descend_to_target(
     start: Start,
     target: Floats,
@@ -130,9 +94,9 @@ def descend_to_target(
     *,
     center_of_mass: Floats | None = None,
     seed: int = 0,
-    on_step: Callable[[DescentStep], None] | None = None,
+    on_step: Callable[[DesignStep], None] | None = None,
     on_evaluation: Callable[[Evaluation], None] | None = None,
-) -> DescentResult:
+) -> DesignResult:
     """Move a starting shape until its rests have the target probabilities.
 
     Parameters
@@ -170,7 +134,7 @@ class _Descent:
         options: DescentOptions,
         center_of_mass: Floats | None,
         seed: int,
-        on_step: Callable[[DescentStep], None] | None,
+        on_step: Callable[[DesignStep], None] | None,
         on_evaluation: Callable[[Evaluation], None] | None,
     ) -> None:
         shapes = HullMemory()
@@ -194,18 +158,18 @@ class _Descent:
         self.on_evaluation = on_evaluation
         self.line_search = LineSearch()
         self.evaluations = 1
-        self.history: list[DescentStep] = []
+        self.history: list[DesignStep] = []
         noise = np.random.default_rng(seed).normal(size=parameters.shape)
         self.current = self._first(parameters, noise, start.directions)
         self.sobolev: tuple[ConvexHull, SobolevSolver] | None = None
 
-    def run(self) -> DescentResult:
+    def run(self) -> DesignResult:
         self._record()
         status = None
         while status is None:
             status = self._advance()
         full = replace(self.objective, weights=self.options.weights)
-        return DescentResult(
+        return DesignResult(
             status,
             self.current.rests.hull,
             self.current.directions,
@@ -280,7 +244,7 @@ class _Descent:
     def _record(self) -> None:
         current = self.current
         self.schedule.record(current.value)
-        step = DescentStep(
+        step = DesignStep(
             len(self.history), self._seconds(), current.value, current.values, current.error
         )
         self.history.append(step)

@@ -101,6 +101,21 @@ class RestEvaluation:
         """(k, 3) unit normals of the stable facets."""
         return self.facet_normals(self.paths.rests)
 
+    @cached_property
+    def facet_depths(self) -> Tensor:
+        """(m,) how far inside each facet the foot of the center of mass lies: its signed distance
+        from the nearest edge's line over the circumscribed radius, positive for rests."""
+        hull = self.hull
+        normals = self.facet_normals(np.arange(len(hull.normals)))
+        edges = self.vertices[hull.head] - self.vertices[hull.tail]
+        radii = self.vertices - self.center
+        circumscribed = torch.linalg.vector_norm(radii, dim=1).max()
+        across = torch.linalg.cross(edges, normals[hull.facet])
+        length = torch.linalg.vector_norm(edges, dim=1)
+        distance = (radii[hull.tail] * across).sum(-1) / (length * circumscribed)
+        far = torch.full((len(hull.normals),), torch.inf, dtype=torch.float64)
+        return far.scatter_reduce(0, torch.as_tensor(hull.facet), distance, "amin")
+
     def vertex_directions(self, vertices: NDArray[np.int64]) -> Tensor:
         """(len(vertices), 3) unit directions from the center of mass to vertices (eq. 6)."""
         radii = self.vertices[vertices] - self.center

@@ -193,21 +193,12 @@ def neighbor_energy(rests: RestEvaluation, clusters: Clusters, radius: float) ->
 def stability_energy(rests: RestEvaluation, clusters: Clusters, margin: float) -> Tensor:
     """Keeps one facet for each outcome stable and all others unstable, by a margin.
 
-    A facet's depth s is the signed distance of the foot of c from the nearest edge line, inside
-    positive, over the circumscribed radius. Facets with an outcome pay `max(0, 1 - s / margin)^2`,
-    the others the same with -s. Probabilities jump where a depth crosses zero; this wall in front
-    of the jump is what lets a smooth method walk along it. Not in the paper.
+    A facet of depth s (`RestEvaluation.facet_depths`) with an outcome pays
+    `max(0, 1 - s / margin)^2`, another one the same with -s. Probabilities jump where a depth
+    crosses zero; this wall in front of the jump is what lets a smooth method walk along it. Not in
+    the paper.
     """
-    hull = rests.hull
-    normals = rests.facet_normals(np.arange(len(hull.normals)))
-    edges = rests.vertices[hull.head] - rests.vertices[hull.tail]
-    radii = rests.vertices - rests.center
-    circumscribed = torch.linalg.vector_norm(radii, dim=1).max()
-    across = torch.linalg.cross(edges, normals[hull.facet])
-    length = torch.linalg.vector_norm(edges, dim=1)
-    distance = (radii[hull.tail] * across).sum(-1) / (length * circumscribed)
-    far = torch.full((len(hull.normals),), torch.inf, dtype=torch.float64)
-    depth = far.scatter_reduce(0, torch.as_tensor(hull.facet), distance, "amin")
+    hull, depth = rests.hull, rests.facet_depths
     sign = torch.full((len(hull.normals),), -1.0, dtype=torch.float64)
     wanted = outcome_facets(hull.normals, clusters.directions, depth.detach().numpy())
     sign[wanted] = 1.0

@@ -25,8 +25,10 @@ __all__ = [
     "Start",
     "hendecahedron",
     "mesh_start",
+    "normalised_start",
     "prism",
     "repulsion",
+    "spread_directions",
 ]
 
 Floats = NDArray[np.float64]
@@ -102,7 +104,7 @@ def prism(sides: int, height: float = 1.5, cap: float = 1.3) -> Start:
         points = np.concatenate([points, apex, -apex])
     middle = corner + np.pi / sides
     directions = np.stack([np.cos(middle), np.sin(middle), np.zeros(sides)], axis=1)
-    return _normalised(points, directions)
+    return normalised_start(points, directions)
 
 
 def hendecahedron(kind: str) -> Start:
@@ -143,7 +145,7 @@ def _bisymmetric() -> Start:
     inside = np.array([0.0, 0.0, 1.2])
     offsets = np.array([6, 3, 1, 1, 2, 0, 2, 1, 1, 3, 6]) - normals @ inside
     directions = normals / np.linalg.norm(normals, axis=1)[:, None]
-    return _normalised(polyhedron_corners(normals, offsets), directions)
+    return normalised_start(polyhedron_corners(normals, offsets), directions)
 
 
 def _circus() -> Start:
@@ -161,7 +163,7 @@ def _circus() -> Start:
     pairs = np.stack([wall, roof], axis=1).reshape(10, 3)
     directions = np.concatenate([pairs[:5], floor, pairs[5:]])
     offsets = np.ones(11)
-    return _normalised(polyhedron_corners(directions, offsets), directions)
+    return normalised_start(polyhedron_corners(directions, offsets), directions)
 
 
 HENDECAHEDRA: dict[str, Callable[[], Start]] = {"bisymmetric": _bisymmetric, "circus": _circus}
@@ -186,18 +188,25 @@ def repulsion(outcomes: int, seed: int) -> Start:
             f"start.repulsion: expected at least {FEWEST_FACETS} outcomes, got {outcomes}; a "
             "body bounded by fewer facets does not exist, start from a prism"
         )
-    points = np.random.default_rng(seed).normal(size=(outcomes, 3))
+    points = spread_directions(outcomes, np.random.default_rng(seed), REPULSION_STEPS)
+    return normalised_start(polyhedron_corners(points, np.ones(outcomes)), points)
+
+
+def spread_directions(count: int, rng: np.random.Generator, steps: int) -> Floats:
+    """(count, 3) random unit vectors that repel each other like charges, after so many steps of
+    gradient descent on the Coulomb energy."""
+    points = rng.normal(size=(count, 3))
     points /= np.linalg.norm(points, axis=1)[:, None]
-    for step in range(REPULSION_STEPS):
+    for step in range(steps):
         offset = points[:, None, :] - points[None, :, :]
-        distance = np.sqrt((offset * offset).sum(-1)) + np.eye(outcomes)
+        distance = np.sqrt((offset * offset).sum(-1)) + np.eye(count)
         force = (offset / distance[..., None] ** 3).sum(axis=1)
         force -= points * (force * points).sum(-1)[:, None]
         length = np.sqrt((force * force).sum(-1)).max()
-        reach = 0.3 / np.sqrt(outcomes) * (1.0 - step / REPULSION_STEPS)
+        reach = 0.3 / np.sqrt(count) * (1.0 - step / steps)
         points += force * (reach / max(length, 1.0))
         points /= np.linalg.norm(points, axis=1)[:, None]
-    return _normalised(polyhedron_corners(points, np.ones(outcomes)), points)
+    return points
 
 
 def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) -> Start:
@@ -222,7 +231,7 @@ def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) 
             f"start.mesh: expected a body with at least {outcomes} rests, one for each outcome, "
             f"got {len(poses.normals)} in {body.name}; take another start"
         )
-    return _normalised(_exact_corners(poses.hull), poses.normals[:outcomes], poses.notes)
+    return normalised_start(_exact_corners(poses.hull), poses.normals[:outcomes], poses.notes)
 
 
 def _exact_corners(hull: ConvexHull) -> Floats:
@@ -234,7 +243,8 @@ def _exact_corners(hull: ConvexHull) -> Floats:
     return polyhedron_corners(hull.normals, heights) + hull.centroid
 
 
-def _normalised(points: Floats, directions: Floats, notes: tuple[str, ...] = ()) -> Start:
+def normalised_start(points: Floats, directions: Floats, notes: tuple[str, ...] = ()) -> Start:
+    """A start in normalised coordinates from points (n, 3) and unit directions (k, 3)."""
     origin = (points.min(axis=0) + points.max(axis=0)) / 2.0
     centered = points - origin
     scale = float(np.abs(centered).max())

@@ -11,14 +11,10 @@ import pytest
 
 from dicedesign import rest_poses
 from dicedesign.design.coordinates import FacetCoordinates
-from dicedesign.design.descent import (
-    DescentOptions,
-    DescentResult,
-    DescentStep,
-    descend_to_target,
-)
+from dicedesign.design.descent import DescentOptions, descend_to_target
 from dicedesign.design.energy import EnergyWeights
 from dicedesign.design.objective import Objective
+from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.sobolev import SobolevOptions
 from dicedesign.design.starts import Start, hendecahedron, prism, repulsion
 from dicedesign.design.stopping import Status, Stopping
@@ -33,7 +29,7 @@ DESIGNS: dict[str, tuple[Start, Target]] = {
 
 
 @cache
-def designed(name: str) -> DescentResult:
+def designed(name: str) -> DesignResult:
     start, target = DESIGNS[name]
     return descend_to_target(start, target.probabilities, DescentOptions())
 
@@ -43,7 +39,7 @@ def brief(steps: int, **options) -> DescentOptions:
 
 
 def outcome_error(
-    result: DescentResult, target: np.ndarray, center: np.ndarray | None = None
+    result: DesignResult, target: np.ndarray, center: np.ndarray | None = None
 ) -> float:
     """Largest |p - q| by the forward model, each rest counted for the nearest direction."""
     poses = rest_poses(result.hull.vertices, center)
@@ -109,7 +105,7 @@ def test_the_first_entry_is_the_start() -> None:
 
 def test_every_accepted_step_is_announced_as_it_is_recorded() -> None:
     start, target = DESIGNS["d6"]
-    seen: list[DescentStep] = []
+    seen: list[DesignStep] = []
     result = descend_to_target(start, target.probabilities, brief(5), on_step=seen.append)
     assert tuple(seen) == result.history
     assert len(seen) == 6

@@ -7,10 +7,11 @@ import pytest
 import torch
 
 from dicedesign.design.coordinates import FacetCoordinates, VertexCoordinates
-from dicedesign.design.descent import DescentOptions, DescentResult, descend_to_target
+from dicedesign.design.descent import DescentOptions, descend_to_target
 from dicedesign.design.differentiable import evaluate_rests
 from dicedesign.design.energy import EnergyWeights
 from dicedesign.design.objective import Objective
+from dicedesign.design.result import DesignResult
 from dicedesign.design.sobolev import SobolevOptions
 from dicedesign.design.starts import Start, hendecahedron, prism, repulsion
 from dicedesign.design.stopping import Stopping
@@ -47,7 +48,7 @@ DESIGNS: dict[str, tuple[Start, Target, DescentOptions]] = {
 }
 
 
-def designed(name: str) -> DescentResult:
+def designed(name: str) -> DesignResult:
     start, target, options = DESIGNS[name]
     return descend_to_target(start, target.probabilities, options)
 

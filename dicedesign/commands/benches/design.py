@@ -19,7 +19,8 @@ from dicedesign.files import make_writable_folder
 
 if TYPE_CHECKING:
     from dicedesign.bench.methods import Run
-    from dicedesign.design.descent import DescentStep
+    from dicedesign.design.result import DesignStep
+    from dicedesign.design.starts import Start
     from dicedesign.recipe import Recipe
 
 __all__ = ["add_parser"]
@@ -56,7 +57,6 @@ def _run(options: argparse.Namespace) -> int:
     import torch
 
     from dicedesign.bench.methods import METHODS, methods_figure, methods_record, run_method
-    from dicedesign.design_stage import make_start
     from dicedesign.recipe_file import read_recipe
 
     # Tensors here are far too small to share among threads.
@@ -64,12 +64,12 @@ def _run(options: argparse.Namespace) -> int:
     require_positive_seconds(options.seconds)
     recipes = [read_recipe(path) for path in options.recipes]
     _require_distinct_names(recipes, options.recipes)
-    starts = [make_start(recipe) for recipe in recipes]
+    starts = [_start(recipe) for recipe in recipes]
     make_writable_folder(options.out)
     runs = []
     with progress_bar("steps") as bar:
 
-        def on_step(step: DescentStep) -> None:
+        def on_step(step: DesignStep) -> None:
             bar.update()
             bar.set_postfix_str(f"max |p - q| {step.error:.2e}")
 
@@ -89,6 +89,18 @@ def _run(options: argparse.Namespace) -> int:
         as_json=options.json,
     )
     return 0
+
+
+def _start(recipe: Recipe) -> Start:
+    from dicedesign.design_stage import make_start
+
+    start = make_start(recipe)
+    if start is None:
+        raise InputError(
+            f"{recipe.name}: expected a start that all methods can share, got start.search; give "
+            "it another start"
+        )
+    return start
 
 
 def _require_distinct_names(recipes: list[Recipe], paths: list[Path]) -> None:

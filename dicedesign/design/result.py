@@ -1,0 +1,52 @@
+"""What a method of design returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.design.stopping import Status
+from dicedesign.geometry.hull import ConvexHull
+
+__all__ = ["DesignResult", "DesignStep"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DesignStep:
+    """One accepted step: seconds since the start, weighted energy terms, largest |p - q|."""
+
+    step: int
+    seconds: float
+    energy: float
+    terms: dict[str, float]
+    error: float
+
+
+@dataclass(frozen=True)
+class DesignResult:
+    """Where a design ended.
+
+    Attributes
+    ----------
+    status: why it stopped.
+    hull: the designed shape.
+    directions: (k, 3) where the outcomes are.
+    terms: the energy's terms at the end, with their full weights.
+    history: every accepted step, the first being the start.
+    evaluations: energies computed, those of rejected trials and after pruning included.
+    hulls_built: hulls computed for them from scratch, polar hulls of facet coordinates included.
+    hulls_reused: hulls that only moved the vertices of the one before, for the same result.
+    """
+
+    status: Status
+    hull: ConvexHull
+    directions: Floats
+    terms: dict[str, float]
+    history: tuple[DesignStep, ...]
+    evaluations: int
+    hulls_built: int
+    hulls_reused: int

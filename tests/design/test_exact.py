@@ -1,0 +1,161 @@
+"""The exact method: odds as wanted to rounding, and one flat rest for each outcome."""
+
+from __future__ import annotations
+
+from itertools import islice
+
+import numpy as np
+import pytest
+import torch
+
+from dicedesign.bench.measure import measure
+from dicedesign.bench.problem import Problem
+from dicedesign.bench.stability import OK, verdict
+from dicedesign.design.exact import ExactOptions, solve_exactly
+from dicedesign.design.result import DesignResult, DesignStep
+from dicedesign.design.shape_search import shapes_like, shapes_near
+from dicedesign.design.starts import Start, hendecahedron, prism, repulsion
+from dicedesign.design.stopping import Status
+from dicedesign.design.targets import binomial, sum_of_dice
+from dicedesign.errors import InputError
+from dicedesign.geometry.hull import convex_hull
+from dicedesign.rest.poses import rest_poses
+
+torch.set_num_threads(1)
+
+TARGETS = {
+    "a coin": [1 / 2, 1 / 2],
+    "a fair die of three": [1 / 3, 1 / 3, 1 / 3],
+    "a loaded die": [1 / 3, 2 / 15, 2 / 15, 2 / 15, 2 / 15, 2 / 15],
+    "two dice": sum_of_dice([6, 6]).probabilities.tolist(),
+    "three dice": sum_of_dice([6, 6, 6]).probabilities.tolist(),
+    "two coins": binomial(2).probabilities.tolist(),
+    "six coins": binomial(6).probabilities.tolist(),
+    "uneven": [0.45, 0.3, 0.15, 0.06, 0.04],
+}
+
+
+def solved(target: list[float], seed: int = 0, **options: float) -> DesignResult:
+    wanted = np.array(target)
+    return solve_exactly(shapes_near(wanted, seed), wanted, ExactOptions(**options))
+
+
+def all_normals(start: Start) -> np.ndarray:
+    """Normals of all facets of a start."""
+    return convex_hull(start.points).normals
+
+
+def check_exact(result: DesignResult, target: np.ndarray, tolerance: float = 1e-12) -> None:
+    """Against the forward model, which shares no step of the solver, and the 60-digit oracle."""
+    assert result.status is Status.CONVERGED
+    poses = rest_poses(result.hull.vertices)
+    assert len(poses.normals) == len(target)
+    outcome = np.argmax(poses.normals @ result.directions.T, axis=1)
+    assert sorted(outcome) == list(range(len(target)))
+    assert np.abs(poses.probabilities - target[outcome]).max() <= 2.0 * tolerance
+    assert verdict(measure(Problem(result.hull.vertices))) == OK
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_targets_are_met_to_rounding(name: str) -> None:
+    target = np.array(TARGETS[name])
+    check_exact(solved(TARGETS[name]), target)
+
+
+def test_the_same_seed_gives_the_same_die() -> None:
+    first, again, other = (solved(TARGETS["uneven"], seed) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first.hull.vertices, again.hull.vertices)
+    assert first.evaluations == again.evaluations
+    assert first.hull.vertices.tolist() != other.hull.vertices.tolist()
+
+
+@pytest.mark.parametrize(
+    ("start", "target"),
+    [
+        (hendecahedron("bisymmetric"), sum_of_dice([6, 6]).probabilities),
+        (prism(3), np.array([0.5, 0.3, 0.2])),
+        (prism(5), binomial(4).probabilities),
+    ],
+)
+def test_a_start_of_one_s_own_is_kept_to(start: Start, target: np.ndarray) -> None:
+    result = solve_exactly(shapes_like(start, 0), target, ExactOptions())
+    check_exact(result, target)
+    # It has no more facets, and those of the outcomes lie nearest to where they were.
+    assert len(result.hull.normals) <= len(all_normals(start))
+    nearest = np.argmax(result.directions @ start.directions.T, axis=1)
+    assert np.mean(nearest == np.arange(len(target))) > 0.5
+
+
+def test_a_center_of_mass_of_one_s_own() -> None:
+    target, center = np.array([0.4, 0.3, 0.2, 0.1]), np.array([0.05, -0.02, 0.1])
+    starts = shapes_like(repulsion(4, 0), 0)
+    result = solve_exactly(starts, target, ExactOptions(), center_of_mass=center)
+    assert result.status is Status.CONVERGED
+    poses = rest_poses(result.hull.vertices, center)
+    np.testing.assert_allclose(poses.probabilities, target, atol=2e-12)
+
+
+def test_every_accepted_step_is_told() -> None:
+    seen: list[DesignStep] = []
+    target = np.array(TARGETS["uneven"])
+    result = solve_exactly(shapes_near(target, 0), target, ExactOptions(), on_step=seen.append)
+    assert tuple(seen) == result.history
+    assert [step.step for step in seen] == list(range(len(seen)))
+    assert seen[-1].error <= 1e-12
+    assert result.evaluations >= len(seen)
+    assert all(step.energy == step.terms["dice"] for step in seen)
+
+
+def test_what_cannot_be_met_ends_with_the_best_found() -> None:
+    """No uniform body is known that keeps to so few rests and lies on one of them so often."""
+    result = solved([0.97, 0.01, 0.01, 0.01], starts=5)
+    assert result.status is Status.NO_PROGRESS
+    best = min(step.error for step in result.history)
+    assert best > 0.1
+    poses = rest_poses(result.hull.vertices)
+    assert len(poses.normals) == 4
+    assert max(poses.probabilities) == pytest.approx(0.97 - best, abs=0.3)
+    assert solved([0.97, 0.01, 0.01, 0.01], seconds=0.05).status is Status.TIME_LIMIT
+
+
+def test_a_start_without_the_wanted_rests_is_refused_in_words() -> None:
+    cube = repulsion(6, 0)
+    pair = Start(cube.points, cube.directions[:2])
+    with pytest.raises(InputError, match="expected a shape with one rest for each of 2 outcomes"):
+        solve_exactly([pair], np.array([0.5, 0.5]), ExactOptions())
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"tolerance": 0.0}, r"tolerance: expected a number in \(0, 1\)"),
+        ({"starts": 0}, "starts: expected a whole number above 0"),
+        ({"seconds": float("nan")}, "seconds: expected a positive number"),
+    ],
+)
+def test_bad_options_are_refused_in_words(options: dict[str, float], text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        ExactOptions(**options)
+
+
+@pytest.mark.parametrize("outcomes", [2, 3, 5, 9])
+def test_searched_shapes_have_the_wanted_rests_and_come_nearer_first(outcomes: int) -> None:
+    target = np.random.default_rng(outcomes).dirichlet(np.ones(outcomes))
+    for start in islice(shapes_near(target, 0), 8):
+        poses = rest_poses(start.points)
+        assert len(poses.normals) == outcomes == len(start.directions)
+        cosines = poses.normals @ start.directions.T
+        assert cosines.max(axis=0) == pytest.approx(1.0, abs=1e-9)
+        assert np.abs(start.points).max() == pytest.approx(1.0)
+    # The first ones of a draw, after those of equal facets, have the target's order.
+    place = np.argmax(cosines, axis=1)
+    assert (np.diff(target[place]) <= 0.0).all()
+
+
+def test_variations_of_a_start_grow_and_keep_its_facets() -> None:
+    start = prism(4)
+    first, *others = islice(shapes_like(start, 0), 6)
+    assert first is start
+    apart = [np.arccos((s.directions * start.directions).sum(-1)).max() for s in others]
+    assert apart[0] < apart[-1]
+    assert all(0.0 < angle < 0.6 for angle in apart)
