@@ -14,9 +14,10 @@ __all__ = ["aside_directions"]
 
 Floats = NDArray[np.float64]
 
-MIXTURE: Final = (0.73, 0.58, -0.36)
-"""How much of a corner's, an edge's and a facet's direction makes one of a flag: such that it lies
-in no plane of symmetry that a body is likely to have."""
+MIXTURE: Final = (0.73, 0.41, 0.58, -0.36)
+"""How much of a flag's directions makes one: from the center of mass to the corner, along the edge,
+from the edge into the facet, and the facet's normal. It lies in no plane that an edge or a symmetry
+is likely to have."""
 
 MOST_FLAGS: Final = 64
 """A body with more equivalent flags than this is moved to two sides only."""
@@ -57,10 +58,16 @@ def aside_directions(hull: ConvexHull, center: Floats) -> Floats:
     _, member, count = np.unique(keys.round(SAME), axis=0, return_inverse=True, return_counts=True)
     flags = np.flatnonzero(member == np.argmin(count))
     flags = flags[:1] if len(flags) > MOST_FLAGS else flags
-    mixed = (
-        MIXTURE[0] * radii[corner[flags]] / scale
-        + MIXTURE[1] * middle[flags]
-        + MIXTURE[2] * hull.normals[facet[flags]]
+    along_edge = unit_vectors(radii[other[flags]] - radii[corner[flags]])
+    normal = hull.normals[facet[flags]]
+    # Counter-clockwise around the facet its inside is to the left, and the other way to the right.
+    left = np.where(flags < len(hull.tail), 1.0, -1.0)[:, None]
+    parts = (
+        radii[corner[flags]] / scale,
+        along_edge,
+        left * np.linalg.cross(normal, along_edge),
+        normal,
     )
+    mixed = sum(weight * part for weight, part in zip(MIXTURE, parts, strict=True))
     along = unit_vectors(mixed)
     return np.stack([along, -along], axis=1).reshape(-1, 3)

@@ -17,6 +17,10 @@ from dicedesign.rest.probabilities import find_basins
 Floats = NDArray[np.float64]
 
 
+CRAMPED = 1e-12
+"""Depth of a center of mass over the body's extent below which its odds are known to few digits."""
+
+
 @dataclass(frozen=True)
 class Law:
     """A changed body and what becomes of its rests.
@@ -99,3 +103,17 @@ def _by_corners(poses: RestPoses, factors: Floats) -> dict[frozenset[tuple[float
     polygons = [poses.hull.polygon(facet) * factors + 0.0 for facet in poses.facets]
     keys = [frozenset(map(tuple, polygon.tolist())) for polygon in polygons]
     return dict(zip(keys, poses.probabilities.tolist(), strict=True))
+
+
+def other_points_stand(law: Law, poses: RestPoses, changed: RestPoses) -> bool:
+    """Whether the corners of the two hulls are not the same points."""
+    before = np.sort((law.factors * poses.hull.vertices).view("f8,f8,f8"), axis=0)
+    after = np.sort((changed.hull.vertices + 0.0).view("f8,f8,f8"), axis=0)
+    return not np.array_equal(before, after)
+
+
+def is_cramped(poses: RestPoses) -> bool:
+    """Whether the center of mass lies so near to the surface that a tied body's is moved aside by a
+    part of its depth only, of which rounding leaves few digits."""
+    extent = float(np.ptp(poses.hull.vertices, axis=0).max())
+    return float(poses.hull.heights(poses.center_of_mass).min()) < CRAMPED * extent
