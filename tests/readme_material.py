@@ -47,13 +47,15 @@ def view(folder: Path, column: int, line: int, size: int) -> Image.Image:
 
 
 def gallery(outputs: Path, target: Path) -> None:
-    """A strip of all dice, and the pictures of one of them."""
+    """Two rows of all dice, and the pictures of one of them."""
     target.mkdir(exist_ok=True)
     folders = sorted(path.parent for path in outputs.glob("*/result.json"))
     size = 240
-    strip = Image.new("RGB", (size * len(folders), size), "white")
+    columns = (len(folders) + 1) // 2
+    strip = Image.new("RGB", (size * columns, 2 * size), "white")
     for i, folder in enumerate(folders):
-        strip.paste(view(folder, 3, 0, size), (i * size, 0))
+        place = size * (i % columns), size * (i // columns)
+        strip.paste(view(folder, 3, 0, size), place)
     save(strip, target / "dice.png")
     shown = outputs / "2d6_hendecahedron"
     for name in ("gauss_map", "bars", "convergence", "views", "labels"):
