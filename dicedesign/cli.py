@@ -16,7 +16,7 @@ from dicedesign.errors import DiceError
 
 __all__ = ["main"]
 
-VECTOR_OPTIONS = ("--com", "--down")
+LIST_OPTIONS = ("--com", "--down", "--target", "--labels")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     # Imported here, so that an interrupt during the import ends as plainly as any other.
-    from dicedesign.commands import bench, drop, rest, run
+    from dicedesign.commands import bench, design, drop, rest, run
 
     parser = argparse.ArgumentParser(
         prog="dicedesign",
@@ -49,7 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"dicedesign {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for module in (run, rest, drop, bench):
+    for module in (run, design, rest, drop, bench):
         module.add_parser(commands)
     return parser
 
@@ -58,7 +58,7 @@ def _joined(arguments: list[str]) -> list[str]:
     """`--com -1,0,0` as `--com=-1,0,0`, which argparse would take for another option."""
     joined: list[str] = []
     for argument in arguments:
-        if joined and joined[-1] in VECTOR_OPTIONS and argument[:1] == "-" and "," in argument:
+        if joined and joined[-1] in LIST_OPTIONS and argument[:1] == "-" and "," in argument:
             joined[-1] += f"={argument}"
         else:
             joined.append(argument)

@@ -22,7 +22,7 @@ from dicedesign.geometry.mesh_file import read_body
 from dicedesign.recipe import MethodRecipe, Recipe
 from dicedesign.rest.equilibria import classify
 
-__all__ = ["DesignedDie", "design_die", "make_start"]
+__all__ = ["DesignedDie", "design_die", "make_start", "resized"]
 
 Floats = NDArray[np.float64]
 
@@ -79,10 +79,8 @@ def design_die(
 
     Raises InputError if the start does not suit the target.
     """
-    target, order = recipe.target.target(), recipe.outcome_of_direction()
-    given = _given_center(recipe)
-    center = None if given is None or start is None else start.normalised(given)
-    wanted, method = target.probabilities[order], recipe.method
+    center, method = _normalised_center(recipe, start), recipe.method
+    wanted = recipe.target.target().probabilities[recipe.outcome_of_direction()]
     if method.exact is not None:
         design = solve_exactly(
             shapes_near(wanted, recipe.seed) if start is None else shapes_like(start, recipe.seed),
@@ -102,10 +100,26 @@ def design_die(
             seed=recipe.seed,
             on_step=on_step,
         )
-    directions = design.directions[np.argsort(order)]
+    return _judged(recipe, start, design)
+
+
+def resized(die: DesignedDie, recipe: Recipe, start: Start | None) -> DesignedDie:
+    """A die designed from `start`, as it is at the size of a recipe that differs in that alone."""
+    return _judged(recipe, start, die.design)
+
+
+def _judged(recipe: Recipe, start: Start | None, design: DesignResult) -> DesignedDie:
+    target, center = recipe.target.target(), _normalised_center(recipe, start)
+    directions = design.directions[np.argsort(recipe.outcome_of_direction())]
     verdict = judge(design.hull, directions, target, recipe.size_mm, center)
-    status, message = _outcome(design, verdict, target, method)
+    status, message = _outcome(design, verdict, target, recipe.method)
     return DesignedDie(target, design, verdict, status, message)
+
+
+def _normalised_center(recipe: Recipe, start: Start | None) -> Floats | None:
+    """The given center of mass in the coordinates of `Start.points`."""
+    given = _given_center(recipe)
+    return None if given is None or start is None else start.normalised(given)
 
 
 def _given_center(recipe: Recipe) -> Floats | None:

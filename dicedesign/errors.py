@@ -13,6 +13,7 @@ __all__ = [
     "DiceError",
     "EngravingError",
     "InputError",
+    "LabelRoomError",
     "MeshFileError",
     "OutputError",
     "OutsideHullError",
@@ -46,6 +47,19 @@ class RecipeError(InputError):
 
 class EngravingError(InputError):
     """A label does not fit its facet, or the engraved solid failed a check."""
+
+
+class LabelRoomError(EngravingError):
+    """A label is too small to read on a die of this size.
+
+    Attributes
+    ----------
+    size_mm: largest distance between two vertices at which all labels of the die fit.
+    """
+
+    def __init__(self, message: str, size_mm: float) -> None:
+        super().__init__(message)
+        self.size_mm = size_mm
 
 
 class OutputError(DiceError, OSError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,13 +16,13 @@ import numpy as np
 from dicedesign.design.result import DesignStep
 from dicedesign.design.stopping import Status
 from dicedesign.design.verdict import Verdict
-from dicedesign.design_stage import DesignedDie, design_die, make_start
-from dicedesign.errors import EngravingError, OutputError
+from dicedesign.design_stage import DesignedDie, design_die, make_start, resized
+from dicedesign.errors import EngravingError, LabelRoomError, OutputError
 from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.stl import stl_bytes
 from dicedesign.files import atomic_write, make_writable_folder
 from dicedesign.peak_memory import peak_megabytes, restart_peak
-from dicedesign.recipe import Recipe
+from dicedesign.recipe import MOST_MM, Recipe
 from dicedesign.recipe_file import recipe_text
 from dicedesign.summary import design_summary, odds_summary, target_summary
 
@@ -54,7 +55,8 @@ class RunResult:
     ----------
     status: as in result.json; "converged" only if the finished die is within the tolerance.
     message: the same in a sentence.
-    notes: what was repaired or assumed about the start, one sentence each.
+    notes: what was repaired or assumed about the start, and a size other than the recipe's, one
+        sentence each.
     folder: where the files are.
     summary: the content of result.json.
     """
@@ -110,6 +112,7 @@ def run_recipe(
     recipe: Recipe,
     folder: Path,
     *,
+    enlarge: bool = False,
     on_stage: Callable[[str], None] | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
 ) -> RunResult:
@@ -123,6 +126,8 @@ def run_recipe(
     ----------
     recipe: the checked recipe.
     folder: where to write; made if missing, once the start is known to be usable.
+    enlarge: where the labels do not fit at the recipe's size, take the smallest whole number of
+        millimetres at which they do; the recipe that is written says so.
     on_stage, on_step: called when a stage begins and after every accepted step.
 
     Raises
@@ -137,15 +142,35 @@ def run_recipe(
     make_writable_folder(folder)
     with clock.stage("design"):
         die = design_die(recipe, start, on_step=on_step)
+    notes = () if start is None else start.notes
+    if enlarge:
+        with clock.stage("size"):
+            fitting = _fitting(recipe, die)
+            if fitting != recipe:
+                recipe, die = fitting, resized(die, fitting, start)
+                notes += (f"size_mm: {recipe.size_mm:g}, so that the labels fit",)
     files, summary = _results(recipe, die, clock)
     _write(folder, files, summary)
-    return RunResult(
-        summary["status"], summary["message"], () if start is None else start.notes, folder, summary
-    )
+    return RunResult(summary["status"], summary["message"], notes, folder, summary)
 
 
 def _plain_name(status: Status) -> str:
     return status.name.lower()
+
+
+def _fitting(recipe: Recipe, die: DesignedDie) -> Recipe:
+    """The recipe, with the size at which the labels fit where that is a larger one."""
+    if recipe.engrave is None:
+        return recipe
+    try:
+        _place(die, recipe.engrave, recipe.size_mm)
+    except LabelRoomError as error:
+        if error.size_mm <= MOST_MM:
+            return recipe.model_copy(update={"size_mm": float(math.ceil(error.size_mm))})
+    except EngravingError:
+        # No size helps; engraving says why.
+        pass
+    return recipe
 
 
 def _results(
@@ -202,6 +227,12 @@ def engrave_die(
     facet or does not fit on it.
     """
     from dicedesign.fabricate.engrave import engrave
+
+    hull, placements = die.verdict.hull, _place(die, options, size_mm)
+    return engrave(hull.vertices, hull.triangles, placements, options), placements
+
+
+def _place(die: DesignedDie, options: EngravingOptions, size_mm: float) -> list[Placement]:
     from dicedesign.fabricate.layout import place_labels
 
     hull, labels = die.verdict.hull, die.target.labels
@@ -211,7 +242,7 @@ def engrave_die(
             f"label {labels[facets.index(-1)]!r}: expected a facet to rest on for each label, got "
             "none for this one; finish the design first"
         )
-    placements = place_labels(
+    return place_labels(
         labels,
         [hull.polygon(facet) for facet in facets],
         [hull.normals[facet] for facet in facets],
@@ -219,7 +250,6 @@ def engrave_die(
         options,
         size_mm,
     )
-    return engrave(hull.vertices, hull.triangles, placements, options), placements
 
 
 def _figures(

@@ -25,17 +25,24 @@ from dicedesign.design.starts import FEWEST_FACETS, hendecahedron, prism
 from dicedesign.design.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
 from dicedesign.fabricate.engraving_options import EngravingOptions
 
-__all__ = ["MethodRecipe", "Recipe", "StartRecipe", "TargetRecipe"]
+__all__ = ["MOST_MM", "MethodRecipe", "Recipe", "StartRecipe", "TargetRecipe"]
 
 FEWEST_SIDES: Final = 3
 """A prism has at least so many sides."""
+
+
+LONGEST_LABEL: Final = 12
+"""Characters that a facet may bear."""
+
+MOST_MM: Final = 1000.0
+"""Largest size of a die."""
 
 
 def _fraction(value: object) -> object:
     if isinstance(value, str):
         try:
             return float(Fraction(value.replace(" ", "")))
-        except (ValueError, ZeroDivisionError) as error:
+        except (ValueError, ArithmeticError) as error:
             raise ValueError(
                 f"expected a number or a fraction such as 1/36, got {value!r}; correct it"
             ) from error
@@ -48,7 +55,10 @@ def _text(value: object) -> object:
             f"expected a text, got {value}, which is how YAML reads words such as yes, no, on, off "
             "and null; put it in quotes"
         )
-    return str(value) if isinstance(value, int | float) and math.isfinite(value) else value
+    text = str(value) if isinstance(value, int | float) and math.isfinite(value) else value
+    if isinstance(text, str) and not 1 <= len(text) <= LONGEST_LABEL:
+        raise ValueError(f"expected 1 to {LONGEST_LABEL} characters, got {text!r}; rewrite it")
+    return text
 
 
 def _word(word: str, meaning: object) -> BeforeValidator:
@@ -59,7 +69,7 @@ def _switch(value: object) -> object:
     return {True: {}, False: None}[value] if isinstance(value, bool) else value
 
 
-Label = Annotated[str, BeforeValidator(_text), Field(min_length=1, max_length=12)]
+Label = Annotated[str, BeforeValidator(_text)]
 Probability = Annotated[float, BeforeValidator(_fraction)]
 
 
@@ -226,7 +236,7 @@ class Recipe(_Strict):
         BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value),
     ] = None
     method: MethodRecipe = Field(default_factory=MethodRecipe)
-    size_mm: Annotated[float, Field(gt=0.0, le=1000.0)] = 30.0
+    size_mm: Annotated[float, Field(gt=0.0, le=MOST_MM)] = 30.0
     engrave: Annotated[EngravingOptions | None, BeforeValidator(_switch)] = Field(
         default_factory=EngravingOptions
     )

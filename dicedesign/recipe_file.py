@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from dicedesign.errors import RecipeError
 from dicedesign.recipe import Recipe
 
-__all__ = ["read_recipe", "recipe_text"]
+__all__ = ["checked_recipe", "read_recipe", "recipe_text"]
 
 BAD_YAML: Final = (TypeError, ValueError, LookupError, AttributeError, RecursionError)
 """What PyYAML raises, besides its own errors, for values that are not what their tag says, such as
@@ -55,17 +55,28 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
     # What a change brought is relative to where the command runs; absolute paths stay.
     _resolve_mesh_path(data, Path())
     try:
+        return checked_recipe(data)
+    except RecipeError as error:
+        raise RecipeError(f"{path}: {error}") from error
+
+
+def checked_recipe(data: Mapping[str, Any]) -> Recipe:
+    """The recipe of plain data, as YAML would give them.
+
+    Raises RecipeError if an entry is unknown or unusable; the message begins with its dotted key.
+    """
+    try:
         # Through JSON: strict validation then takes mappings for options and lists for tuples.
         plain = json.dumps(data, default=str)
     except (TypeError, ValueError, RecursionError) as error:
         raise RecipeError(
-            f"{path}: expected texts as keys and entries that do not contain themselves, but "
-            f"{error}; write them as in the README's table"
+            f"expected texts as keys and entries that do not contain themselves, but {error}; "
+            "write them as in the README's table"
         ) from error
     try:
         return Recipe.model_validate_json(plain)
     except ValidationError as error:
-        raise RecipeError(_explain(path, error)) from error
+        raise RecipeError(_explain(error)) from error
 
 
 def recipe_text(recipe: Recipe) -> str:
@@ -121,18 +132,18 @@ def _resolve_mesh_path(data: Mapping[str, Any], folder: Path) -> None:
         mesh["path"] = str((folder / mesh["path"]).resolve())
 
 
-def _explain(path: Path, error: ValidationError) -> str:
+def _explain(error: ValidationError) -> str:
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"] if not str(part).startswith("function-"))
     cause = first.get("ctx", {}).get("error")
     if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        return f"{path}: {key}: unknown key; {_hint(key)}"
+        return f"{key}: unknown key; {_hint(key)}"
     if first["type"] == "missing":
-        return f"{path}: {key}: expected this key, but it is missing; add it"
+        return f"{key}: expected this key, but it is missing; add it"
     if isinstance(cause, ValueError):
-        return f"{path}: {key + ': ' if key else ''}{cause}"
+        return f"{key + ': ' if key else ''}{cause}"
     message = first["msg"][0].lower() + first["msg"][1:]
-    return f"{path}: {key}: {message}, got {first['input']!r}"
+    return f"{key}: {message}, got {first['input']!r}"
 
 
 def _hint(key: str) -> str:

@@ -22,7 +22,7 @@ FLOORS = (
 KNOW_TORCH = (
     "dicedesign.design",
     "dicedesign.bench",
-    "dicedesign.commands.run",
+    "dicedesign.commands.running",
     "dicedesign.commands.benches",
 )
 HEIGHT = {name: height for height, names in enumerate(FLOORS) for name in names}

@@ -27,6 +27,9 @@ Floats = NDArray[np.float64]
 ORACLE_FACETS: Final = 2000
 """Hulls of up to so many facets are held against the oracle."""
 
+ULPS: Final = 4.0
+"""Centers of mass that differ by so many roundings of the largest coordinate are the same."""
+
 SIDES: Final = 4
 """Of a tied body, so many of the bodies beside it are held against the oracle and have their
 condition taken."""
@@ -89,7 +92,7 @@ def measure(problem: Problem, *, oracle: bool = True) -> Measurement:
     if oracle and len(hull.normals) <= ORACLE_FACETS:
         centers = [side.equilibria.center_of_mass for side in sides[:SIDES]]
         if problem.center is None and len(sides) == 1:
-            centers = [_uniform_center(problem, body, poses.center_of_mass_source)]
+            centers = [_uniform_center(problem, body, poses)]
         errors["oracle"] = max(
             _difference_from_mean(poses, sides),
             *(_oracle_error(hull, *s) for s in zip(sides[:SIDES], centers, strict=True)),
@@ -133,23 +136,27 @@ def _difference_from_mean(poses: RestPoses, sides: tuple[Basins, ...]) -> float:
     return float(np.abs(difference).max())
 
 
-def _uniform_center(problem: Problem, body: Body, source: str) -> Floats:
-    """Center of mass (3,) of the uniform mesh or hull, computed in 60 digits and rounded once: far
-    from the origin no center can be told better than in the body's coordinates.
+def _uniform_center(problem: Problem, body: Body, poses: RestPoses) -> Floats:
+    """Center of mass (3,) of the uniform mesh or hull, computed in 60 digits and rounded; or that
+    of the poses where it differs by rounding of the body's coordinates only: far from the origin no
+    center can be told better.
 
-    source: which of them. The hull is that before others of its facets are made, see `find_basins`.
+    The hull is that before others of its facets are made, see `find_basins`.
     """
     hull = convex_hull(
         body.points, problem.coplanar_tolerance, single_precision=body.single_precision
     )
     points, triangles = hull.vertices, hull.triangles
-    if body.triangles is not None and source == "uniform solid":
+    if body.triangles is not None and poses.center_of_mass_source == "uniform solid":
         oriented = consistent_winding(body.triangles)
         assert oriented is not None
         points, triangles = body.points, oriented
     with multiprecision().workdps(DIGITS):
         center = solid_centroid([vector(x) for x in points.tolist()], triangles.tolist())
-        return np.array([float(x) for x in center])
+        exact = np.array([float(x) for x in center])
+    rounding = ULPS * float(np.finfo(np.float64).eps * np.abs(body.points).max())
+    told = poses.center_of_mass
+    return told if np.abs(told - exact).max() <= rounding else exact
 
 
 def _asymmetry(poses: RestPoses, matrix: Floats) -> float:

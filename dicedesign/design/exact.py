@@ -62,7 +62,7 @@ class ExactOptions:
     ----------
     tolerance: largest |p - q| wanted, above 0 and below 1.
     starts: most starting shapes that are tried, at least 1.
-    seconds: largest wall-clock time, positive.
+    seconds: wall-clock time after which nothing more is tried, positive; at least one start is.
     """
 
     __pydantic_config__ = STRICT
@@ -114,7 +114,7 @@ def solve_exactly(
     """
     search = _Search(target, options, center_of_mass, on_step)
     for number, start in enumerate(starts):
-        if number == options.starts or search.out_of_time:
+        if number == options.starts or (search.out_of_time and search.best is not None):
             break
         if search.solve(start):
             break

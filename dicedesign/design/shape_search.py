@@ -21,6 +21,7 @@ from dicedesign.errors import DiceError
 from dicedesign.geometry.halfspaces import polyhedron_corners
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.rest.equilibria import classify
 from dicedesign.rest.probabilities import find_basins
 
 __all__ = ["shapes_like", "shapes_near"]
@@ -30,10 +31,13 @@ Floats = NDArray[np.float64]
 EVEN_SHAPES: Final = 2
 """Shapes of equal facets that are proposed first, where there are enough outcomes."""
 
-FIRST_DRAW: Final = 150
-"""Polyhedra drawn before the first of them is proposed; each later draw is twice as large."""
+FIRST_DRAW: Final = 50
+"""Polyhedra drawn before the first of them is proposed."""
 
-PROPOSED: Final = 6
+DRAW_GROWTH: Final = 1.5
+"""How many times as large each later draw is."""
+
+PROPOSED: Final = 3
 """How many of all that were drawn are proposed after each draw."""
 
 REPULSION_STEPS: Final = 10
@@ -96,9 +100,8 @@ def shapes_near(target: Floats, seed: int) -> Iterator[Start]:
     descending = np.argsort(-target, kind="stable")
     place = np.argsort(descending, kind="stable")
     pool: list[tuple[float, Start]] = []
-    draw = FIRST_DRAW
-    while True:
-        for _ in range(draw):
+    for turn in count():
+        for _ in range(int(FIRST_DRAW * DRAW_GROWTH**turn)):
             drawn = _random_shape(outcomes, rng)
             if drawn is not None:
                 shape, odds = drawn
@@ -107,7 +110,6 @@ def shapes_near(target: Floats, seed: int) -> Iterator[Start]:
         pool.sort(key=lambda entry: -entry[0])
         for _ in range(min(PROPOSED, len(pool))):
             yield pool.pop()[1]
-        draw *= 2
 
 
 def _random_shape(outcomes: int, rng: np.random.Generator) -> tuple[Start, Floats] | None:
@@ -117,6 +119,8 @@ def _random_shape(outcomes: int, rng: np.random.Generator) -> tuple[Start, Float
     try:
         points = polyhedron_corners(normals, distances)
         hull = convex_hull(points)
+        if classify(hull, hull.centroid).stable.sum() != outcomes:
+            return None
         basins = find_basins(hull, hull.centroid)
     except DiceError:
         return None

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.errors import EngravingError, InputError
+from dicedesign.errors import InputError, LabelRoomError
 from dicedesign.fabricate.circle import inscribed_circle, signed_area
 from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.glyphs import text_section
@@ -111,8 +111,9 @@ def place_labels(
     ------
     InputError: the sequences differ in length, a facet is clockwise or degenerate, or size_mm is
         not above 0.
-    EngravingError: a label is too small to read or cannot be drawn. Of several too small ones the
-        message is about that which needs the largest die, and gives a size_mm that does for all.
+    LabelRoomError: a label is too small to read. Of several the message is about that which needs
+        the largest die; the size it gives does for all.
+    EngravingError: a label cannot be drawn.
     """
     if not len(texts) == len(polygons) == len(normals) == len(facets):
         raise InputError(
@@ -131,11 +132,12 @@ def place_labels(
         worst, radius = min(too_small, key=lambda fit: fit[0].height)
         needed = size_mm * options.min_height_mm / worst.height
         rounded_up = (math.floor(10 * needed) + 1) / 10
-        raise EngravingError(
+        raise LabelRoomError(
             f"label {worst.text!r}: expected room on facet {worst.facet} for digits of at least "
             f"min_height_mm = {options.min_height_mm:g}, got {worst.height:.2f} mm in its circle "
             f"of diameter {2 * radius:.2f} mm ({len(too_small)} of {len(texts)} labels are too "
             f"small at size_mm = {size_mm:g}); use size_mm = {rounded_up:.1f} or more, or a "
-            "shorter label, a smaller margin or a smaller min_height_mm"
+            "shorter label, a smaller margin or a smaller min_height_mm",
+            rounded_up,
         )
     return [placement for placement, _ in fits]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dicedesign.errors import EngravingError, InputError
+from dicedesign.errors import EngravingError, InputError, LabelRoomError
 from dicedesign.fabricate.circle import inscribed_circle
 from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.glyphs import label_contours
@@ -104,13 +104,14 @@ def test_the_advised_size_does_for_all_labels_and_little_less_does_not(box):
     body = box(6.0, 5.0, 4.0)
     texts = ["1", "12", "123", "1234", "6", "3"]
     arguments = (body.normals, range(6), OPTIONS)
-    with pytest.raises(EngravingError) as caught:
+    with pytest.raises(LabelRoomError) as caught:
         place_labels(texts, body.polygons, *arguments, body.size_mm)
     message = str(caught.value)
     assert message.startswith("label '1234': expected room on facet 3 for digits")
     assert "diameter 4.00 mm" in message
     assert "(4 of 6 labels are too small" in message
     advised = float(re.search(r"use size_mm = ([\d.]+)", message).group(1))
+    assert caught.value.size_mm == advised
 
     larger = body.moved(np.eye(3), advised / body.size_mm)
     placements = place_labels(texts, larger.polygons, *arguments, larger.size_mm)

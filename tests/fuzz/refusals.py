@@ -56,7 +56,10 @@ def may_be_outside(problem: Problem) -> bool:
     """Whether the given center of mass is on the hull's boundary or beyond, to within the tolerance
     by which facets are flat, or so near that the move of a tied body's puts it there."""
     if problem.center is None:
-        return False
+        # So thin and so far from the origin that rounding alone moves the center out.
+        extent = float(np.ptp(problem.points, axis=0).max())
+        far = float(np.abs(problem.points).max()) / extent
+        return thickness(problem.points) <= 64.0 * float(np.finfo(np.float64).eps) * far
     local = problem.points - problem.center
     scale = float(np.ptp(local, axis=0).max()) / 2.0
     try:

@@ -1,0 +1,145 @@
+"""`dicedesign design`: from probabilities on the command line to files that have them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from check_outputs import check
+
+from dicedesign import read_body, rest_poses
+from dicedesign.cli import main
+from dicedesign.design_stage import design_die, make_start
+from dicedesign.fabricate.stl import stl_bytes
+from dicedesign.pipeline import engrave_die
+from dicedesign.recipe_file import read_recipe
+
+
+def test_fractions_and_labels_become_a_die_with_these_odds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["design", "--target", "1/5, 1/4,1/4, 3/10", "--labels", "-1,yes, no,2.5"]) == 0
+    captured = capsys.readouterr()
+    assert captured.out.startswith("die: converged (reached the tolerance; ")
+    assert captured.err == ""
+    assert captured.out.splitlines()[2:6] == [
+        "   -1  0.20000     0.20000",
+        "  yes  0.25000     0.25000",
+        "   no  0.25000     0.25000",
+        "  2.5  0.30000     0.30000",
+    ]
+    folder = tmp_path / "outputs" / "die"
+    check(folder)
+    assert read_recipe(folder / "recipe.yaml").size_mm == 30.0
+    poses = rest_poses(read_body(folder / "die_plain.stl"))
+    np.testing.assert_allclose(poses.probabilities, [0.3, 0.25, 0.25, 0.2], atol=1e-5)
+
+
+def test_decimals_and_all_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "here"
+    options = ["--name", "loaded", "--seed", "3", "--size-mm", "64", "--out", str(folder)]
+    assert main(["design", "--target", ".1,0.2,3e-1,2/5", *options]) == 0
+    captured = capsys.readouterr()
+    assert captured.out.startswith("loaded: converged")
+    assert captured.err == ""
+    check(folder)
+    poses = rest_poses(read_body(folder / "die_plain.stl"))
+    np.testing.assert_allclose(poses.probabilities, [0.4, 0.3, 0.2, 0.1], atol=1e-5)
+    recipe = read_recipe(folder / "recipe.yaml")
+    assert (recipe.name, recipe.seed, recipe.size_mm) == ("loaded", 3, 64.0)
+    assert recipe.target.probabilities == [0.1, 0.2, 0.3, 0.4]
+
+
+def test_the_size_grows_until_the_labels_fit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The size is the smallest whole number of millimetres, and the recipe that is written leads
+    to the same die."""
+    labels = ["10000", "20000", "30000", "40000", "50000", "1000000"]
+    target = ["design", "--target", "2/15,2/15,2/15,2/15,2/15,1/3", "--labels", ",".join(labels)]
+    grown = tmp_path / "grown"
+    assert main([*target, "--out", str(grown)]) == 0
+    size = yaml.safe_load((grown / "recipe.yaml").read_text())["size_mm"]
+    assert size > 30
+    assert capsys.readouterr().err == f"note: size_mm: {size:g}, so that the labels fit\n"
+    check(grown)
+    facets = json.loads((grown / "result.json").read_text())["facets"]
+    assert sorted(facet["label"] for facet in facets) == sorted(labels)
+
+    assert main([*target, "--size-mm", f"{size - 1:g}", "--out", str(tmp_path / "small")]) == 2
+    assert "; use size_mm = " in capsys.readouterr().err
+    recipe = read_recipe(grown / "recipe.yaml")
+    engraved, _ = engrave_die(design_die(recipe, make_start(recipe)), recipe.engrave, size)
+    again = stl_bytes(engraved.vertices, engraved.triangles)
+    assert again == (grown / "die.stl").read_bytes()
+
+
+def test_labels_that_need_more_than_the_largest_size(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("dicedesign.pipeline.MOST_MM", 31.0)
+    target = ["design", "--target", "1/4,1/4,1/4,1/4", "--labels", "a,b,c,not so short"]
+    assert main([*target, "--out", str(tmp_path)]) == 2
+    assert "label 'not so short': expected room on facet" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_target_out_of_reach_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("dicedesign.commands.design.METHOD", {"exact": {"starts": 2}})
+    folder = tmp_path / "out"
+    target = ["design", "--target", "0.97,0.01,0.01,0.01", "--out", str(folder)]
+    assert main(target) == 1
+    assert capsys.readouterr().out.startswith("die: no_progress (no step lowers the energy")
+    summary = check(folder)
+    assert summary["status"] == "no_progress"
+    poses = rest_poses(read_body(folder / "die_plain.stl"))
+    assert summary["max_abs_error"] == pytest.approx(0.97 - poses.probabilities.max(), abs=1e-5)
+
+
+BAD = [
+    (["--target", "2d6,1/2"], "--target: expected a number or a fraction such as 1/36, got '2d6'"),
+    (["--target", "1/0,1/2"], "--target: expected a number or a fraction such as 1/36, got '1/0'"),
+    (["--target", "1e400,1/2"], "--target: expected a number or a fraction such as 1/36, got"),
+    (["--target", "1/2,1/2,"], "--target: expected a number or a fraction such as 1/36, got ''"),
+    (["--target", "1/2,1/3"], "--target: expected a sum of 1, got 0.833333333333"),
+    (["--target", "1"], "--target: expected at least two"),
+    (["--target", "-1/2,3/2"], "--target: expected numbers between 0 and 1, got -0.5"),
+    (["--target", "1/2,1/2", "--labels", "a"], "--labels: expected 2, one for each outcome, got 1"),
+    (["--target", "1/2,1/2", "--labels", "a,a"], "--labels: expected distinct labels, got 'a'"),
+    (["--target", "1/2,1/2", "--labels", "a,"], "--labels: expected 1 to 12 characters, got ''"),
+    (["--target", "1/2,1/2", "--seed", "-1"], "--seed: input should be greater than or equal to 0"),
+    (["--target", "1/2,1/2", "--size-mm", "0"], "--size-mm: input should be greater than 0"),
+    (["--target", "1/2,1/2", "--size-mm", "nan"], "--size-mm: input should be a finite number"),
+    (["--target", "1/2,1/2", "--name", "a/b"], "--name: string should match pattern"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD, ids=[" ".join(a) for a, _ in BAD])
+def test_bad_input_is_one_line_about_the_option(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["design", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(f"dicedesign: {message}")
+    assert len(captured.err.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("arguments", [[], ["--target", "1/2,1/2", "--size-mm", "large"]])
+def test_bad_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["design", *arguments])
+    assert caught.value.code == 2
+    assert "dicedesign design: error: " in capsys.readouterr().err
