@@ -27,8 +27,11 @@ Floats = NDArray[np.float64]
 ORACLE_FACETS: Final = 2000
 """Hulls of up to so many facets are held against the oracle."""
 
-ULPS: Final = 4.0
+ULPS: Final = 32.0
 """Centers of mass that differ by so many roundings of the largest coordinate are the same."""
+
+FAR: Final = 10.0
+"""Distance from the origin over the body's extent from which on coordinates have lost digits."""
 
 SIDES: Final = 4
 """Of a tied body, so many of the bodies beside it are held against the oracle and have their
@@ -154,9 +157,19 @@ def _uniform_center(problem: Problem, body: Body, poses: RestPoses) -> Floats:
     with multiprecision().workdps(DIGITS):
         center = solid_centroid([vector(x) for x in points.tolist()], triangles.tolist())
         exact = np.array([float(x) for x in center])
-    rounding = ULPS * float(np.finfo(np.float64).eps * np.abs(body.points).max())
+    rounding = ULPS * float(np.finfo(np.float64).eps) * _reach(hull.vertices)
     told = poses.center_of_mass
     return told if np.abs(told - exact).max() <= rounding else exact
+
+
+def _reach(points: Floats) -> float:
+    """Largest coordinate of points (n, 3); far from the origin at least their extent times how many
+    times it is their thickness, as their sums then round that much."""
+    far = float(np.abs(points).max())
+    extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if far < FAR * float(extents[0]):
+        return far
+    return max(far, float(extents[0] ** 2 / extents[-1]))
 
 
 def _asymmetry(poses: RestPoses, matrix: Floats) -> float:

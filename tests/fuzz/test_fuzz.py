@@ -69,14 +69,25 @@ def check(kind: str, problem: Problem) -> None:
     if found.errors.get("oracle", np.inf) > limit and problem.coplanar_tolerance != 0.0:
         # Facets as narrow as they are uneven make no polyhedron that the oracle could judge.
         error = difference_from_exact(problem, poses)
-        assert error < UNEVEN_LIMIT, f"{found.errors} at {found.condition}, exact hull {error:.1e}"
+        assert error < UNEVEN_LIMIT + spread(found, poses), (
+            f"{found.errors} at {found.condition}, exact hull {error:.1e}"
+        )
         found = replace(found, errors={**found.errors, "oracle": 0.0})
         TALLY.uneven += 1
     TALLY.measured(found, limit)
     assert verdict(found, problem.rests) == OK
     for law in laws(problem, poses.center_of_mass):
         if law.tied or not found.tied:
-            keeps(law, poses, limit, found.tied)
+            keeps(law, poses, limit + spread(found, poses), found.tied)
+
+
+def spread(found: Measurement, poses: RestPoses) -> float:
+    """How much probabilities change where corners move by the unevenness of the facets, which far
+    from the origin comes from the rounding of coordinates."""
+    extent = float(np.ptp(poses.hull.vertices, axis=0).max())
+    uneven = float(poses.hull.unevenness) / extent
+    rounding = 64.0 * float(np.finfo(np.float64).eps)
+    return found.condition * uneven if uneven > rounding else 0.0
 
 
 def judged(problem: Problem) -> Measurement:
