@@ -28,6 +28,7 @@ from dicedesign.design.stopping import Status
 from dicedesign.errors import DiceError, InputError
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.geometry.hull_reuse import HullMemory
+from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.options import STRICT
 
 __all__ = ["ExactOptions", "solve_exactly"]
@@ -46,6 +47,9 @@ LARGEST_MOVE: Final = 0.15
 
 DAMPINGS: Final = (1e-14, 1e-3, 1e4)
 """Smallest, first and largest damping mu, in units of the mean square of the Jacobian's rows."""
+
+LEAST_REFUSED: Final = 1e-6
+"""Damping in the same units from which on it is raised after a refused step."""
 
 SLOW: Final = 0.1
 """Relative decrease of the squared residuals below which the next wall weight's turn has come."""
@@ -137,9 +141,8 @@ class _Trial:
     @cached_property
     def half_space(self) -> Integers:
         """(m',) number of the half-space that bounds each facet."""
-        normals = self.leaf.detach().numpy()[: 3 * (len(self.leaf) // 4)].reshape(-1, 3)
-        lengths = np.sqrt((normals**2).sum(-1))
-        return np.argmax(self.rests.hull.normals @ (normals / lengths[:, None]).T, axis=1)
+        normals = unit_vectors(self.parameters[: 3 * (len(self.leaf) // 4)].reshape(-1, 3))
+        return np.argmax(self.rests.hull.normals @ normals.T, axis=1)
 
     @cached_property
     def outcome_of_rest(self) -> Integers:
@@ -174,7 +177,7 @@ class _Trial:
         return 1.0 - self.signed_depths[torch.as_tensor(self.near_the_edge)] / DEPTH_MARGIN
 
     def merit(self, target: Floats, weight: float) -> float:
-        """Sum of the squared residuals."""
+        """Sum of the squared residuals; at weight 0 the dice energy (eq. 12)."""
         misses = float(((self.probabilities - target) ** 2).sum())
         if weight == 0.0:
             return misses
@@ -258,7 +261,7 @@ class _Search:
             trial = self._attempt(coordinates, current.parameters + step)
             if trial is not None and trial.merit(self.target, weight) < merit:
                 return trial, max(0.1 * damping, DAMPINGS[0])
-            damping = max(10.0 * damping, 1e-6)
+            damping = max(10.0 * damping, LEAST_REFUSED)
         return None, damping
 
     def _attempt(self, coordinates: FacetCoordinates, parameters: Floats) -> _Trial | None:
@@ -280,7 +283,7 @@ class _Search:
         error = float(np.abs(trial.probabilities - self.target).max())
         if self.best is None or error < self.best[1]:
             self.best = trial, error
-        energy = float(((trial.probabilities - self.target) ** 2).sum())
+        energy = trial.merit(self.target, 0.0)
         seconds = time.perf_counter() - self.started
         step = DesignStep(len(self.history), seconds, energy, {"dice": energy}, error)
         self.history.append(step)
@@ -308,7 +311,7 @@ class _Search:
             status,
             trial.rests.hull,
             directions,
-            {"dice": float(((trial.probabilities - self.target) ** 2).sum())},
+            {"dice": trial.merit(self.target, 0.0)},
             tuple(self.history),
             self.evaluations,
             polars.built + shapes.built,

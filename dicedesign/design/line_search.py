@@ -54,8 +54,8 @@ class LineSearch:
     if it makes a solid, loses no outcome, and moves no parameter by more than `LARGEST_MOVE`: far
     enough away lies another solution with another set of rests.
 
-    That limit also damps a gradient that is large without meaning much: near a glancing crossing it
-    grows like the inverse of the distance from the event, and then only its direction counts. Where
+    That limit also damps a gradient that is large without meaning much: where a path grazes the end
+    of an arc it grows without bound, and then only its direction counts. Where
     it is no number, or beyond `LARGEST_SLOPE`, there is no step.
 
     Sources: Barzilai and Borwein, IMA J. Numer. Anal. 8, 1988; Grippo, Lampariello and Lucidi,
