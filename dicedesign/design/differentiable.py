@@ -7,7 +7,7 @@ result is exact and its gradient is that of the combinatorial cell the vertices 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import ModuleType
 
@@ -29,7 +29,7 @@ from dicedesign.rest.morse import (
     separatrices,
     separatrix_points,
 )
-from dicedesign.rest.probabilities import closed_areas, find_basins
+from dicedesign.rest.probabilities import closed_areas, find_basins, tie_distance
 
 __all__ = ["RestEvaluation", "differentiable_rest", "evaluate_rests", "hull_centroid"]
 
@@ -57,6 +57,12 @@ class RestEvaluation:
     def hull(self) -> ConvexHull:
         """The hull that the integers belong to."""
         return self.equilibria.hull
+
+    def untied(self) -> RestEvaluation:
+        """The same, which raises `Tie` at first use where the body is tied (`find_basins`)."""
+        equilibria = self.equilibria
+        distance = tie_distance(equilibria.hull, equilibria.center_of_mass)
+        return replace(self, equilibria=replace(equilibria, tie_distance=distance))
 
     @cached_property
     def paths(self) -> Separatrices:

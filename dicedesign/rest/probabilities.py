@@ -29,7 +29,7 @@ from dicedesign.tolerances import (
     WARP_TOLERANCE,
 )
 
-__all__ = ["Basins", "closed_areas", "find_basins"]
+__all__ = ["Basins", "closed_areas", "find_basins", "tie_distance"]
 
 Floats = NDArray[np.float64]
 
@@ -101,8 +101,7 @@ def _made_again(hull: ConvexHull, coplanar_tolerance: float) -> ConvexHull:
 
 def _basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
     """As `find_basins`, of no other hull."""
-    far = np.abs(np.concatenate([hull.vertices, center_of_mass[None]])).max()
-    distance = TIE_TOLERANCE * float(far + np.ptp(hull.vertices, axis=0).max())
+    distance = tie_distance(hull, center_of_mass)
     try:
         return (_trace(classify(hull, center_of_mass, distance)),)
     except Tie:
@@ -111,6 +110,12 @@ def _basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
     except DegenerateBodyError:
         pass
     return _beside(hull, center_of_mass, distance + hull.unevenness)
+
+
+def tie_distance(hull: ConvexHull, center_of_mass: Floats) -> float:
+    """Length of a move of the center of mass (3,) that may not change what an untied body does."""
+    far = np.abs(np.concatenate([hull.vertices, center_of_mass[None]])).max()
+    return TIE_TOLERANCE * float(far + np.ptp(hull.vertices, axis=0).max())
 
 
 def _beside(hull: ConvexHull, center_of_mass: Floats, distance: float) -> tuple[Basins, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import islice
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from dicedesign.bench.stability import OK, verdict
 from dicedesign.design.exact import ExactOptions, solve_exactly
 from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.shape_search import shapes_like, shapes_near
+from dicedesign.design.sobolev import SobolevOptions
 from dicedesign.design.starts import Start, hendecahedron, prism, repulsion
 from dicedesign.design.stopping import Status
 from dicedesign.design.targets import binomial, sum_of_dice
@@ -35,7 +37,7 @@ TARGETS = {
 }
 
 
-def solved(target: list[float], seed: int = 0, **options: float) -> DesignResult:
+def solved(target: list[float], seed: int = 0, **options: Any) -> DesignResult:
     wanted = np.array(target)
     return solve_exactly(shapes_near(wanted, seed), wanted, ExactOptions(**options))
 
@@ -60,6 +62,15 @@ def check_exact(result: DesignResult, target: np.ndarray, tolerance: float = 1e-
 def test_targets_are_met_to_rounding(name: str) -> None:
     target = np.array(TARGETS[name])
     check_exact(solved(TARGETS[name]), target)
+
+
+@pytest.mark.parametrize("metric", [None, SobolevOptions(1.0, 1), SobolevOptions(0.5, 2)])
+@pytest.mark.parametrize("name", ["two dice", "a coin", "uneven"])
+def test_vertices_meet_targets_too(name: str, metric: SobolevOptions | None) -> None:
+    result = solved(TARGETS[name], coordinates="vertices", sobolev=metric)
+    check_exact(result, np.array(TARGETS[name]))
+    # Nothing keeps four vertices in one plane.
+    assert (np.diff(result.hull.facet_start) == 3).all()
 
 
 def test_the_same_seed_gives_the_same_die() -> None:
@@ -131,11 +142,13 @@ def test_a_start_without_the_wanted_rests_is_refused_in_words() -> None:
     ("options", "text"),
     [
         ({"tolerance": 0.0}, r"tolerance: expected a number in \(0, 1\)"),
+        ({"coordinates": "edges"}, 'expected "facets" or "vertices", got .edges.'),
+        ({"sobolev": SobolevOptions()}, 'sobolev: expected coordinates "vertices"'),
         ({"starts": 0}, "starts: expected a whole number above 0"),
         ({"seconds": float("nan")}, "seconds: expected a positive number"),
     ],
 )
-def test_bad_options_are_refused_in_words(options: dict[str, float], text: str) -> None:
+def test_bad_options_are_refused_in_words(options: dict[str, Any], text: str) -> None:
     with pytest.raises(InputError, match=text):
         ExactOptions(**options)
 
