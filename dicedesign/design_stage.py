@@ -81,15 +81,7 @@ def design_die(
     """
     center, method = _normalised_center(recipe, start), recipe.method
     wanted = recipe.target.target().probabilities[recipe.outcome_of_direction()]
-    if method.exact is not None:
-        design = solve_exactly(
-            shapes_near(wanted, recipe.seed) if start is None else shapes_like(start, recipe.seed),
-            wanted,
-            method.exact,
-            center_of_mass=center,
-            on_step=on_step,
-        )
-    else:
+    if method.descent is not None:
         # Only the exact method searches.
         assert start is not None
         design = descend_to_target(
@@ -98,6 +90,15 @@ def design_die(
             method.descent,
             center_of_mass=center,
             seed=recipe.seed,
+            on_step=on_step,
+        )
+    else:
+        assert method.exact is not None
+        design = solve_exactly(
+            shapes_near(wanted, recipe.seed) if start is None else shapes_like(start, recipe.seed),
+            wanted,
+            method.exact,
+            center_of_mass=center,
             on_step=on_step,
         )
     return _judged(recipe, start, design)

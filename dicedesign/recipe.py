@@ -161,8 +161,8 @@ class StartRecipe(_Strict):
         if outcomes < FEWEST_SIDES:
             raise ValueError(
                 f"start: expected a mesh or a search for {outcomes} outcomes, as every other start "
-                f"has at least {FEWEST_SIDES} rests; write start: {{mesh: {{path: FILE}}}}, or "
-                "start: {search: {}} with method: {exact: {}}"
+                f"has at least {FEWEST_SIDES} rests; write start: {{search: {{}}}}, or start: "
+                "{mesh: {path: FILE}}"
             )
         if self.prism is not None:
             sides = self.prism.sides_for(outcomes)
@@ -187,15 +187,23 @@ class StartRecipe(_Strict):
 
 
 class MethodRecipe(_Strict):
-    """`method`: how the die is found: by `descent` unless it says `exact`."""
+    """`method`: how the die is found: `exact` unless it says `descent`."""
 
-    descent: DescentOptions = Field(default_factory=DescentOptions)
-    exact: ExactOptions | None = None
+    exact: ExactOptions | None = Field(default_factory=ExactOptions)
+    descent: DescentOptions | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _choose(cls, given: Any) -> Any:
+        if isinstance(given, dict) and given.get("descent") is not None:
+            if given.get("exact") is not None:
+                raise ValueError("method: expected exact or descent, got both; keep one")
+            return {**given, "exact": None}
+        return given
 
     @model_validator(mode="after")
     def _check(self) -> MethodRecipe:
-        if self.exact is not None and "descent" in self.model_fields_set:
-            raise ValueError("method: expected descent or exact, got both; keep one")
+        _one_of(self, "exact", "descent")
         return self
 
     @property
@@ -207,7 +215,10 @@ class MethodRecipe(_Strict):
     @property
     def tolerance(self) -> float:
         """Largest |p - q| that counts as reached."""
-        return self.descent.stopping.tolerance if self.exact is None else self.exact.tolerance
+        if self.descent is not None:
+            return self.descent.stopping.tolerance
+        assert self.exact is not None
+        return self.exact.tolerance
 
 
 class Recipe(_Strict):
@@ -274,8 +285,6 @@ class Recipe(_Strict):
     def resolved(self) -> dict[str, Any]:
         """The recipe with every default written out, as plain data."""
         plain: dict[str, Any] = TypeAdapter(Recipe).dump_python(self, mode="json")
-        if self.method.exact is not None:
-            plain["method"]["descent"] = None
         plain["assignment"] = plain["assignment"] or "in_order"
         plain["center_of_mass"] = plain["center_of_mass"] or "uniform"
         plain["engrave"] = plain["engrave"] or False

@@ -26,7 +26,7 @@ QUICK = ["method.descent.stopping.seconds=300", "method.descent.stopping.steps=5
 
 
 def test_a_recipe_becomes_a_checked_die(repository: Path, tmp_path: Path) -> None:
-    recipe = read_recipe(repository / "recipes" / "2d6_hendecahedron.yaml", QUICK)
+    recipe = read_recipe(repository / "recipes" / "2d6_descent.yaml", QUICK)
     stages: list[str] = []
     steps: list[int] = []
     result = run_recipe(
@@ -50,8 +50,9 @@ def test_a_recipe_becomes_a_checked_die(repository: Path, tmp_path: Path) -> Non
     assert result.summary["engraved_max_abs_error"] < 0.01
 
 
-def test_the_same_seed_gives_the_same_bytes(repository: Path, tmp_path: Path) -> None:
-    recipe = read_recipe(repository / "recipes" / "fair_d3.yaml", QUICK)
+@pytest.mark.parametrize("name", ["fair_d3_descent", "fair_d7"])
+def test_the_same_seed_gives_the_same_bytes(name: str, repository: Path, tmp_path: Path) -> None:
+    recipe = read_recipe(repository / "recipes" / f"{name}.yaml")
     folders = [tmp_path / "a", tmp_path / "b"]
     results = [run_recipe(recipe, folder) for folder in folders]
     for name in (
@@ -76,7 +77,7 @@ def test_what_is_not_asked_for_is_not_done(repository: Path, tmp_path: Path) -> 
     folder.mkdir()
     (folder / "die.stl").write_bytes(b"of an earlier run")
     recipe = read_recipe(
-        repository / "recipes" / "2d6_hendecahedron.yaml",
+        repository / "recipes" / "2d6_descent.yaml",
         ["engrave=false", "method.descent.stopping.steps=3"],
     )
     result = run_recipe(recipe, folder)
@@ -90,7 +91,7 @@ def test_what_is_not_asked_for_is_not_done(repository: Path, tmp_path: Path) -> 
 
 def test_a_fixed_center_of_mass_stays(repository: Path, tmp_path: Path) -> None:
     recipe = read_recipe(
-        repository / "recipes" / "2d6_hendecahedron.yaml",
+        repository / "recipes" / "2d6_descent.yaml",
         ["center_of_mass=[0.1, 0.0, 0.34]", "size_mm=40", "method.descent.stopping.steps=2"],
     )
     result = run_recipe(recipe, tmp_path)
@@ -155,7 +156,7 @@ def test_a_die_that_also_rests_elsewhere_is_off_target(tmp_path: Path) -> None:
 def test_a_label_that_does_not_fit_leaves_old_results_alone(
     repository: Path, tmp_path: Path
 ) -> None:
-    path = repository / "recipes" / "2d6_hendecahedron.yaml"
+    path = repository / "recipes" / "2d6_descent.yaml"
     (tmp_path / "die.stl").write_bytes(b"of an earlier run")
     with pytest.raises(EngravingError, match=r"facet \d+.*use size_mm = "):
         run_recipe(read_recipe(path, [*QUICK, "size_mm=5"]), tmp_path)
@@ -166,7 +167,7 @@ def test_a_label_that_does_not_fit_leaves_old_results_alone(
 def test_labels_that_do_not_fit_an_unfinished_die_are_a_remark(
     repository: Path, tmp_path: Path
 ) -> None:
-    path = repository / "recipes" / "2d6_hendecahedron.yaml"
+    path = repository / "recipes" / "2d6_descent.yaml"
     (tmp_path / "die.stl").write_bytes(b"of an earlier run")
     changes = ["method.descent.stopping.steps=2", "size_mm=5"]
     result = run_recipe(read_recipe(path, changes), tmp_path)
@@ -213,7 +214,7 @@ def test_an_interrupted_run_leaves_nothing_half_written(
 
     monkeypatch.setattr(pipeline, "atomic_write", interrupted)
     recipe = read_recipe(
-        repository / "recipes" / "2d6_hendecahedron.yaml", ["method.descent.stopping.steps=1"]
+        repository / "recipes" / "2d6_descent.yaml", ["method.descent.stopping.steps=1"]
     )
     (tmp_path / "result.json").write_text("{}")
     with pytest.raises(KeyboardInterrupt):

@@ -49,7 +49,7 @@ def _descent(
     sobolev = None if sobolev_power is None else SobolevOptions(power=sobolev_power)
 
     def set_up(recipe: Recipe) -> Recipe:
-        own = recipe.method.descent
+        own = recipe.method.descent or DescentOptions()
         weight = own.weights.stability if stability is None else stability
         weights = replace(own.weights, stability=weight)
         return _under(
@@ -65,16 +65,18 @@ def _under(recipe: Recipe, options: DescentOptions) -> Recipe:
 
 
 def _exactly(recipe: Recipe) -> Recipe:
-    method = recipe.method.model_copy(update={"exact": recipe.method.exact or ExactOptions()})
+    exact = recipe.method.exact or ExactOptions()
+    method = recipe.method.model_copy(update={"exact": exact, "descent": None})
     return recipe.model_copy(update={"method": method})
 
 
 def _limited(recipe: Recipe, seconds: float) -> Recipe:
     """The recipe with so many seconds for its method."""
     method = recipe.method
-    if method.exact is None:
+    if method.descent is not None:
         stopping = replace(method.descent.stopping, seconds=seconds)
         return _under(recipe, replace(method.descent, stopping=stopping))
+    assert method.exact is not None
     exact = replace(method.exact, seconds=seconds)
     return recipe.model_copy(update={"method": method.model_copy(update={"exact": exact})})
 

@@ -13,6 +13,7 @@ from PIL import Image
 from dicedesign import rest_poses
 from dicedesign.bench.methods import METHODS, Run, methods_figure, methods_record, run_method
 from dicedesign.cli import main
+from dicedesign.design.exact import ExactOptions
 from dicedesign.design.stopping import Status
 from dicedesign.design_stage import make_start
 from dicedesign.errors import InputError, OutputError
@@ -48,17 +49,18 @@ def test_methods_differ_in_what_their_names_say_and_in_nothing_else(recipe: Reci
     for method in METHODS:
         changed = method.set_up(recipe)
         options = changed.method.descent
-        assert (changed.method.exact is not None) == (method.name == "exact")
         assert changed.model_copy(update={"method": recipe.method}) == recipe
+        seen.add(repr(changed.method))
+        if method.name == "exact":
+            assert changed.method.exact == ExactOptions()
+            continue
         assert options.stopping == own.stopping
         assert options.weights.coplanar == 0.3
-        by_facets = method.name in ("exact", "facets")
-        assert options.coordinates == ("facets" if by_facets else "vertices")
+        assert options.coordinates == ("facets" if method.name == "facets" else "vertices")
         power = None if options.sobolev is None else options.sobolev.power
         assert power == (int(method.name[-1]) if "Sobolev" in method.name else None)
         expected = 0.0 if method.name.startswith("paper") else own.weights.stability
         assert options.weights.stability == expected
-        seen.add(repr(changed.method))
     assert len(seen) == len(METHODS)
 
 
