@@ -7,7 +7,6 @@ themselves; only what a file adds to them is described here.
 from __future__ import annotations
 
 import math
-from fractions import Fraction
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import (
@@ -39,14 +38,16 @@ MOST_MM: Final = 1000.0
 
 
 def _fraction(value: object) -> object:
-    if isinstance(value, str):
-        try:
-            return float(Fraction(value.replace(" ", "")))
-        except (ValueError, ArithmeticError) as error:
-            raise ValueError(
-                f"expected a number or a fraction such as 1/36, got {value!r}; correct it"
-            ) from error
-    return value
+    if not isinstance(value, str):
+        return value
+    above, slash, below = value.partition("/")
+    try:
+        number = float(above) / (float(below) if slash else 1.0)
+    except (ValueError, ZeroDivisionError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"expected a number or a fraction such as 1/36, got {value!r}; correct it")
+    return number
 
 
 def _text(value: object) -> object:

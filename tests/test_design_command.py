@@ -105,6 +105,10 @@ def test_a_target_out_of_reach_is_told(
 BAD = [
     (["--target", "2d6,1/2"], "--target: expected a number or a fraction such as 1/36, got '2d6'"),
     (["--target", "1/0,1/2"], "--target: expected a number or a fraction such as 1/36, got '1/0'"),
+    (
+        ["--target", "1e999999999,1/2"],
+        "--target: expected a number or a fraction such as 1/36, got",
+    ),
     (["--target", "1e400,1/2"], "--target: expected a number or a fraction such as 1/36, got"),
     (["--target", "1/2,1/2,"], "--target: expected a number or a fraction such as 1/36, got ''"),
     (["--target", "1/2,1/3"], "--target: expected a sum of 1, got 0.833333333333"),
