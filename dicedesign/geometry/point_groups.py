@@ -1,0 +1,191 @@
+"""Point groups: the finite sets of rotations and reflections that a solid can have as symmetry.
+
+All act about the origin, in this orientation. Groups with one main axis have it along z, and their
+mirror plane across the axis, where there is one, is z = 0. In Cnv the plane y = 0 is a mirror; in
+Dn, Dnh and Dnd the x axis is a two-fold axis. Cs has the mirror z = 0. The cubic and icosahedral
+groups have two-fold or four-fold axes along x, y and z, three-fold axes along the diagonals of
+these, and the icosahedral ones a five-fold axis along (0, 1, (1 + sqrt(5)) / 2).
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.errors import InputError
+
+__all__ = [
+    "HIGHEST_ORDER",
+    "KNOWN_GROUPS",
+    "fixed_space",
+    "mirrors",
+    "point_group",
+    "pole_orbits",
+]
+
+Floats = NDArray[np.float64]
+
+HIGHEST_ORDER: Final = 12
+"""Largest n of the main axis in Cn, Cnv, Cnh, Dn, Dnh and Dnd; S2n goes up to twice that."""
+
+SAME_POLE: Final = 0.999
+"""Cosine of the angle between directions above which they are one pole; two are 15 degrees apart
+or more."""
+
+KNOWN_GROUPS: Final = (
+    f"C1, Cs, Ci, Cn, Cnv, Cnh, Dn, Dnh, Dnd with n from 2 to {HIGHEST_ORDER}, S4, S6, ... "
+    f"S{2 * HIGHEST_ORDER}, T, Td, Th, O, Oh, I, Ih"
+)
+"""The names that `point_group` knows, in words."""
+
+INVERSION: Final = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+MIRROR_Y: Final = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
+MIRROR_Z: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0))
+MIRROR_DIAGONAL: Final = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+HALF_TURN_X: Final = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+HALF_TURN_Z: Final = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
+QUARTER_TURN_Z: Final = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+CYCLIC_XYZ: Final = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+"""The third of a turn about (1, 1, 1), which takes x to y, y to z and z to x."""
+
+Matrix = tuple[tuple[float, ...], ...]
+
+CUBIC: Final[dict[str, tuple[Matrix, ...]]] = {
+    "T": (HALF_TURN_Z, CYCLIC_XYZ),
+    "Td": (HALF_TURN_Z, CYCLIC_XYZ, MIRROR_DIAGONAL),
+    "Th": (HALF_TURN_Z, CYCLIC_XYZ, INVERSION),
+    "O": (QUARTER_TURN_Z, CYCLIC_XYZ),
+    "Oh": (QUARTER_TURN_Z, CYCLIC_XYZ, INVERSION),
+}
+"""Generators."""
+
+
+def point_group(name: str) -> Floats:
+    """The matrices of a point group by its Schoenflies name, in the orientation of this module.
+
+    Entries that are 0, 1/2 or 1, or minus these, are so to the last bit, and entries of equal size
+    are equal to the last bit. The identity comes first; the order is always the same.
+
+    name: one of `KNOWN_GROUPS`, such as "Cs", "C5v", "D3h" or "Oh".
+
+    Raises InputError for another name.
+
+    Returns (g, 3, 3) orthogonal matrices; a matrix times a position is the position's image.
+    """
+    if name == "C1":
+        return np.eye(3)[None]
+    if name == "Cs":
+        return _closure([np.array(MIRROR_Z)], 1)
+    if name == "Ci":
+        return _closure([np.array(INVERSION)], 1)
+    if name in CUBIC:
+        return _closure([np.array(generator) for generator in CUBIC[name]], 1)
+    if name in ("I", "Ih"):
+        further = [np.array(INVERSION)] if name == "Ih" else []
+        return _closure([np.array(HALF_TURN_Z), np.array(CYCLIC_XYZ), _fifth_turn(), *further], 15)
+    parts = re.fullmatch(r"([CDS])([1-9][0-9]*)([vhd]?)", name)
+    generators = None if parts is None else _axial(parts[1], int(parts[2]), parts[3])
+    if generators is None:
+        raise InputError(f"point group: expected one of {KNOWN_GROUPS}, got {name!r}")
+    return _closure(*generators)
+
+
+def fixed_space(group: Floats) -> Floats:
+    """(3, 3) the orthogonal projection onto the positions that all elements (g, 3, 3) keep: all of
+    space, a plane, a line or the origin alone. It is the mean of the elements."""
+    return group.mean(axis=0)
+
+
+def mirrors(group: Floats) -> Floats:
+    """(r, 3, 3) the reflections at a plane among the elements (g, 3, 3)."""
+    own_inverse = (group == group.transpose(0, 2, 1)).all(axis=(1, 2))
+    return group[own_inverse & (np.linalg.det(group) < 0.0) & (np.trace(group, 0, 1, 2) > 0.0)]
+
+
+def pole_orbits(group: Floats) -> list[Floats]:
+    """The directions of all axes of rotation of a group (g, 3, 3), as one array (s, 3) of unit
+    vectors for each set that the elements map onto each other; the first come from the element
+    that comes first. Only these directions and those on mirror planes have fewer than g images."""
+    found: list[Floats] = []
+    for element in group[np.linalg.det(group) > 0.0][1:]:
+        for pole in (_axis(element), -_axis(element)):
+            if all((orbit @ pole < SAME_POLE).all() for orbit in found):
+                images = group @ pole
+                first = np.argmax(images @ images.T > SAME_POLE, axis=1)
+                found.append(images[np.unique(first)])
+    return found
+
+
+def _axis(rotation: Floats) -> Floats:
+    """(3,) unit vector along the axis of a rotation (3, 3), of which the largest component is
+    positive."""
+    # Half the sum of a rotation and its inverse is cos I + (1 - cos) a a^T.
+    cosine = (np.trace(rotation) - 1.0) / 2.0
+    square = (rotation + rotation.T) / 2.0 - cosine * np.eye(3)
+    longest = square[:, np.argmax(np.diag(square))]
+    return longest / np.linalg.norm(longest)
+
+
+def _axial(family: str, number: int, suffix: str) -> tuple[list[Floats], int] | None:
+    """Generators of a group with one main axis, and the n of the axis; None if there is none."""
+    order = number // 2 if family == "S" else number
+    if not 2 <= order <= HIGHEST_ORDER:
+        return None
+    turn, mirror = _turn_z(2.0 * np.pi / order), np.array(MIRROR_Z)
+    half_turn = np.array(HALF_TURN_X)
+    improper = mirror @ _turn_z(np.pi / order)
+    if family == "S":
+        return ([improper], order) if number % 2 == 0 and not suffix else None
+    found = {
+        "C": [turn],
+        "Cv": [turn, np.array(MIRROR_Y)],
+        "Ch": [turn, mirror],
+        "D": [turn, half_turn],
+        "Dh": [turn, half_turn, mirror],
+        "Dd": [improper, half_turn],
+    }.get(family + suffix)
+    return None if found is None else (found, order)
+
+
+def _turn_z(angle: float) -> Floats:
+    """(3, 3) the rotation about z by an angle."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([(cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)])
+
+
+def _fifth_turn() -> Floats:
+    """(3, 3) a rotation by a fifth of a turn about (0, 1, (1 + sqrt(5)) / 2)."""
+    axis = np.array([0.0, 1.0, (1.0 + np.sqrt(5.0)) / 2.0])
+    axis /= np.linalg.norm(axis)
+    angle = 2.0 * np.pi / 5.0
+    across = np.linalg.cross(axis, np.eye(3)).T
+    along = np.outer(axis, axis)
+    return along + np.cos(angle) * (np.eye(3) - along) + np.sin(angle) * across
+
+
+def _closure(generators: list[Floats], order: int) -> Floats:
+    """(g, 3, 3) all products of some generators, of which every entry is the cosine of a multiple
+    of a quarter of a turn over `order`."""
+    cosines = _cosines(order)
+    found = [np.eye(3)]
+    for element in found:
+        for generator in generators:
+            product = generator @ element
+            nearest = np.abs(product[..., None] - cosines).argmin(axis=-1)
+            exact = cosines[nearest]
+            if not any(np.array_equal(exact, other) for other in found):
+                found.append(exact)
+    return np.stack(found)
+
+
+def _cosines(order: int) -> Floats:
+    """(2 order + 1,) cosines of multiples of a quarter of a turn over `order`, in equal and
+    opposite pairs; 0, 1/2 and 1 are exact."""
+    step = np.arange(1, order + 1)
+    positive = np.sin(np.pi * step / (2 * order))
+    positive[3 * step == order] = 0.5
+    positive[-1] = 1.0
+    return np.concatenate([[0.0], positive, -positive])
