@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,15 +12,20 @@ from numpy.typing import NDArray
 from dicedesign.design.descent import descend_to_target
 from dicedesign.design.exact import solve_exactly
 from dicedesign.design.result import DesignResult, DesignStep
-from dicedesign.design.shape_search import shapes_like, shapes_near
+from dicedesign.design.shape_search import shapes_near
 from dicedesign.design.starts import Start, hendecahedron, mesh_start, prism, repulsion
 from dicedesign.design.stopping import Status
+from dicedesign.design.symmetric_coordinates import orbits_of_directions
+from dicedesign.design.symmetric_shapes import symmetric_shapes_near
 from dicedesign.design.targets import Target
+from dicedesign.design.variations import shapes_like
 from dicedesign.design.verdict import Verdict, judge
+from dicedesign.errors import InputError
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.geometry.mesh_file import read_body
 from dicedesign.recipe import MethodRecipe, Recipe
 from dicedesign.rest.equilibria import classify
+from dicedesign.tolerances import EQUAL_ODDS
 
 __all__ = ["DesignedDie", "design_die", "make_start", "resized"]
 
@@ -53,6 +58,15 @@ def make_start(recipe: Recipe) -> Start | None:
     Raises InputError if a mesh cannot be read or has too few rests, or the center of mass is not
     inside the shape.
     """
+    start = _chosen_start(recipe)
+    if start is None or recipe.symmetry is None:
+        return start
+    start = start.about_origin()
+    _check_orbits(recipe, start)
+    return start
+
+
+def _chosen_start(recipe: Recipe) -> Start | None:
     choice, outcomes = recipe.start, len(recipe.target.target().labels)
     center = _given_center(recipe)
     if choice.search is not None:
@@ -70,6 +84,24 @@ def make_start(recipe: Recipe) -> Start | None:
         # Here an error still speaks of the coordinates that the recipe uses.
         classify(convex_hull(start.origin + start.scale * start.points), center)
     return start
+
+
+def _check_orbits(recipe: Recipe, start: Start) -> None:
+    """Raise InputError unless labels on facets that are images of each other are as probable."""
+    group, target = recipe.group(), recipe.target.target()
+    assert group is not None
+    outcome = np.array(recipe.outcome_of_direction())
+    first: dict[int, int] = {}
+    for orbit, number in zip(orbits_of_directions(start.directions, group), outcome, strict=True):
+        other = first.setdefault(int(orbit), int(number))
+        odds = target.probabilities[[number, other]]
+        if abs(odds[0] - odds[1]) > EQUAL_ODDS * odds[1]:
+            raise InputError(
+                f"symmetry: expected labels {target.labels[other]} and {target.labels[number]} to "
+                f"be equally probable, as {recipe.symmetry} carries their facets to each other, "
+                f"got {odds[1]:.6g} and {odds[0]:.6g}; change the assignment, or take a smaller "
+                "group"
+            )
 
 
 def design_die(
@@ -95,13 +127,24 @@ def design_die(
     else:
         assert method.exact is not None
         design = solve_exactly(
-            shapes_near(wanted, recipe.seed) if start is None else shapes_like(start, recipe.seed),
+            _starts(recipe, start, wanted),
             wanted,
             method.exact,
             center_of_mass=center,
+            group=recipe.group(),
             on_step=on_step,
         )
     return _judged(recipe, start, design)
+
+
+def _starts(recipe: Recipe, start: Start | None, wanted: Floats) -> Iterator[Start]:
+    """What the exact method begins with, one after the other."""
+    group = recipe.group()
+    if start is not None:
+        return shapes_like(start, recipe.seed, group)
+    if group is not None:
+        return symmetric_shapes_near(wanted, group, recipe.seed)
+    return shapes_near(wanted, recipe.seed)
 
 
 def resized(die: DesignedDie, recipe: Recipe, start: Start | None) -> DesignedDie:

@@ -9,7 +9,10 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Final, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -20,9 +23,11 @@ from pydantic import (
 
 from dicedesign.design.descent import DescentOptions
 from dicedesign.design.exact import ExactOptions
+from dicedesign.design.orbit_layouts import OrbitLayouts
 from dicedesign.design.starts import FEWEST_FACETS, hendecahedron, prism
 from dicedesign.design.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
 from dicedesign.fabricate.engraving_options import EngravingOptions
+from dicedesign.geometry.point_groups import point_group
 
 __all__ = ["MOST_MM", "MethodRecipe", "Recipe", "StartRecipe", "TargetRecipe"]
 
@@ -60,6 +65,12 @@ def _text(value: object) -> object:
     if isinstance(text, str) and not 1 <= len(text) <= LONGEST_LABEL:
         raise ValueError(f"expected 1 to {LONGEST_LABEL} characters, got {text!r}; rewrite it")
     return text
+
+
+def _known_group(name: str | None) -> str | None:
+    if name is not None:
+        point_group(name)
+    return name
 
 
 def _word(word: str, meaning: object) -> BeforeValidator:
@@ -233,6 +244,8 @@ class Recipe(_Strict):
     assignment: labels in the order of the start's directions; None for the order of the target.
     center_of_mass: (3,) fixed, in the start's own coordinates (see `dicedesign.design.starts`);
         None for the uniform solid.
+    symmetry: name of the point group that the die has (see `dicedesign.geometry.point_groups`),
+        about the origin of the start's own coordinates; None if it need not have any.
     size_mm: largest vertex-to-vertex distance of the printed die.
     engrave: engraving options, or None for a plain die.
     """
@@ -247,6 +260,7 @@ class Recipe(_Strict):
         _word("uniform", None),
         BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value),
     ] = None
+    symmetry: Annotated[str | None, AfterValidator(_known_group), _word("none", None)] = None
     method: MethodRecipe = Field(default_factory=MethodRecipe)
     size_mm: Annotated[float, Field(gt=0.0, le=MOST_MM)] = 30.0
     engrave: Annotated[EngravingOptions | None, BeforeValidator(_switch)] = Field(
@@ -264,6 +278,8 @@ class Recipe(_Strict):
         self.start.check(len(labels))
         if self.start.search is not None:
             self._check_search()
+        if self.symmetry is not None:
+            self._check_symmetry(self.symmetry)
         return self
 
     def _check_search(self) -> None:
@@ -278,6 +294,24 @@ class Recipe(_Strict):
                 "known coordinates; leave it out, or take another start"
             )
 
+    def _check_symmetry(self, name: str) -> None:
+        if self.method.exact is None or self.method.exact.coordinates != "facets":
+            raise ValueError(
+                "symmetry: expected the exact method with coordinates: facets, got another; leave "
+                "symmetry out, or change the method"
+            )
+        if self.center_of_mass is not None:
+            raise ValueError(
+                "center_of_mass: expected uniform with a symmetry, got a point; leave one of them "
+                "out"
+            )
+        # Raises where equal probabilities do not fill whole orbits.
+        OrbitLayouts(self.target.target().probabilities, point_group(name))
+
+    def group(self) -> NDArray[np.float64] | None:
+        """(g, 3, 3) the point group that the die has."""
+        return None if self.symmetry is None else point_group(self.symmetry)
+
     def outcome_of_direction(self) -> list[int]:
         """For each direction of the start, the index of its outcome in the target."""
         labels = self.target.target().labels
@@ -288,6 +322,7 @@ class Recipe(_Strict):
         plain: dict[str, Any] = TypeAdapter(Recipe).dump_python(self, mode="json")
         plain["assignment"] = plain["assignment"] or "in_order"
         plain["center_of_mass"] = plain["center_of_mass"] or "uniform"
+        plain["symmetry"] = plain["symmetry"] or "none"
         plain["engrave"] = plain["engrave"] or False
         for part in ("target", "start", "method"):
             plain[part] = {key: value for key, value in plain[part].items() if value is not None}

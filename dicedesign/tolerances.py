@@ -19,6 +19,7 @@ __all__ = [
     "COPLANAR_TOLERANCE_FLOAT32",
     "COPLANAR_WIDENINGS",
     "ENGRAVED_VOLUME_TOLERANCE",
+    "EQUAL_ODDS",
     "FLATNESS_TOLERANCE",
     "PROBABILITY_SUM_TOLERANCE",
     "REUSE_FLATNESS",
@@ -30,6 +31,7 @@ __all__ = [
     "ROUNDING",
     "SAME_REST_ANGLE",
     "SLIVER",
+    "SYMMETRY_TOLERANCE",
     "THIN_VOLUME",
     "TIE_TOLERANCE",
     "VOLUME_TOLERANCE",
@@ -87,6 +89,14 @@ CLOSURE_TOLERANCE: Final = 1e-9
 
 PROBABILITY_SUM_TOLERANCE: Final = 1e-9
 """Target probabilities must sum to 1 within this."""
+
+EQUAL_ODDS: Final = 1e-12
+"""Relative difference up to which two outcomes of a target count as equally probable."""
+
+SYMMETRY_TOLERANCE: Final = 1e-5
+"""A shape is symmetric when each facet's image differs from another facet by no more than this: in
+the direction of its normal, in radians, and in the logarithm of its distance. Single precision
+keeps to it."""
 
 ENGRAVED_VOLUME_TOLERANCE: Final = 1e-4
 """The volume that engraving takes away must be that of the labels within this part of it: the

@@ -24,6 +24,7 @@ from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.sobolev import SobolevOptions, SobolevSolver, graph_laplacian
 from dicedesign.design.starts import Start
 from dicedesign.design.stopping import Status
+from dicedesign.design.symmetric_coordinates import SymmetricCoordinates
 from dicedesign.design.trial import Trial, TrialMaker
 from dicedesign.errors import InputError
 from dicedesign.geometry.hull import convex_hull
@@ -111,6 +112,7 @@ def solve_exactly(
     options: ExactOptions,
     *,
     center_of_mass: Floats | None = None,
+    group: Floats | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
 ) -> DesignResult:
     """Move the first of some starting shapes that leads there until its odds are the target.
@@ -124,13 +126,16 @@ def solve_exactly(
     target: (k,) wanted probability of each direction.
     options: see `ExactOptions`.
     center_of_mass: (3,) fixed, in the coordinates of `Start.points`, or None for the uniform solid.
+    group: (g, 3, 3) a point group that the starts and the die have as symmetry, about the origin,
+        or None. Outcomes whose facets are images of each other are equally probable.
     on_step: called after every accepted step.
 
     Raises
     ------
-    InputError: none of the starts has one rest for each outcome and no other.
+    InputError: none of the starts has one rest for each outcome and no other; a start without the
+        symmetry.
     """
-    search = _Search(target, options, center_of_mass, on_step)
+    search = _Search(target, options, center_of_mass, group, on_step)
     for number, start in enumerate(starts):
         if number == options.starts or (search.out_of_time and search.best is not None):
             break
@@ -146,6 +151,7 @@ class _Search:
     target: Floats
     options: ExactOptions
     center_of_mass: Floats | None
+    group: Floats | None
     on_step: Callable[[DesignStep], None] | None
     best: Trial | None = None
     history: list[DesignStep] = field(default_factory=list)
@@ -189,6 +195,8 @@ class _Search:
         origin = hull.centroid if self.center_of_mass is None else self.center_of_mass
         if self.options.coordinates == "vertices":
             return VertexCoordinates.of(start.points, origin, lambda points: hull)
+        if self.group is not None:
+            return SymmetricCoordinates.of(start.points, origin, self.group, lambda points: hull)
         return FacetCoordinates.of(start.points, origin, lambda points: hull)
 
     def _step(self, current: Trial, weight: float, damping: float) -> tuple[Trial | None, float]:

@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 from dicedesign.errors import InputError
 from dicedesign.geometry.point_groups import fixed_space, mirrors, pole_orbits
 from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.tolerances import EQUAL_ODDS
 
 __all__ = ["Layout", "OrbitLayouts", "OrbitSite"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
-EQUAL: Final = 1e-12
-"""Relative difference up to which two outcomes count as equally probable."""
 
 SAME: Final = 9
 """Decimal digits to which products of matrices are compared."""
@@ -171,5 +169,5 @@ def _equal_outcomes(target: Floats) -> list[Integers]:
     """The numbers of the outcomes of each probability, the largest probability first."""
     descending = np.argsort(-target, kind="stable")
     odds = target[descending]
-    breaks = np.flatnonzero(np.diff(odds) < -EQUAL * odds[:-1]) + 1
+    breaks = np.flatnonzero(np.diff(odds) < -EQUAL_ODDS * odds[:-1]) + 1
     return [np.sort(members) for members in np.split(descending, breaks)]

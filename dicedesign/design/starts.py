@@ -7,7 +7,7 @@ half extent 1; `Start` remembers how.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -63,6 +63,11 @@ class Start:
     def normalised(self, own: Floats) -> Floats:
         """Points (..., 3) of the shape's own coordinates in those of `points`."""
         return (own - self.origin) / self.scale
+
+    def about_origin(self) -> Start:
+        """The same start, moved so that its own coordinates have their origin at 0."""
+        moved = self.points + self.origin / self.scale
+        return replace(self, points=moved, origin=np.zeros(3))
 
 
 def prism(sides: int, height: float = 1.5, cap: float = 1.3) -> Start:

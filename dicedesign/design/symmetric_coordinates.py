@@ -7,7 +7,6 @@ other. A facet on a mirror plane or an axis of the group has its normal there.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 import torch
@@ -21,16 +20,12 @@ from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hull_reuse import HullMaker
 from dicedesign.geometry.point_groups import fixed_space
 from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.tolerances import SYMMETRY_TOLERANCE
 
 __all__ = ["SymmetricCoordinates", "images_of_directions", "orbits_of_directions"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
-SYMMETRY_TOLERANCE: Final = 1e-5
-"""A shape is symmetric when each facet's image differs from another facet by no more than this: in
-the direction of its normal, in radians, and in the logarithm of its distance. Single precision
-keeps to it."""
 
 
 @dataclass(frozen=True)

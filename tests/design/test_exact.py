@@ -14,11 +14,12 @@ from dicedesign.bench.problem import Problem
 from dicedesign.bench.stability import OK, verdict
 from dicedesign.design.exact import ExactOptions, solve_exactly
 from dicedesign.design.result import DesignResult, DesignStep
-from dicedesign.design.shape_search import shapes_like, shapes_near
+from dicedesign.design.shape_search import shapes_near
 from dicedesign.design.sobolev import SobolevOptions
 from dicedesign.design.starts import Start, hendecahedron, prism, repulsion
 from dicedesign.design.stopping import Status
 from dicedesign.design.targets import binomial, sum_of_dice
+from dicedesign.design.variations import shapes_like
 from dicedesign.errors import InputError
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.rest.poses import rest_poses
