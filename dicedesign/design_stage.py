@@ -132,6 +132,7 @@ def design_die(
             method.exact,
             center_of_mass=center,
             group=recipe.group(),
+            least_circle=recipe.min_inradius_mm / recipe.size_mm,
             on_step=on_step,
         )
     return _judged(recipe, start, design)

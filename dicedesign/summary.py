@@ -9,7 +9,7 @@ import numpy as np
 from dicedesign.design.result import DesignResult
 from dicedesign.design.targets import Target
 from dicedesign.design.verdict import Verdict
-from dicedesign.fabricate.circle import inscribed_circle
+from dicedesign.geometry.circle import inscribed_circle
 from dicedesign.geometry.hull import ConvexHull
 from dicedesign.geometry.mass import solid_properties
 from dicedesign.geometry.sphere import rotation_between

@@ -1,44 +1,35 @@
-"""Starting shapes for any target: random polyhedra, the nearest in their odds first."""
+"""Starting shapes for any target: random polyhedra, the nearest in odds first, and needles."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import count
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.design.starts import (
-    FEWEST_FACETS,
-    Start,
-    normalised_start,
-    repulsion,
-    spread_directions,
-)
-from dicedesign.errors import DiceError
-from dicedesign.geometry.halfspaces import polyhedron_corners
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.geometry.sphere import unit_vectors
-from dicedesign.rest.equilibria import classify
-from dicedesign.rest.probabilities import find_basins
+from dicedesign.design.half_space_odds import resting_half_spaces, start_with_odds
+from dicedesign.design.needles import needle_near
+from dicedesign.design.starts import FEWEST_FACETS, Start, repulsion, spread_directions
 
-__all__ = ["shapes_like", "shapes_near"]
+__all__ = ["shapes_near"]
 
 Floats = NDArray[np.float64]
 
 EVEN_SHAPES: Final = 2
-"""Shapes of equal facets that are proposed first, where there are enough outcomes."""
+"""Shapes of equal facets that are proposed first, where there are enough outcomes and even odds are
+not far from the target."""
 
-FIRST_DRAW: Final = 50
-"""Polyhedra drawn before the first of them is proposed."""
+DRAWN: Final = 30
+"""Polyhedra drawn in each turn."""
 
-DRAW_GROWTH: Final = 1.5
-"""How many times as large each later draw is."""
+PROPOSED: Final = 2
+"""How many of all that were drawn are proposed in each turn."""
 
-PROPOSED: Final = 3
-"""How many of all that were drawn are proposed after each draw."""
+FAR: Final = 0.3
+"""Distance in odds, the root of their summed squared differences, from which on a polyhedron is
+proposed only where there is nothing else."""
 
 REPULSION_STEPS: Final = 10
 """Steps that keep random facets from lying too close to each other."""
@@ -49,66 +40,44 @@ UNEVENNESS: Final = 0.6
 NEARNESS: Final = 1.5
 """A facet in favour is nearer than others by a factor of up to the exponential of this."""
 
-FIRST_VARIATION: Final = 0.01
-"""Size of the first variation of a start: a standard deviation of normals, and of the logarithms of
-distances."""
-
-LARGEST_VARIATION: Final = 0.3
-"""Size that variations approach."""
-
 STRETCH: Final = (-1.5, 1.0)
 """Range of the logarithm by which a polyhedron is stretched along one axis."""
-
-
-def shapes_like(start: Start, seed: int) -> Iterator[Start]:
-    """A start, and then the same with its facets turned and shifted more and more, without end.
-
-    Where that leaves no solid, the next one follows.
-    """
-    yield start
-    hull = convex_hull(start.points)
-    middle, heights = hull.centroid, hull.heights(hull.centroid)
-    rng = np.random.default_rng(seed)
-    for number in count(1):
-        size = LARGEST_VARIATION * (1.0 - np.exp(-number * FIRST_VARIATION / LARGEST_VARIATION))
-        normals = hull.normals + size * rng.normal(size=hull.normals.shape)
-        try:
-            points = polyhedron_corners(
-                normals, heights * np.exp(size * rng.normal(size=len(heights)))
-            )
-        except DiceError:
-            continue
-        turned = normals[np.argmax(start.directions @ hull.normals.T, axis=1)]
-        yield replace(start, points=points + middle, directions=unit_vectors(turned))
 
 
 def shapes_near(target: Floats, seed: int) -> Iterator[Start]:
     """Starting shapes with one rest for each outcome and no other, without end.
 
-    First come tangential polyhedra of evenly spread facets, one for each outcome; then random
-    polyhedra, some facets of which are no rests, the nearest in their sorted probabilities first,
-    with the largest rest for the largest outcome and so on.
+    First come tangential polyhedra of evenly spread facets, one for each outcome, if even odds are
+    near the target. Then, in turn, come random polyhedra, some facets of which are no rests, the
+    nearest in their sorted probabilities first, with the largest rest for the largest outcome and
+    so on; and a needle (`needle_near`), whose odds are near any target.
 
     target: (k,) wanted probabilities, k at least 2; seed: of everything random.
     """
     outcomes = len(target)
     rng = np.random.default_rng(seed)
-    if outcomes >= FEWEST_FACETS:
+    if outcomes >= FEWEST_FACETS and np.linalg.norm(target - 1.0 / outcomes) < FAR:
         for number in range(EVEN_SHAPES):
             even = repulsion(outcomes, seed + number)
             yield replace(even, directions=rng.permutation(even.directions))
     descending = np.argsort(-target, kind="stable")
     place = np.argsort(descending, kind="stable")
     pool: list[tuple[float, Start]] = []
-    for turn in count():
-        for _ in range(int(FIRST_DRAW * DRAW_GROWTH**turn)):
+    while True:
+        for _ in range(DRAWN):
             drawn = _random_shape(outcomes, rng)
             if drawn is not None:
                 shape, odds = drawn
-                distance = float(((odds - target[descending]) ** 2).sum())
+                distance = float(np.linalg.norm(odds - target[descending]))
                 pool.append((distance, replace(shape, directions=shape.directions[place])))
         pool.sort(key=lambda entry: -entry[0])
-        for _ in range(min(PROPOSED, len(pool))):
+        near = sum(distance < FAR for distance, _ in pool[-PROPOSED:])
+        for _ in range(near):
+            yield pool.pop()[1]
+        needle = needle_near(target, rng)
+        if needle is not None:
+            yield needle
+        elif near == 0 and pool:
             yield pool.pop()[1]
 
 
@@ -116,20 +85,13 @@ def _random_shape(outcomes: int, rng: np.random.Generator) -> tuple[Start, Float
     """A random polyhedron with a number of rests, in order of their probabilities, which follow;
     None where the polyhedron that was drawn has more rests or fewer."""
     normals, distances = _pebble(outcomes, rng) if rng.random() < 0.5 else _bowl(outcomes, rng)
-    try:
-        points = polyhedron_corners(normals, distances)
-        hull = convex_hull(points)
-        if classify(hull, hull.centroid).stable.sum() != outcomes:
-            return None
-        basins = find_basins(hull, hull.centroid)
-    except DiceError:
+    rests = resting_half_spaces(normals, distances)
+    found = start_with_odds(normals, distances, rests) if len(rests) == outcomes else None
+    if found is None:
         return None
-    rests = basins[0].paths.rests
-    if len(basins) > 1 or len(rests) != outcomes:
-        return None
-    order = np.argsort(-basins[0].areas, kind="stable")
-    start = normalised_start(points, hull.normals[rests[order]])
-    return start, basins[0].areas[order] / (4.0 * np.pi)
+    start, odds = found
+    order = np.argsort(-odds, kind="stable")
+    return replace(start, directions=start.directions[order]), odds[order]
 
 
 def _pebble(outcomes: int, rng: np.random.Generator) -> tuple[Floats, Floats]:

@@ -26,6 +26,10 @@ class Status(Enum):
         "the energy has no finite gradient at this shape, which balances exactly; raise "
         "method.descent.perturbation, or try another start or seed"
     )
+    TOO_SMALL = (
+        "reached the odds, but with a facet that has no room for a circle of min_inradius_mm; "
+        "raise size_mm, lower min_inradius_mm, or try another seed"
+    )
     STEP_LIMIT = "reached the number of steps; allow more steps"
     TIME_LIMIT = "ran out of time; allow more seconds"
 

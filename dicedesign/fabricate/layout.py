@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.errors import InputError, LabelRoomError
-from dicedesign.fabricate.circle import inscribed_circle, signed_area
 from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.glyphs import text_section
+from dicedesign.geometry.circle import inscribed_circle, signed_area
 
 __all__ = ["Placement", "place_labels"]
 
