@@ -13,6 +13,7 @@ from dicedesign.geometry.circle import inscribed_circle
 from dicedesign.geometry.hull import ConvexHull
 from dicedesign.geometry.mass import solid_properties
 from dicedesign.geometry.sphere import rotation_between
+from dicedesign.rest.momentum import asymmetry, border_margins
 from dicedesign.rest.poses import analyse
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def odds_summary(verdict: Verdict, target: Target, engraved: EngravedDie | None)
         for outcome, facet in enumerate(verdict.facet_of_outcome)
         if facet >= 0
     }
+    borders = border_margins(poses)
     facets = [
         {
             "label": label.get(int(facet)),
@@ -44,6 +46,7 @@ def odds_summary(verdict: Verdict, target: Target, engraved: EngravedDie | None)
             "polygon_area_mm2": float(poses.areas[i]),
             "inradius_mm": _inradius(hull, int(facet)),
             "margin_deg": float(np.degrees(poses.margins[i])),
+            "border_deg": float(np.degrees(borders[i])),
         }
         for i, facet in enumerate(poses.facets)
     ]
@@ -52,6 +55,7 @@ def odds_summary(verdict: Verdict, target: Target, engraved: EngravedDie | None)
         "max_abs_error": verdict.max_abs_error,
         "center_of_mass": poses.center_of_mass.tolist(),
         "facets": facets,
+        "asymmetry": asymmetry(poses),
         "unstable_facets": len(hull.normals) - len(poses.facets),
     }
     if engraved is not None and verdict.uniform:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dicedesign.design.descent import DescentOptions, descend_to_target
 from dicedesign.design.exact import ExactOptions, solve_exactly
+from dicedesign.design.preferences import Preferences
 from dicedesign.design.result import DesignResult
 from dicedesign.design.shape_search import shapes_near
 from dicedesign.design.starts import repulsion
@@ -144,7 +145,9 @@ def run_targets(
 def attempt_target(number: int, seconds: float) -> Attempt:
     """One random target by both methods, the exact one for at most so many seconds."""
     target = random_target(number)
-    options = ExactOptions(tolerance=TOLERANCE, starts=STARTS, seconds=seconds)
+    options = ExactOptions(
+        tolerance=TOLERANCE, prefer=Preferences(), starts=STARTS, seconds=seconds
+    )
     started = time.perf_counter()
     result = solve_exactly(shapes_near(target, number), target, options)
     taken = time.perf_counter() - started

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dicedesign.bench.machine import machine_description
 from dicedesign.design.descent import DescentOptions
 from dicedesign.design.exact import ExactOptions
+from dicedesign.design.preferences import Preferences
 from dicedesign.design.result import DesignStep
 from dicedesign.design.sobolev import SobolevOptions
 from dicedesign.design.starts import Start
@@ -65,7 +66,7 @@ def _under(recipe: Recipe, options: DescentOptions) -> Recipe:
 
 
 def _exactly(recipe: Recipe) -> Recipe:
-    exact = recipe.method.exact or ExactOptions()
+    exact = replace(recipe.method.exact or ExactOptions(), prefer=Preferences())
     method = recipe.method.model_copy(update={"exact": exact, "descent": None})
     return recipe.model_copy(update={"method": method})
 
@@ -90,8 +91,8 @@ METHODS: Final = (
     Method("paper's energy", _descent("vertices", stability=0.0)),
     Method("paper's energy, Sobolev p = 2", _descent("vertices", 2, 0.0)),
 )
-"""All there are. The exact method goes on to rounding, whatever the tolerance. The paper's energy
-is that of eq. 16 over vertices. Facets have no preconditioner."""
+"""All there are. The exact method goes on to rounding, whatever the tolerance, and no further.
+The paper's energy is that of eq. 16 over vertices. Facets have no preconditioner."""
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,9 @@ __all__ = ["ExactOptions", "solve_exactly"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+LEGIBLE: Final = Preferences(circles=1.0, margin=0.1, asymmetry=0.1, roundness=0.2)
+"""Room for labels first; then rests that are not left at a nudge, and no needles or plates."""
+
 MOST_IMPROVEMENTS: Final = 100
 """Steps by preference, once the odds are met."""
 
@@ -49,8 +52,8 @@ class ExactOptions:
         so that facets become triangles.
     sobolev: the metric `(I + lambda L)^p` in which steps are shortest, of the graph Laplacian L; it
         needs `coordinates` "vertices". None for lengths as they are.
-    prefer: what the die is made better by once its odds are met, which are kept. Nothing if not
-        given.
+    prefer: what the die is made better by once its odds are met, which are kept; `LEGIBLE` unless
+        given. What is given has all other weights at 0.
     starts: most starting shapes that are tried, at least 1.
     seconds: wall-clock time after which nothing more is tried, positive; at least one start is.
     """
@@ -60,7 +63,7 @@ class ExactOptions:
     tolerance: float = 1e-12
     coordinates: Literal["facets", "vertices"] = "facets"
     sobolev: SobolevOptions | None = None
-    prefer: Preferences = field(default_factory=Preferences)
+    prefer: Preferences = LEGIBLE
     starts: int = 60
     seconds: float = 60.0
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,17 +18,21 @@ __all__ = ["convergence_figure"]
 
 _MOST_MARKERS: Final = 60
 _WIDE_RATIO: Final = 50.0
+_PREFERENCES: Final = "preferences"
+"""Term of the steps that are taken by preference."""
 
 
-def convergence_figure(history: Sequence[Mapping[str, float]], tolerance: float) -> Figure:
+def convergence_figure(history: Sequence[Mapping[str, Any]], tolerance: float) -> Figure:
     """Error and energy of a design against its run time.
 
-    Errors of exactly zero are drawn on the lower border, which is then marked 0.
+    Errors of exactly zero are drawn on the lower border, which is then marked 0. Of a design that
+    went on by preference once its odds were met, the energy is drawn from there on: before, it is
+    the error once more.
 
     Parameters
     ----------
-    history: accepted steps, at least one, each with "seconds" since the start, "energy" and
-        "max_abs_error", the largest |p - q|, at least 0.
+    history: accepted steps, at least one, each with "seconds" since the start, "energy", its
+        "terms" by name, and "max_abs_error", the largest |p - q|, at least 0.
     tolerance: error at which the design is done, above 0.
 
     Raises
@@ -73,11 +77,14 @@ def convergence_figure(history: Sequence[Mapping[str, float]], tolerance: float)
         )
     left.set_ylabel("error, max |p − q|")
     left.set_title("error against run time", fontsize=11, color=DARK)
-    _curve(right, seconds, energy)
-    if energy.min() > 0.0 and energy.max() > _WIDE_RATIO * energy.min():
+    liked = np.array([_PREFERENCES in step["terms"] for step in history])
+    name = "energy of preferences" if liked.any() else "energy"
+    shown = liked | ~liked.any()
+    _curve(right, seconds[shown], energy[shown])
+    if energy.min() > 0.0 and energy[shown].max() > _WIDE_RATIO * energy[shown].min():
         right.set_yscale("log")
-    right.set_ylabel("energy")
-    right.set_title("energy against run time", fontsize=11, color=DARK)
+    right.set_ylabel(name)
+    right.set_title(f"{name} against run time", fontsize=11, color=DARK)
     return figure
 
 

@@ -14,6 +14,7 @@ from dicedesign import rest_poses
 from dicedesign.bench.methods import METHODS, Run, methods_figure, methods_record, run_method
 from dicedesign.cli import main
 from dicedesign.design.exact import ExactOptions
+from dicedesign.design.preferences import Preferences
 from dicedesign.design.stopping import Status
 from dicedesign.design_stage import make_start
 from dicedesign.errors import InputError, OutputError
@@ -52,7 +53,7 @@ def test_methods_differ_in_what_their_names_say_and_in_nothing_else(recipe: Reci
         assert changed.model_copy(update={"method": recipe.method}) == recipe
         seen.add(repr(changed.method))
         if method.name == "exact":
-            assert changed.method.exact == ExactOptions()
+            assert changed.method.exact == ExactOptions(prefer=Preferences())
             continue
         assert options.stopping == own.stopping
         assert options.weights.coplanar == 0.3

@@ -13,6 +13,7 @@ from dicedesign.bench.measure import measure
 from dicedesign.bench.problem import Problem
 from dicedesign.bench.stability import OK, verdict
 from dicedesign.design.exact import ExactOptions, solve_exactly
+from dicedesign.design.preferences import Preferences
 from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.shape_search import shapes_near
 from dicedesign.design.sobolev import SobolevOptions
@@ -110,7 +111,8 @@ def test_a_center_of_mass_of_one_s_own() -> None:
 def test_every_accepted_step_is_told() -> None:
     seen: list[DesignStep] = []
     target = np.array(TARGETS["uneven"])
-    result = solve_exactly(shapes_near(target, 0), target, ExactOptions(), on_step=seen.append)
+    options = ExactOptions(prefer=Preferences())
+    result = solve_exactly(shapes_near(target, 0), target, options, on_step=seen.append)
     assert tuple(seen) == result.history
     assert [step.step for step in seen] == list(range(len(seen)))
     assert seen[-1].error <= 1e-12

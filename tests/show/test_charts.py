@@ -11,12 +11,13 @@ from dicedesign.show.convergence import convergence_figure
 from dicedesign.show.png import png_bytes
 
 
-def history(count: int) -> list[dict[str, float]]:
+def history(count: int) -> list[dict[str, object]]:
     return [
         {
             "step": k,
             "seconds": 0.1 * k,
             "energy": 2.0 * 0.99**k,
+            "terms": {"dice": 2.0 * 0.99**k},
             "max_abs_error": 0.2 * 0.98**k,
         }
         for k in range(count)
@@ -67,8 +68,8 @@ def test_convergence_is_drawn(count):
 @pytest.mark.parametrize("start", [0.1, 0.0])
 def test_convergence_shows_errors_of_zero(start):
     steps = [
-        {"step": 0, "seconds": 0.0, "energy": 1.0, "max_abs_error": start},
-        {"step": 1, "seconds": 0.5, "energy": 0.0, "max_abs_error": 0.0},
+        {"step": 0, "seconds": 0.0, "energy": 1.0, "terms": {}, "max_abs_error": start},
+        {"step": 1, "seconds": 0.5, "energy": 0.0, "terms": {}, "max_abs_error": 0.0},
     ]
     figure = convergence_figure(steps, 1e-4)
     left = figure.axes[0]
@@ -81,6 +82,16 @@ def test_energy_of_wide_range_is_logarithmic():
     steps = history(1000)
     assert convergence_figure(steps, 1e-3).axes[1].get_yscale() == "log"
     assert convergence_figure(steps[:10], 1e-3).axes[1].get_yscale() == "linear"
+
+
+def test_of_preferences_the_energy_is_drawn_from_where_they_begin():
+    steps = history(20)
+    for step in steps[12:]:
+        step["terms"]["preferences"] = 1.0
+    left, right = convergence_figure(steps, 1e-3).axes
+    assert len(left.lines[0].get_xdata()) == 20
+    assert right.lines[0].get_ydata().tolist() == [step["energy"] for step in steps[12:]]
+    assert right.get_ylabel() == "energy of preferences"
 
 
 def test_convergence_needs_a_step():
