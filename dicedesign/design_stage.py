@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +22,19 @@ from dicedesign.design.targets import Target
 from dicedesign.design.variations import shapes_like
 from dicedesign.design.verdict import Verdict, judge
 from dicedesign.errors import InputError
+from dicedesign.geometry.circle import facet_inradius
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.geometry.mesh_file import read_body
-from dicedesign.recipe import MethodRecipe, Recipe
+from dicedesign.recipe import Recipe
 from dicedesign.rest.equilibria import classify
 from dicedesign.tolerances import EQUAL_ODDS
 
 __all__ = ["DesignedDie", "design_die", "make_start", "resized"]
 
 Floats = NDArray[np.float64]
+
+RARE: Final = 1e-5
+"""Outcomes below are seldom met exactly: of the shapes that lead there most lose their facets."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +162,7 @@ def _judged(recipe: Recipe, start: Start | None, design: DesignResult) -> Design
     target, center = recipe.target.target(), _normalised_center(recipe, start)
     directions = design.directions[np.argsort(recipe.outcome_of_direction())]
     verdict = judge(design.hull, directions, target, recipe.size_mm, center)
-    status, message = _outcome(design, verdict, target, recipe.method)
+    status, message = _outcome(design, verdict, target, recipe)
     return DesignedDie(target, design, verdict, status, message)
 
 
@@ -172,23 +177,45 @@ def _given_center(recipe: Recipe) -> Floats | None:
 
 
 def _outcome(
-    design: DesignResult, verdict: Verdict, target: Target, method: MethodRecipe
+    design: DesignResult, verdict: Verdict, target: Target, recipe: Recipe
 ) -> tuple[Status, str]:
     """Status and message: the design's, unless the finished die says otherwise."""
-    status, tolerance = design.status, method.tolerance
+    status, tolerance = design.status, recipe.method.tolerance
     if status is Status.CONVERGED and verdict.max_abs_error > tolerance:
         status = Status.OFF_TARGET
     remarks = [f"{status.value}; max |p - q| is {verdict.max_abs_error:.3g}"]
+    if status is not Status.CONVERGED:
+        remarks += _what_to_change(status, design, verdict, recipe)
     missing = int((verdict.facet_of_outcome < 0).sum())
     if missing:
         remarks.append(f"{missing} outcomes have no facet to rest on")
     stray = 1.0 - float(verdict.probabilities.sum())
     if stray > tolerance:
         remarks.append(f"{stray:.3g} of the probability lies on rests without a label")
-    smallest = float(target.probabilities[target.probabilities > 0.0].min())
+    smallest = float(target.probabilities.min())
     if tolerance >= smallest:
         remarks.append(
             f"the tolerance is not below the smallest outcome, {smallest:.3g}: set "
-            f"{method.tolerance_key} lower"
+            f"{recipe.method.limits_key}.tolerance lower"
         )
     return status, "; ".join(remarks)
+
+
+def _what_to_change(
+    status: Status, design: DesignResult, verdict: Verdict, recipe: Recipe
+) -> Iterator[str]:
+    """What else there is to say about a design that did not converge."""
+    if design.starts > 1:
+        yield f"this is the best of {design.starts} starting shapes"
+    if status is Status.TIME_LIMIT:
+        yield f"allow more with {recipe.method.limits_key}.seconds"
+    if status is Status.TOO_SMALL:
+        facets = verdict.facet_of_outcome.tolist()
+        radius = min(facet_inradius(verdict.hull, facet) for facet in facets)
+        yield f"the smallest circle has a radius of {radius:.3g} mm"
+    smallest = float(recipe.target.target().probabilities.min())
+    if recipe.method.exact is not None and smallest < RARE:
+        yield (
+            f"an outcome of {smallest:.2g} is hard to give a facet of its own: leave out or join "
+            "what is so rare"
+        )

@@ -60,10 +60,9 @@ class MethodRecipe(Strict):
         return self
 
     @property
-    def tolerance_key(self) -> str:
-        """Where a recipe says it."""
-        chosen = "descent.stopping" if self.exact is None else "exact"
-        return f"method.{chosen}.tolerance"
+    def limits_key(self) -> str:
+        """Where a recipe says tolerance and seconds."""
+        return "method.descent.stopping" if self.exact is None else "method.exact"
 
     @property
     def tolerance(self) -> float:

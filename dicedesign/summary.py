@@ -9,10 +9,8 @@ import numpy as np
 from dicedesign.design.result import DesignResult
 from dicedesign.design.targets import Target
 from dicedesign.design.verdict import Verdict
-from dicedesign.geometry.circle import inscribed_circle
-from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.circle import facet_inradius
 from dicedesign.geometry.mass import solid_properties
-from dicedesign.geometry.sphere import rotation_between
 from dicedesign.rest.momentum import asymmetry, border_margins
 from dicedesign.rest.poses import analyse
 
@@ -44,7 +42,7 @@ def odds_summary(verdict: Verdict, target: Target, engraved: EngravedDie | None)
             "normal": poses.normals[i].tolist(),
             "probability": float(poses.probabilities[i]),
             "polygon_area_mm2": float(poses.areas[i]),
-            "inradius_mm": _inradius(hull, int(facet)),
+            "inradius_mm": facet_inradius(hull, int(facet)),
             "margin_deg": float(np.degrees(poses.margins[i])),
             "border_deg": float(np.degrees(borders[i])),
         }
@@ -65,11 +63,6 @@ def odds_summary(verdict: Verdict, target: Target, engraved: EngravedDie | None)
     return summary
 
 
-def _inradius(hull: ConvexHull, facet: int) -> float:
-    upright = rotation_between(hull.normals[facet], np.array([0.0, 0.0, 1.0]))
-    return inscribed_circle((hull.polygon(facet) @ upright.T)[:, :2])[1]
-
-
 def _engraved_odds(verdict: Verdict, target: Target, engraved: EngravedDie) -> np.ndarray:
     """The pockets leave the hull as it is and move the center of mass."""
     center = solid_properties(engraved.vertices, engraved.triangles)[1]
@@ -86,6 +79,7 @@ def design_summary(design: DesignResult) -> dict[str, Any]:
     """How the design went: energy terms at the end, what was computed, the history of steps."""
     return {
         "energy": design.terms,
+        "starts": design.starts,
         "evaluations": design.evaluations,
         "hulls": {"built": design.hulls_built, "reused": design.hulls_reused},
         "history": [

@@ -91,15 +91,30 @@ def test_labels_that_need_more_than_the_largest_size(
 def test_a_target_out_of_reach_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("dicedesign.commands.design.METHOD", {"exact": {"starts": 2}})
+    monkeypatch.setattr("dicedesign.commands.design.METHOD", {"exact": {"starts": 3}})
     folder = tmp_path / "out"
-    target = ["design", "--target", "0.97,0.01,0.01,0.01", "--out", str(folder)]
+    target = ["design", "--target", "0.999998,1e-6,1e-6", "--out", str(folder)]
     assert main(target) == 1
-    assert capsys.readouterr().out.startswith("die: no_progress (no step lowers the energy")
+    printed = capsys.readouterr().out
+    assert printed.startswith("die: no_start (none of the starting shapes led there; try another")
+    assert "allow more with method.exact.starts; max |p - q| is " in printed
+    assert "; this is the best of 3 starting shapes; an outcome of 1e-06 is hard to" in printed
     summary = check(folder)
-    assert summary["status"] == "no_progress"
+    assert summary["status"] == "no_start"
+    assert summary["starts"] == 3
     poses = rest_poses(read_body(folder / "die_plain.stl"))
-    assert summary["max_abs_error"] == pytest.approx(0.97 - poses.probabilities.max(), abs=1e-5)
+    assert max(poses.probabilities) == pytest.approx(max(summary["probabilities"]), abs=1e-5)
+
+
+def test_time_that_runs_out_is_told_with_what_to_raise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("dicedesign.commands.design.METHOD", {"exact": {"seconds": 1e-3}})
+    target = ["design", "--target", "1/2,1/3,1/6", "--out", str(tmp_path / "out")]
+    assert main(target) == 1
+    printed = capsys.readouterr().out
+    assert printed.startswith("die: time_limit (ran out of time; max |p - q| is ")
+    assert "; allow more with method.exact.seconds" in printed
 
 
 BAD = [

@@ -25,6 +25,9 @@ SLIDING: Final = 1e-9
 CENTERED: Final = 1e-9
 """Part of its radius within which a soft circle's center is found."""
 
+FREE: Final = 1e-12
+"""Part of the stiffness across a facet that is added everywhere."""
+
 CENTERING_STEPS: Final = 50
 """Most Newton steps to the center of a soft circle."""
 
@@ -128,6 +131,8 @@ def _soft_centers(
         weights /= np.add.reduceat(weights, first)[owner]
         slope = np.add.reduceat((weights / away)[:, None] * lines, first)
         bend = np.add.reduceat((weights / away**2)[:, None, None] * outer, first)
+        # In a long facet nothing holds the center along it.
+        bend += FREE * np.trace(bend, axis1=1, axis2=2)[:, None, None] * np.eye(2)
         step = np.linalg.solve((1.0 + SOFTNESS) * bend, slope[..., None])[..., 0]
         # At most half of the way to an edge.
         fall = np.maximum.reduceat(-(lines * step[owner]).sum(-1) / away, first)

@@ -126,10 +126,10 @@ def solve_exactly(
         symmetry.
     """
     search = _Search(target, options, center_of_mass, group, least_circle, on_step)
-    for number, start in enumerate(starts):
-        if number == options.starts or (search.out_of_time and search.best is not None):
+    for start in starts:
+        if search.solve(start) or search.starts == options.starts:
             break
-        if search.solve(start):
+        if search.out_of_time and search.best is not None:
             break
     return search.result()
 
@@ -146,11 +146,16 @@ class _Search:
     on_step: Callable[[DesignStep], None] | None
     best: Trial | None = None
     history: list[DesignStep] = field(default_factory=list)
-    evaluations: int = 0
+    starts: int = 0
 
     def __post_init__(self) -> None:
         self.started = time.perf_counter()
         self.maker = TrialMaker(self.center_of_mass)
+
+    @property
+    def aim(self) -> float:
+        """Largest |p - q| to end with: the die may yet be scaled, and its odds rounded anew."""
+        return self.options.tolerance / 2.0
 
     @property
     def out_of_time(self) -> bool:
@@ -158,6 +163,7 @@ class _Search:
 
     def solve(self, start: Start) -> bool:
         """Go from one start to the target, and on by preference; whether nothing is left to do."""
+        self.starts += 1
         coordinates, parameters = self._coordinates(start)
         first = self.maker.attempt(coordinates, parameters, start.directions)
         if first is None:
@@ -167,12 +173,12 @@ class _Search:
             self.target,
             self.maker,
             options.sobolev,
-            options.tolerance,
+            self.aim,
             lambda: self.out_of_time,
             self._record,
         )
         found = approach.end(first)
-        if found.error(self.target) > options.tolerance:
+        if found.error(self.target) > self.aim:
             return False
         found = improve(
             found,
@@ -180,7 +186,7 @@ class _Search:
             self.maker,
             options.prefer,
             least_circle=self.least_circle,
-            tolerance=options.tolerance,
+            tolerance=self.aim,
             steps=MOST_IMPROVEMENTS,
             out_of_time=lambda: self.out_of_time,
             on_step=self._record_improvement,
@@ -200,7 +206,7 @@ class _Search:
         """What is wrong with a trial: first its error beyond the tolerance, then what its smallest
         circle lacks."""
         error = trial.error(self.target)
-        if error > self.options.tolerance:
+        if error > self.aim:
             return error, 0.0
         if self.least_circle == 0.0:
             return 0.0, 0.0
@@ -239,7 +245,7 @@ class _Search:
                 "and no other, got none; take another start"
             )
         error, small = self._shortfall(best)
-        status = Status.NO_PROGRESS
+        status = Status.NO_START
         if error == 0.0:
             status = Status.CONVERGED if small == 0.0 else Status.TOO_SMALL
         elif self.out_of_time:
@@ -254,4 +260,5 @@ class _Search:
             self.maker.evaluations,
             polars.built + shapes.built,
             polars.reused + shapes.reused,
+            self.starts,
         )

@@ -40,6 +40,7 @@ class DesignResult:
     evaluations: energies computed, those of rejected trials and after pruning included.
     hulls_built: hulls computed for them from scratch, polar hulls of facet coordinates included.
     hulls_reused: hulls that only moved the vertices of the one before, for the same result.
+    starts: starting shapes that were tried.
     """
 
     status: Status
@@ -50,3 +51,4 @@ class DesignResult:
     evaluations: int
     hulls_built: int
     hulls_reused: int
+    starts: int = 1

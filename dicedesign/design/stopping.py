@@ -21,6 +21,10 @@ class Status(Enum):
         "reached the tolerance counting all rests near an outcome, but the die also rests "
         "elsewhere; raise weights.stability or weights.coplanar"
     )
+    NO_START = (
+        "none of the starting shapes led there; try another seed, or allow more with "
+        "method.exact.starts"
+    )
     NO_PROGRESS = "no step lowers the energy any further; try another start, assignment or seed"
     NO_GRADIENT = (
         "the energy has no finite gradient at this shape, which balances exactly; raise "
@@ -31,7 +35,7 @@ class Status(Enum):
         "raise size_mm, lower min_inradius_mm, or try another seed"
     )
     STEP_LIMIT = "reached the number of steps; allow more steps"
-    TIME_LIMIT = "ran out of time; allow more seconds"
+    TIME_LIMIT = "ran out of time"
 
 
 @dataclass(frozen=True)

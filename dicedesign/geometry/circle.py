@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from dicedesign.errors import InputError
+from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.sphere import rotation_between
 
-__all__ = ["inscribed_circle", "signed_area"]
+__all__ = ["facet_inradius", "inscribed_circle", "signed_area"]
 
 Floats = NDArray[np.float64]
 
@@ -30,6 +32,12 @@ def centroid(polygon: Floats) -> Floats:
     if doubled.sum() == 0.0:
         return middle
     return middle + doubled @ (corners + following) / (3.0 * doubled.sum())
+
+
+def facet_inradius(hull: ConvexHull, facet: int) -> float:
+    """Radius of the largest circle in a facet of a hull, in the hull's unit."""
+    upright = rotation_between(hull.normals[facet], np.array([0.0, 0.0, 1.0]))
+    return inscribed_circle((hull.polygon(facet) @ upright.T)[:, :2])[1]
 
 
 def inscribed_circle(polygon: Floats, slack: float = 0.0) -> tuple[Floats, float]:

@@ -1,15 +1,17 @@
-"""The bench of the exact method: its targets, its verdicts, its summaries, and the command."""
+"""The bench of the exact method: targets, verdicts, summaries, recipes, and the command."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dicedesign.bench import exact_targets
+from dicedesign.bench import exact_recipes, exact_targets
+from dicedesign.bench.exact_recipes import NO_DIE, RecipeAttempt, attempt_recipe
 from dicedesign.bench.exact_targets import (
     LEAST_SECONDS,
     Attempt,
@@ -21,11 +23,31 @@ from dicedesign.bench.exact_targets import (
 from dicedesign.cli import main
 from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.stopping import Status
+from dicedesign.design.verdict import judge
+from dicedesign.design_stage import DesignedDie, make_start
 from dicedesign.geometry.hull import convex_hull
+from dicedesign.recipe import Recipe
+from dicedesign.recipe_file import checked_recipe
 
 PLAIN = Attempt(0, (0.4, 0.3, 0.2, 0.1), "CONVERGED", 4, 1e-15, 0.2, 0.2, 1e-3)
 FAILED = replace(PLAIN, number=9, status="TIME_LIMIT", error=2e-4, seconds=10.0, descent_error=0.5)
 LARGER = replace(PLAIN, number=1, target=(0.2,) * 5, seconds=0.4, descent_error=3e-3)
+
+CUBE = convex_hull(np.array(np.meshgrid([-1.0, 1.0], [-1.0, 1.0], [-1.0, 1.0])).reshape(3, -1).T)
+ROW = RecipeAttempt(
+    "cubic", "exact", 6, "CONVERGED", 6, 1e-12, 2e-16, 0.02, 0.5, inradius_mm=8.66, border_deg=45.0
+)
+STUCK = replace(
+    ROW,
+    name="stuck",
+    method="descent",
+    status="STEP_LIMIT",
+    rests=7,
+    error=np.inf,
+    odds_seconds=np.nan,
+    inradius_mm=np.nan,
+    border_deg=np.nan,
+)
 
 
 def test_targets_are_even_in_their_outcomes_and_seeded() -> None:
@@ -52,24 +74,22 @@ def test_a_target_is_solved_exactly_and_descent_is_not_there_yet() -> None:
 
 def test_the_solver_is_not_taken_at_its_word(monkeypatch: pytest.MonkeyPatch) -> None:
     """A cube is fair; whatever is said of it, it has neither other odds nor fewer rests."""
-    corners = np.array(np.meshgrid([-1.0, 1.0], [-1.0, 1.0], [-1.0, 1.0])).reshape(3, -1).T
-    hull = convex_hull(corners)
 
     def claim(directions: np.ndarray, target: np.ndarray) -> Attempt:
         step = DesignStep(0, 0.0, 0.0, {"dice": 0.0}, 0.0)
-        result = DesignResult(Status.CONVERGED, hull, directions, {}, (step,), 1, 1, 0)
+        result = DesignResult(Status.CONVERGED, CUBE, directions, {}, (step,), 1, 1, 0)
         monkeypatch.setattr(exact_targets, "random_target", lambda number: target)
         monkeypatch.setattr(exact_targets, "solve_exactly", lambda *given: result)
         monkeypatch.setattr(exact_targets, "_descent_error", lambda *given: 0.5)
         return attempt_target(0, 1.0)
 
-    assert claim(hull.normals, np.full(6, 1.0 / 6.0)).solved
-    wrong = claim(hull.normals, np.array([0.25, 0.25, 0.125, 0.125, 0.125, 0.125]))
+    assert claim(CUBE.normals, np.full(6, 1.0 / 6.0)).solved
+    wrong = claim(CUBE.normals, np.array([0.25, 0.25, 0.125, 0.125, 0.125, 0.125]))
     assert not wrong.solved
     assert wrong.error == pytest.approx(1.0 / 12.0)
-    fewer = claim(hull.normals[:5], np.full(5, 0.2))
+    fewer = claim(CUBE.normals[:5], np.full(5, 0.2))
     assert (fewer.rests, fewer.error, fewer.solved) == (6, float("inf"), False)
-    twice = claim(hull.normals[[0, 0, 2, 3, 4, 5]], np.full(6, 1.0 / 6.0))
+    twice = claim(CUBE.normals[[0, 0, 2, 3, 4, 5]], np.full(6, 1.0 / 6.0))
     assert not twice.solved
 
 
@@ -122,7 +142,135 @@ def test_the_command_prints_a_table_or_json(
     assert {"date", "machine", "python", "dicedesign", "torch"} <= set(record)
     assert [row["outcomes"] for row in record["rows"]] == [4, 5, None]
     assert [a["solved"] for a in record["targets"]] == [True, False, True]
+    assert record["recipes"] == []
     assert asked == [(200, 10.0), (3, 2.0)]
+
+
+def cubic(outcomes: int, method: str = "exact") -> Recipe:
+    plain = {"name": "cubic", "target": {"fair": outcomes}, "start": {"repulsion": {}}}
+    return checked_recipe({**plain, "method": {method: {}}, "size_mm": 30})
+
+
+def claim_cube(
+    monkeypatch: pytest.MonkeyPatch, directions: np.ndarray, status: Status, *errors: float
+) -> None:
+    """Make the design of every recipe a cube, with a step of such an error after each second."""
+
+    def design(recipe: Recipe, start: object) -> DesignedDie:
+        steps = tuple(DesignStep(i, i + 1.0, 0.0, {}, error) for i, error in enumerate(errors))
+        result = DesignResult(status, CUBE, directions, {}, steps, 1, 1, 0)
+        target = recipe.target.target()
+        verdict = judge(CUBE, directions, target, recipe.size_mm)
+        return DesignedDie(target, result, verdict, status, "")
+
+    monkeypatch.setattr(exact_recipes, "design_die", design)
+
+
+def test_a_cube_is_measured_in_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a diagonal of 30 mm, the edge is 30 / sqrt(3) mm, and the border 45 degrees away."""
+    claim_cube(monkeypatch, CUBE.normals, Status.CONVERGED, 0.1, 1e-4, 1e-13, 1e-9, 1e-15)
+    exact = attempt_recipe(cubic(6), None)
+    assert (exact.name, exact.method, exact.outcomes, exact.rests) == ("cubic", "exact", 6, 6)
+    assert exact.inradius_mm == pytest.approx(15.0 / np.sqrt(3.0), rel=1e-12)
+    assert exact.border_deg == pytest.approx(45.0, rel=1e-12)
+    assert (exact.tolerance, exact.odds_seconds) == (1e-12, 3.0)
+    assert exact.error < 1e-14
+    assert exact.solved
+    descent = attempt_recipe(cubic(6, "descent"), None)
+    assert (descent.method, descent.tolerance, descent.odds_seconds) == ("descent", 1e-3, 2.0)
+    assert descent.solved
+
+
+def test_a_recipe_is_not_solved_by_its_odds_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    claim_cube(monkeypatch, CUBE.normals, Status.TOO_SMALL, 1e-13)
+    small = attempt_recipe(cubic(6), None)
+    assert (small.status, small.solved) == ("TOO_SMALL", False)
+    assert small.error < 1e-14
+    claim_cube(monkeypatch, CUBE.normals[:5], Status.CONVERGED, 0.1)
+    fewer = attempt_recipe(cubic(5), None)
+    assert (fewer.outcomes, fewer.rests, fewer.error, fewer.solved) == (5, 6, np.inf, False)
+    assert np.isnan([fewer.odds_seconds, fewer.inradius_mm, fewer.border_deg]).all()
+
+
+def test_a_start_that_leads_nowhere_is_a_row_too() -> None:
+    """A prism with flat caps rests on them too, so it has two rests too many."""
+    plain = {"name": "nowhere", "target": {"fair": 4}, "start": {"prism": {"cap": 0.0}}}
+    recipe = checked_recipe({**plain, "method": {"exact": {"starts": 1}}})
+    attempt = attempt_recipe(recipe, make_start(recipe))
+    assert (attempt.status, attempt.rests, attempt.error) == (NO_DIE, 0, np.inf)
+    assert not attempt.solved
+
+
+def test_the_command_runs_recipes_after_the_targets(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], repository: Path
+) -> None:
+    paths = [str(repository / "recipes" / f"{name}.yaml") for name in ("fair_d5", "fair_d3")]
+    asked: list[str] = []
+
+    def run(count: int, seconds: float, on_target: object) -> Iterator[Attempt]:
+        asked.append("targets")
+        return iter([PLAIN])
+
+    def attempt(recipe: Recipe, start: object) -> RecipeAttempt:
+        asked.append(recipe.name)
+        return {"fair_d5": ROW, "fair_d3": STUCK}[recipe.name]
+
+    monkeypatch.setattr(exact_targets, "run_targets", run)
+    monkeypatch.setattr(exact_recipes, "attempt_recipe", attempt)
+    assert main(["bench", "exact", *paths]) == 0
+    assert asked == ["targets", "fair_d5", "fair_d3"]
+    *_, everything, empty, header, solved, stuck = capsys.readouterr().out.splitlines()
+    assert everything.split()[0] == "all"
+    assert empty == ""
+    assert header.split()[:4] == ["recipe", "method", "verdict", "outcomes"]
+    numbers = ["6", "6", "2.0e-16", "0.020", "0.500", "8.66", "45.0"]
+    assert solved.split() == ["cubic", "exact", "solved", *numbers]
+    assert stuck.split()[:4] == ["stuck", "descent", "step", "limit"]
+    assert stuck.split()[4:] == ["6", "7", "-", "-", "0.500", "-", "-"]
+    assert main(["bench", "exact", "--json", *paths]) == 0
+    first, second = json.loads(capsys.readouterr().out)["recipes"]
+    assert (first["name"], first["solved"], first["border_deg"]) == ("cubic", True, 45.0)
+    assert (second["solved"], second["error"], second["odds_seconds"]) == (False, None, None)
+
+
+def test_a_recipe_is_solved_through_the_command(
+    capsys: pytest.CaptureFixture[str], repository: Path
+) -> None:
+    path = repository / "recipes" / "fair_d5.yaml"
+    assert main(["bench", "exact", "--targets", "1", "--json", str(path)]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert [target["number"] for target in record["targets"]] == [0]
+    (attempt,) = record["recipes"]
+    assert (attempt["name"], attempt["method"], attempt["status"]) == (
+        "fair_d5",
+        "exact",
+        "CONVERGED",
+    )
+    assert attempt["solved"]
+    assert attempt["outcomes"] == attempt["rests"] == 5
+    assert attempt["error"] <= attempt["tolerance"] == 1e-12
+    assert 0.0 <= attempt["odds_seconds"] <= attempt["seconds"]
+    # A prism of two triangles and three rectangles, whose largest distance is 30 mm.
+    assert 0.0 < attempt["inradius_mm"] < 15.0
+    assert 0.0 < attempt["border_deg"] < 90.0
+
+
+def test_bad_recipes_are_errors_before_anything_runs(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    repository: Path,
+    tmp_path: Path,
+) -> None:
+    def run(*given: object) -> Iterator[Attempt]:
+        raise AssertionError
+
+    monkeypatch.setattr(exact_targets, "run_targets", run)
+    good, none, mesh = repository / "recipes" / "fair_d5.yaml", tmp_path / "none", tmp_path / "mesh"
+    assert main(["bench", "exact", str(good), str(none)]) == 2
+    assert f"{none}: expected a readable recipe file" in capsys.readouterr().err
+    mesh.write_text("{name: mesh, target: {fair: 4}, start: {mesh: {path: gone.stl}}}")
+    assert main(["bench", "exact", str(good), str(mesh)]) == 2
+    assert "gone.stl" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

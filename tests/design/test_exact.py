@@ -91,7 +91,8 @@ def test_the_same_seed_gives_the_same_die() -> None:
     ],
 )
 def test_a_start_of_one_s_own_is_kept_to(start: Start, target: np.ndarray) -> None:
-    result = solve_exactly(shapes_like(start, 0), target, ExactOptions())
+    options = ExactOptions(prefer=Preferences())
+    result = solve_exactly(shapes_like(start, 0), target, options)
     check_exact(result, target)
     # It has no more facets, and those of the outcomes lie nearest to where they were.
     assert len(result.hull.normals) <= len(all_normals(start))
@@ -126,7 +127,8 @@ OUT_OF_REACH = [1.0 - 1e-6, 5e-7, 5e-7]
 
 def test_what_is_not_met_ends_with_the_best_found() -> None:
     result = solved(OUT_OF_REACH, starts=5)
-    assert result.status is Status.NO_PROGRESS
+    assert result.status is Status.NO_START
+    assert result.starts == 5
     best = min(step.error for step in result.history)
     assert best > 1e-3
     poses = rest_poses(result.hull.vertices)

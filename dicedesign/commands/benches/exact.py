@@ -1,9 +1,12 @@
-"""`dicedesign bench exact`: the exact method on random targets."""
+"""`dicedesign bench exact`: the exact method on random targets, and any method on recipes."""
 
 from __future__ import annotations
 
 import argparse
+import math
+from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dicedesign.commands.benches.reporting import (
@@ -16,24 +19,34 @@ from dicedesign.commands.benches.reporting import (
 from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
+    from dicedesign.bench.exact_recipes import RecipeAttempt
     from dicedesign.bench.exact_targets import Attempt, Summary
+    from dicedesign.design.starts import Start
+    from dicedesign.recipe import Recipe
 
 __all__ = ["add_parser"]
 
 WIDTHS = (8, 9, 8, 11, 16, 17, 16)
+RECIPE_WIDTHS = (9, 7, 13, 9, 9, 11, 12)
 
 
 def add_parser(benches: Any) -> None:
     """Add the bench to argparse's `benches`."""
     parser = benches.add_parser(
         "exact",
-        help="the exact method on random targets, beside descent in the same time",
+        help="the exact method on random targets, beside descent in the same time, and recipes",
         description="Design dice for random targets of 4 to 12 outcomes, the smallest at least "
-        "0.01, by the exact method from searched shapes, and by descent in the same time. A target "
-        "is solved when the forward model finds one rest for each outcome and no other, and odds "
-        "within 1e-12. Seconds are wall-clock time; a first target is solved uncounted, since "
-        "torch's batched backward pass takes longer at its first use in a process.",
+        "0.01, by the exact method from searched shapes, without preferences, and by descent in "
+        "the same time. Then run recipes as they are, each by its own method. A die is solved when "
+        "the forward model finds one rest for each outcome and no other, and odds within 1e-12 or "
+        "the recipe's tolerance; for a recipe, its design must have converged too. Of recipes the "
+        "table gives seconds until the odds were met and in all, with the improvement by "
+        "preference; the radius of the smallest of the largest circles in the outcomes' facets; "
+        "and the least angle from a rest to the border of its basin. Seconds are wall-clock time; "
+        "a first target is solved uncounted, since torch's batched backward pass takes longer at "
+        "its first use in a process.",
     )
+    parser.add_argument("recipes", nargs="*", type=Path, metavar="RECIPE", help="YAML file")
     parser.add_argument(
         "--targets", type=int, default=200, metavar="N", help="how many targets (default: 200)"
     )
@@ -42,7 +55,7 @@ def add_parser(benches: Any) -> None:
         type=float,
         default=10.0,
         metavar="S",
-        help="limit of the exact method for each target (default: 10)",
+        help="limit of the exact method for each random target (default: 10)",
     )
     add_json_option(parser)
     parser.set_defaults(command=_run)
@@ -57,9 +70,13 @@ def _run(options: argparse.Namespace) -> int:
 
     from dicedesign.bench.exact_targets import STARTS, run_targets, summaries
     from dicedesign.bench.machine import machine_description
+    from dicedesign.design_stage import make_start
+    from dicedesign.recipe_file import read_recipe
 
     # As `dicedesign run` does.
     torch.set_num_threads(1)
+    recipes = [read_recipe(path) for path in options.recipes]
+    starts = [make_start(recipe) for recipe in recipes]
     attempts = []
     with progress_bar("targets") as bar:
         bar.reset(total=options.targets)
@@ -67,6 +84,9 @@ def _run(options: argparse.Namespace) -> int:
             bar.update()
             attempts.append(attempt)
     rows = summaries(attempts)
+    if not options.json:
+        _print_targets(rows, attempts)
+    designed = _run_recipes(recipes, starts, show=not options.json)
     if options.json:
         record = {
             **machine_description("numpy", "scipy", "torch"),
@@ -74,9 +94,35 @@ def _run(options: argparse.Namespace) -> int:
             "limit_starts": STARTS,
             "rows": [asdict(row) for row in rows],
             "targets": [attempt.plain() for attempt in attempts],
+            "recipes": [attempt.plain() for attempt in designed],
         }
         print(json_text(record))
-        return 0
+    return 0
+
+
+def _run_recipes(
+    recipes: Sequence[Recipe], starts: Sequence[Start | None], *, show: bool
+) -> list[RecipeAttempt]:
+    """Design one recipe after the other. show: print the row of each as it comes."""
+    from dicedesign.bench.exact_recipes import attempt_recipe
+
+    attempts: list[RecipeAttempt] = []
+    if not recipes:
+        return attempts
+    if show:
+        print_row(f"\n{_recipe_heading()}")
+    with progress_bar("recipes") as bar:
+        bar.reset(total=len(recipes))
+        for recipe, start in zip(recipes, starts, strict=True):
+            bar.set_description_str(recipe.name)
+            attempts.append(attempt_recipe(recipe, start))
+            bar.update()
+            if show:
+                print_row(_recipe_row(attempts[-1]))
+    return attempts
+
+
+def _print_targets(rows: Sequence[Summary], attempts: Sequence[Attempt]) -> None:
     print_row(
         _line(
             "outcomes", "targets", "solved", "median s", "worst solved s", "median descent", "worst"
@@ -87,7 +133,6 @@ def _run(options: argparse.Namespace) -> int:
     for attempt in attempts:
         if not attempt.solved:
             print_row(_unsolved(attempt))
-    return 0
 
 
 def _table_row(row: Summary) -> str:
@@ -112,3 +157,42 @@ def _unsolved(attempt: Attempt) -> str:
 
 def _line(*cells: str) -> str:
     return "".join(f"{cell:>{width}}" for cell, width in zip(cells, WIDTHS, strict=True))
+
+
+def _recipe_heading() -> str:
+    return _recipe_line(
+        "recipe",
+        "method",
+        "verdict",
+        "outcomes",
+        "rests",
+        "max |p - q|",
+        "odds s",
+        "s",
+        "circle mm",
+        "border deg",
+    )
+
+
+def _recipe_row(attempt: RecipeAttempt) -> str:
+    return _recipe_line(
+        attempt.name,
+        attempt.method,
+        "solved" if attempt.solved else attempt.status.lower().replace("_", " "),
+        str(attempt.outcomes),
+        str(attempt.rests),
+        _number(attempt.error, ".1e"),
+        _number(attempt.odds_seconds, ".3f"),
+        _number(attempt.seconds, ".3f"),
+        _number(attempt.inradius_mm, ".2f"),
+        _number(attempt.border_deg, ".1f"),
+    )
+
+
+def _number(value: float, form: str) -> str:
+    return format(value, form) if math.isfinite(value) else "-"
+
+
+def _recipe_line(recipe: str, method: str, verdict: str, *cells: str) -> str:
+    values = "".join(f"{cell:>{width}}" for cell, width in zip(cells, RECIPE_WIDTHS, strict=True))
+    return f"{recipe:<26} {method:<8} {verdict:<12}{values}"
