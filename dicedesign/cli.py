@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     # Imported here, so that an interrupt during the import ends as plainly as any other.
-    from dicedesign.commands import bench, design, drop, rest, run
+    from dicedesign.commands import bench, design, drop, rest, run, search
 
     parser = argparse.ArgumentParser(
         prog="dicedesign",
@@ -49,7 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"dicedesign {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for module in (run, design, rest, drop, bench):
+    for module in (run, design, search, rest, drop, bench):
         module.add_parser(commands)
     return parser
 

@@ -12,8 +12,9 @@ FLOORS = (
     ("design",),
     ("fabricate",),
     ("show",),
-    ("recipe", "recipe_file", "design_stage", "summary"),
+    ("recipe_parts", "recipe", "recipe_file", "design_stage", "summary"),
     ("pipeline",),
+    ("search",),
     ("bench",),
     ("commands",),
     ("cli",),
@@ -21,6 +22,7 @@ FLOORS = (
 )
 KNOW_TORCH = (
     "dicedesign.design",
+    "dicedesign.search.trial",
     "dicedesign.bench",
     "dicedesign.commands.running",
     "dicedesign.commands.benches",

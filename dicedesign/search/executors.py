@@ -1,0 +1,165 @@
+"""Where trials run: `concurrent.futures.Executor`s of local processes or of a Dask cluster."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from typing import Any, Final
+
+from dicedesign import __version__
+from dicedesign.errors import DiceError, InputError
+from dicedesign.search.extras import missing_extra
+
+__all__ = ["cluster_workers", "is_lost_worker", "local_workers"]
+
+PATIENCE: Final = 30.0
+"""Seconds that a cluster may take to answer."""
+
+
+class _LocalWorkers(Executor):
+    """Processes that are started again when one of them dies, which fails what they all ran."""
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self._others = set(multiprocessing.active_children())
+        self._pool = self._start()
+
+    def _start(self) -> ProcessPoolExecutor:
+        context = multiprocessing.get_context("spawn")
+        return ProcessPoolExecutor(self._jobs, context, _begin_worker)
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        try:
+            return self._pool.submit(function, *args, **kwargs)
+        except BrokenExecutor:
+            self._pool.shutdown(wait=True)
+            self._pool = self._start()
+            return self._pool.submit(function, *args, **kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Without `wait`, what is running ends at once."""
+        if not wait:
+            for process in set(multiprocessing.active_children()) - self._others:
+                process.terminate()
+        self._pool.shutdown(wait=True, cancel_futures=cancel_futures)
+
+
+def _begin_worker() -> None:
+    """Leave interrupts to the parent, and end with it even if it is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+@contextmanager
+def local_workers(jobs: int) -> Iterator[Executor]:
+    """So many processes of this machine; those that die are replaced."""
+    workers = _LocalWorkers(jobs)
+    try:
+        yield workers
+    finally:
+        workers.shutdown(wait=False, cancel_futures=True)
+
+
+class _ClusterWorkers(Executor):
+    """A Dask client as an executor that says so when the scheduler has gone for good."""
+
+    def __init__(self, client: Any, address: str) -> None:
+        self._client = client
+        self._address = address
+        # Without `pure`, a trial that is submitted again runs again.
+        self._workers: Executor = client.get_executor(pure=False)
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        while self._client.status == "connecting":
+            time.sleep(0.1)
+        if self._client.status != "running":
+            raise DiceError(
+                f"--scheduler {self._address}: expected a Dask scheduler until the end, but it has "
+                "gone; run the same command to go on"
+            )
+        return self._workers.submit(function, *args, **kwargs)
+
+
+@contextmanager
+def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
+    """The workers of a Dask cluster, and how many trials they can run at a time. Those that join
+    later help; while there are none, trials wait.
+
+    address: of its scheduler, such as tcp://10.0.0.5:8786.
+
+    Raises
+    ------
+    InputError: distributed is not installed here, no scheduler or worker answers, or the workers
+        have another version of this package, or none.
+    DiceError: by `submit`, when the scheduler has gone.
+    """
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise missing_extra("cluster", "--scheduler", error) from error
+    log = logging.getLogger("distributed.client")
+    level = log.level
+    # What it would log is said here by errors.
+    log.setLevel(logging.CRITICAL)
+    client = None
+    try:
+        try:
+            client = Client(address, timeout=PATIENCE, set_as_default=False)
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except (OSError, ValueError) as error:
+            missing = "a Dask scheduler" if client is None else "at least one worker"
+            raise InputError(
+                f"--scheduler {address}: expected {missing} that answers within {PATIENCE:g} "
+                f"seconds, got none; start it with `dask {missing.split()[-1]}`"
+            ) from error
+        _check_versions(client, address)
+        yield _ClusterWorkers(client, address), sum(client.nthreads().values())
+    finally:
+        if client is not None:
+            # Nobody wants what still runs there then.
+            client.close(timeout=PATIENCE)
+        log.setLevel(level)
+
+
+def _check_versions(client: Any, address: str) -> None:
+    wanted = f"--scheduler {address}: expected workers with dicedesign {__version__}"
+    try:
+        found = set(client.run(_installed_version).values())
+    except Exception as error:
+        # Errors of the workers come in types of their own, or in none.
+        raise InputError(f"{wanted}, but {error}; install it where they run") from error
+    if found != {__version__}:
+        raise InputError(
+            f"{wanted}, got {', '.join(sorted(found))}; install the same version everywhere"
+        )
+
+
+def _installed_version() -> str:
+    return __version__
+
+
+def is_lost_worker(error: BaseException) -> bool:
+    """Whether a future failed because its worker went away, not because of what it ran."""
+    lost: tuple[type[BaseException], ...] = (BrokenExecutor, CancelledError)
+    if "distributed" in sys.modules:
+        from distributed import CancelledError as Cancelled
+        from distributed import KilledWorker
+        from distributed.comm import CommClosedError
+
+        lost += (Cancelled, KilledWorker, CommClosedError)
+    return isinstance(error, lost)

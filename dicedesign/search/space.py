@@ -1,0 +1,82 @@
+"""What a search varies, and how the numbers of a trial become a recipe."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Final
+
+import numpy as np
+
+from dicedesign.recipe import Recipe
+from dicedesign.recipe_file import checked_recipe
+
+__all__ = ["Range", "search_space", "varied_recipe"]
+
+WEIGHTS: Final = (1e-5, 10.0)
+"""Least and largest weight of a preference that is proposed, evenly in its logarithm."""
+
+OFF_BELOW: Final = 0.01
+"""A proposed weight below this is 0 in the recipe: half of the range leaves a preference out."""
+
+
+@dataclass(frozen=True)
+class Range:
+    """A number that a search varies.
+
+    Attributes
+    ----------
+    low, high: the least and the largest that is proposed.
+    logarithmic: proposed evenly in the logarithm.
+    own: at which the recipe is as it was given.
+    """
+
+    low: float
+    high: float
+    logarithmic: bool
+    own: float
+
+
+def search_space(recipe: Recipe) -> dict[str, Range]:
+    """The numbers that a search of a recipe varies, by name.
+
+    "assignment.LABEL": labels take the start's directions in the order of these numbers; where the
+    start is given and not all outcomes are equally probable. "prefer.NAME": weights of preferences;
+    where the method is exact. The seed is not among them: it is another for each trial.
+    """
+    target = recipe.target.target()
+    space: dict[str, Range] = {}
+    if recipe.start.search is None and np.ptp(target.probabilities) > 0.0:
+        order = recipe.assignment or target.labels
+        space |= {
+            f"assignment.{label}": Range(0.0, 1.0, False, (place + 0.5) / len(order))
+            for place, label in enumerate(order)
+        }
+    for name, weight in _own_weights(recipe).items():
+        low, high = WEIGHTS
+        own = weight if weight >= OFF_BELOW else low
+        space[f"prefer.{name}"] = Range(low, max(high, own), True, own)
+    return space
+
+
+def varied_recipe(recipe: Recipe, number: int, values: Mapping[str, float]) -> Recipe:
+    """The recipe of a trial: its number is added to the seed, and the numbers of `search_space`
+    take the given values."""
+    entries = recipe.resolved()
+    entries["seed"] += number
+    places = {
+        name.removeprefix("assignment."): place
+        for name, place in values.items()
+        if name.startswith("assignment.")
+    }
+    if places:
+        entries["assignment"] = sorted(places, key=places.__getitem__)
+    for name in _own_weights(recipe):
+        weight = values[f"prefer.{name}"]
+        entries["method"]["exact"]["prefer"][name] = weight if weight >= OFF_BELOW else 0.0
+    return checked_recipe(entries)
+
+
+def _own_weights(recipe: Recipe) -> dict[str, float]:
+    exact = recipe.method.exact
+    return {} if exact is None else asdict(exact.prefer)

@@ -1,0 +1,226 @@
+"""The memory of a search: an Optuna study in a folder, from which it can go on."""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from dicedesign.errors import InputError, OutputError
+from dicedesign.files import atomic_write, make_writable_folder
+from dicedesign.recipe import Recipe
+from dicedesign.recipe_file import read_recipe, recipe_text
+from dicedesign.search.extras import missing_extra
+from dicedesign.search.space import search_space, varied_recipe
+
+if TYPE_CHECKING:
+    import optuna
+
+__all__ = ["SearchStudy", "open_study"]
+
+RECIPE: Final = "search.yaml"
+"""The recipe that is searched, with every default."""
+
+JOURNAL: Final = "trials.journal"
+"""Optuna's log of everything asked and told."""
+
+LOCK: Final = "search.lock"
+"""Locked while a search runs in the folder."""
+
+
+class SearchStudy:
+    """Trials that were proposed and what became of them, kept in a folder.
+
+    A trial is COMPLETE in the study once its result is known, whether or not its design reached the
+    tolerance: one that did not has a constraint above 0, the more the larger its error, and so
+    teaches the sampler where not to look. Of the others the smallest circle and the margin are to
+    be large.
+    """
+
+    def __init__(self, study: optuna.Study, recipe: Recipe) -> None:
+        self._study = study
+        self._recipe = recipe
+        self._space = search_space(recipe)
+        self._asked: dict[int, optuna.Trial] = {}
+
+    def finished(self) -> list[dict[str, Any]]:
+        """Of each trial with a result, in order, its "number", its "recipe" as plain data, and what
+        `dicedesign.search.trial.run_trial` returned."""
+        return [
+            {
+                "number": trial.number,
+                "recipe": trial.user_attrs["recipe"],
+                **trial.user_attrs["result"],
+            }
+            for trial in self._study.get_trials(deepcopy=False)
+            if trial.state.name == "COMPLETE"
+        ]
+
+    def propose(self) -> tuple[int, dict[str, Any]]:
+        """Number and recipe of a new trial.
+
+        The first is the recipe as it was given. What is proposed depends on the recipe, the number,
+        and the trials finished or running by then, and not on when the search was interrupted.
+        """
+        from optuna.distributions import FloatDistribution
+
+        self._study.sampler = self._sampler(len(self._study.get_trials(deepcopy=False)))
+        trial = self._study.ask(
+            {
+                name: FloatDistribution(entry.low, entry.high, log=entry.logarithmic)
+                for name, entry in self._space.items()
+            }
+        )
+        entries = varied_recipe(self._recipe, trial.number, trial.params).resolved()
+        trial.set_user_attr("recipe", entries)
+        self._asked[trial.number] = trial
+        return trial.number, entries
+
+    def tell(self, number: int, result: Mapping[str, Any]) -> None:
+        """Record the result of a trial that was proposed."""
+        trial = self._asked.pop(number)
+        trial.set_user_attr("result", dict(result))
+        unreached = 0.0
+        if result["status"] != "converged":
+            error = 1.0 if result["max_abs_error"] is None else result["max_abs_error"]
+            unreached = max(error, float(np.finfo(np.float64).tiny))
+        trial.set_constraint("error", unreached)
+        self._study.tell(trial, [result["inradius_mm"] or 0.0, result["margin_deg"] or 0.0])
+
+    def _sampler(self, number: int) -> optuna.samplers.BaseSampler:
+        """For one trial: a sampler made when the search goes on would else repeat itself."""
+        from optuna.samplers import TPESampler
+
+        seed = np.random.SeedSequence([self._recipe.seed, number]).generate_state(1)[0]
+        return TPESampler(seed=int(seed))
+
+
+@contextmanager
+def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
+    """The study in a folder, begun if there is none.
+
+    Trials that were running when an earlier search ended are marked as failed.
+
+    Raises
+    ------
+    InputError: Optuna is not installed, the folder is that of another recipe, its journal cannot be
+        read, or another search is running in it.
+    OutputError: the folder cannot be written.
+    """
+    try:
+        import optuna
+    except ImportError as error:
+        raise missing_extra("search", "search", error) from error
+    make_writable_folder(folder)
+    with _locked(folder):
+        _check_recipe(folder, recipe)
+        _cut_half_line(folder / JOURNAL)
+        with _quiet(optuna):
+            study = _load(optuna, folder)
+            for trial in study.get_trials(deepcopy=False):
+                if trial.state.name == "RUNNING":
+                    study.tell(trial.number, state=optuna.trial.TrialState.FAIL)
+            if not study.get_trials(deepcopy=False):
+                own = {name: entry.own for name, entry in search_space(recipe).items()}
+                study.enqueue_trial(own)
+            yield SearchStudy(study, recipe)
+
+
+class _AlreadyLocked:
+    """A lock for Optuna, whose own would outlive a process that is killed: `_locked` does."""
+
+    def acquire(self) -> bool:
+        return True
+
+    def release(self) -> None:
+        pass
+
+
+def _load(optuna: Any, folder: Path) -> optuna.Study:
+    backend = optuna.storages.journal.JournalFileBackend(str(folder / JOURNAL), _AlreadyLocked())
+    try:
+        return optuna.create_study(
+            storage=optuna.storages.JournalStorage(backend),
+            study_name="search",
+            directions=["maximize", "maximize"],
+            load_if_exists=True,
+        )
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"{folder / JOURNAL}: expected the journal of a search, but {error}; choose another "
+            "folder with --out"
+        ) from error
+
+
+def _check_recipe(folder: Path, recipe: Recipe) -> None:
+    path = folder / RECIPE
+    if not path.exists():
+        if (folder / JOURNAL).exists():
+            raise InputError(
+                f"{folder}: expected {RECIPE} beside {JOURNAL}, got none; choose another folder "
+                "with --out"
+            )
+        atomic_write(path, recipe_text(recipe).encode("utf-8"))
+        return
+    there, here = read_recipe(path).resolved(), recipe.resolved()
+    if there != here:
+        key = next(key for key in here if there.get(key) != here[key])
+        raise InputError(
+            f"{folder}: expected a search of this recipe, got one of another, whose {key} is "
+            f"{there.get(key)!r} instead of {here[key]!r}; choose another folder with --out"
+        )
+
+
+def _cut_half_line(journal: Path) -> None:
+    """A process that was killed as it wrote may have left half a line, onto which the next would be
+    written."""
+    if not journal.exists():
+        return
+    with journal.open("rb+") as file:
+        content = file.read()
+        file.truncate(content.rfind(b"\n") + 1)
+
+
+@contextmanager
+def _quiet(optuna: Any) -> Iterator[None]:
+    """Nothing of Optuna's own below an error is said."""
+    level = optuna.logging.get_verbosity()
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+            yield
+    finally:
+        optuna.logging.set_verbosity(level)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Nobody else searches in the folder; the system drops the lock of a process that ends."""
+    with contextlib.ExitStack() as stack:
+        try:
+            file = stack.enter_context((folder / LOCK).open("ab"))
+        except OSError as error:
+            raise OutputError(
+                f"{folder / LOCK}: expected a file that can be written, got {error.strerror!r}; "
+                "choose another folder with --out"
+            ) from error
+        try:
+            import fcntl
+        except ImportError:
+            # Windows.
+            yield
+            return
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise InputError(
+                f"{folder}: expected no other search in this folder, but one is running; wait for "
+                "it, or choose another folder with --out"
+            ) from error
+        yield

@@ -1,0 +1,76 @@
+"""One trial of a search: a recipe in, what its die is like out, both as plain data."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dicedesign.design.stopping import Status
+from dicedesign.design.verdict import Verdict
+from dicedesign.design_stage import design_die, make_start
+from dicedesign.errors import DiceError, MeshFileError
+from dicedesign.recipe_file import checked_recipe
+from dicedesign.rest.momentum import asymmetry, border_margins
+from dicedesign.summary import odds_summary
+
+__all__ = ["NO_DIE", "run_trial"]
+
+NO_DIE = "no_die"
+"""Status of a trial without a die that has a facet for each outcome."""
+
+
+def run_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
+    """Design the die of a recipe and measure it; nothing is engraved or written.
+
+    entries: the recipe as plain data, as in `checked_recipe`.
+
+    Returns plain data: "status" as in result.json, or `NO_DIE`; "message"; "max_abs_error";
+    "inradius_mm", radius of the smallest of the largest circles in the outcomes' facets, and
+    "margin_deg", the least angle from an outcome's facet normal to the border of its basin, both
+    None where an outcome has no facet; "asymmetry" (eq. 20); "vertices" (n, 3) in mm; "down" (3,),
+    the most probable direction; "seconds". Where the start leads nowhere, all but the texts and the
+    seconds are None.
+
+    Raises MeshFileError where the file of the start cannot be read here.
+    """
+    import torch
+
+    # Trials run side by side, one on each core.
+    torch.set_num_threads(1)
+    recipe, started = checked_recipe(entries), time.perf_counter()
+    try:
+        die = design_die(recipe, make_start(recipe))
+    except MeshFileError:
+        raise
+    except DiceError as error:
+        measured = dict.fromkeys(
+            ("max_abs_error", "inradius_mm", "margin_deg", "asymmetry", "vertices", "down")
+        )
+        result = {"status": NO_DIE, "message": str(error), **measured}
+    else:
+        verdict = die.verdict
+        facets = odds_summary(verdict, die.target, None)["facets"]
+        complete = bool((verdict.facet_of_outcome >= 0).all())
+        radii = [facet["inradius_mm"] for facet in facets if facet["label"] is not None]
+        # A tolerance above an outcome's probability is met without it.
+        usable = complete or die.status is not Status.CONVERGED
+        result = {
+            "status": die.status.name.lower() if usable else NO_DIE,
+            "message": die.message,
+            "max_abs_error": verdict.max_abs_error,
+            "inradius_mm": min(radii) if complete else None,
+            "margin_deg": _margin(verdict) if complete else None,
+            "asymmetry": asymmetry(verdict.poses),
+            "vertices": verdict.hull.vertices.tolist(),
+            "down": verdict.poses.normals[0].tolist(),
+        }
+    return {**result, "seconds": time.perf_counter() - started}
+
+
+def _margin(verdict: Verdict) -> float:
+    """Degrees from the outcomes' facet normals to the nearest border of their basins."""
+    labelled = np.isin(verdict.poses.facets, verdict.facet_of_outcome)
+    return float(np.degrees(border_margins(verdict.poses)[labelled].min()))

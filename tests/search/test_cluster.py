@@ -1,0 +1,193 @@
+"""A search on a Dask cluster: a scheduler and two workers as processes of this machine."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+from distributed import Client
+from inline_executor import Inline
+
+from dicedesign import __version__
+from dicedesign.cli import main
+from dicedesign.errors import DiceError, InputError
+from dicedesign.recipe import Recipe
+from dicedesign.search import executors
+from dicedesign.search.executors import cluster_workers
+from dicedesign.search.running import run_search
+from dicedesign.search.study import open_study
+
+PATIENCE = 60.0
+
+
+def started(stack: ExitStack, folder: Path, *arguments: str) -> subprocess.Popen[bytes]:
+    """A process of Dask that ends with the stack."""
+    log = stack.enter_context((folder / f"{arguments[0]}.log").open("ab"))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "dask", *arguments],
+        cwd=folder,
+        stdout=log,
+        stderr=log,
+        # A task whose worker dies fails at once: running it again is left to the search.
+        env={**os.environ, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"},
+    )
+    stack.callback(process.wait, PATIENCE)
+    stack.callback(process.kill)
+    return process
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Its address, and its processes: two workers of one thread each, and the scheduler."""
+    local = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
+    place = tmp_path / "scheduler.json"
+    with ExitStack() as stack:
+        file = ("--port", "0", "--scheduler-file", str(place))
+        scheduler = started(stack, tmp_path, "scheduler", *local, *file)
+        options = ("--nthreads", "1", "--no-nanny", "--local-directory", str(tmp_path))
+        workers = [
+            started(stack, tmp_path, "worker", *local, "--scheduler-file", str(place), *options)
+            for _ in range(2)
+        ]
+        deadline = time.monotonic() + PATIENCE
+        while not place.exists():
+            assert time.monotonic() < deadline, (tmp_path / "scheduler.log").read_text()
+            time.sleep(0.05)
+        address = json.loads(place.read_text())["address"]
+        with Client(address, timeout=PATIENCE, set_as_default=False) as client:
+            client.wait_for_workers(2, timeout=PATIENCE)
+        yield address, [*workers, scheduler]
+
+
+def test_no_trial_is_lost_with_a_worker(
+    tmp_path: Path, recipe_path: Path, recipe: Recipe, cluster: Any
+) -> None:
+    """One worker is stopped with a trial on it, and killed once others are finished."""
+    address, processes = cluster
+    kept: list[dict[str, Any]] = []
+    on_dead_worker: list[str] = []
+
+    with (
+        Client(address, timeout=PATIENCE, set_as_default=False) as client,
+        open_study(tmp_path / "out", recipe) as study,
+        cluster_workers(address) as (executor, threads),
+    ):
+        pids = client.run(os.getpid)
+        (dying,) = (where for where, pid in pids.items() if pid == processes[0].pid)
+
+        def on_trial(_: dict[str, Any]) -> None:
+            finished = len(study.finished())
+            if finished == 4:
+                processes[0].send_signal(signal.SIGSTOP)
+            if finished == 8:
+                kept.extend(study.finished())
+                on_dead_worker.extend(client.processing()[dying])
+                processes[0].kill()
+
+        assert threads == 2
+        run_search(study, 14, executor, 3, on_trial=on_trial)
+        found = study.finished()
+        states = [trial.state.name for trial in study._study.get_trials()]
+    assert on_dead_worker
+    assert processes[0].wait(PATIENCE) == -signal.SIGKILL
+    assert states == ["COMPLETE"] * 14
+    by_number = {trial["number"]: trial for trial in found}
+    assert sorted(by_number) == list(range(14))
+    assert all(by_number[trial["number"]] == trial for trial in kept)
+    assert all(trial["status"] == "converged" for trial in found)
+
+    # The worker that is left goes on by the command.
+    search = ["search", str(recipe_path), "--scheduler", address, "--out", str(tmp_path / "out")]
+    assert main([*search, "--trials", "16"]) == 0
+    with open_study(tmp_path / "out", recipe) as study:
+        again = study.finished()
+    assert len(again) == 16
+    assert again[:14] == found
+
+
+def test_a_scheduler_that_goes_leaves_what_is_finished(
+    tmp_path: Path, recipe: Recipe, cluster: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address, processes = cluster
+    monkeypatch.setattr(executors, "PATIENCE", 2.0)
+    with open_study(tmp_path / "out", recipe) as study:
+        with (
+            pytest.raises(DiceError, match="expected a Dask scheduler until the end"),
+            cluster_workers(address) as (executor, _),
+        ):
+            run_search(study, 1000, executor, 2, on_trial=lambda _: processes[-1].kill())
+        kept = study.finished()
+        assert kept
+        run_search(study, len(kept) + 1, Inline(), 1)
+        assert study.finished()[: len(kept)] == kept
+
+
+def test_nobody_at_the_address(
+    tmp_path: Path,
+    recipe_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(executors, "PATIENCE", 0.5)
+    search = ["search", str(recipe_path), "--trials", "1", "--out", str(tmp_path / "out")]
+    assert main([*search, "--scheduler", "tcp://127.0.0.1:1"]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(
+        "dicedesign: --scheduler tcp://127.0.0.1:1: expected a Dask scheduler that answers within "
+    )
+    assert len(captured.err.splitlines()) == 1
+    assert main([*search, "--scheduler", "nowhere://"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        ({"a": __version__, "b": "0.0.1"}, f"got 0.0.1, {__version__}; install the same"),
+        (Exception("No module named 'dicedesign'"), "but No module named 'dicedesign'; install it"),
+    ],
+)
+def test_workers_have_this_version(
+    monkeypatch: pytest.MonkeyPatch, answer: Any, message: str
+) -> None:
+    """Dask raises a bare exception for what a worker could not import."""
+
+    class Answering:
+        def __init__(self, *_: Any, **__: Any) -> None:
+            pass
+
+        def wait_for_workers(self, *_: Any, **__: Any) -> None:
+            pass
+
+        def run(self, _: Any) -> Any:
+            if isinstance(answer, Exception):
+                raise answer
+            return answer
+
+        def close(self, timeout: float) -> None:
+            closed.append(timeout)
+
+    closed: list[float] = []
+    monkeypatch.setattr("distributed.Client", Answering)
+    with (
+        pytest.raises(InputError, match=f"expected workers with dicedesign .*{message}"),
+        cluster_workers("tcp://127.0.0.1:1"),
+    ):
+        pass
+    assert closed
+
+
+def test_without_distributed_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    message = r"--scheduler: expected the optional extra 'cluster', .*'dicedesign\[cluster\]'"
+    with pytest.raises(InputError, match=message), cluster_workers("tcp://127.0.0.1:1"):
+        pass

@@ -1,0 +1,254 @@
+"""The order of the best dice, the front, and the files that tell of them."""
+
+from __future__ import annotations
+
+import csv
+import json
+from html.parser import HTMLParser
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from dicedesign import rest_poses
+from dicedesign.errors import InputError, OutputError
+from dicedesign.recipe import Recipe
+from dicedesign.recipe_file import read_recipe
+from dicedesign.search.leaderboard import leaders, pareto_front, ranked, write_results
+from dicedesign.search.trial import run_trial
+from dicedesign.show.leaderboard_page import lying_die_png
+from dicedesign.show.pareto import pareto_figure
+from dicedesign.show.png import png_bytes
+
+TETRAHEDRON = [[9.0, 9.0, 9.0], [9.0, -9.0, -9.0], [-9.0, 9.0, -9.0], [-9.0, -9.0, 9.0]]
+
+
+def made(recipe: Recipe, count: int, seed: int = 0) -> list[dict[str, Any]]:
+    """Trials with random measures, a few of each kind that did not converge, and ties."""
+    rng = np.random.default_rng(seed)
+    trials = []
+    for number in range(count):
+        kind = rng.choice(["converged", "no_progress", "no_die"], p=[0.7, 0.2, 0.1])
+        dead = kind == "no_die"
+        trials.append(
+            {
+                "number": number,
+                "recipe": {**recipe.resolved(), "seed": 3 + number},
+                "status": str(kind),
+                "message": "",
+                "max_abs_error": None if dead else float(rng.integers(1, 5) * 1e-14),
+                "inradius_mm": None if dead else float(rng.integers(1, 12)) / 4.0,
+                "margin_deg": None if dead else float(rng.integers(1, 12)),
+                "asymmetry": None if dead else float(rng.random()),
+                "vertices": None if dead else TETRAHEDRON,
+                "down": None if dead else [3**-0.5, 3**-0.5, -(3**-0.5)],
+                "seconds": 0.5,
+            }
+        )
+    return trials
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_front_against_brute_force(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.integers(0, 6, size=(40, 2 + seed % 2)).astype(float)
+    found = pareto_front(points)
+    for point, is_on in zip(points.tolist(), found, strict=True):
+        beaten = any(
+            all(b >= a for a, b in zip(point, other, strict=True)) and other != point
+            for other in points.tolist()
+        )
+        assert is_on == (not beaten)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_order_against_brute_force(recipe: Recipe, seed: int) -> None:
+    trials = made(recipe, 60, seed)
+    order = ranked(trials)
+    assert {t["number"] for t in order} == {
+        t["number"] for t in trials if t["status"] == "converged"
+    }
+
+    def product(trial: dict[str, Any]) -> float:
+        return trial["inradius_mm"] * trial["margin_deg"]
+
+    for i, first in enumerate(order):
+        for second in order[i + 1 :]:
+            assert product(first) >= product(second)
+            if product(first) == product(second):
+                a, b = first["max_abs_error"], second["max_abs_error"]
+                assert a < b or (a == b and first["number"] < second["number"])
+            # Nothing comes after what it dominates.
+            assert not (
+                second["inradius_mm"] > first["inradius_mm"]
+                and second["margin_deg"] > first["margin_deg"]
+            )
+    board = leaders(trials)
+    assert board[:10] == order[:10]
+    assert len(board) <= 13
+    solved = [t for t in trials if t["status"] == "converged"]
+    assert max(t["inradius_mm"] for t in board) == max(t["inradius_mm"] for t in solved)
+    assert max(t["margin_deg"] for t in board) == max(t["margin_deg"] for t in solved)
+    assert min(t["max_abs_error"] for t in board) == min(t["max_abs_error"] for t in solved)
+
+
+class Sources(HTMLParser):
+    """What a page refers to, and its cells."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[str] = []
+        self.tags: list[str] = []
+        self.open: list[str] = []
+        self.text = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.found += [value or "" for name, value in attrs if name in ("src", "href")]
+        if tag not in ("img", "meta", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_the_files(tmp_path: Path, recipe: Recipe) -> None:
+    trials = made(recipe, 30)
+    folder = tmp_path / "out"
+    folder.mkdir()
+    board = write_results(folder, recipe, trials)
+    numbers = [entry["number"] for entry in board]
+    assert sorted(path.name for path in folder.iterdir()) == sorted(
+        [
+            "best.yaml",
+            "leaderboard.csv",
+            "leaderboard.html",
+            "leaderboard.json",
+            "pareto.png",
+            *(f"trial_{number}.yaml" for number in numbers),
+        ]
+    )
+    table = json.loads((folder / "leaderboard.json").read_text())
+    assert table["leaderboard"] == board
+    assert table["trials"] == 30
+    assert table["converged"] == len(ranked(trials))
+    assert [entry["number"] for entry in board if entry["on_front"]] == [
+        number for number in numbers if number in table["front"]
+    ]
+    with (folder / "leaderboard.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["number"]) for row in rows] == numbers
+    assert [float(row["margin_deg"]) for row in rows] == [entry["margin_deg"] for entry in board]
+    assert [int(row["seed"]) for row in rows] == [3 + number for number in numbers]
+
+    page = Sources()
+    text = (folder / "leaderboard.html").read_text()
+    page.feed(text)
+    assert page.open == []
+    assert len(page.found) == len(board) + 1
+    assert all(source.startswith("data:image/png;base64,") for source in page.found)
+    assert "http:" not in text
+    assert "https:" not in text
+    assert not {"script", "link", "iframe"} & set(page.tags)
+    assert all(entry["recipe_file"] in page.text for entry in board)
+    assert f"{table['converged']} of 30 trials converged" in page.text
+
+    for entry in board:
+        again = read_recipe(folder / entry["recipe_file"])
+        assert again.seed == 3 + entry["number"]
+        assert again.name == f"five_trial_{entry['number']}"
+    assert (folder / "best.yaml").read_text() == (folder / board[0]["recipe_file"]).read_text()
+
+    # A later leaderboard leaves nothing of this one.
+    later = write_results(folder, recipe, [{**trial, "status": "no_progress"} for trial in trials])
+    assert later == []
+    assert not list(folder.glob("trial_*.yaml"))
+    assert not (folder / "best.yaml").exists()
+    assert "there is no die to show" in (folder / "leaderboard.html").read_text()
+
+
+def test_the_same_trials_give_the_same_files(tmp_path: Path, recipe: Recipe) -> None:
+    contents = []
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        write_results(tmp_path / name, recipe, made(recipe, 12))
+        contents.append({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()})
+    assert contents[0] == contents[1]
+
+
+def test_best_is_what_was_found(tmp_path: Path, recipe: Recipe) -> None:
+    """To the last bit, through the file."""
+    result = run_trial(recipe.resolved())
+    write_results(tmp_path, recipe, [{"number": 0, "recipe": recipe.resolved(), **result}])
+    again = run_trial(read_recipe(tmp_path / "best.yaml").resolved())
+    assert again["vertices"] == result["vertices"]
+    assert again["margin_deg"] == result["margin_deg"]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_lying_die_is_seen_whole(seed: int) -> None:
+    """White on all borders, and in the middle."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(12, 3)) * [1.0, 0.3, 3.0]
+    poses = rest_poses(points)
+    data = lying_die_png(points, poses.normals[0])
+    pixels = (255.0 * imread(BytesIO(data))[..., :3]).astype(int)
+    dark = (pixels < 250).any(-1)
+    assert dark.any()
+    assert not dark[[0, -1]].any()
+    assert not dark[:, [0, -1]].any()
+    rows, columns = np.flatnonzero(dark.any(axis=1)), np.flatnonzero(dark.any(axis=0))
+    for found in (rows, columns):
+        assert abs((found[0] + found[-1]) / 2.0 - (len(dark) - 1) / 2.0) <= 1.5
+
+
+def test_a_folder_that_is_gone(tmp_path: Path, recipe: Recipe) -> None:
+    with pytest.raises(OutputError, match="choose another path"):
+        write_results(tmp_path / "gone", recipe, made(recipe, 3))
+
+
+def test_the_picture_tells_kinds_apart(recipe: Recipe) -> None:
+    trials = made(recipe, 60)
+    solved = ranked(trials)
+    values = np.array([[trial["inradius_mm"], trial["margin_deg"]] for trial in solved])
+    front = [t["number"] for t, on in zip(solved, pareto_front(values), strict=True) if on]
+    figure = pareto_figure(trials, front, [trial["number"] for trial in solved[:10]])
+    (axes,) = figure.axes
+    missed, converged, best = (len(group.get_offsets()) for group in axes.collections)
+    kinds = [trial["status"] for trial in trials]
+    assert missed == kinds.count("no_progress")
+    assert best == len(front)
+    assert converged + best == kinds.count("converged")
+    (legend,) = figure.legends
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert labels[-1] == f"nothing to measure ({kinds.count('no_die')})"
+    # The steps bound what the dice reach: none lies beyond, and the front lies on them.
+    (steps,) = axes.lines
+    x, y = np.array(steps.get_xdata()), np.array(steps.get_ydata())
+    assert steps.get_drawstyle() == "steps-pre"
+    for radius, margin in values:
+        allowed = y[np.searchsorted(x, radius)] if radius <= x[-1] else -np.inf
+        assert margin <= allowed
+    assert axes.get_xlabel().endswith("(mm)")
+    assert axes.get_ylabel().endswith("(°)")
+    written = [text.get_text() for text in axes.texts]
+    assert written[0] == str(solved[0]["number"])
+    assert png_bytes(figure).startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("status", ["converged", "no_progress", "no_die"])
+def test_a_picture_of_one_trial(recipe: Recipe, status: str) -> None:
+    trial = next(trial for trial in made(recipe, 60) if trial["status"] == status)
+    front = [trial["number"]] if status == "converged" else []
+    assert png_bytes(pareto_figure([trial], front, front)).startswith(b"\x89PNG")
+
+
+def test_a_picture_of_nothing() -> None:
+    with pytest.raises(InputError, match="expected at least one, got none"):
+        pareto_figure([], [], [])

@@ -1,0 +1,120 @@
+"""`dicedesign search` from the command line."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dicedesign.cli import main
+from dicedesign.fabricate.stl import stl_bytes
+from dicedesign.geometry.hull import convex_hull
+from dicedesign.recipe import Recipe
+from dicedesign.recipe_file import read_recipe
+from dicedesign.search.study import open_study
+
+
+def test_search_go_on_and_run_the_best(
+    tmp_path: Path,
+    recipe_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["search", str(recipe_path), "--trials", "4", "--jobs", "2"]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    lines = captured.out.splitlines()
+    assert lines[0] == "five: 4 of 4 trials converged"
+    assert lines[1].split()[:3] == ["rank", "trial", "radius"]
+    assert len(lines) == 7
+    folder = tmp_path / "outputs" / "five_search"
+    assert lines[-1].startswith("files in outputs/five_search: leaderboard.html, ")
+
+    board = json.loads((folder / "leaderboard.json").read_text())["leaderboard"]
+    for line, entry in zip(lines[2:-1], board, strict=True):
+        rank, number, radius, margin, *_ = line.split()
+        assert (int(rank), int(number)) == (entry["rank"], entry["number"])
+        assert float(radius) == pytest.approx(entry["inradius_mm"], abs=5e-4)
+        assert float(margin) == pytest.approx(entry["margin_deg"], abs=5e-4)
+
+    assert main(["run", str(folder / "best.yaml"), "--out", "die"]) == 0
+    with open_study(folder, read_recipe(recipe_path)) as study:
+        found = {trial["number"]: trial for trial in study.finished()}
+    assert len(found) == 4
+    die = convex_hull(np.array(found[board[0]["number"]]["vertices"]))
+    assert (tmp_path / "die" / "die_plain.stl").read_bytes() == stl_bytes(
+        die.vertices, die.triangles
+    )
+
+
+def test_no_die_in_reach(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "far.yaml"
+    path.write_text(
+        "name: far\ntarget: {binomial: 2}\nstart: {prism: {}}\n"
+        "method: {descent: {stopping: {steps: 1}}}\n"
+    )
+    assert main(["search", str(path), "--trials", "2", "--jobs", "1", "--out", str(tmp_path)]) == 1
+    captured = capsys.readouterr()
+    assert captured.out.splitlines()[0] == "far: 0 of 2 trials converged"
+    assert len(captured.out.splitlines()) == 2
+    assert captured.err == ""
+    assert json.loads((tmp_path / "leaderboard.json").read_text())["leaderboard"] == []
+    assert not (tmp_path / "best.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--trials", "0"], "--trials: expected a whole number above 0, got 0"),
+        (["--trials", "3", "--jobs", "-1"], "--jobs: expected a whole number above 0, got -1"),
+    ],
+)
+def test_bad_input_is_one_line(
+    tmp_path: Path,
+    recipe_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["search", str(recipe_path), *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(f"dicedesign: {message}")
+    assert len(captured.err.splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["five.yaml"]
+
+
+def test_another_recipe_and_a_missing_extra_are_said_in_words(
+    tmp_path: Path,
+    recipe_path: Path,
+    recipe: Recipe,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = tmp_path / "out"
+    with open_study(folder, recipe):
+        pass
+    recipe_path.write_text(recipe_path.read_text().replace("seed: 3", "seed: 4"))
+    search = ["search", str(recipe_path), "--trials", "1", "--out", str(folder)]
+    assert main(search) == 2
+    assert capsys.readouterr().err == (
+        f"dicedesign: {folder}: expected a search of this recipe, got one of another, whose seed "
+        "is 3 instead of 4; choose another folder with --out\n"
+    )
+    monkeypatch.setitem(sys.modules, "optuna", None)
+    assert main(search) == 2
+    assert "expected the optional extra 'search'" in capsys.readouterr().err
+
+
+def test_a_start_that_suits_no_trial(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "mesh.yaml"
+    path.write_text("name: mesh\ntarget: {fair: 4}\nstart: {mesh: {path: gone.stl}}\n")
+    assert main(["search", str(path), "--trials", "1", "--out", str(tmp_path / "out")]) == 2
+    assert "gone.stl" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

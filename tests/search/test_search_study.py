@@ -1,0 +1,156 @@
+"""The folder of a search: going on, and what is refused."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import pytest
+from inline_executor import Inline
+
+from dicedesign.errors import InputError
+from dicedesign.recipe import Recipe
+from dicedesign.recipe_file import checked_recipe
+from dicedesign.search.running import run_search
+from dicedesign.search.study import JOURNAL, RECIPE, open_study
+
+
+def searched(folder: Path, recipe: Recipe, trials: int) -> list[dict[str, Any]]:
+    with open_study(folder, recipe) as study:
+        run_search(study, trials, Inline(), 1)
+        return study.finished()
+
+
+def without_clock(finished: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{**trial, "seconds": 0.0} for trial in finished]
+
+
+@pytest.fixture
+def varied() -> Recipe:
+    """A recipe with numbers for the sampler to propose, few of which lead to the target."""
+    return checked_recipe(
+        {
+            "name": "total",
+            "target": {"sum_of_dice": [2, 3]},
+            "start": {"repulsion": {}},
+            "method": {"exact": {"starts": 1}},
+        }
+    )
+
+
+def test_a_search_goes_on_as_if_it_had_not_stopped(tmp_path: Path, varied: Recipe) -> None:
+    """Past the trials that the sampler draws at random."""
+    first = searched(tmp_path / "a", varied, 3)
+    assert [trial["number"] for trial in first] == [0, 1, 2]
+    assert searched(tmp_path / "a", varied, 3) == first
+    both = searched(tmp_path / "a", varied, 12)
+    assert both[:3] == first
+    assert len(both) == 12
+    assert without_clock(both) == without_clock(searched(tmp_path / "b", varied, 12))
+    assert len({str(trial["recipe"]["assignment"]) for trial in both}) > 5
+
+
+def test_the_first_trial_is_the_recipe(tmp_path: Path, recipe: Recipe) -> None:
+    (trial,) = searched(tmp_path, recipe, 1)
+    assert trial["recipe"] == recipe.resolved()
+    assert trial["status"] == "converged"
+
+
+def test_trials_that_missed_are_finished_and_avoided(tmp_path: Path, varied: Recipe) -> None:
+    with open_study(tmp_path, varied) as study:
+        for status, error in (("no_progress", 0.25), ("no_die", None), ("converged", 1e-15)):
+            number, _ = study.propose()
+            found = {"inradius_mm": None, "margin_deg": None} if error is None else None
+            found = found or {"inradius_mm": 2.0, "margin_deg": 5.0}
+            study.tell(number, {"status": status, "max_abs_error": error, **found})
+        told = study._study.get_trials()
+        assert [trial.constraints for trial in told] == [
+            {"error": 0.25},
+            {"error": 1.0},
+            {"error": 0.0},
+        ]
+        assert [trial.values for trial in told] == [[2.0, 5.0], [0.0, 0.0], [2.0, 5.0]]
+        assert [trial.number for trial in study._study.best_trials] == [2]
+        assert len(study.finished()) == 3
+
+
+def test_what_was_running_is_tried_no_more(tmp_path: Path, recipe: Recipe) -> None:
+    with open_study(tmp_path, recipe) as study:
+        assert study.propose()[0] == 0
+    finished = searched(tmp_path, recipe, 2)
+    assert [trial["number"] for trial in finished] == [1, 2]
+    assert [trial["recipe"]["seed"] for trial in finished] == [4, 5]
+    with open_study(tmp_path, recipe) as study:
+        assert [trial.state.name for trial in study._study.get_trials()] == [
+            "FAIL",
+            "COMPLETE",
+            "COMPLETE",
+        ]
+
+
+def test_half_a_line_is_cut_off(tmp_path: Path, recipe: Recipe) -> None:
+    first = searched(tmp_path, recipe, 2)
+    with (tmp_path / JOURNAL).open("ab") as journal:
+        journal.write(b'{"op_code":4,"wor')
+    assert searched(tmp_path, recipe, 3)[:2] == first
+    assert len(searched(tmp_path, recipe, 4)) == 4
+
+
+def test_another_recipe_is_refused(tmp_path: Path, recipe: Recipe) -> None:
+    searched(tmp_path, recipe, 1)
+    other = recipe.model_copy(update={"seed": 4})
+    message = r"got one of another, whose seed is 3 instead of 4; choose another folder with --out"
+    with pytest.raises(InputError, match=message), open_study(tmp_path, other):
+        pass
+    assert len(searched(tmp_path, recipe, 1)) == 1
+
+
+def test_a_folder_without_its_recipe_is_refused(tmp_path: Path, recipe: Recipe) -> None:
+    searched(tmp_path, recipe, 1)
+    (tmp_path / RECIPE).unlink()
+    message = "expected search.yaml beside"
+    with pytest.raises(InputError, match=message), open_study(tmp_path, recipe):
+        pass
+
+
+@pytest.mark.parametrize("content", ["not a journal\n", '{"op_code": 0}\n', "[]\n"])
+def test_a_spoiled_journal_is_refused(tmp_path: Path, recipe: Recipe, content: str) -> None:
+    (tmp_path / JOURNAL).write_text(content)
+    searched(tmp_path / "other", recipe, 1)
+    (tmp_path / "other" / RECIPE).rename(tmp_path / RECIPE)
+    message = "expected the journal of a search"
+    with pytest.raises(InputError, match=message), open_study(tmp_path, recipe):
+        pass
+
+
+def test_two_searches_do_not_share_a_folder(tmp_path: Path, recipe: Recipe) -> None:
+    with open_study(tmp_path, recipe) as study:
+        with (
+            pytest.raises(InputError, match="expected no other search in this folder"),
+            open_study(tmp_path, recipe),
+        ):
+            pass
+        run_search(study, 1, Inline(), 1)
+    assert len(searched(tmp_path, recipe, 1)) == 1
+
+
+def test_without_optuna_the_extra_is_named(
+    tmp_path: Path, recipe: Recipe, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "optuna", None)
+    message = r"expected the optional extra 'search', .*pip install 'dicedesign\[search\]'"
+    with pytest.raises(InputError, match=message), open_study(tmp_path / "new", recipe):
+        pass
+    assert not (tmp_path / "new").exists()
+
+
+def test_optuna_says_nothing(
+    tmp_path: Path, varied: Recipe, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        searched(tmp_path, varied, 12)
+    assert not caught
+    assert capfd.readouterr() == ("", "")

@@ -1,0 +1,85 @@
+"""What a trial measures, against closed forms."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dicedesign.design_stage import DesignedDie, design_die, make_start
+from dicedesign.errors import MeshFileError
+from dicedesign.recipe_file import checked_recipe
+from dicedesign.search.trial import NO_DIE, run_trial
+
+EXACT = {"start": {"search": {}}, "method": {"exact": {}}}
+
+
+def test_a_tetrahedron_is_measured() -> None:
+    entries = {"name": "four", "target": {"fair": 4}, "size_mm": 40, **EXACT}
+    result = pickle.loads(pickle.dumps(run_trial)).__call__(entries)
+    assert json.loads(json.dumps(result, allow_nan=False)) == result
+    assert result["status"] == "converged"
+    assert result["max_abs_error"] < 1e-12
+    vertices = np.array(result["vertices"])
+    edges = np.linalg.norm(vertices[:, None] - vertices[None], axis=-1)
+    assert edges.max() == pytest.approx(40.0)
+    # Triangle of side 40; normals are acos(-1/3) apart, and borders lie half way between.
+    assert result["inradius_mm"] == pytest.approx(40.0 / (2.0 * np.sqrt(3.0)), rel=1e-6)
+    assert result["margin_deg"] == pytest.approx(np.degrees(np.arccos(-1.0 / 3.0)) / 2.0, rel=1e-6)
+    assert result["asymmetry"] == pytest.approx(0.0, abs=1e-6)
+    below = vertices @ np.array(result["down"])
+    assert np.sort(below)[-3:] == pytest.approx(below.max())
+    assert result["seconds"] > 0.0
+
+
+def test_the_vertices_are_those_of_the_design() -> None:
+    entries = {"name": "total", "seed": 5, "target": {"sum_of_dice": [2, 3]}, **EXACT}
+    recipe = checked_recipe(entries)
+    die = design_die(recipe, make_start(recipe))
+    result = run_trial(recipe.resolved())
+    np.testing.assert_array_equal(result["vertices"], die.verdict.hull.vertices)
+    assert result["max_abs_error"] == die.verdict.max_abs_error
+
+
+def test_a_start_that_leads_to_no_die_is_a_result_too() -> None:
+    entries = {
+        "name": "flat",
+        "target": {"fair": 3},
+        "start": {"prism": {"cap": 0.0}},
+        "method": {"exact": {"starts": 2}},
+    }
+    result = run_trial(entries)
+    assert result["status"] == NO_DIE
+    assert "expected" in result["message"]
+    assert result["max_abs_error"] is None
+    assert result["vertices"] is None
+
+
+def test_a_die_that_misses_an_outcome_has_no_circle(monkeypatch: pytest.MonkeyPatch) -> None:
+    def incomplete(*arguments: Any) -> DesignedDie:
+        die = design_die(*arguments)
+        facets = die.verdict.facet_of_outcome.copy()
+        facets[1] = -1
+        return replace(die, verdict=replace(die.verdict, facet_of_outcome=facets))
+
+    monkeypatch.setattr("dicedesign.search.trial.design_die", incomplete)
+    result = run_trial({"name": "four", "target": {"fair": 4}, **EXACT})
+    assert result["status"] == NO_DIE
+    assert result["inradius_mm"] is None
+    assert result["margin_deg"] is None
+    assert len(result["vertices"]) == 4
+
+
+def test_a_missing_file_is_an_error() -> None:
+    entries = {
+        "name": "lost",
+        "target": {"fair": 4},
+        "start": {"mesh": {"path": "/nowhere.stl"}},
+        "method": {"exact": {}},
+    }
+    with pytest.raises(MeshFileError, match="nowhere"):
+        run_trial(entries)
