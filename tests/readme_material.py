@@ -29,6 +29,7 @@ def row(result: dict) -> str:
         f"{len(facets)} + {len(result['facets']) - len(facets)}",
         f"{result['max_abs_error']:.1e}",
         f"{engraved:.1e}" if engraved is not None else "unknown",
+        f"{2.0 * min(facet['inradius_mm'] for facet in facets):.1f}",
         f"{min(facet['margin_deg'] for facet in facets):.0f}",
         f"{seconds['design']:.1f}",
         f"{sum(seconds.values()):.1f}",
@@ -47,12 +48,11 @@ def view(folder: Path, column: int, line: int, size: int) -> Image.Image:
 
 
 def gallery(outputs: Path, target: Path) -> None:
-    """Two rows of all dice, and the pictures of one of them."""
+    """All dice, and the pictures of one of them."""
     target.mkdir(exist_ok=True)
     folders = sorted(path.parent for path in outputs.glob("*/result.json"))
-    size = 240
-    columns = (len(folders) + 1) // 2
-    strip = Image.new("RGB", (size * columns, 2 * size), "white")
+    size, columns = 170, 8
+    strip = Image.new("RGB", (size * columns, size * -(-len(folders) // columns)), "white")
     for i, folder in enumerate(folders):
         place = size * (i % columns), size * (i // columns)
         strip.paste(view(folder, 3, 0, size), place)

@@ -18,7 +18,7 @@ from dicedesign.design.circles import circle_radii
 from dicedesign.design.coordinates import Coordinates, FacetCoordinates, VertexCoordinates
 from dicedesign.design.improvement import improve
 from dicedesign.design.levenberg_marquardt import Approach, dice_energy
-from dicedesign.design.preferences import Preferences, preference_residuals
+from dicedesign.design.preferences import Preferences
 from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.sobolev import SobolevOptions
 from dicedesign.design.starts import Start
@@ -219,13 +219,11 @@ class _Search:
             self.best = trial
         self._tell(trial, {"dice": dice_energy(trial, self.target)})
 
-    def _record_improvement(self, trial: Trial) -> None:
+    def _record_improvement(self, trial: Trial, value: float) -> None:
         """Take note of a trial that is better by preference than the last one."""
         if self.best is None or self._shortfall(trial) <= self._shortfall(self.best):
             self.best = trial
-        terms = {"dice": dice_energy(trial, self.target)}
-        liked = preference_residuals(trial.rests, trial.outcome_facets, self.options.prefer)
-        self._tell(trial, {**terms, "preferences": float((liked.detach() ** 2).sum())})
+        self._tell(trial, {"dice": dice_energy(trial, self.target), "preferences": value})
 
     def _tell(self, trial: Trial, terms: dict[str, float]) -> None:
         seconds = time.perf_counter() - self.started

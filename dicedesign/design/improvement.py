@@ -81,7 +81,7 @@ def improve(
     tolerance: float,
     steps: int,
     out_of_time: Callable[[], bool],
-    on_step: Callable[[Trial], None],
+    on_step: Callable[[Trial, float], None],
 ) -> Trial:
     """The best die that steps from a given one lead to, by weighted preferences.
 
@@ -100,7 +100,8 @@ def improve(
     tolerance: largest |p - q|.
     steps: most steps.
     out_of_time: asked before every step.
-    on_step: called with every die that a step leads to.
+    on_step: called with every die that a step leads to, and the sum of squares that falls: weighted
+        preferences, and what keeps facets from the verge of tipping and circles from being small.
     """
     goal = _Goal(target, maker, preferences, least_circle, tolerance, trial.parameters)
     here = _Point(goal, trial)
@@ -118,7 +119,7 @@ def improve(
         curvature = _updated(curvature, here, there)
         slow = slow + 1 if there.merit > (1.0 - SLOW) * here.merit else 0
         here = there
-        on_step(here.trial)
+        on_step(here.trial, here.merit)
     return here.trial
 
 

@@ -35,6 +35,7 @@ class Run:
     first: Trial
     maker: TrialMaker = field(default_factory=lambda: TrialMaker(None))
     on_the_way: list[Trial] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
 
     def improved(
         self,
@@ -52,14 +53,19 @@ class Run:
             tolerance=TOLERANCE,
             steps=steps,
             out_of_time=lambda: out_of_time,
-            on_step=self.on_the_way.append,
+            on_step=self.take_note,
         )
         return self.last
+
+    def take_note(self, trial: Trial, value: float) -> None:
+        self.on_the_way.append(trial)
+        self.values.append(value)
 
     def check(self) -> None:
         """By the forward model, which shares no step of the method."""
         target = self.first.probabilities
         assert (self.on_the_way or [self.first])[-1] is self.last
+        assert (np.diff(self.values) < 0.0).all()
         for trial in self.on_the_way:
             poses = rest_poses(trial.rests.hull.vertices, self.maker.center_of_mass)
             assert len(poses.normals) == len(target)
