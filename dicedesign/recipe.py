@@ -17,7 +17,7 @@ from dicedesign.design.exact import ExactOptions
 from dicedesign.design.orbit_layouts import OrbitLayouts
 from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.recipe_parts import Label, StartRecipe, Strict, TargetRecipe, one_of
+from dicedesign.recipe_parts import Label, SearchRecipe, StartRecipe, Strict, TargetRecipe, one_of
 
 __all__ = ["MOST_MM", "MethodRecipe", "Recipe"]
 
@@ -80,7 +80,7 @@ class Recipe(Strict):
     ----------
     name: folder name of the results.
     seed: of everything random.
-    target, start: what is wanted, and what to begin with.
+    target, start: what is wanted, and what to begin with: shapes that are searched, unless given.
     assignment: labels in the order of the start's directions; None for the order of the target.
     center_of_mass: (3,) fixed, in the start's own coordinates (see `dicedesign.design.starts`);
         None for the uniform solid.
@@ -93,7 +93,7 @@ class Recipe(Strict):
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
     target: TargetRecipe
-    start: StartRecipe
+    start: StartRecipe = Field(default_factory=lambda: StartRecipe(search=SearchRecipe()))
     seed: Annotated[int, Field(ge=0)] = 0
     assignment: Annotated[list[Label] | None, _word("in_order", None)] = None
     center_of_mass: Annotated[

@@ -10,7 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, model_validator
 from dicedesign.design.starts import FEWEST_FACETS, hendecahedron, prism
 from dicedesign.design.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
 
-__all__ = ["Label", "StartRecipe", "Strict", "TargetRecipe", "one_of"]
+__all__ = ["Label", "SearchRecipe", "StartRecipe", "Strict", "TargetRecipe", "one_of"]
 
 FEWEST_SIDES: Final = 3
 """A prism has at least so many sides."""
