@@ -46,8 +46,7 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
     data = _load(content, str(path))
     if not isinstance(data, dict):
         raise RecipeError(
-            f"{path}: expected keys and values, got {data!r}; write name: ... and "
-            "start: ..."
+            f"{path}: expected keys and values, got {data!r}; write name: ... and target: ..."
         )
     _resolve_mesh_path(data, path.parent)
     for change in changes:

@@ -15,7 +15,7 @@ import pytest
 
 from dicedesign.recipe_file import read_recipe
 
-BENCHES = ("stability", "gradients", "accuracy", "design", "lean")
+BENCHES = ("stability", "gradients", "accuracy", "design", "exact", "lean")
 
 NIGHTLY = "pytest tests/fuzz --hypothesis-profile=nightly"
 """Takes a quarter of an hour, and is started by hand."""
@@ -47,7 +47,7 @@ def test_shell_commands_run(repository: Path, workplace: Path) -> None:
     lines = [line for block in blocks(repository, "sh") for line in block.splitlines()]
     benches = [line for line in lines if line.startswith("dicedesign bench ")]
     plain = [line for line in lines if line.startswith("dicedesign ") and line not in benches]
-    assert len(plain) == 5
+    assert len(plain) == 7
     for line in plain:
         assert run_dicedesign(line.removeprefix("dicedesign "), workplace)
     assert (workplace / "map.png").exists()
