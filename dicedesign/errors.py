@@ -41,6 +41,10 @@ class OutsideHullError(InputError):
     """The center of mass is not strictly inside the convex hull."""
 
 
+class NoStartError(InputError):
+    """No starting shape has one rest for each outcome and no other."""
+
+
 class RecipeError(InputError):
     """A recipe has an unknown key, a wrong type or an impossible value."""
 
