@@ -44,7 +44,7 @@ class DesignedDie:
     Attributes
     ----------
     target: what was wanted.
-    design: the descent and its history.
+    design: what the method found, and its history.
     verdict: the die in mm and its odds.
     status: why the design stopped; CONVERGED only if the finished die is within the tolerance.
     message: the same in a sentence, with the error and what is wrong.
@@ -60,8 +60,9 @@ class DesignedDie:
 def make_start(recipe: Recipe) -> Start | None:
     """The starting shape of a recipe, or None where shapes are to be searched.
 
-    Raises InputError if a mesh cannot be read or has too few rests, or the center of mass is not
-    inside the shape.
+    Raises InputError if a mesh cannot be read or has too few rests, the center of mass is not
+    inside the shape, or a symmetry does not permute its facets or carries labels to less probable
+    ones.
     """
     start = _chosen_start(recipe)
     if start is None or recipe.symmetry is None:
@@ -143,8 +144,9 @@ def design_die(
     return _judged(recipe, start, design)
 
 
-def _starts(recipe: Recipe, start: Start | None, wanted: Floats) -> Iterator[Start]:
-    """What the exact method begins with, one after the other."""
+def _starts(recipe: Recipe, start: Start | None, wanted: Floats) -> Iterator[Start | None]:
+    """What the exact method begins with, one after the other; None where nothing was found for a
+    while."""
     group = recipe.group()
     if start is not None:
         return shapes_like(start, recipe.seed, group)
@@ -210,7 +212,7 @@ def _what_to_change(
     if status is Status.TIME_LIMIT:
         yield f"allow more with {recipe.method.limits_key}.seconds"
     if status is Status.TOO_SMALL:
-        facets = verdict.facet_of_outcome.tolist()
+        facets = verdict.facet_of_outcome[verdict.facet_of_outcome >= 0].tolist()
         radius = min(facet_inradius(verdict.hull, facet) for facet in facets)
         yield f"the smallest circle has a radius of {radius:.3g} mm"
     smallest = float(recipe.target.target().probabilities.min())

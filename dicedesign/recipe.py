@@ -19,7 +19,7 @@ from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.recipe_parts import Label, SearchRecipe, StartRecipe, Strict, TargetRecipe, one_of
 
-__all__ = ["MOST_MM", "MethodRecipe", "Recipe"]
+__all__ = ["MOST_MM", "Recipe"]
 
 MOST_MM: Final = 1000.0
 """Largest size of a die."""

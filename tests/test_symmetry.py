@@ -59,6 +59,26 @@ def test_a_symmetric_die_is_symmetric_to_rounding(
 
 
 @pytest.mark.parametrize(
+    ("entries", "group"),
+    [
+        ({"target": {"fair": 4}}, "D2"),
+        ({"target": {"fair": 6}, "start": {"prism": {"height": 1.0}}}, "D6h"),
+        ({"target": {"fair": 12}}, "Ih"),
+    ],
+)
+def test_a_die_whose_odds_symmetry_fixes_is_improved_too(
+    entries: dict[str, object], group: str
+) -> None:
+    given = recipe(**entries, symmetry=group)
+    die = design_die(given, make_start(given))
+    assert die.status is Status.CONVERGED
+    values = [s.terms["preferences"] for s in die.design.history if "preferences" in s.terms]
+    assert (np.diff(values) <= 1e-15).all()
+    # A dodecahedron has one parameter, which is its size.
+    assert len(values) > 2 or group == "Ih"
+
+
+@pytest.mark.parametrize(
     ("entries", "message"),
     [
         ({"symmetry": "D3q"}, "symmetry: point group: expected one of C1, Cs, .*got 'D3q'"),

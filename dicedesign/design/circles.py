@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.optimize import linprog
 from torch import Tensor
 
 from dicedesign.design.differentiable import RestEvaluation
@@ -18,6 +19,9 @@ __all__ = ["circle_radii", "soft_circle_radii"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+MOST_TRIPLED: Final = 24
+"""Edges of a facet up to which all triples of them are tried."""
 
 SLIDING: Final = 1e-9
 """Part of the multipliers, or sine of an angle, below which two edges count as parallel."""
@@ -89,6 +93,8 @@ def _largest_circles(
 ) -> tuple[Floats, Floats]:
     """Centers (k, 3) and multipliers (e,)."""
     counts = np.bincount(edges.owner)
+    if counts.max() > MOST_TRIPLED:
+        return _by_linear_programs(edges, middle, frame, lines, distances)
     # Facets of fewer edges repeat their last one, which changes no circle.
     numbers = edges.first[:, None] + np.minimum(np.arange(counts.max()), counts[:, None] - 1)
     triples = numbers[:, np.array(list(combinations(range(counts.max()), 3)))]
@@ -108,6 +114,23 @@ def _largest_circles(
     offsets = (radii[best][:, None] - distances[touched]) * counted
     inverse = np.linalg.pinv(lines[touched] * counted[..., None], rcond=SLIDING)
     moved = np.einsum("kae,ke->ka", inverse, offsets)
+    return middle + np.einsum("ka,kax->kx", moved, frame), multipliers
+
+
+def _by_linear_programs(
+    edges: FacetEdges, middle: Floats, frame: Floats, lines: Floats, distances: Floats
+) -> tuple[Floats, Floats]:
+    """The same where facets have too many edges to try all triples."""
+    moved, multipliers = np.zeros((len(middle), 2)), np.zeros(len(edges.owner))
+    for facet in range(len(middle)):
+        own = edges.owner == facet
+        widest = linprog(
+            (0, 0, -1),
+            A_ub=np.column_stack([-lines[own], np.ones(own.sum())]),
+            b_ub=distances[own],
+            bounds=[(None, None), (None, None), (0, None)],
+        )
+        moved[facet], multipliers[own] = widest.x[:2], -widest.ineqlin.marginals
     return middle + np.einsum("ka,kax->kx", moved, frame), multipliers
 
 

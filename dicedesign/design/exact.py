@@ -25,7 +25,7 @@ from dicedesign.design.starts import Start
 from dicedesign.design.stopping import Status
 from dicedesign.design.symmetric_coordinates import SymmetricCoordinates
 from dicedesign.design.trial import Trial, TrialMaker
-from dicedesign.errors import InputError
+from dicedesign.errors import DegenerateBodyError, InputError, NoStartError
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.options import STRICT
 
@@ -33,6 +33,9 @@ __all__ = ["ExactOptions", "solve_exactly"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+FINEST_TOLERANCE: Final = 1e-15
+"""Rounding alone leaves errors of a few 1e-16."""
 
 LEGIBLE: Final = Preferences(circles=1.0, margin=0.1, asymmetry=0.1, roundness=0.2)
 """Room for labels first; then rests that are not left at a nudge, and no needles or plates."""
@@ -47,7 +50,7 @@ class ExactOptions:
 
     Attributes
     ----------
-    tolerance: largest |p - q| wanted, above 0 and below 1.
+    tolerance: largest |p - q| wanted, from `FINEST_TOLERANCE` on and below 1.
     coordinates: "facets" moves half-spaces and keeps every facet flat; "vertices" moves vertices,
         so that facets become triangles.
     sobolev: the metric `(I + lambda L)^p` in which steps are shortest, of the graph Laplacian L; it
@@ -55,7 +58,8 @@ class ExactOptions:
     prefer: what the die is made better by once its odds are met, which are kept; `LEGIBLE` unless
         given. What is given has all other weights at 0.
     starts: most starting shapes that are tried, at least 1.
-    seconds: wall-clock time after which nothing more is tried, positive; at least one start is.
+    seconds: wall-clock time after which nothing more is tried, positive; the first shape with the
+        wanted rests still is.
     """
 
     __pydantic_config__ = STRICT
@@ -68,10 +72,10 @@ class ExactOptions:
     seconds: float = 60.0
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.tolerance < 1.0:
+        if not FINEST_TOLERANCE <= self.tolerance < 1.0:
             raise InputError(
-                f"tolerance: expected a number in (0, 1), got {self.tolerance:g}; leave it out for "
-                "1e-12"
+                f"tolerance: expected a number from {FINEST_TOLERANCE:g} on and below 1, got "
+                f"{self.tolerance:g}; leave it out for 1e-12"
             )
         if self.coordinates not in ("facets", "vertices"):
             raise InputError(
@@ -94,7 +98,7 @@ class ExactOptions:
 
 
 def solve_exactly(
-    starts: Iterable[Start],
+    starts: Iterable[Start | None],
     target: Floats,
     options: ExactOptions,
     *,
@@ -110,7 +114,8 @@ def solve_exactly(
 
     Parameters
     ----------
-    starts: shapes with (k, 3) outcome directions, made one after the other as they are needed.
+    starts: shapes with (k, 3) outcome directions, made one after the other as they are needed; None
+        where none was found for a while, to ask for the time.
     target: (k,) wanted probability of each direction.
     options: see `ExactOptions`.
     center_of_mass: (3,) fixed, in the coordinates of `Start.points`, or None for the uniform solid.
@@ -122,16 +127,36 @@ def solve_exactly(
 
     Raises
     ------
-    InputError: none of the starts has one rest for each outcome and no other; a start without the
-        symmetry.
+    NoStartError: none of the starts has one rest for each outcome and no other.
+    InputError: a start without the symmetry; a symmetry with `coordinates` "vertices"; least_circle
+        out of range.
     """
+    if group is not None and options.coordinates != "facets":
+        raise InputError(
+            f'symmetry: expected coordinates "facets", got {options.coordinates!r}; leave one of '
+            "them out"
+        )
+    if not 0.0 <= least_circle < 0.5:
+        raise InputError(
+            "least circle: expected a radius from 0 on and below 0.5 of the largest distance of "
+            f"two vertices, got {least_circle:g}; lower it"
+        )
     search = _Search(target, options, center_of_mass, group, least_circle, on_step)
     for start in starts:
-        if search.solve(start) or search.starts == options.starts:
+        if start is not None and (search.solve(start) or search.starts == options.starts):
             break
-        if search.out_of_time and search.best is not None:
+        if search.out_of_time and (start is None or search.best is not None):
             break
     return search.result()
+
+
+@dataclass(frozen=True)
+class _Best:
+    """A die, what is wrong with it (`_Search.shortfall`), and the terms of its energy."""
+
+    trial: Trial
+    shortfall: tuple[float, float]
+    terms: dict[str, float]
 
 
 @dataclass
@@ -144,7 +169,7 @@ class _Search:
     group: Floats | None
     least_circle: float
     on_step: Callable[[DesignStep], None] | None
-    best: Trial | None = None
+    best: _Best | None = None
     history: list[DesignStep] = field(default_factory=list)
     starts: int = 0
 
@@ -164,7 +189,11 @@ class _Search:
     def solve(self, start: Start) -> bool:
         """Go from one start to the target, and on by preference; whether nothing is left to do."""
         self.starts += 1
-        coordinates, parameters = self._coordinates(start)
+        try:
+            coordinates, parameters = self._coordinates(start)
+        except DegenerateBodyError:
+            # A variation that has left a fixed center of mass outside.
+            return False
         first = self.maker.attempt(coordinates, parameters, start.directions)
         if first is None:
             return False
@@ -191,7 +220,7 @@ class _Search:
             out_of_time=lambda: self.out_of_time,
             on_step=self._record_improvement,
         )
-        return self._shortfall(found) == (0.0, 0.0)
+        return self.shortfall(found) == (0.0, 0.0)
 
     def _coordinates(self, start: Start) -> tuple[Coordinates, Floats]:
         hull = convex_hull(start.points)
@@ -202,7 +231,7 @@ class _Search:
             return SymmetricCoordinates.of(start.points, origin, self.group, lambda points: hull)
         return FacetCoordinates.of(start.points, origin, lambda points: hull)
 
-    def _shortfall(self, trial: Trial) -> tuple[float, float]:
+    def shortfall(self, trial: Trial) -> tuple[float, float]:
         """What is wrong with a trial: first its error beyond the tolerance, then what its smallest
         circle lacks."""
         error = trial.error(self.target)
@@ -215,15 +244,18 @@ class _Search:
 
     def _record(self, trial: Trial) -> None:
         """Take note of a trial on the way to the target."""
-        if self.best is None or self._shortfall(trial) < self._shortfall(self.best):
-            self.best = trial
-        self._tell(trial, {"dice": dice_energy(trial, self.target)})
+        terms, shortfall = {"dice": dice_energy(trial, self.target)}, self.shortfall(trial)
+        if self.best is None or shortfall < self.best.shortfall:
+            self.best = _Best(trial, shortfall, terms)
+        self._tell(trial, terms)
 
     def _record_improvement(self, trial: Trial, value: float) -> None:
         """Take note of a trial that is better by preference than the last one."""
-        if self.best is None or self._shortfall(trial) <= self._shortfall(self.best):
-            self.best = trial
-        self._tell(trial, {"dice": dice_energy(trial, self.target), "preferences": value})
+        terms = {"dice": dice_energy(trial, self.target), "preferences": value}
+        shortfall = self.shortfall(trial)
+        if self.best is None or shortfall <= self.best.shortfall:
+            self.best = _Best(trial, shortfall, terms)
+        self._tell(trial, terms)
 
     def _tell(self, trial: Trial, terms: dict[str, float]) -> None:
         seconds = time.perf_counter() - self.started
@@ -236,13 +268,15 @@ class _Search:
 
     def result(self) -> DesignResult:
         """The best die of all starts."""
-        best = self.best
-        if best is None:
-            raise InputError(
+        if self.best is None:
+            remedy = "take another start"
+            if self.out_of_time:
+                remedy = "allow more with method.exact.seconds, or take a smaller symmetry"
+            raise NoStartError(
                 f"start: expected a shape with one rest for each of {len(self.target)} outcomes "
-                "and no other, got none; take another start"
+                f"and no other, got none; {remedy}"
             )
-        error, small = self._shortfall(best)
+        best, (error, small) = self.best.trial, self.best.shortfall
         status = Status.NO_START
         if error == 0.0:
             status = Status.CONVERGED if small == 0.0 else Status.TOO_SMALL
@@ -253,7 +287,7 @@ class _Search:
             status,
             best.rests.hull,
             best.directions,
-            self.history[-1].terms,
+            self.best.terms,
             tuple(self.history),
             self.maker.evaluations,
             polars.built + shapes.built,

@@ -9,7 +9,7 @@ Jacobian, and Newton's method across brings it back.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -40,8 +40,8 @@ LARGEST_MOVE: Final = 0.15
 """Largest change of a parameter along the manifold in one step."""
 
 RANK: Final = 1e-9
-"""Part of the largest singular value of the odds' Jacobian below which one counts as none: odds
-sum to 1, and symmetry ties more of them."""
+"""Singular value of the odds' Jacobian, whose parameters are about 1 in size, below which one
+counts as none: odds sum to 1, and symmetry may tie more of them, or all."""
 
 DAMPING: Final = 1.0
 """Damping of the Gauss-Newton matrix that BFGS starts from, in units of its mean eigenvalue."""
@@ -95,8 +95,8 @@ def improve(
     maker: makes the dice that are tried.
     preferences: what is made better.
     least_circle: radius, over the hull's diameter, that the largest circle in each facet of an
-        outcome shall have, 0 for any; while one has less, that weighs far more than preferences
-        of weight 1, and once all have it they keep it. Without preferences nothing else is done.
+        outcome shall have, 0 for any. While one has less, steps are towards that alone; once all
+        have it they keep it.
     tolerance: largest |p - q|.
     steps: most steps.
     out_of_time: asked before every step.
@@ -104,11 +104,27 @@ def improve(
         preferences, and what keeps facets from the verge of tipping and circles from being small.
     """
     goal = _Goal(target, maker, preferences, least_circle, tolerance, trial.parameters)
+    if least_circle > 0.0:
+        # A circle that is too small comes first, and alone.
+        bare = replace(goal, preferences=Preferences())
+        trial, taken = _descend(bare, trial, steps, out_of_time, on_step)
+        steps -= taken
+    return _descend(goal, trial, steps, out_of_time, on_step)[0]
+
+
+def _descend(
+    goal: _Goal,
+    trial: Trial,
+    steps: int,
+    out_of_time: Callable[[], bool],
+    on_step: Callable[[Trial, float], None],
+) -> tuple[Trial, int]:
+    """The die that at most so many steps lead to, and how many there were."""
     here = _Point(goal, trial)
-    curvature, slow = here.gauss_newton(), 0
-    for _ in range(steps):
-        if out_of_time() or slow == PATIENCE or not (preferences.any or here.is_short):
-            break
+    if not goal.is_open(here) or not here.is_free:
+        return trial, 0
+    curvature, slow, taken = here.gauss_newton(), 0, 0
+    while taken < steps and slow < PATIENCE and goal.is_open(here) and not out_of_time():
         there = _line_search(goal, here, curvature)
         if there is None:
             # Curvature from beyond a kink misleads.
@@ -119,8 +135,9 @@ def improve(
         curvature = _updated(curvature, here, there)
         slow = slow + 1 if there.merit > (1.0 - SLOW) * here.merit else 0
         here = there
+        taken += 1
         on_step(here.trial, here.merit)
-    return here.trial
+    return here.trial, taken
 
 
 @dataclass(frozen=True)
@@ -154,6 +171,10 @@ class _Goal:
             weight = self.preferences.nearness / len(self.first)
             parts.append(np.sqrt(weight) / FAR * moved)
         return torch.cat(parts)
+
+    def is_open(self, here: _Point) -> bool:
+        """Whether there is anything to make better."""
+        return self.preferences.any or here.is_short
 
     def moved(self, here: _Point, move: Floats) -> _Point | None:
         """The point that a move (n,) along the tangent space and back leads to, or None where no
@@ -193,14 +214,21 @@ class _Point:
     @cached_property
     def is_short(self) -> bool:
         """Whether a circle is too small."""
+        if self.goal.least_circle == 0.0:
+            return False
         radii = circle_radii(self.trial.rests, self.trial.outcome_facets)
         return bool(radii.detach().min() < self.goal.least_circle)
+
+    @property
+    def is_free(self) -> bool:
+        """Whether there is a direction that changes no odds."""
+        return len(self._free) > 0
 
     @cached_property
     def _singular(self) -> tuple[Floats, Floats, Floats]:
         """Of the odds' Jacobian (k, n): left vectors (k, r), values (r,), all right ones (n, n)."""
         left, values, right = np.linalg.svd(self.trial.jacobian(self.trial.odds))
-        rank = int((values > RANK * values[0]).sum())
+        rank = int((values > RANK).sum())
         return left[:, :rank], values[:rank], right
 
     def back(self, misses: Floats) -> Floats:

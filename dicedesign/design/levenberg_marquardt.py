@@ -31,7 +31,8 @@ WALL_WEIGHTS: Final = (0.3, 0.01, 0.0)
 """Weights of those residuals, from first to last."""
 
 NEAR: Final = 0.002
-"""Largest |p - q| of a die from which on they are no residuals: a short way meets no edge."""
+"""Largest |p - q| of a die from which on they are no residuals at first: a short way meets no
+edge, as a rule."""
 
 LARGEST_MOVE: Final = 0.15
 """Largest change of a parameter in one step."""
@@ -76,7 +77,7 @@ class Approach:
         current = first
         self.on_trial(current)
         near = current.error(self.target) < NEAR
-        weights = iter(WALL_WEIGHTS[-1:] if near else WALL_WEIGHTS)
+        weights = iter((0.0, *WALL_WEIGHTS) if near else WALL_WEIGHTS)
         weight, damping = next(weights), DAMPINGS[1]
         for _ in range(MOST_STEPS):
             if current.error(self.target) <= self.tolerance or self.out_of_time():
@@ -89,9 +90,10 @@ class Approach:
                 self.on_trial(current)
                 if gained >= SLOW:
                     continue
-            if weight == 0.0:
+            following_weight = next(weights, None)
+            if following_weight is None:
                 break
-            weight, damping = next(weights, 0.0), DAMPINGS[1]
+            weight, damping = following_weight, DAMPINGS[1]
         return current
 
     def _step(self, current: Trial, weight: float, damping: float) -> tuple[Trial | None, float]:
@@ -105,7 +107,10 @@ class Approach:
         while damping <= DAMPINGS[2] and np.isfinite(unit) and unit > 0.0:
             damped = square + damping * unit * np.eye(len(residuals))
             step = -raised @ np.linalg.solve(damped, residuals)
-            step *= min(1.0, LARGEST_MOVE / float(np.abs(step).max()))
+            largest = float(np.abs(step).max())
+            if not 0.0 < largest < np.inf:
+                break
+            step *= min(1.0, LARGEST_MOVE / largest)
             trial = self._attempt(current, current.parameters + step)
             if trial is not None and self._merit(trial, weight) < merit:
                 return trial, max(0.1 * damping, DAMPINGS[0])

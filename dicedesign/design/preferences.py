@@ -25,6 +25,9 @@ __all__ = ["Preferences", "preference_residuals"]
 
 Integers = NDArray[np.int64]
 
+LARGEST_WEIGHT: Final = 1e6
+"""Beyond it the other terms are lost in rounding."""
+
 CIRCLE_POWER: Final = 4.0
 """Power of a circle's residual in the inverse of its radius: the larger, the more it is the
 smallest circle alone that counts."""
@@ -82,10 +85,10 @@ class Preferences:
     def __post_init__(self) -> None:
         for item in fields(self):
             value = getattr(self, item.name)
-            if not 0.0 <= value < np.inf:
+            if not 0.0 <= value <= LARGEST_WEIGHT:
                 raise InputError(
-                    f"prefer.{item.name}: expected a number not below 0, got {value:g}; 0 "
-                    "leaves it out"
+                    f"prefer.{item.name}: expected a number from 0 to {LARGEST_WEIGHT:g}, got "
+                    f"{value:g}; 0 leaves it out"
                 )
 
     @property

@@ -35,9 +35,9 @@ class DesignResult:
     status: why it stopped.
     hull: the designed shape.
     directions: (k, 3) where the outcomes are.
-    terms: the energy's terms at the end, with their full weights.
+    terms: the energy's terms of the hull, with their full weights.
     history: every accepted step, the first being the start.
-    evaluations: energies computed, those of rejected trials and after pruning included.
+    evaluations: dice tried, rejected ones and those after pruning included.
     hulls_built: hulls computed for them from scratch, polar hulls of facet coordinates included.
     hulls_reused: hulls that only moved the vertices of the one before, for the same result.
     starts: starting shapes that were tried.

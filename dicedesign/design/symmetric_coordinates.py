@@ -109,8 +109,8 @@ class SymmetricCoordinates:
         return self.facets.points(torch.as_tensor(self.expansion) @ parameters, whole_orbits)
 
     def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
-        """See `Coordinates`: half-spaces that cut nothing stay, as they may cut again."""
-        return parameters
+        """See `FacetCoordinates`."""
+        return self.facets.pruned(parameters, rests)
 
 
 def orbits_of_directions(directions: Floats, group: Floats) -> Integers:

@@ -20,6 +20,11 @@ from dicedesign.geometry.hull import convex_hull
 from dicedesign.geometry.sphere import rotation_between, unit_vectors
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
+AROUND = np.linspace(0.0, 2.0 * np.pi, 41)[:-1] + 0.05 * np.sin(np.arange(40))
+DRUM = np.concatenate(
+    [np.column_stack([np.cos(AROUND), np.sin(AROUND), np.full(40, z)]) for z in (-0.3, 0.4)]
+)
+"""Bases of 40 edges."""
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -41,7 +46,7 @@ def stone(seed: int, facets: int = 9) -> np.ndarray:
 
 @pytest.mark.parametrize(
     "points",
-    [CUBE, CUBE * [1.0, 2.0, 5.0], prism(12).points, stone(0, 40)]
+    [CUBE, CUBE * [1.0, 2.0, 5.0], prism(12).points, stone(0, 40), DRUM]
     + [np.random.default_rng(seed).normal(size=(20, 3)) for seed in range(3)]
     + [stone(seed) for seed in range(6)],
 )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from itertools import islice
+from dataclasses import replace
+from itertools import islice, repeat
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from dicedesign.design.starts import Start, hendecahedron, prism, repulsion
 from dicedesign.design.stopping import Status
 from dicedesign.design.targets import binomial, sum_of_dice
 from dicedesign.design.variations import shapes_like
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, NoStartError
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.rest.poses import rest_poses
 
@@ -145,6 +146,40 @@ def test_one_outcome_may_have_nearly_all(largest: float) -> None:
     check_exact(solved(target.tolist()), target)
 
 
+def test_the_terms_are_those_of_the_die_that_is_given_back() -> None:
+    target = np.array(TARGETS["uneven"])
+    result = solve_exactly(
+        shapes_near(target, 0), target, ExactOptions(tolerance=0.3, starts=4), least_circle=0.4
+    )
+    assert result.status is Status.TOO_SMALL
+    poses = rest_poses(result.hull.vertices)
+    outcome = np.argmax(poses.normals @ result.directions.T, axis=1)
+    energy = ((poses.probabilities - target[outcome]) ** 2).sum()
+    assert result.terms["dice"] == pytest.approx(energy, rel=1e-6)
+
+
+def test_starts_without_a_fixed_center_inside_are_passed_over() -> None:
+    target, center = np.array([0.4, 0.3, 0.2, 0.1]), np.array([0.05, -0.02, 0.1])
+    start = repulsion(4, 0)
+    beside = replace(start, points=start.points + 5.0)
+    result = solve_exactly([beside, start], target, ExactOptions(), center_of_mass=center)
+    assert (result.status, result.starts) == (Status.CONVERGED, 2)
+
+
+def test_a_search_that_finds_no_shape_ends_in_time() -> None:
+    with pytest.raises(NoStartError, match=r"got none; allow more with method\.exact\.seconds"):
+        solve_exactly(repeat(None), np.array([0.5, 0.5]), ExactOptions(seconds=0.05))
+
+
+def test_bad_arguments_are_refused_in_words() -> None:
+    target = np.array([0.5, 0.5])
+    options = ExactOptions(coordinates="vertices")
+    with pytest.raises(InputError, match=r'symmetry: expected coordinates "facets", got .vertices'):
+        solve_exactly([], target, options, group=np.eye(3)[None])
+    with pytest.raises(InputError, match=r"expected a radius from 0 on and below 0\.5"):
+        solve_exactly([], target, ExactOptions(), least_circle=0.5)
+
+
 def test_a_start_without_the_wanted_rests_is_refused_in_words() -> None:
     cube = repulsion(6, 0)
     pair = Start(cube.points, cube.directions[:2])
@@ -155,7 +190,7 @@ def test_a_start_without_the_wanted_rests_is_refused_in_words() -> None:
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ({"tolerance": 0.0}, r"tolerance: expected a number in \(0, 1\)"),
+        ({"tolerance": 0.0}, "tolerance: expected a number from 1e-15 on and below 1, got 0"),
         ({"coordinates": "edges"}, 'expected "facets" or "vertices", got .edges.'),
         ({"sobolev": SobolevOptions()}, 'sobolev: expected coordinates "vertices"'),
         ({"starts": 0}, "starts: expected a whole number above 0"),
