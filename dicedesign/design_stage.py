@@ -67,7 +67,8 @@ def make_start(recipe: Recipe) -> Start | None:
     start = _chosen_start(recipe)
     if start is None or recipe.symmetry is None:
         return start
-    start = start.about_origin()
+    # Every symmetry of a body keeps its centroid where it is.
+    start = start.about_centroid()
     _check_orbits(recipe, start)
     return start
 
@@ -149,7 +150,7 @@ def _starts(recipe: Recipe, start: Start | None, wanted: Floats) -> Iterator[Sta
     while."""
     group = recipe.group()
     if start is not None:
-        return shapes_like(start, recipe.seed, group)
+        return shapes_like(start, recipe.seed, group, any_order=recipe.any_order)
     if group is not None:
         return symmetric_shapes_near(wanted, group, recipe.seed)
     return shapes_near(wanted, recipe.seed)
@@ -211,6 +212,8 @@ def _what_to_change(
         yield f"this is the best of {design.starts} starting shapes"
     if status is Status.TIME_LIMIT:
         yield f"allow more with {recipe.method.limits_key}.seconds"
+    if recipe.method.exact is not None and recipe.method.exact.coordinates == "vertices":
+        yield "facets of more than three sides break under coordinates: vertices; facets keeps them"
     if status is Status.TOO_SMALL:
         facets = verdict.facet_of_outcome[verdict.facet_of_outcome >= 0].tolist()
         radius = min(facet_inradius(verdict.hull, facet) for facet in facets)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,7 +24,13 @@ from dicedesign.files import atomic_write, make_writable_folder
 from dicedesign.peak_memory import peak_megabytes, restart_peak
 from dicedesign.recipe import MOST_MM, Recipe
 from dicedesign.recipe_file import recipe_text
-from dicedesign.summary import design_summary, odds_summary, target_summary
+from dicedesign.summary import (
+    design_summary,
+    engraved_notes,
+    odds_summary,
+    size_note,
+    target_summary,
+)
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.engrave import EngravedDie
@@ -55,8 +61,8 @@ class RunResult:
     ----------
     status: as in result.json; "converged" only if the finished die is within the tolerance.
     message: the same in a sentence.
-    notes: what was repaired or assumed about the start, and a size other than the recipe's, one
-        sentence each.
+    notes: what was repaired or assumed about the start, a size other than the recipe's, and odds
+        that the engraving changes much, one sentence each.
     folder: where the files are.
     summary: the content of result.json.
     """
@@ -139,6 +145,8 @@ def run_recipe(
     clock = _Clock(on_stage=on_stage)
     with clock.stage("start"):
         start = make_start(recipe)
+        if recipe.engrave is not None:
+            _require_glyphs(recipe.target.target().labels)
     make_writable_folder(folder)
     with clock.stage("design"):
         die = design_die(recipe, start, on_step=on_step)
@@ -148,10 +156,18 @@ def run_recipe(
             fitting = _fitting(recipe, die)
             if fitting != recipe:
                 recipe, die = fitting, resized(die, fitting, start)
-                notes += (f"size_mm: {recipe.size_mm:g}, so that the labels fit",)
+                notes += (size_note(recipe.size_mm),)
     files, summary = _results(recipe, die, clock)
     _write(folder, files, summary)
+    notes += tuple(engraved_notes(summary))
     return RunResult(summary["status"], summary["message"], notes, folder, summary)
+
+
+def _require_glyphs(labels: Sequence[str]) -> None:
+    from dicedesign.fabricate.glyphs import label_contours
+
+    for label in labels:
+        label_contours(label)
 
 
 def _plain_name(status: Status) -> str:

@@ -40,7 +40,8 @@ def _switch(value: object) -> object:
 
 
 class MethodRecipe(Strict):
-    """`method`: how the die is found: `exact` unless it says `descent`."""
+    """`method`: how the die is found: `exact` unless it says `descent`. A word alone is the method
+    with all its defaults."""
 
     exact: ExactOptions | None = Field(default_factory=ExactOptions)
     descent: DescentOptions | None = None
@@ -48,6 +49,8 @@ class MethodRecipe(Strict):
     @model_validator(mode="before")
     @classmethod
     def _choose(cls, given: Any) -> Any:
+        if given in ("exact", "descent"):
+            given = {given: {}}
         if isinstance(given, dict) and given.get("descent") is not None:
             if given.get("exact") is not None:
                 raise ValueError("method: expected exact or descent, got both; keep one")
@@ -81,11 +84,12 @@ class Recipe(Strict):
     name: folder name of the results.
     seed: of everything random.
     target, start: what is wanted, and what to begin with: shapes that are searched, unless given.
-    assignment: labels in the order of the start's directions; None for the order of the target.
+    assignment: labels in the order of the start's directions; None for the order of the target;
+        empty, "any" in a file, for one order after the other, at random, until one leads there.
     center_of_mass: (3,) fixed, in the start's own coordinates (see `dicedesign.design.starts`);
         None for the uniform solid.
     symmetry: name of the point group that the die has (see `dicedesign.geometry.point_groups`),
-        about the origin of the start's own coordinates; None if it need not have any.
+        about the centroid of the start, along its own axes; None if it need not have any.
     size_mm: largest vertex-to-vertex distance of the printed die.
     min_inradius_mm: radius of a circle that the facet of each outcome has room for.
     engrave: engraving options, or None for a plain die.
@@ -95,7 +99,7 @@ class Recipe(Strict):
     target: TargetRecipe
     start: StartRecipe = Field(default_factory=lambda: StartRecipe(search=SearchRecipe()))
     seed: Annotated[int, Field(ge=0)] = 0
-    assignment: Annotated[list[Label] | None, _word("in_order", None)] = None
+    assignment: Annotated[list[Label] | None, _word("in_order", None), _word("any", [])] = None
     center_of_mass: Annotated[
         tuple[float, float, float] | None,
         _word("uniform", None),
@@ -112,7 +116,9 @@ class Recipe(Strict):
     @model_validator(mode="after")
     def _check(self) -> Recipe:
         labels = self.target.target().labels
-        if self.assignment is not None and sorted(self.assignment) != sorted(labels):
+        if self.any_order:
+            self._check_any_order()
+        elif self.assignment is not None and sorted(self.assignment) != sorted(labels):
             raise ValueError(
                 f"assignment: expected each of the labels {', '.join(labels)} once, got "
                 f"{', '.join(self.assignment)}; write in_order for the target's order"
@@ -133,6 +139,13 @@ class Recipe(Strict):
         if self.symmetry is not None:
             self._check_symmetry(self.symmetry)
         return self
+
+    def _check_any_order(self) -> None:
+        if self.method.exact is None or self.start.search is not None or self.symmetry is not None:
+            raise ValueError(
+                "assignment: expected any with the exact method, a start that is given and no "
+                "symmetry, got it with another; write in_order, or leave it out"
+            )
 
     def _check_search(self) -> None:
         if self.method.exact is None:
@@ -169,10 +182,15 @@ class Recipe(Strict):
         labels = self.target.target().labels
         return [labels.index(label) for label in self.assignment or labels]
 
+    @property
+    def any_order(self) -> bool:
+        """Whether the labels may come in any order."""
+        return self.assignment == []
+
     def resolved(self) -> dict[str, Any]:
         """The recipe with every default written out, as plain data."""
         plain: dict[str, Any] = TypeAdapter(Recipe).dump_python(self, mode="json")
-        plain["assignment"] = plain["assignment"] or "in_order"
+        plain["assignment"] = plain["assignment"] or ("any" if self.any_order else "in_order")
         plain["center_of_mass"] = plain["center_of_mass"] or "uniform"
         plain["symmetry"] = plain["symmetry"] or "none"
         plain["engrave"] = plain["engrave"] or False

@@ -142,7 +142,7 @@ def _explain(error: ValidationError) -> str:
     if isinstance(cause, ValueError):
         return f"{key + ': ' if key else ''}{cause}"
     message = first["msg"][0].lower() + first["msg"][1:]
-    return f"{key}: {message}, got {first['input']!r}"
+    return f"{key}: {message}, got {first['input']!r}; correct it"
 
 
 def _hint(key: str) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -17,7 +18,13 @@ from dicedesign.rest.poses import analyse
 if TYPE_CHECKING:
     from dicedesign.fabricate.engrave import EngravedDie
 
-__all__ = ["design_summary", "odds_summary", "target_summary"]
+__all__ = ["design_summary", "engraved_notes", "odds_summary", "size_note", "target_summary"]
+
+LARGE_MM: Final = 100.0
+"""Beyond this size a die takes long to print, and is hard to throw."""
+
+CHANGED: Final = 0.05
+"""Relative change of an outcome's odds by engraving that is told."""
 
 
 def target_summary(target: Target) -> dict[str, Any]:
@@ -93,3 +100,25 @@ def design_summary(design: DesignResult) -> dict[str, Any]:
             for step in design.history
         ],
     }
+
+
+def size_note(size_mm: float) -> str:
+    """What is said of a size that labels asked for."""
+    note = f"size_mm: {size_mm:g}, so that the labels fit"
+    if size_mm > LARGE_MM:
+        note += "; for a smaller die join rare outcomes, shorten labels or try another seed"
+    return note
+
+
+def engraved_notes(summary: Mapping[str, Any]) -> Iterator[str]:
+    """What the pockets of the labels change by more than `CHANGED`, from `odds_summary` and
+    `target_summary`."""
+    engraved = summary.get("engraved_probabilities", summary["probabilities"])
+    rows = zip(summary["labels"], summary["probabilities"], engraved, strict=True)
+    changes = [(abs(after - before) / before, label) for label, before, after in rows if before]
+    most, label = max(changes, default=(0.0, ""))
+    if most > CHANGED:
+        yield (
+            f"engraving changes the odds of {label} by {most:.0%}; take a smaller depth_mm or a "
+            "larger size_mm"
+        )

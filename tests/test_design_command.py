@@ -117,6 +117,23 @@ def test_time_that_runs_out_is_told_with_what_to_raise(
     assert "; allow more with method.exact.seconds" in printed
 
 
+def test_a_die_that_must_be_large_or_is_changed_by_its_labels_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["design", "--target", "0.96,.01,.01,.01,.01", "--out", str(tmp_path)]) == 0
+    notes = capsys.readouterr().err.splitlines()
+    size = yaml.safe_load((tmp_path / "recipe.yaml").read_text())["size_mm"]
+    assert size > 100
+    assert notes[0].endswith(
+        "; for a smaller die join rare outcomes, shorten labels or try another seed"
+    )
+    assert main(["design", "--target", ".99,.01", "--out", str(tmp_path)]) == 0
+    summary = json.loads((tmp_path / "result.json").read_text())
+    change = abs(summary["engraved_probabilities"][1] / 0.01 - 1.0)
+    told = f"note: engraving changes the odds of 2 by {change:.0%}; take a smaller depth_mm"
+    assert (told in capsys.readouterr().err) == (change > 0.05)
+
+
 BAD = [
     (["--target", "2d6,1/2"], "--target: expected a number or a fraction such as 1/36, got '2d6'"),
     (["--target", "1/0,1/2"], "--target: expected a number or a fraction such as 1/36, got '1/0'"),
@@ -132,6 +149,7 @@ BAD = [
     (["--target", "1/2,1/2", "--labels", "a"], "--labels: expected 2, one for each outcome, got 1"),
     (["--target", "1/2,1/2", "--labels", "a,a"], "--labels: expected distinct labels, got 'a'"),
     (["--target", "1/2,1/2", "--labels", "a,"], "--labels: expected 1 to 12 characters, got ''"),
+    (["--target", "1/2,1/2", "--labels", "a,日"], "label: expected characters of the font DejaVu"),
     (["--target", "1/2,1/2", "--seed", "-1"], "--seed: input should be greater than or equal to 0"),
     (["--target", "1/2,1/2", "--size-mm", "0"], "--size-mm: input should be greater than 0"),
     (["--target", "1/2,1/2", "--size-mm", "nan"], "--size-mm: input should be a finite number"),

@@ -5,9 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
+from dicedesign.design.stopping import Status
+from dicedesign.design_stage import design_die, make_start
 from dicedesign.errors import RecipeError
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import read_recipe, recipe_text
@@ -45,6 +48,34 @@ def test_a_resolved_recipe_reads_as_itself(repository: Path, tmp_path: Path) -> 
         recipe = read_recipe(path)
         again = read(tmp_path, recipe.resolved())
         assert again == recipe
+
+
+@pytest.mark.parametrize("method", ["exact", "descent"])
+def test_a_word_is_a_method_with_its_defaults(method: str, tmp_path: Path) -> None:
+    entries = {"name": "x", "target": {"fair": 6}, "start": {"repulsion": {}}}
+    assert read(tmp_path, {**entries, "method": method}) == read(
+        tmp_path, {**entries, "method": {method: {}}}
+    )
+
+
+def test_any_order_of_the_labels_is_tried(tmp_path: Path) -> None:
+    """Binomial odds in their own order around a prism lead nowhere; in another order they do."""
+    entries = {
+        "name": "x",
+        "target": {"binomial": 5},
+        "start": {"prism": {}},
+        "method": {"exact": {"prefer": {}, "starts": 60}},
+    }
+    recipe = read(tmp_path, {**entries, "assignment": "any"})
+    assert recipe.resolved()["assignment"] == "any"
+    assert recipe.outcome_of_direction() == list(range(6))
+    die = design_die(recipe, make_start(recipe))
+    assert die.status is Status.CONVERGED
+    directions = make_start(recipe).directions
+    assert np.argmax(die.design.directions @ directions.T, axis=1).tolist() != list(range(6))
+    for other in ({"symmetry": "Cs"}, {"start": {"search": {}}}, {"method": "descent"}):
+        with pytest.raises(RecipeError, match="assignment: expected any with the exact method"):
+            read(tmp_path, {**entries, "assignment": "any", **other})
 
 
 def test_a_mesh_path_counts_from_the_recipe_or_in_a_change_from_where_one_is(

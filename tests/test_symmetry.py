@@ -81,7 +81,7 @@ def test_a_die_whose_odds_symmetry_fixes_is_improved_too(
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        ({"symmetry": "D3q"}, "symmetry: point group: expected one of C1, Cs, .*got 'D3q'"),
+        ({"symmetry": "D3q"}, "symmetry: expected one of C1, Cs, .*got 'D3q'"),
         ({"symmetry": "C5v"}, "symmetry: expected outcomes of equal probability to fill whole"),
         (
             {"symmetry": "Cs", "method": {"exact": {"coordinates": "vertices"}}},

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
@@ -25,9 +26,10 @@ from dicedesign.design.starts import Start
 from dicedesign.design.stopping import Status
 from dicedesign.design.symmetric_coordinates import SymmetricCoordinates
 from dicedesign.design.trial import Trial, TrialMaker
-from dicedesign.errors import DegenerateBodyError, InputError, NoStartError
+from dicedesign.errors import DegenerateBodyError, DiceError, InputError, NoStartError
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.options import STRICT
+from dicedesign.rest.poses import rest_poses
 
 __all__ = ["ExactOptions", "solve_exactly"]
 
@@ -169,6 +171,7 @@ class _Search:
     group: Floats | None
     least_circle: float
     on_step: Callable[[DesignStep], None] | None
+    first: Start | None = None
     best: _Best | None = None
     history: list[DesignStep] = field(default_factory=list)
     starts: int = 0
@@ -189,6 +192,7 @@ class _Search:
     def solve(self, start: Start) -> bool:
         """Go from one start to the target, and on by preference; whether nothing is left to do."""
         self.starts += 1
+        self.first = self.first or start
         try:
             coordinates, parameters = self._coordinates(start)
         except DegenerateBodyError:
@@ -266,6 +270,15 @@ class _Search:
         if self.on_step is not None:
             self.on_step(step)
 
+    def _first_rests(self) -> str:
+        """What the first start has instead, in words."""
+        if self.first is None:
+            return "none"
+        with suppress(DiceError):
+            given = "hull" if self.center_of_mass is None else self.center_of_mass
+            return f"{len(rest_poses(self.first.points, given).normals)} rests at first"
+        return "none"
+
     def result(self) -> DesignResult:
         """The best die of all starts."""
         if self.best is None:
@@ -274,7 +287,7 @@ class _Search:
                 remedy = "allow more with method.exact.seconds, or take a smaller symmetry"
             raise NoStartError(
                 f"start: expected a shape with one rest for each of {len(self.target)} outcomes "
-                f"and no other, got none; {remedy}"
+                f"and no other, got {self._first_rests()}; {remedy}"
             )
         best, (error, small) = self.best.trial, self.best.shortfall
         status = Status.NO_START

@@ -161,7 +161,7 @@ class _Goal:
         facets = trial.outcome_facets
         parts = [
             preference_residuals(trial.rests, facets, self.preferences),
-            barrier_residuals(trial.rests),
+            np.sqrt(self.preferences.largest or 1.0) * barrier_residuals(trial.rests),
         ]
         if self.least_circle > 0.0:
             radii = circle_radii(trial.rests, facets)

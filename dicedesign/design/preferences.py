@@ -56,7 +56,8 @@ _TORCH: ModuleType = torch
 
 @dataclass(frozen=True)
 class Preferences:
-    """Weights of what is made better while the odds are kept, none negative; 0 leaves one out.
+    """Weights of what is made better while the odds are kept; 0 leaves one out. Only their ratios
+    matter.
 
     Each multiplies a sum of squares that is about 1 for an ordinary die.
 
@@ -87,14 +88,19 @@ class Preferences:
             value = getattr(self, item.name)
             if not 0.0 <= value <= LARGEST_WEIGHT:
                 raise InputError(
-                    f"prefer.{item.name}: expected a number from 0 to {LARGEST_WEIGHT:g}, got "
+                    f"{item.name}: expected a number from 0 to {LARGEST_WEIGHT:g}, got "
                     f"{value:g}; 0 leaves it out"
                 )
 
     @property
+    def largest(self) -> float:
+        """The largest weight."""
+        return max(getattr(self, item.name) for item in fields(self))
+
+    @property
     def any(self) -> bool:
         """Whether anything is preferred."""
-        return any(getattr(self, item.name) > 0.0 for item in fields(self))
+        return self.largest > 0.0
 
 
 def preference_residuals(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dicedesign.errors import InputError
 from dicedesign.geometry.body import Body
 from dicedesign.geometry.halfspaces import polyhedron_corners
-from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.rest.poses import rest_poses
 
 __all__ = [
@@ -68,6 +68,12 @@ class Start:
         """The same start, moved so that its own coordinates have their origin at 0."""
         moved = self.points + self.origin / self.scale
         return replace(self, points=moved, origin=np.zeros(3))
+
+    def about_centroid(self) -> Start:
+        """The same start, moved so that its centroid is at 0."""
+        centroid = convex_hull(self.points).centroid
+        origin = self.origin + self.scale * centroid
+        return replace(self, points=self.points - centroid, origin=origin)
 
 
 def prism(sides: int, height: float = 1.5, cap: float = 1.3) -> Start:

@@ -70,6 +70,8 @@ def fair(outcomes: int) -> Target:
 def listed(probabilities: Sequence[float]) -> Target:
     """Any distribution, given by its probabilities: labels "1", "2", ...
 
+    Decimals that were cut off, whose sum is not 1 to rounding, are divided by it.
+
     Raises
     ------
     InputError: fewer than two outcomes, a probability not in (0, 1), or a sum other than 1.
@@ -92,6 +94,8 @@ def listed(probabilities: Sequence[float]) -> Target:
             f"probabilities: expected a sum of 1, got {values.sum():.12g}; write fractions such as "
             "1/3 where decimals do not suffice"
         )
+    if abs(float(values.sum()) - 1.0) > len(values) * np.finfo(np.float64).eps:
+        values = values / values.sum()
     return Target(tuple(str(i + 1) for i in range(len(values))), values)
 
 

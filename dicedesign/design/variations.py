@@ -29,7 +29,9 @@ LARGEST_VARIATION: Final = 0.3
 """Size that variations approach."""
 
 
-def shapes_like(start: Start, seed: int, group: Floats | None = None) -> Iterator[Start]:
+def shapes_like(
+    start: Start, seed: int, group: Floats | None = None, *, any_order: bool = False
+) -> Iterator[Start]:
     """A start, and then the same with its facets turned and shifted more and more, without end.
 
     Where that leaves no solid, the next one follows.
@@ -40,6 +42,7 @@ def shapes_like(start: Start, seed: int, group: Floats | None = None) -> Iterato
     seed: of the variations.
     group: (g, 3, 3) a point group about the origin that the start has as symmetry, and that its
         variations are to keep, or None.
+    any_order: each variation has its outcomes on the facets in a random order.
 
     Raises
     ------
@@ -63,4 +66,6 @@ def shapes_like(start: Start, seed: int, group: Floats | None = None) -> Iterato
         except (DiceError, torch.linalg.LinAlgError):
             continue
         nearest = np.argmax(hull.normals[facets] @ normals.T, axis=1)
+        if any_order:
+            nearest = rng.permutation(nearest)
         yield replace(start, points=points, directions=normals[nearest])

@@ -88,7 +88,7 @@ def point_group(name: str) -> Floats:
     parts = re.fullmatch(r"([CDS])([1-9][0-9]*)([vhd]?)", name)
     generators = None if parts is None else _axial(parts[1], int(parts[2]), parts[3])
     if generators is None:
-        raise InputError(f"point group: expected one of {KNOWN_GROUPS}, got {name!r}; write it so")
+        raise InputError(f"expected one of {KNOWN_GROUPS}, got {name!r}; write it so")
     return _closure(*generators)
 
 

@@ -73,7 +73,7 @@ def die(seed: int, facets: int = 9) -> Trial:
 @pytest.mark.parametrize("name", [field.name for field in fields(Preferences)])
 @pytest.mark.parametrize("value", [-1.0, np.inf, np.nan])
 def test_weights_out_of_range_are_refused(name: str, value: float) -> None:
-    text = f"prefer.{name}: expected a number from 0 to 1e\\+06, got {value:g}; 0 leaves it out"
+    text = f"{name}: expected a number from 0 to 1e\\+06, got {value:g}; 0 leaves it out"
     with pytest.raises(InputError, match=text):
         only(name, value)
 

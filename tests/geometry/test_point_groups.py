@@ -129,7 +129,7 @@ def test_what_a_group_keeps_in_place(name: str, kept: tuple[int, ...]) -> None:
     "name", ["", "c3", "C0", "C13", "D1", "S3", "S26", "S4v", "D3v", "Cd", "Tv", "Ic", "C02", "C3d"]
 )
 def test_other_names_are_refused_in_words(name: str) -> None:
-    text = f"point group: expected one of C1, Cs, Ci, Cn, .* Ih, got {name!r}"
+    text = f"expected one of C1, Cs, Ci, Cn, .* Ih, got {name!r}"
     with pytest.raises(InputError, match=text):
         point_group(name)
 
