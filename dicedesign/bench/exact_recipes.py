@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict, dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from dicedesign.design.starts import Start
 from dicedesign.design.stopping import Status
 from dicedesign.design_stage import DesignedDie, design_die
-from dicedesign.errors import InputError
+from dicedesign.errors import NoStartError
 from dicedesign.recipe import Recipe
+from dicedesign.search.trial import NO_DIE
 from dicedesign.summary import odds_summary
 
-__all__ = ["NO_DIE", "RecipeAttempt", "attempt_recipe"]
-
-NO_DIE: Final = "NO_DIE"
-"""Status where no starting shape has one rest for each outcome, so that there is no die."""
+__all__ = ["RecipeAttempt", "attempt_recipe"]
 
 
 @dataclass(frozen=True)
@@ -70,13 +68,15 @@ def attempt_recipe(recipe: Recipe, start: Start | None) -> RecipeAttempt:
     """Design the die of a recipe, which is neither engraved nor written, and measure it.
 
     start: of the recipe, by `make_start`.
+
+    Raises InputError if the start does not suit the target.
     """
     method = "descent" if recipe.method.exact is None else "exact"
     outcomes, tolerance = len(recipe.target.target().labels), recipe.method.tolerance
     started = time.perf_counter()
     try:
         die = design_die(recipe, start)
-    except InputError:
+    except NoStartError:
         die = None
     seconds = time.perf_counter() - started
     rests, odds_seconds, measured = 0, np.nan, (np.inf, np.nan, np.nan)

@@ -86,7 +86,7 @@ def _search(options: argparse.Namespace) -> int:
 def _run(study: Any, options: argparse.Namespace) -> None:
     from tqdm import tqdm
 
-    from dicedesign.search.executors import cluster_workers, local_workers
+    from dicedesign.search.executors import cluster_workers, local_workers, no_worker_left
     from dicedesign.search.running import run_search
 
     with contextlib.ExitStack() as stack:
@@ -106,15 +106,23 @@ def _run(study: Any, options: argparse.Namespace) -> None:
                 initial=len(finished),
             )
         )
-        converged = sum(trial["status"] == "converged" for trial in finished)
+        converged, told = sum(trial["status"] == "converged" for trial in finished), False
 
         def on_trial(result: dict[str, Any]) -> None:
-            nonlocal converged
+            nonlocal converged, told
+            told = False
             converged += result["status"] == "converged"
             bar.set_postfix_str(f"{converged} converged", refresh=False)
             bar.update()
 
-        run_search(study, options.trials, executor, jobs, on_trial=on_trial)
+        def on_quiet() -> None:
+            nonlocal told
+            if not told and no_worker_left(executor):
+                told = True
+                note = f"note: {options.scheduler} has no worker left; trials wait for one to join"
+                bar.write(note, file=sys.stderr)
+
+        run_search(study, options.trials, executor, jobs, on_trial=on_trial, on_quiet=on_quiet)
 
 
 def _print(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import QhullError
@@ -21,9 +19,6 @@ __all__ = ["resting_half_spaces", "start_with_odds"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-NONE: Final = np.empty(0, dtype=np.int64)
-"""No half-spaces."""
-
 
 def resting_half_spaces(normals: Floats, distances: Floats) -> Integers:
     """Numbers (k,) of the half-spaces `normals[i] . x <= distances[i]` on whose planes the uniform
@@ -39,12 +34,12 @@ def resting_half_spaces(normals: Floats, distances: Floats) -> Integers:
     try:
         triangles, neighbors = hull_triangles(polar)
     except QhullError:
-        return NONE
+        return np.empty(0, dtype=np.int64)
     a, b, c = polar[triangles.T]
     planes = np.linalg.cross(b - a, c - a)
     levels = (planes * a).sum(-1)
     if not (levels > 0.0).all():
-        return NONE
+        return np.empty(0, dtype=np.int64)
     corners = planes / levels[:, None]
     # Every triangle of the polar body is a corner. Facet j, one of three there, runs into it along
     # an edge from the corner across the edge from j to the following one.

@@ -4,48 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.design.half_space_odds import resting_half_spaces, start_with_odds
 from dicedesign.design.needles import needle_near
+from dicedesign.design.shape_pool import (
+    NEARNESS,
+    REPULSION_STEPS,
+    STRETCH,
+    UNEVENNESS,
+    nearest_first,
+)
 from dicedesign.design.starts import FEWEST_FACETS, Start, repulsion, spread_directions
 
 __all__ = ["shapes_near"]
 
 Floats = NDArray[np.float64]
 
-EVEN_SHAPES: Final = 2
-"""Shapes of equal facets that are proposed first, where there are enough outcomes and even odds are
-not far from the target."""
 
-DRAWN: Final = 30
-"""Polyhedra drawn in each turn."""
-
-PROPOSED: Final = 2
-"""How many of all that were drawn are proposed in each turn."""
-
-FAR: Final = 0.3
-"""Distance in odds, the root of their summed squared differences, from which on a polyhedron is
-proposed only where there is nothing else."""
-
-REPULSION_STEPS: Final = 10
-"""Steps that keep random facets from lying too close to each other."""
-
-UNEVENNESS: Final = 0.6
-"""Largest standard deviation of the logarithms of facet distances."""
-
-NEARNESS: Final = 1.5
-"""A facet in favour is nearer than others by a factor of up to the exponential of this."""
-
-STRETCH: Final = (-1.5, 1.0)
-"""Range of the logarithm by which a polyhedron is stretched along one axis."""
-
-
-def shapes_near(target: Floats, seed: int) -> Iterator[Start]:
-    """Starting shapes with one rest for each outcome and no other, without end.
+def shapes_near(target: Floats, seed: int) -> Iterator[Start | None]:
+    """Starting shapes with one rest for each outcome and no other, without end; None where a turn
+    found nothing, so that whoever asks can stop.
 
     First come tangential polyhedra of evenly spread facets, one for each outcome, if even odds are
     near the target. Then, in turn, come random polyhedra, some facets of which are no rests, the
@@ -56,42 +37,25 @@ def shapes_near(target: Floats, seed: int) -> Iterator[Start]:
     """
     outcomes = len(target)
     rng = np.random.default_rng(seed)
-    if outcomes >= FEWEST_FACETS and np.linalg.norm(target - 1.0 / outcomes) < FAR:
-        for number in range(EVEN_SHAPES):
-            even = repulsion(outcomes, seed + number)
-            yield replace(even, directions=rng.permutation(even.directions))
-    descending = np.argsort(-target, kind="stable")
-    place = np.argsort(descending, kind="stable")
-    pool: list[tuple[float, Start]] = []
-    while True:
-        for _ in range(DRAWN):
-            drawn = _random_shape(outcomes, rng)
-            if drawn is not None:
-                shape, odds = drawn
-                distance = float(np.linalg.norm(odds - target[descending]))
-                pool.append((distance, replace(shape, directions=shape.directions[place])))
-        pool.sort(key=lambda entry: -entry[0])
-        near = sum(distance < FAR for distance, _ in pool[-PROPOSED:])
-        for _ in range(near):
-            yield pool.pop()[1]
-        needle = needle_near(target, rng)
-        if needle is not None:
-            yield needle
-        elif near == 0 and pool:
-            yield pool.pop()[1]
+    place = np.argsort(np.argsort(-target, kind="stable"), kind="stable")
 
+    def even(number: int) -> Start | None:
+        if outcomes < FEWEST_FACETS:
+            return None
+        shape = repulsion(outcomes, seed + number)
+        return replace(shape, directions=rng.permutation(shape.directions))
 
-def _random_shape(outcomes: int, rng: np.random.Generator) -> tuple[Start, Floats] | None:
-    """A random polyhedron with a number of rests, in order of their probabilities, which follow;
-    None where the polyhedron that was drawn has more rests or fewer."""
-    normals, distances = _pebble(outcomes, rng) if rng.random() < 0.5 else _bowl(outcomes, rng)
-    rests = resting_half_spaces(normals, distances)
-    found = start_with_odds(normals, distances, rests) if len(rests) == outcomes else None
-    if found is None:
-        return None
-    start, odds = found
-    order = np.argsort(-odds, kind="stable")
-    return replace(start, directions=start.directions[order]), odds[order]
+    def draw() -> tuple[Start, Floats] | None:
+        normals, distances = _pebble(outcomes, rng) if rng.random() < 0.5 else _bowl(outcomes, rng)
+        rests = resting_half_spaces(normals, distances)
+        found = start_with_odds(normals, distances, rests) if len(rests) == outcomes else None
+        if found is None:
+            return None
+        start, odds = found
+        order = np.argsort(-odds, kind="stable")[place]
+        return replace(start, directions=start.directions[order]), odds[order]
+
+    return nearest_first(target, even, draw, lambda: needle_near(target, rng))
 
 
 def _pebble(outcomes: int, rng: np.random.Generator) -> tuple[Floats, Floats]:

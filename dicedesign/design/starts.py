@@ -64,11 +64,6 @@ class Start:
         """Points (..., 3) of the shape's own coordinates in those of `points`."""
         return (own - self.origin) / self.scale
 
-    def about_origin(self) -> Start:
-        """The same start, moved so that its own coordinates have their origin at 0."""
-        moved = self.points + self.origin / self.scale
-        return replace(self, points=moved, origin=np.zeros(3))
-
     def about_centroid(self) -> Start:
         """The same start, moved so that its centroid is at 0."""
         centroid = convex_hull(self.points).centroid

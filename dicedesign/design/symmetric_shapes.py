@@ -4,44 +4,33 @@ themselves, the nearest in their odds first."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import count
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dicedesign.design.half_space_odds import resting_half_spaces, start_with_odds
 from dicedesign.design.orbit_layouts import Layout, OrbitLayouts, OrbitSite
+from dicedesign.design.shape_pool import (
+    NEARNESS,
+    REPULSION_STEPS,
+    STRETCH,
+    UNEVENNESS,
+    nearest_first,
+)
 from dicedesign.design.starts import FEWEST_FACETS, Start
-from dicedesign.design.symmetric_coordinates import images_of_directions
-from dicedesign.errors import DiceError
-from dicedesign.geometry.halfspaces import polyhedron_corners
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.rest.equilibria import Equilibria, classify
-from dicedesign.rest.probabilities import find_basins
+from dicedesign.rest.equilibria import classify
 
 __all__ = ["symmetric_shapes_near"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-EVEN_SHAPES: Final = 2
-"""Shapes of equally distant, evenly spread facets that are tried first."""
-
 EVEN_STEPS: Final = 200
-"""Steps that spread their facets."""
-
-FIRST_DRAW: Final = 50
-"""Polyhedra drawn before the first of them is proposed."""
-
-DRAW_GROWTH: Final = 1.5
-"""How many times as large each later draw is."""
-
-PROPOSED: Final = 3
-"""How many of all that were drawn are proposed after each draw."""
-
-REPULSION_STEPS: Final = 10
-"""Steps that keep random facets from lying too close to each other."""
+"""Steps that spread the facets of even shapes."""
 
 MOST_HELPERS: Final = 2
 """So many orbits without outcome are always possible; of small orbits, more."""
@@ -50,27 +39,20 @@ CLEARANCE: Final = 0.03
 """Least distance of the foot of the center of mass from the nearest edge's line of any facet, over
 the circumscribed radius."""
 
-UNEVENNESS: Final = 0.6
-"""Largest standard deviation of the logarithms of the distances of orbits."""
-
-NEARNESS: Final = 1.5
-"""An orbit in favour is nearer than others by a factor of up to the exponential of this."""
-
 FLOOR_ODDS: Final = 0.3
 """An outcome that is alone with odds above this may become the floor of a bowl."""
 
-STRETCH: Final = (-1.5, 1.0)
-"""Range of the logarithm by which a polyhedron is stretched along one axis."""
 
-
-def symmetric_shapes_near(target: Floats, group: Floats, seed: int) -> Iterator[Start]:
+def symmetric_shapes_near(target: Floats, group: Floats, seed: int) -> Iterator[Start | None]:
     """Starting shapes that a point group maps onto themselves, with one rest for each outcome and
-    no other, and equal target probabilities on each orbit of rests; without end.
+    no other, and equal target probabilities on each orbit of rests; without end. None where a turn
+    found nothing, so that whoever asks can stop.
 
     The group acts about the origin of their points. Outcomes are spread over as few orbits as
-    possible. After each draw of random polyhedra, the nearest in their odds of all so far come
-    first, with the largest orbit probabilities for the largest outcomes among orbits of one size.
-    None is tied or nearly so, as odds jump there.
+    possible. Even shapes, equally distant facets evenly spread, come first if even odds are near
+    the target; then random polyhedra, the nearest in their odds first, with the largest orbit
+    probabilities for the largest outcomes among orbits of one size. None is tied or nearly so, as
+    odds jump there.
 
     Parameters
     ----------
@@ -82,77 +64,59 @@ def symmetric_shapes_near(target: Floats, group: Floats, seed: int) -> Iterator[
     ------
     InputError: equal probabilities do not fill whole orbits of the group. It comes at once.
     """
-    return _nearest_first(OrbitLayouts(target, group), target, group, np.random.default_rng(seed))
+    layouts, rng = OrbitLayouts(target, group), np.random.default_rng(seed)
 
-
-def _nearest_first(
-    layouts: OrbitLayouts, target: Floats, group: Floats, rng: np.random.Generator
-) -> Iterator[Start]:
-    for _ in range(EVEN_SHAPES):
+    def even(_: int) -> Start | None:
         layout = layouts.draw(rng)
-        normals = _spread_orbits([site for site, _ in layout], rng, EVEN_STEPS)
-        even = _shape(normals, np.ones(len(normals)), layout, target, group)
-        if even is not None:
-            yield even[1]
-    pool: list[tuple[float, Start]] = []
-    for turn in count():
-        for _ in range(int(FIRST_DRAW * DRAW_GROWTH**turn)):
-            layout = layouts.draw(rng)
-            floor = _floor(layout, target)
-            if floor is None or rng.random() < 0.5:
-                normals, distances = _pebble(layouts, layout, group, rng)
-            else:
-                normals, distances = _bowl(layouts, layout, floor, rng)
-            drawn = _shape(normals, distances, layout, target, group)
-            if drawn is not None:
-                pool.append(drawn)
-        pool.sort(key=lambda entry: -entry[0])
-        for _ in range(min(PROPOSED, len(pool))):
-            yield pool.pop()[1]
+        sites = [site for site, _ in layout]
+        normals = _spread_orbits(sites, rng, EVEN_STEPS)
+        found = _start(normals, np.ones(len(normals)), _owners(sites), layout, target)
+        return None if found is None else found[0]
+
+    def draw() -> tuple[Start, Floats] | None:
+        layout = layouts.draw(rng)
+        floor = _floor(layout, target)
+        if floor is None or rng.random() < 0.5:
+            half_spaces = _pebble(layouts, layout, group, rng)
+        else:
+            half_spaces = _bowl(layouts, layout, floor, rng)
+        return _start(*half_spaces, layout, target)
+
+    return nearest_first(target, even, draw)
 
 
-def _shape(
-    normals: Floats, distances: Floats, layout: Layout, target: Floats, group: Floats
-) -> tuple[float, Start] | None:
-    """The polyhedron of half-spaces, normals (m, 3) and distances (m,), and the squared distance of
-    its odds from the target; None where it has other orbits of rests than the layout or is tied."""
-    try:
-        points = polyhedron_corners(normals, distances)
-        hull = convex_hull(points)
-        if not _is_clear(classify(hull, hull.centroid), len(target)):
-            return None
-        basins = find_basins(hull, hull.centroid)
-        rests = basins[0].equilibria.hull.normals[basins[0].paths.rests]
-        images = images_of_directions(rests, group)
-    except DiceError:
+def _start(
+    normals: Floats, distances: Floats, owners: Integers, layout: Layout, target: Floats
+) -> tuple[Start, Floats] | None:
+    """The polyhedron of half-spaces, normals (m, 3) and distances (m,) in orbits of numbers (m,),
+    and its odds (k,); None where it has other orbits of rests than the layout or is nearly tied."""
+    rests = resting_half_spaces(normals, distances)
+    found = start_with_odds(normals, distances, rests) if len(rests) == len(target) else None
+    if found is None or not _is_clear(found[0]):
         return None
-    if len(basins) > 1 or len(rests) != len(target):
-        return None
-    odds = basins[0].areas / (4.0 * np.pi)
-    order = _order_of_outcomes(layout, target, odds, images)
+    start, odds = found
+    order = _order_of_outcomes(layout, target, odds, owners[rests])
     if order is None:
         return None
-    scale = float(np.abs(points).max())
-    start = Start(points / scale, rests[order], np.zeros(3), scale)
-    return float(((odds[order] - target) ** 2).sum()), start
+    return replace(start.about_centroid(), directions=start.directions[order]), odds[order]
 
 
-def _is_clear(equilibria: Equilibria, outcomes: int) -> bool:
-    """Whether a body has so many rests, and no facet nearly gains or loses stability: already exact
-    by its symmetry, it would not be moved away from there."""
-    if equilibria.stable.sum() != outcomes:
-        return False
+def _is_clear(start: Start) -> bool:
+    """Whether no facet nearly gains or loses stability: already exact by its symmetry, a shape
+    would not be moved away from there."""
+    hull = convex_hull(start.points)
+    equilibria = classify(hull, hull.centroid)
     distances = equilibria.side / equilibria.edge_lengths
-    depths = np.minimum.reduceat(distances, equilibria.hull.facet_start[:-1])
+    depths = np.minimum.reduceat(distances, hull.facet_start[:-1])
     return bool(np.abs(depths).min() >= CLEARANCE * norms(equilibria.radii).max())
 
 
 def _order_of_outcomes(
-    layout: Layout, target: Floats, odds: Floats, images: Integers
+    layout: Layout, target: Floats, odds: Floats, owners: Integers
 ) -> Integers | None:
-    """(k,) the rest that bears each outcome, from the odds (k,) of the rests and what the elements
-    map them onto (g, k); None where the rests' orbits are not as large as the layout's."""
-    orbits = [list(dict.fromkeys(images[:, first])) for first in np.unique(images.min(axis=0))]
+    """(k,) the rest that bears each outcome, from the odds (k,) of the rests and the numbers (k,)
+    of their orbits; None where the rests' orbits are not as large as the layout's."""
+    orbits = [np.flatnonzero(owners == number) for number in np.unique(owners)]
     found = sorted(orbits, key=lambda rests: (len(rests), -odds[rests[0]]))
     asked = sorted((some for _, some in layout), key=lambda some: (len(some), -target[some[0]]))
     if [len(rests) for rests in found] != [len(some) for some in asked]:
@@ -165,9 +129,9 @@ def _order_of_outcomes(
 
 def _pebble(
     layouts: OrbitLayouts, layout: Layout, group: Floats, rng: np.random.Generator
-) -> tuple[Floats, Floats]:
-    """Half-spaces facing all ways, on the sites of a layout and some more: normals (m, 3) and
-    distances (m,)."""
+) -> tuple[Floats, Floats, Integers]:
+    """Half-spaces facing all ways, on the sites of a layout and some more: normals (m, 3),
+    distances (m,) and the numbers (m,) of their orbits."""
     sites = [site for site, _ in layout]
     fewest = max(sum(len(site.carriers) for site in sites), FEWEST_FACETS + 1)
     facets = fewest
@@ -182,7 +146,8 @@ def _pebble(
     kept = np.flatnonzero((np.abs(np.diagonal(group, 0, 1, 2)) == 1.0).all(axis=0))
     if len(kept) and rng.random() < 0.5:
         normals[:, kept[rng.integers(len(kept))]] *= np.exp(-rng.uniform(*STRETCH))
-    return normals, np.exp(logarithms[_owners(sites)])
+    owners = _owners(sites)
+    return normals, np.exp(logarithms[owners]), owners
 
 
 def _floor(layout: Layout, target: Floats) -> int | None:
@@ -193,26 +158,29 @@ def _floor(layout: Layout, target: Floats) -> int | None:
 
 def _bowl(
     layouts: OrbitLayouts, layout: Layout, floor: int, rng: np.random.Generator
-) -> tuple[Floats, Floats]:
-    """Half-spaces of a bowl under a low roof, which stands on an orbit of one facet: walls that
+) -> tuple[Floats, Floats, Integers]:
+    """As `_pebble`, of a bowl under a low roof, which stands on an orbit of one facet: walls that
     lean outward let the body roll onto it."""
     roof = [site for number, (site, _) in enumerate(layout) if number != floor]
     walls = _helpers(layouts, int(rng.integers(3, 9)), rng)
     sites = roof + walls
-    down, owner = layout[floor][0].direction(rng), _owners(sites)
+    down, owners = layout[floor][0].direction(rng), _owners(sites)
     normals = _spread_orbits(sites, rng, REPULSION_STEPS)
     is_roof = np.arange(len(sites)) < len(roof)
     angles = np.where(is_roof, rng.uniform(140.0, 175.0), rng.uniform(25.0, 75.0))
     angles = np.radians(angles + 3.0 * rng.normal(size=len(sites)))
     # The same angle to the floor for a whole orbit; what faces straight up stays.
-    leaning = np.array([site.pole is None for site in sites])[owner]
+    leaning = np.array([site.pole is None for site in sites])[owners]
     sideways = normals[leaning] - np.outer(normals[leaning] @ down, down)
-    cosines, sines = (f(angles[owner][leaning])[:, None] for f in (np.cos, np.sin))
+    cosines, sines = (f(angles[owners][leaning])[:, None] for f in (np.cos, np.sin))
     normals[leaning] = cosines * down + sines * unit_vectors(sideways)
     distances = np.where(is_roof, rng.uniform(0.3, 1.2), rng.uniform(0.5, 1.2))
     distances = distances * np.exp(0.1 * rng.normal(size=len(sites)))
-    normals = np.concatenate([down[None], normals])
-    return normals, np.concatenate([[rng.uniform(0.3, 0.9)], distances[owner]])
+    return (
+        np.concatenate([down[None], normals]),
+        np.concatenate([[rng.uniform(0.3, 0.9)], distances[owners]]),
+        np.concatenate([[len(sites)], owners]),
+    )
 
 
 def _helpers(layouts: OrbitLayouts, facets: int, rng: np.random.Generator) -> list[OrbitSite]:

@@ -18,7 +18,7 @@ from dicedesign import __version__
 from dicedesign.errors import DiceError, InputError
 from dicedesign.search.extras import missing_extra
 
-__all__ = ["cluster_workers", "is_lost_worker", "local_workers"]
+__all__ = ["cluster_workers", "is_lost_worker", "local_workers", "no_worker_left"]
 
 PATIENCE: Final = 30.0
 """Seconds that a cluster may take to answer."""
@@ -94,6 +94,10 @@ class _ClusterWorkers(Executor):
             )
         return self._workers.submit(function, *args, **kwargs)
 
+    def is_empty(self) -> bool:
+        """Whether the scheduler answers and has no worker."""
+        return self._client.status == "running" and not self._client.scheduler_info()["workers"]
+
 
 @contextmanager
 def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
@@ -112,6 +116,11 @@ def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
         from distributed import Client
     except ImportError as error:
         raise missing_extra("cluster", "--scheduler", error) from error
+    if "://" not in address:
+        raise InputError(
+            f"--scheduler: expected an address such as tcp://10.0.0.5:8786, got {address!r}; the "
+            "scheduler prints its own when it starts"
+        )
     log = logging.getLogger("distributed.client")
     level = log.level
     # What it would log is said here by errors.
@@ -151,6 +160,11 @@ def _check_versions(client: Any, address: str) -> None:
 
 def _installed_version() -> str:
     return __version__
+
+
+def no_worker_left(executor: Executor) -> bool:
+    """Whether trials of `cluster_workers` wait because all workers have gone."""
+    return isinstance(executor, _ClusterWorkers) and executor.is_empty()
 
 
 def is_lost_worker(error: BaseException) -> bool:

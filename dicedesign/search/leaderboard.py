@@ -16,10 +16,12 @@ from dicedesign.errors import OutputError
 from dicedesign.files import atomic_write
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import checked_recipe, recipe_text
+from dicedesign.search.space import varies_assignment
 
 __all__ = ["leaders", "pareto_front", "ranked", "write_results"]
 
-Trial = dict[str, Any]
+Finished = dict[str, Any]
+"""One trial, as in `dicedesign.search.study.SearchStudy.finished`."""
 
 LEADERS: Final = 10
 """Dice on the leaderboard; the best in each single measure are added."""
@@ -48,7 +50,7 @@ def pareto_front(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     return ~beaten
 
 
-def ranked(finished: Sequence[Trial]) -> list[Trial]:
+def ranked(finished: Sequence[Finished]) -> list[Finished]:
     """The trials that converged, the best first: by the product of the smallest circle's radius and
     the margin, then by error, then by number. No die comes after one that is worse in both."""
     return sorted(
@@ -61,7 +63,7 @@ def ranked(finished: Sequence[Trial]) -> list[Trial]:
     )
 
 
-def leaders(finished: Sequence[Trial]) -> list[Trial]:
+def leaders(finished: Sequence[Finished]) -> list[Finished]:
     """The first `LEADERS` of the ranked trials, and those with the largest circle, the largest
     margin and the smallest error where these come later."""
     order = ranked(finished)
@@ -76,7 +78,7 @@ def leaders(finished: Sequence[Trial]) -> list[Trial]:
     return [trial for trial in order if trial["number"] in chosen]
 
 
-def write_results(folder: Path, recipe: Recipe, finished: Sequence[Trial]) -> list[Trial]:
+def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) -> list[Finished]:
     """Write the leaderboard, the picture and the recipes of the best; returns the leaderboard.
 
     Each file appears whole or not at all, and leaderboard.json last.
@@ -91,10 +93,11 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Trial]) -> li
     values = np.array([[trial["inradius_mm"], trial["margin_deg"]] for trial in solved])
     on_front = pareto_front(values.reshape(-1, 2))
     front = {trial["number"] for trial, is_on in zip(solved, on_front, strict=True) if is_on}
+    chosen = {trial["number"] for trial in leaders(finished)}
     board = [
         _entry(rank, trial, trial["number"] in front, recipe)
         for rank, trial in enumerate(solved, start=1)
-        if trial in leaders(finished)
+        if trial["number"] in chosen
     ]
     picture = png_bytes(pareto_figure(finished, front, [entry["number"] for entry in board]))
     table = {
@@ -123,13 +126,14 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Trial]) -> li
     return board
 
 
-def _entry(rank: int, trial: Trial, on_front: bool, recipe: Recipe) -> dict[str, Any]:
+def _entry(rank: int, trial: Finished, on_front: bool, recipe: Recipe) -> dict[str, Any]:
     number = trial["number"]
     kept = ("number", "inradius_mm", "margin_deg", "max_abs_error", "asymmetry", "seconds")
     return {
         "rank": rank,
         **{key: trial[key] for key in kept},
         "on_front": on_front,
+        "as_given": trial["recipe"] == recipe.resolved(),
         "varied": _varied(recipe, trial["recipe"]),
         "recipe_file": f"trial_{number}.yaml",
     }
@@ -138,7 +142,7 @@ def _entry(rank: int, trial: Trial, on_front: bool, recipe: Recipe) -> dict[str,
 def _varied(recipe: Recipe, entries: dict[str, Any]) -> dict[str, Any]:
     """What a search varies, as it is in the recipe of one trial, by its key."""
     varied: dict[str, Any] = {"seed": entries["seed"]}
-    if recipe.start.search is None:
+    if varies_assignment(recipe):
         varied["assignment"] = entries["assignment"]
     if recipe.method.exact is not None:
         for name, weight in entries["method"]["exact"]["prefer"].items():
@@ -146,7 +150,7 @@ def _varied(recipe: Recipe, entries: dict[str, Any]) -> dict[str, Any]:
     return varied
 
 
-def _named(recipe: Recipe, trial: Trial) -> Recipe:
+def _named(recipe: Recipe, trial: Finished) -> Recipe:
     """The recipe of a trial under a name of its own."""
     return checked_recipe(
         {**trial["recipe"], "name": f"{recipe.name[:80]}_trial_{trial['number']}"}

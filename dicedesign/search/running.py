@@ -15,12 +15,16 @@ from dicedesign.search.trial import run_trial
 __all__ = ["run_search"]
 
 MOST_LOSSES: Final = 5
-"""Workers that may be lost with one trial before the search gives up."""
+"""Times that a worker may be lost while one trial runs before the search gives up. Not every such
+trial is to blame: a local worker that is lost takes down all that run beside it."""
+
+QUIET: Final = 10.0
+"""Seconds without a result after which a caller is told so."""
 
 
 @dataclass
 class _Flight:
-    """A trial that runs: its number, its recipe, and how many workers were lost with it."""
+    """A trial that runs: its number, its recipe, and how often a worker was lost meanwhile."""
 
     number: int
     recipe: dict[str, Any]
@@ -34,6 +38,7 @@ def run_search(
     jobs: int,
     *,
     on_trial: Callable[[dict[str, Any]], None] | None = None,
+    on_quiet: Callable[[], None] | None = None,
 ) -> None:
     """Go on until so many trials of a study are finished.
 
@@ -47,10 +52,12 @@ def run_search(
     executor: runs them; processes or machines that can import this package.
     jobs: how many run at a time, at least 1.
     on_trial: called with each result once it is kept.
+    on_quiet: called whenever no trial has ended for `QUIET` seconds.
 
     Raises
     ------
-    DiceError: a trial cannot be run, or workers are lost with it again and again.
+    DiceError: a trial cannot be run, or workers are lost again and again while it runs.
+    OutputError: a result cannot be kept.
     """
     flights: dict[Future[dict[str, Any]], _Flight] = {}
     finished = len(study.finished())
@@ -58,7 +65,9 @@ def run_search(
         while len(flights) < min(jobs, trials - finished):
             flight = _Flight(*study.propose())
             flights[executor.submit(run_trial, flight.recipe)] = flight
-        ended, _ = wait(flights, return_when=FIRST_COMPLETED)
+        ended, _ = wait(flights, timeout=QUIET, return_when=FIRST_COMPLETED)
+        if not ended and on_quiet is not None:
+            on_quiet()
         for future in ended:
             flight = flights.pop(future)
             result = _result(future, flight)
@@ -81,8 +90,8 @@ def _result(future: Future[dict[str, Any]], flight: _Flight) -> dict[str, Any] |
         flight.losses += 1
         if flight.losses >= MOST_LOSSES:
             raise DiceError(
-                f"trial {flight.number}: expected a worker that finishes it, but {flight.losses} "
-                "were lost with it; see whether memory suffices, and run the same command to go on "
-                "with other trials"
+                f"trial {flight.number}: expected workers that stay, but it was running when "
+                f"workers were lost {flight.losses} times; see whether memory suffices or take "
+                "fewer --jobs, and run the same command to go on with other trials"
             ) from error
         return None

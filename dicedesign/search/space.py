@@ -11,13 +11,14 @@ import numpy as np
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import checked_recipe
 
-__all__ = ["Range", "search_space", "varied_recipe"]
+__all__ = ["Range", "search_space", "varied_recipe", "varies_assignment"]
 
 WEIGHTS: Final = (1e-5, 10.0)
 """Least and largest weight of a preference that is proposed, evenly in its logarithm."""
 
 OFF_BELOW: Final = 0.01
-"""A proposed weight below this is 0 in the recipe: half of the range leaves a preference out."""
+"""A proposed weight below this is 0 in the recipe, unless it is the recipe's own: half of the range
+leaves a preference out."""
 
 
 @dataclass(frozen=True)
@@ -37,43 +38,53 @@ class Range:
     own: float
 
 
+def varies_assignment(recipe: Recipe) -> bool:
+    """Whether a search gives the labels other directions: where the start is given and not all
+    outcomes are equally probable. Not with a symmetry, which allows few assignments: facets that
+    are images of each other bear outcomes of one probability."""
+    probabilities = recipe.target.target().probabilities
+    given = recipe.start.search is None and recipe.symmetry is None
+    return given and bool(np.ptp(probabilities) > 0.0)
+
+
 def search_space(recipe: Recipe) -> dict[str, Range]:
     """The numbers that a search of a recipe varies, by name.
 
-    "assignment.LABEL": labels take the start's directions in the order of these numbers; where the
-    start is given and not all outcomes are equally probable. "prefer.NAME": weights of preferences;
-    where the method is exact. The seed is not among them: it is another for each trial.
+    "assignment.LABEL": labels take the start's directions in the order of these numbers; where
+    `varies_assignment`. "prefer.NAME": weights of preferences; where the method is exact. The seed
+    is not among them: it is another for each trial.
     """
-    target = recipe.target.target()
     space: dict[str, Range] = {}
-    if recipe.start.search is None and np.ptp(target.probabilities) > 0.0:
-        order = recipe.assignment or target.labels
+    if varies_assignment(recipe):
+        order = recipe.assignment or recipe.target.target().labels
         space |= {
             f"assignment.{label}": Range(0.0, 1.0, False, (place + 0.5) / len(order))
             for place, label in enumerate(order)
         }
     for name, weight in _own_weights(recipe).items():
         low, high = WEIGHTS
-        own = weight if weight >= OFF_BELOW else low
+        own = max(weight, low)
         space[f"prefer.{name}"] = Range(low, max(high, own), True, own)
     return space
 
 
-def varied_recipe(recipe: Recipe, number: int, values: Mapping[str, float]) -> Recipe:
-    """The recipe of a trial: its number is added to the seed, and the numbers of `search_space`
-    take the given values."""
-    entries = recipe.resolved()
-    entries["seed"] += number
-    places = {
-        name.removeprefix("assignment."): place
-        for name, place in values.items()
+def varied_recipe(recipe: Recipe, place: int, values: Mapping[str, float]) -> Recipe:
+    """The recipe of a trial: its place in the search is added to the seed, and the numbers of
+    `search_space` take the given values. With `Range.own` for all, that at place 0 is the recipe as
+    it was given."""
+    entries, space = recipe.resolved(), search_space(recipe)
+    entries["seed"] += place
+    order = {
+        name.removeprefix("assignment."): value
+        for name, value in values.items()
         if name.startswith("assignment.")
     }
-    if places:
-        entries["assignment"] = sorted(places, key=places.__getitem__)
+    if order:
+        entries["assignment"] = sorted(order, key=order.__getitem__)
     for name in _own_weights(recipe):
         weight = values[f"prefer.{name}"]
-        entries["method"]["exact"]["prefer"][name] = weight if weight >= OFF_BELOW else 0.0
+        if weight != space[f"prefer.{name}"].own:
+            entries["method"]["exact"]["prefer"][name] = weight if weight >= OFF_BELOW else 0.0
     return checked_recipe(entries)
 
 

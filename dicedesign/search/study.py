@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from dicedesign.errors import InputError, OutputError
+from dicedesign.errors import DiceError, InputError, OutputError
 from dicedesign.files import atomic_write, make_writable_folder
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import read_recipe, recipe_text
@@ -28,6 +29,9 @@ RECIPE: Final = "search.yaml"
 
 JOURNAL: Final = "trials.journal"
 """Optuna's log of everything asked and told."""
+
+PLACE: Final = "place"
+"""Where a trial notes its place in the sequence of seeds."""
 
 LOCK: Final = "search.lock"
 """Locked while a search runs in the folder."""
@@ -64,11 +68,15 @@ class SearchStudy:
     def propose(self) -> tuple[int, dict[str, Any]]:
         """Number and recipe of a new trial.
 
-        The first is the recipe as it was given. What is proposed depends on the recipe, the number,
-        and the trials finished or running by then, and not on when the search was interrupted.
+        The first is the recipe as it was given; again, where an interrupt has cut it off. What is
+        proposed depends on the recipe, the number, and the trials finished or running by then, and
+        not on when the search was interrupted.
         """
         from optuna.distributions import FloatDistribution
 
+        place = self._free_place()
+        if place == 0:
+            self._study.enqueue_trial({name: entry.own for name, entry in self._space.items()})
         self._study.sampler = self._sampler(len(self._study.get_trials(deepcopy=False)))
         trial = self._study.ask(
             {
@@ -76,7 +84,8 @@ class SearchStudy:
                 for name, entry in self._space.items()
             }
         )
-        entries = varied_recipe(self._recipe, trial.number, trial.params).resolved()
+        entries = varied_recipe(self._recipe, place, trial.params).resolved()
+        trial.set_user_attr(PLACE, place)
         trial.set_user_attr("recipe", entries)
         self._asked[trial.number] = trial
         return trial.number, entries
@@ -91,6 +100,15 @@ class SearchStudy:
             unreached = max(error, float(np.finfo(np.float64).tiny))
         trial.set_constraint("error", unreached)
         self._study.tell(trial, [result["inradius_mm"] or 0.0, result["margin_deg"] or 0.0])
+
+    def _free_place(self) -> int:
+        """The first place in the sequence of seeds that no trial has, but for failed ones."""
+        taken = {
+            trial.user_attrs.get(PLACE)
+            for trial in self._study.get_trials(deepcopy=False)
+            if trial.state.name != "FAIL"
+        }
+        return next(place for place in count() if place not in taken)
 
     def _sampler(self, number: int) -> optuna.samplers.BaseSampler:
         """For one trial: a sampler made when the search goes on would else repeat itself."""
@@ -110,7 +128,7 @@ def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
     ------
     InputError: Optuna is not installed, the folder is that of another recipe, its journal cannot be
         read, or another search is running in it.
-    OutputError: the folder cannot be written.
+    OutputError: the folder cannot be written, then or by the study's `propose` and `tell`.
     """
     try:
         import optuna
@@ -119,15 +137,12 @@ def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
     make_writable_folder(folder)
     with _locked(folder):
         _check_recipe(folder, recipe)
-        _cut_half_line(folder / JOURNAL)
+        _prepare_journal(folder / JOURNAL)
         with _quiet(optuna):
             study = _load(optuna, folder)
             for trial in study.get_trials(deepcopy=False):
                 if trial.state.name == "RUNNING":
                     study.tell(trial.number, state=optuna.trial.TrialState.FAIL)
-            if not study.get_trials(deepcopy=False):
-                own = {name: entry.own for name, entry in search_space(recipe).items()}
-                study.enqueue_trial(own)
             yield SearchStudy(study, recipe)
 
 
@@ -141,8 +156,38 @@ class _AlreadyLocked:
         pass
 
 
+class _Journal:
+    """Optuna's journal in a file, with errors of this package."""
+
+    def __init__(self, optuna: Any, path: Path) -> None:
+        backend = optuna.storages.journal.JournalFileBackend
+        self._backend = backend(str(path), _AlreadyLocked())
+        self._path = path
+
+    def read_logs(self, log_number_from: int) -> Iterator[dict[str, Any]]:
+        try:
+            yield from self._backend.read_logs(log_number_from)
+        except OSError as error:
+            raise _no_journal(self._path, error.strerror) from error
+
+    def append_logs(self, logs: Sequence[dict[str, Any]]) -> None:
+        try:
+            self._backend.append_logs(logs)
+        except OSError as error:
+            raise OutputError(
+                f"{self._path}: expected a file that can be written, got {error.strerror!r}; make "
+                "room or give leave to write, and run the same command to go on"
+            ) from error
+
+
+def _no_journal(path: Path, found: object) -> InputError:
+    return InputError(
+        f"{path}: expected the journal of a search, but {found}; choose another folder with --out"
+    )
+
+
 def _load(optuna: Any, folder: Path) -> optuna.Study:
-    backend = optuna.storages.journal.JournalFileBackend(str(folder / JOURNAL), _AlreadyLocked())
+    backend = _Journal(optuna, folder / JOURNAL)
     try:
         return optuna.create_study(
             storage=optuna.storages.JournalStorage(backend),
@@ -150,11 +195,10 @@ def _load(optuna: Any, folder: Path) -> optuna.Study:
             directions=["maximize", "maximize"],
             load_if_exists=True,
         )
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(
-            f"{folder / JOURNAL}: expected the journal of a search, but {error}; choose another "
-            "folder with --out"
-        ) from error
+    except DiceError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError, AssertionError) as error:
+        raise _no_journal(folder / JOURNAL, error) from error
 
 
 def _check_recipe(folder: Path, recipe: Recipe) -> None:
@@ -176,14 +220,15 @@ def _check_recipe(folder: Path, recipe: Recipe) -> None:
         )
 
 
-def _cut_half_line(journal: Path) -> None:
-    """A process that was killed as it wrote may have left half a line, onto which the next would be
-    written."""
-    if not journal.exists():
-        return
-    with journal.open("rb+") as file:
-        content = file.read()
-        file.truncate(content.rfind(b"\n") + 1)
+def _prepare_journal(journal: Path) -> None:
+    """Make one if there is none, and cut off half a line, which a process that was killed as it
+    wrote may have left: the next would be written onto it."""
+    try:
+        with journal.open("ab+") as file:
+            file.seek(0)
+            file.truncate(file.read().rfind(b"\n") + 1)
+    except OSError as error:
+        raise _no_journal(journal, error.strerror) from error
 
 
 @contextmanager

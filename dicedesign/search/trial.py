@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from dicedesign.design.stopping import Status
 from dicedesign.design.verdict import Verdict
 from dicedesign.design_stage import design_die, make_start
-from dicedesign.errors import DiceError, MeshFileError
+from dicedesign.errors import NoStartError, OutsideHullError
 from dicedesign.recipe_file import checked_recipe
 from dicedesign.rest.momentum import asymmetry, border_margins
 from dicedesign.summary import odds_summary
 
 __all__ = ["NO_DIE", "run_trial"]
 
-NO_DIE = "no_die"
-"""Status of a trial without a die that has a facet for each outcome."""
+NO_DIE: Final = "NO_DIE"
+"""Beside the names of `Status`: there is no die that has a facet for each outcome."""
 
 
 def run_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
@@ -27,14 +27,14 @@ def run_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
 
     entries: the recipe as plain data, as in `checked_recipe`.
 
-    Returns plain data: "status" as in result.json, or `NO_DIE`; "message"; "max_abs_error";
+    Returns plain data: "status" as in result.json, or "no_die"; "message"; "max_abs_error";
     "inradius_mm", radius of the smallest of the largest circles in the outcomes' facets, and
     "margin_deg", the least angle from an outcome's facet normal to the border of its basin, both
     None where an outcome has no facet; "asymmetry" (eq. 20); "vertices" (n, 3) in mm; "down" (3,),
     the most probable direction; "seconds". Where the start leads nowhere, all but the texts and the
     seconds are None.
 
-    Raises MeshFileError where the file of the start cannot be read here.
+    Raises InputError where no other seed would help: a mesh that cannot be read here, say.
     """
     import torch
 
@@ -43,13 +43,12 @@ def run_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
     recipe, started = checked_recipe(entries), time.perf_counter()
     try:
         die = design_die(recipe, make_start(recipe))
-    except MeshFileError:
-        raise
-    except DiceError as error:
+    except (NoStartError, OutsideHullError) as error:
+        # The start depends on the seed, and so does whether a given center is inside.
         measured = dict.fromkeys(
             ("max_abs_error", "inradius_mm", "margin_deg", "asymmetry", "vertices", "down")
         )
-        result = {"status": NO_DIE, "message": str(error), **measured}
+        result = {"status": NO_DIE.lower(), "message": str(error), **measured}
     else:
         verdict = die.verdict
         facets = odds_summary(verdict, die.target, None)["facets"]
@@ -58,7 +57,7 @@ def run_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
         # A tolerance above an outcome's probability is met without it.
         usable = complete or die.status is not Status.CONVERGED
         result = {
-            "status": die.status.name.lower() if usable else NO_DIE,
+            "status": (die.status.name if usable else NO_DIE).lower(),
             "message": die.message,
             "max_abs_error": verdict.max_abs_error,
             "inradius_mm": min(radii) if complete else None,

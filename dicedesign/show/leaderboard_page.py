@@ -43,7 +43,8 @@ _NOTE: Final = (
     "of an outcome's facet to the border of its basin: how much of a push the odds bear. The two "
     "numbers are bold where no other die is better in both. Asymmetry is small where throws with "
     "momentum should change the odds little. Each die is shown as it lies on its most probable "
-    "facet, all at one scale. Make a die from its recipe with dicedesign run."
+    "facet, all at one scale. Make a die from its recipe with "
+    "dicedesign run."
 )
 
 
@@ -56,7 +57,7 @@ def leaderboard_html(
     ----------
     table: as in leaderboard.json: "name", "size_mm", "trials", "converged" and "leaderboard", each
         entry with "rank", "number", "inradius_mm", "margin_deg", "max_abs_error", "asymmetry",
-        "on_front", "varied" and "recipe_file".
+        "on_front", "as_given", "varied" and "recipe_file".
     shapes: by the number of each trial in it, "vertices" (n, 3) of the die in mm and "down" (3,).
     picture: PNG of `dicedesign.show.pareto.pareto_figure`.
     """
@@ -79,7 +80,9 @@ def leaderboard_html(
 
 
 def _board(table: Mapping[str, Any], shapes: Mapping[int, Mapping[str, Any]]) -> str:
-    head = "".join(f'<th style="white-space:nowrap">{escape(text)}</th>' for text in _HEADER)
+    *short, last = (escape(text) for text in _HEADER)
+    head = "".join(f'<th style="white-space:nowrap">{text}</th>' for text in short)
+    head += f'<th style="text-align:left">{last}</th>'
     rows = []
     for entry in table["leaderboard"]:
         shape = shapes[entry["number"]]
@@ -95,11 +98,13 @@ def _board(table: Mapping[str, Any], shapes: Mapping[int, Mapping[str, Any]]) ->
             f"<{mark}>{entry['margin_deg']:.2f}</{mark}>",
             f"{entry['max_abs_error']:.1e}",
             number(entry["asymmetry"], 3),
-            '<div style="min-width:11rem;text-align:left">'
-            + "<br>".join(map(escape, (entry["recipe_file"], *_lines(entry["varied"]))))
-            + "</div>",
         ]
-        rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
+        recipe = "<br>".join(map(escape, _recipe_lines(entry)))
+        rows.append(
+            "<tr>"
+            + "".join(f"<td>{cell}</td>" for cell in cells)
+            + f'<td style="min-width:11rem;text-align:left">{recipe}</td></tr>'
+        )
     return (
         '<section><h2>Best dice</h2><div class="scroll"><table>'
         f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
@@ -107,10 +112,13 @@ def _board(table: Mapping[str, Any], shapes: Mapping[int, Mapping[str, Any]]) ->
     )
 
 
-def _lines(varied: Mapping[str, Any]) -> list[str]:
-    """What the search varied, without the weights that are 0."""
-    lines = []
-    for key, value in varied.items():
+def _recipe_lines(entry: Mapping[str, Any]) -> list[str]:
+    """Where the recipe of an entry is, and what the search varied, without the weights that are
+    0."""
+    lines = [entry["recipe_file"]]
+    if entry["as_given"]:
+        lines.append("as given")
+    for key, value in entry["varied"].items():
         name = key.rpartition(".")[2]
         if isinstance(value, list):
             lines.append(f"{name} {', '.join(value)}")

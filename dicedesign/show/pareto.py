@@ -44,10 +44,12 @@ def pareto_figure(
     axes = figure.add_axes((0.085, 0.17, 0.885, 0.76))
     measured = [trial for trial in trials if trial["inradius_mm"] is not None]
     solved = [trial for trial in measured if trial["status"] == "converged"]
+    missed = [trial for trial in measured if trial["status"] != "converged"]
     best = [trial for trial in solved if trial["number"] in front]
+    beaten = [trial for trial in solved if trial["number"] not in front]
     groups = (
-        ([trial for trial in measured if trial not in solved], "not converged", FAINT, "x"),
-        ([trial for trial in solved if trial not in best], "converged", PALE, "o"),
+        (missed, "not converged", FAINT, "x"),
+        (beaten, "converged", PALE, "o"),
         (best, "Pareto front: no die beats it in both", ACCENT, "o"),
     )
     for order, (group, label, color, marker) in enumerate(groups):

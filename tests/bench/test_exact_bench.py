@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dicedesign.bench import exact_recipes, exact_targets
-from dicedesign.bench.exact_recipes import NO_DIE, RecipeAttempt, attempt_recipe
+from dicedesign.bench.exact_recipes import RecipeAttempt, attempt_recipe
 from dicedesign.bench.exact_targets import (
     LEAST_SECONDS,
     Attempt,
@@ -25,9 +25,11 @@ from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.stopping import Status
 from dicedesign.design.verdict import judge
 from dicedesign.design_stage import DesignedDie, make_start
+from dicedesign.errors import InputError
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import checked_recipe
+from dicedesign.search.trial import NO_DIE
 
 PLAIN = Attempt(0, (0.4, 0.3, 0.2, 0.1), "CONVERGED", 4, 1e-15, 0.2, 0.2, 1e-3)
 FAILED = replace(PLAIN, number=9, status="TIME_LIMIT", error=2e-4, seconds=10.0, descent_error=0.5)
@@ -199,6 +201,15 @@ def test_a_start_that_leads_nowhere_is_a_row_too() -> None:
     attempt = attempt_recipe(recipe, make_start(recipe))
     assert (attempt.status, attempt.rests, attempt.error) == (NO_DIE, 0, np.inf)
     assert not attempt.solved
+
+
+def test_a_start_that_does_not_suit_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def design(*given: object) -> DesignedDie:
+        raise InputError("target: expected 4 outcomes")
+
+    monkeypatch.setattr(exact_recipes, "design_die", design)
+    with pytest.raises(InputError, match="expected 4 outcomes"):
+        attempt_recipe(cubic(6), None)
 
 
 def test_the_command_runs_recipes_after_the_targets(

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
+from made_up_trial import made_up_trial
 
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import read_recipe
 
 
+@pytest.fixture(autouse=True)
+def unsynced(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody waits for the disk: no test is about what a power failure leaves."""
+    monkeypatch.setattr(os, "fsync", lambda file: None)
+
+
 @pytest.fixture
 def recipe_path(tmp_path: Path) -> Path:
-    """A file with the recipe of a fair die of five faces, found in a moment."""
-    path = tmp_path / "five.yaml"
+    """A file with the recipe of a fair die of four faces, found in a moment."""
+    path = tmp_path / "four.yaml"
     path.write_text(
-        "name: five\nseed: 3\ntarget: {fair: 5}\nstart: {search: {}}\nmethod: {exact: {}}\n"
+        "name: four\nseed: 3\ntarget: {fair: 4}\nmethod: {exact: {prefer: {}}}\nengrave: false\n"
     )
     return path
 
@@ -24,3 +32,9 @@ def recipe_path(tmp_path: Path) -> Path:
 def recipe(recipe_path: Path) -> Recipe:
     """The same, read."""
     return read_recipe(recipe_path)
+
+
+@pytest.fixture
+def made_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trials that design nothing and end at once."""
+    monkeypatch.setattr("dicedesign.search.running.run_trial", made_up_trial)

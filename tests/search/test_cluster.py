@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +21,8 @@ from dicedesign import __version__
 from dicedesign.cli import main
 from dicedesign.errors import DiceError, InputError
 from dicedesign.recipe import Recipe
-from dicedesign.search import executors
-from dicedesign.search.executors import cluster_workers
+from dicedesign.search import executors, running
+from dicedesign.search.executors import cluster_workers, no_worker_left
 from dicedesign.search.running import run_search
 from dicedesign.search.study import open_study
 
@@ -45,9 +45,13 @@ def started(stack: ExitStack, folder: Path, *arguments: str) -> subprocess.Popen
     return process
 
 
-@pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Its address, and its processes: two workers of one thread each, and the scheduler."""
+@pytest.fixture(scope="module")
+def cluster(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Its address, and its processes: two workers of one thread each, and the scheduler. The first
+    test leaves one worker, the second nothing."""
+    tmp_path = tmp_path_factory.mktemp("cluster")
     local = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
     place = tmp_path / "scheduler.json"
     with ExitStack() as stack:
@@ -58,11 +62,13 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
             started(stack, tmp_path, "worker", *local, "--scheduler-file", str(place), *options)
             for _ in range(2)
         ]
-        deadline = time.monotonic() + PATIENCE
-        while not place.exists():
+        deadline, address = time.monotonic() + PATIENCE, None
+        while address is None:
             assert time.monotonic() < deadline, (tmp_path / "scheduler.log").read_text()
             time.sleep(0.05)
-        address = json.loads(place.read_text())["address"]
+            # Missing at first, and then perhaps half-written.
+            with suppress(FileNotFoundError, json.JSONDecodeError):
+                address = json.loads(place.read_text())["address"]
         with Client(address, timeout=PATIENCE, set_as_default=False) as client:
             client.wait_for_workers(2, timeout=PATIENCE)
         yield address, [*workers, scheduler]
@@ -86,45 +92,56 @@ def test_no_trial_is_lost_with_a_worker(
 
         def on_trial(_: dict[str, Any]) -> None:
             finished = len(study.finished())
-            if finished == 4:
+            if finished == 2:
                 processes[0].send_signal(signal.SIGSTOP)
-            if finished == 8:
+            if finished == 4:
                 kept.extend(study.finished())
                 on_dead_worker.extend(client.processing()[dying])
                 processes[0].kill()
 
         assert threads == 2
-        run_search(study, 14, executor, 3, on_trial=on_trial)
+        run_search(study, 7, executor, 3, on_trial=on_trial)
         found = study.finished()
         states = [trial.state.name for trial in study._study.get_trials()]
     assert on_dead_worker
     assert processes[0].wait(PATIENCE) == -signal.SIGKILL
-    assert states == ["COMPLETE"] * 14
+    assert states == ["COMPLETE"] * 7
     by_number = {trial["number"]: trial for trial in found}
-    assert sorted(by_number) == list(range(14))
+    assert sorted(by_number) == list(range(7))
     assert all(by_number[trial["number"]] == trial for trial in kept)
     assert all(trial["status"] == "converged" for trial in found)
 
     # The worker that is left goes on by the command.
     search = ["search", str(recipe_path), "--scheduler", address, "--out", str(tmp_path / "out")]
-    assert main([*search, "--trials", "16"]) == 0
+    assert main([*search, "--trials", "8"]) == 0
     with open_study(tmp_path / "out", recipe) as study:
         again = study.finished()
-    assert len(again) == 16
-    assert again[:14] == found
+    assert len(again) == 8
+    assert again[:7] == found
 
 
 def test_a_scheduler_that_goes_leaves_what_is_finished(
     tmp_path: Path, recipe: Recipe, cluster: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The workers go first, and the scheduler once they are missed."""
     address, processes = cluster
     monkeypatch.setattr(executors, "PATIENCE", 2.0)
+    monkeypatch.setattr(running, "QUIET", 0.1)
+
+    def on_trial(_: dict[str, Any]) -> None:
+        for worker in processes[:-1]:
+            worker.kill()
+
+    def on_quiet() -> None:
+        if no_worker_left(executor):
+            processes[-1].kill()
+
     with open_study(tmp_path / "out", recipe) as study:
-        with (
-            pytest.raises(DiceError, match="expected a Dask scheduler until the end"),
-            cluster_workers(address) as (executor, _),
-        ):
-            run_search(study, 1000, executor, 2, on_trial=lambda _: processes[-1].kill())
+        with cluster_workers(address) as (executor, _):
+            assert not no_worker_left(executor)
+            with pytest.raises(DiceError, match="expected a Dask scheduler until the end"):
+                run_search(study, 1000, executor, 2, on_trial=on_trial, on_quiet=on_quiet)
+            assert not no_worker_left(executor)
         kept = study.finished()
         assert kept
         run_search(study, len(kept) + 1, Inline(), 1)

@@ -16,8 +16,9 @@ from matplotlib.image import imread
 from dicedesign import rest_poses
 from dicedesign.errors import InputError, OutputError
 from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import read_recipe
+from dicedesign.recipe_file import checked_recipe, read_recipe
 from dicedesign.search.leaderboard import leaders, pareto_front, ranked, write_results
+from dicedesign.search.space import search_space, varied_recipe
 from dicedesign.search.trial import run_trial
 from dicedesign.show.leaderboard_page import lying_die_png
 from dicedesign.show.pareto import pareto_figure
@@ -162,7 +163,7 @@ def test_the_files(tmp_path: Path, recipe: Recipe) -> None:
     for entry in board:
         again = read_recipe(folder / entry["recipe_file"])
         assert again.seed == 3 + entry["number"]
-        assert again.name == f"five_trial_{entry['number']}"
+        assert again.name == f"four_trial_{entry['number']}"
     assert (folder / "best.yaml").read_text() == (folder / board[0]["recipe_file"]).read_text()
 
     # A later leaderboard leaves nothing of this one.
@@ -173,11 +174,65 @@ def test_the_files(tmp_path: Path, recipe: Recipe) -> None:
     assert "there is no die to show" in (folder / "leaderboard.html").read_text()
 
 
+class Uncompared(dict[str, Any]):
+    """A trial that is told from others by its number alone: to compare dice takes long."""
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __eq__(self, other: object) -> bool:
+        raise AssertionError
+
+
+def test_trials_are_told_apart_by_their_numbers(tmp_path: Path, recipe: Recipe) -> None:
+    assert write_results(tmp_path, recipe, [Uncompared(trial) for trial in made(recipe, 6)])
+
+
+@pytest.mark.parametrize(
+    ("entries", "assigned"),
+    [
+        ({"target": {"binomial": 2}, "method": {"descent": {}}}, True),
+        ({"target": {"fair": 3}, "method": {"descent": {}}}, False),
+        ({"target": {"binomial": 2}, "symmetry": "C2v", "method": {"exact": {}}}, False),
+    ],
+)
+def test_the_assignment_is_told_where_it_was_varied(
+    tmp_path: Path, entries: dict[str, Any], assigned: bool
+) -> None:
+    recipe = checked_recipe({"name": "die", "start": {"prism": {"sides": 3}}, **entries})
+    trials, rng = made(recipe, 6), np.random.default_rng(0)
+    for trial in trials:
+        values = {name: rng.uniform(e.low, e.high) for name, e in search_space(recipe).items()}
+        trial["recipe"] = varied_recipe(recipe, trial["number"], values).resolved()
+    board = write_results(tmp_path, recipe, trials)
+    assert board
+    for entry in board:
+        assert ("assignment" in entry["varied"]) == assigned
+
+
+def test_the_recipe_as_given_is_marked(tmp_path: Path, recipe: Recipe) -> None:
+    trials = [{**trial, "status": "converged"} for trial in made(recipe, 4, 3)]
+    assert all(trial["inradius_mm"] for trial in trials)
+    write_results(tmp_path, recipe, trials)
+    text = (tmp_path / "leaderboard.html").read_text()
+    assert text.count("<br>as given<br>") == 1
+    assert "trial_0.yaml<br>as given<br>seed 3</td>" in text
+    write_results(tmp_path, recipe, trials[1:])
+    assert "<br>as given<br>" not in (tmp_path / "leaderboard.html").read_text()
+
+
+def test_recipes_stand_below_their_header(tmp_path: Path, recipe: Recipe) -> None:
+    """Numbers are aligned right, and the last column left, its header too."""
+    write_results(tmp_path, recipe, made(recipe, 4))
+    text = (tmp_path / "leaderboard.html").read_text()
+    assert 'text-align:left">recipe</th></tr>' in text
+    assert text.count('text-align:left">trial_') == text.count("<td style=") > 0
+
+
 def test_the_same_trials_give_the_same_files(tmp_path: Path, recipe: Recipe) -> None:
     contents = []
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
-        write_results(tmp_path / name, recipe, made(recipe, 12))
+        write_results(tmp_path / name, recipe, made(recipe, 6))
         contents.append({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()})
     assert contents[0] == contents[1]
 

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from inline_executor import Inline
 
 from dicedesign.cli import main
 from dicedesign.fabricate.stl import stl_bytes
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import read_recipe
+from dicedesign.search import executors, running
 from dicedesign.search.study import open_study
 
 
@@ -24,15 +30,15 @@ def test_search_go_on_and_run_the_best(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["search", str(recipe_path), "--trials", "4", "--jobs", "2"]) == 0
+    assert main(["search", str(recipe_path), "--trials", "3", "--jobs", "2"]) == 0
     captured = capsys.readouterr()
     assert captured.err == ""
     lines = captured.out.splitlines()
-    assert lines[0] == "five: 4 of 4 trials converged"
+    assert lines[0] == "four: 3 of 3 trials converged"
     assert lines[1].split()[:3] == ["rank", "trial", "radius"]
-    assert len(lines) == 7
-    folder = tmp_path / "outputs" / "five_search"
-    assert lines[-1].startswith("files in outputs/five_search: leaderboard.html, ")
+    assert len(lines) == 6
+    folder = tmp_path / "outputs" / "four_search"
+    assert lines[-1].startswith("files in outputs/four_search: leaderboard.html, ")
 
     board = json.loads((folder / "leaderboard.json").read_text())["leaderboard"]
     for line, entry in zip(lines[2:-1], board, strict=True):
@@ -44,14 +50,17 @@ def test_search_go_on_and_run_the_best(
     assert main(["run", str(folder / "best.yaml"), "--out", "die"]) == 0
     with open_study(folder, read_recipe(recipe_path)) as study:
         found = {trial["number"]: trial for trial in study.finished()}
-    assert len(found) == 4
+    assert len(found) == 3
     die = convex_hull(np.array(found[board[0]["number"]]["vertices"]))
     assert (tmp_path / "die" / "die_plain.stl").read_bytes() == stl_bytes(
         die.vertices, die.triangles
     )
 
 
-def test_no_die_in_reach(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_die_in_reach(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(executors, "local_workers", lambda jobs: Inline())
     path = tmp_path / "far.yaml"
     path.write_text(
         "name: far\ntarget: {binomial: 2}\nstart: {prism: {}}\n"
@@ -87,7 +96,44 @@ def test_bad_input_is_one_line(
     assert captured.out == ""
     assert captured.err.startswith(f"dicedesign: {message}")
     assert len(captured.err.splitlines()) == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["five.yaml"]
+    assert [path.name for path in tmp_path.iterdir()] == ["four.yaml"]
+
+
+@pytest.mark.usefixtures("made_up")
+def test_a_cluster_without_workers_is_told_of_once(
+    tmp_path: Path,
+    recipe_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Workers come back after two looks, twice; in the second trial they are only slow."""
+    monkeypatch.setattr(running, "QUIET", 0.01)
+    looks: list[bool] = []
+    waiting: list[Callable[[], None]] = []
+
+    class Late(Inline):
+        def submit(self, function: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+            future: Future[Any] = Future()
+            waiting.append(lambda: future.set_result(function(*args, **kwargs)))
+            return future
+
+    @contextmanager
+    def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
+        yield Late(), 1
+
+    def no_worker_left(executor: Executor) -> bool:
+        assert isinstance(executor, Late)
+        looks.append(len(looks) not in (1, 2))
+        if len(looks) in (1, 2, 4):
+            waiting.pop()()
+        return looks[-1]
+
+    monkeypatch.setattr(executors, "cluster_workers", cluster_workers)
+    monkeypatch.setattr(executors, "no_worker_left", no_worker_left)
+    out = ["--out", str(tmp_path / "out")]
+    main(["search", str(recipe_path), "--trials", "3", "--scheduler", "tcp://far:1", *out])
+    note = "note: tcp://far:1 has no worker left; trials wait for one to join\n"
+    assert capsys.readouterr().err == 2 * note
 
 
 def test_another_recipe_and_a_missing_extra_are_said_in_words(

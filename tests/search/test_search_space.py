@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dicedesign.design.preferences import Preferences
+from dicedesign.design_stage import make_start
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import checked_recipe
 from dicedesign.search.space import search_space, varied_recipe
@@ -34,6 +35,7 @@ ASSIGNED = [f"assignment.{label}" for label in "0123"]
             ASSIGNED,
         ),
         ({"start": {"prism": {}}, "target": {"fair": 4}, "method": {"descent": {}}}, []),
+        ({"start": {"prism": {}}, "symmetry": "C2v", "method": {"exact": {}}}, []),
         ({"start": {"search": {}}, "method": {"exact": {}}}, []),
     ],
 )
@@ -64,13 +66,36 @@ def test_weights_of_preferences_are_on_or_off() -> None:
     values = {name: entry.own for name, entry in space.items()}
     own = varied_recipe(recipe, 0, values).method.exact
     assert own is not None
-    # A weight as small as the last one is as good as none.
-    assert own.prefer == Preferences(circles=25.0, margin=0.5)
+    assert own.prefer == Preferences(circles=25.0, margin=0.5, areas=1e-9)
 
     values |= {"prefer.roundness": 0.01, "prefer.areas": 0.0099, "prefer.margin": 1e-5}
     changed = varied_recipe(recipe, 3, values).method.exact
     assert changed is not None
     assert changed.prefer == Preferences(circles=25.0, roundness=0.01)
+
+
+@pytest.mark.parametrize("weight", [0.0, 1e-9, 1e-5, 0.005, 0.01, 25.0])
+def test_a_small_weight_of_the_recipe_is_kept(weight: float) -> None:
+    recipe = made(start={"search": {}}, method={"exact": {"prefer": {"margin": weight}}})
+    own = {name: entry.own for name, entry in search_space(recipe).items()}
+    assert varied_recipe(recipe, 0, own).resolved() == recipe.resolved()
+
+
+def test_labels_stay_where_a_symmetry_allows_few_assignments() -> None:
+    """Of the totals of two dice, only equally probable ones may be images of each other."""
+    recipe = made(
+        target={"sum_of_dice": [6, 6]},
+        start={"hendecahedron": "bisymmetric"},
+        symmetry="C2",
+        assignment=["2", "3", "4", "5", "6", "7", "8", "10", "9", "11", "12"],
+        method={"exact": {}},
+    )
+    rng = np.random.default_rng(0)
+    for number in range(20):
+        values = {name: rng.uniform(e.low, e.high) for name, e in search_space(recipe).items()}
+        varied = varied_recipe(recipe, number, values)
+        assert varied.assignment == recipe.assignment
+        make_start(varied)
 
 
 def test_every_trial_has_its_seed_and_labels_in_the_order_of_their_numbers() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import sys
 import warnings
 from pathlib import Path
@@ -10,11 +11,13 @@ from typing import Any
 import pytest
 from inline_executor import Inline
 
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, OutputError
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import checked_recipe
 from dicedesign.search.running import run_search
 from dicedesign.search.study import JOURNAL, RECIPE, open_study
+
+pytestmark = pytest.mark.usefixtures("made_up")
 
 
 def searched(folder: Path, recipe: Recipe, trials: int) -> list[dict[str, Any]]:
@@ -23,19 +26,15 @@ def searched(folder: Path, recipe: Recipe, trials: int) -> list[dict[str, Any]]:
         return study.finished()
 
 
-def without_clock(finished: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    return [{**trial, "seconds": 0.0} for trial in finished]
-
-
 @pytest.fixture
 def varied() -> Recipe:
-    """A recipe with numbers for the sampler to propose, few of which lead to the target."""
+    """A recipe with numbers of all kinds for the sampler to propose."""
     return checked_recipe(
         {
             "name": "total",
             "target": {"sum_of_dice": [2, 3]},
             "start": {"repulsion": {}},
-            "method": {"exact": {"starts": 1}},
+            "method": {"exact": {}},
         }
     )
 
@@ -48,14 +47,23 @@ def test_a_search_goes_on_as_if_it_had_not_stopped(tmp_path: Path, varied: Recip
     both = searched(tmp_path / "a", varied, 12)
     assert both[:3] == first
     assert len(both) == 12
-    assert without_clock(both) == without_clock(searched(tmp_path / "b", varied, 12))
+    assert both == searched(tmp_path / "b", varied, 12)
+    assert {trial["status"] for trial in both} == {"converged", "no_progress"}
     assert len({str(trial["recipe"]["assignment"]) for trial in both}) > 5
 
 
-def test_the_first_trial_is_the_recipe(tmp_path: Path, recipe: Recipe) -> None:
-    (trial,) = searched(tmp_path, recipe, 1)
-    assert trial["recipe"] == recipe.resolved()
-    assert trial["status"] == "converged"
+@pytest.mark.parametrize("weight", [0.0, 0.005, 1e-9, 0.3, 40.0])
+def test_the_first_trial_is_the_recipe(tmp_path: Path, weight: float) -> None:
+    recipe = checked_recipe(
+        {
+            "name": "first",
+            "target": {"fair": 4},
+            "method": {"exact": {"prefer": {"margin": weight}}},
+        }
+    )
+    first, second = searched(tmp_path, recipe, 2)
+    assert first["recipe"] == recipe.resolved()
+    assert second["recipe"]["method"] != first["recipe"]["method"]
 
 
 def test_trials_that_missed_are_finished_and_avoided(tmp_path: Path, varied: Recipe) -> None:
@@ -81,7 +89,9 @@ def test_what_was_running_is_tried_no_more(tmp_path: Path, recipe: Recipe) -> No
         assert study.propose()[0] == 0
     finished = searched(tmp_path, recipe, 2)
     assert [trial["number"] for trial in finished] == [1, 2]
-    assert [trial["recipe"]["seed"] for trial in finished] == [4, 5]
+    # The recipe as it was given is not lost.
+    assert [trial["recipe"]["seed"] for trial in finished] == [3, 4]
+    assert finished[0]["recipe"] == recipe.resolved()
     with open_study(tmp_path, recipe) as study:
         assert [trial.state.name for trial in study._study.get_trials()] == [
             "FAIL",
@@ -96,6 +106,17 @@ def test_half_a_line_is_cut_off(tmp_path: Path, recipe: Recipe) -> None:
         journal.write(b'{"op_code":4,"wor')
     assert searched(tmp_path, recipe, 3)[:2] == first
     assert len(searched(tmp_path, recipe, 4)) == 4
+
+
+def test_a_line_that_optuna_never_wrote_is_refused(tmp_path: Path, recipe: Recipe) -> None:
+    searched(tmp_path, recipe, 1)
+    with (tmp_path / JOURNAL).open("ab") as journal:
+        journal.write(b'{"op_code": 99}\n')
+    with (
+        pytest.raises(InputError, match="expected the journal of a search"),
+        open_study(tmp_path, recipe),
+    ):
+        pass
 
 
 def test_another_recipe_is_refused(tmp_path: Path, recipe: Recipe) -> None:
@@ -123,6 +144,47 @@ def test_a_spoiled_journal_is_refused(tmp_path: Path, recipe: Recipe, content: s
     message = "expected the journal of a search"
     with pytest.raises(InputError, match=message), open_study(tmp_path, recipe):
         pass
+
+
+def test_a_journal_that_is_no_file_is_refused(tmp_path: Path, recipe: Recipe) -> None:
+    with open_study(tmp_path, recipe):
+        pass
+    (tmp_path / JOURNAL).unlink()
+    (tmp_path / JOURNAL).mkdir()
+    message = "trials.journal: expected the journal of a search, but Is a directory; choose another"
+    with pytest.raises(InputError, match=message), open_study(tmp_path, recipe):
+        pass
+
+
+@pytest.mark.parametrize("room", [0, 10])
+def test_a_full_disk_is_an_error_after_which_one_can_go_on(
+    tmp_path: Path, recipe: Recipe, room: int
+) -> None:
+    """Files may grow no further for a while; of a line, its beginning may be written."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    message = "trials.journal: expected a file that can be written, got 'File too large'; make room"
+    first = searched(tmp_path, recipe, 2)
+    with open_study(tmp_path, recipe) as study:
+        number, _ = study.propose()
+        size = (tmp_path / JOURNAL).stat().st_size + room
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+        try:
+            with pytest.raises(OutputError, match=message):
+                study.tell(number, {})
+            with pytest.raises(OutputError, match=message):
+                study.propose()
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    found = searched(tmp_path, recipe, 3)
+    assert found[:2] == first
+    assert found[2]["number"] == 3
+
+
+def test_a_journal_that_is_gone_is_an_error(tmp_path: Path, recipe: Recipe) -> None:
+    with open_study(tmp_path, recipe) as study:
+        (tmp_path / JOURNAL).unlink()
+        with pytest.raises(InputError, match="journal of a search, but No such file or directory"):
+            study.finished()
 
 
 def test_two_searches_do_not_share_a_folder(tmp_path: Path, recipe: Recipe) -> None:

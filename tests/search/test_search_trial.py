@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from dicedesign.design_stage import DesignedDie, design_die, make_start
-from dicedesign.errors import MeshFileError
+from dicedesign.errors import InputError, MeshFileError
 from dicedesign.recipe_file import checked_recipe
-from dicedesign.search.trial import NO_DIE, run_trial
+from dicedesign.search.trial import run_trial
 
 EXACT = {"start": {"search": {}}, "method": {"exact": {}}}
 
@@ -53,10 +53,35 @@ def test_a_start_that_leads_to_no_die_is_a_result_too() -> None:
         "method": {"exact": {"starts": 2}},
     }
     result = run_trial(entries)
-    assert result["status"] == NO_DIE
+    assert result["status"] == "no_die"
     assert "expected" in result["message"]
     assert result["max_abs_error"] is None
     assert result["vertices"] is None
+
+
+def test_whether_a_center_is_inside_depends_on_the_seed() -> None:
+    """The start bounds the unit sphere; how it is turned is random."""
+    entries = {
+        "name": "off",
+        "target": {"fair": 4},
+        "start": {"repulsion": {}},
+        "center_of_mass": [1.5, 0, 0],
+        "method": {"descent": {"stopping": {"steps": 1}}},
+    }
+    found = [run_trial({**entries, "seed": seed})["status"] for seed in range(8)]
+    assert set(found) == {"no_die", "step_limit"}
+
+
+def test_an_error_of_the_recipe_is_no_trial() -> None:
+    entries = {
+        "name": "apart",
+        "target": {"sum_of_dice": [6, 6]},
+        "start": {"hendecahedron": "bisymmetric"},
+        "symmetry": "C2",
+        "method": {"exact": {}},
+    }
+    with pytest.raises(InputError, match=r"symmetry: expected labels .* to be equally probable"):
+        run_trial(entries)
 
 
 def test_a_die_that_misses_an_outcome_has_no_circle(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -68,7 +93,7 @@ def test_a_die_that_misses_an_outcome_has_no_circle(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr("dicedesign.search.trial.design_die", incomplete)
     result = run_trial({"name": "four", "target": {"fair": 4}, **EXACT})
-    assert result["status"] == NO_DIE
+    assert result["status"] == "no_die"
     assert result["inradius_mm"] is None
     assert result["margin_deg"] is None
     assert len(result["vertices"]) == 4
