@@ -67,6 +67,11 @@ def _search(options: argparse.Namespace) -> int:
         value = getattr(options, name)
         if value is not None and value < 1:
             raise InputError(f"--{name}: expected a whole number above 0, got {value}; raise it")
+    if options.scheduler is not None and "://" not in options.scheduler:
+        raise InputError(
+            "--scheduler: expected an address such as tcp://10.0.0.5:8786, got "
+            f"{options.scheduler!r}; the scheduler prints its own when it starts"
+        )
     recipe = read_recipe(options.recipe)
     # A start that does not suit the target suits it in no trial.
     make_start(recipe)

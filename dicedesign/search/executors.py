@@ -116,11 +116,6 @@ def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
         from distributed import Client
     except ImportError as error:
         raise missing_extra("cluster", "--scheduler", error) from error
-    if "://" not in address:
-        raise InputError(
-            f"--scheduler: expected an address such as tcp://10.0.0.5:8786, got {address!r}; the "
-            "scheduler prints its own when it starts"
-        )
     log = logging.getLogger("distributed.client")
     level = log.level
     # What it would log is said here by errors.

@@ -80,6 +80,7 @@ def test_no_die_in_reach(
     [
         (["--trials", "0"], "--trials: expected a whole number above 0, got 0"),
         (["--trials", "3", "--jobs", "-1"], "--jobs: expected a whole number above 0, got -1"),
+        (["--trials", "3", "--scheduler", "far"], "--scheduler: expected an address such as tcp:"),
     ],
 )
 def test_bad_input_is_one_line(
