@@ -39,6 +39,9 @@ FAR: Final = 0.1
 LARGEST_MOVE: Final = 0.15
 """Largest change of a parameter along the manifold in one step."""
 
+MOST_ROWS: Final = 600
+"""Residuals up to which their Jacobian is worth its time."""
+
 RANK: Final = 1e-9
 """Singular value of the odds' Jacobian, whose parameters are about 1 in size, below which one
 counts as none: odds sum to 1, and symmetry may tie more of them, or all."""
@@ -255,8 +258,12 @@ class _Point:
         return self.along(gradient.numpy())
 
     def gauss_newton(self) -> Floats:
-        """(n, n) inverse of the damped Gauss-Newton matrix of the merit along the manifold."""
+        """(n, n) inverse of the damped Gauss-Newton matrix of the merit along the manifold; of more
+        than `MOST_ROWS` residuals a multiple of the identity there, which costs no Jacobian."""
         free = self._free
+        if len(self.residuals) > MOST_ROWS:
+            steepness = max(float(np.linalg.norm(self.gradient)), np.finfo(np.float64).tiny)
+            return free.T @ free * (LARGEST_MOVE / steepness)
         jacobian = self.trial.jacobian(self.residuals) @ free.T
         square = 2.0 * jacobian.T @ jacobian
         damping = DAMPING * max(float(np.trace(square)), np.finfo(np.float64).tiny)

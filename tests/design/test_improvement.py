@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from dicedesign.design import improvement
 from dicedesign.design.barrier import barrier_residuals
 from dicedesign.design.circles import circle_radii
 from dicedesign.design.coordinates import Coordinates, FacetCoordinates, VertexCoordinates
@@ -221,6 +222,15 @@ def test_a_least_circle_is_reached_and_then_kept() -> None:
     then.check()
     assert min(map(smallest, then.on_the_way)) >= least > smallest(free)
     assert value(bound, preferences) < value(reached, preferences)
+
+
+def test_of_many_residuals_no_jacobian_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(improvement, "MOST_ROWS", 0)
+    run = facet_run(1)
+    improved = run.improved(MIXED)
+    run.check()
+    assert len(run.values) > 5
+    assert value(improved, MIXED) < 0.9 * value(run.first, MIXED)
 
 
 @pytest.mark.parametrize("preferences", [Preferences(margin=1.0), Preferences(nearness=1.0)])
