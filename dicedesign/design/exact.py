@@ -284,7 +284,9 @@ class _Search:
         if self.best is None:
             remedy = "take another start"
             if self.out_of_time:
-                remedy = "allow more with method.exact.seconds, or take a smaller symmetry"
+                remedy = "allow more with method.exact.seconds"
+                if self.group is not None:
+                    remedy += ", or take a smaller symmetry or none"
             raise NoStartError(
                 f"start: expected a shape with one rest for each of {len(self.target)} outcomes "
                 f"and no other, got {self._first_rests()}; {remedy}"
