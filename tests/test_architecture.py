@@ -6,9 +6,10 @@ import ast
 from pathlib import Path
 
 FLOORS = (
-    ("errors", "files", "peak_memory", "tolerances", "options"),
+    ("errors", "extras", "executors", "files", "peak_memory", "tolerances", "options"),
     ("geometry",),
     ("rest",),
+    ("batch",),
     ("design",),
     ("fabricate",),
     ("show",),

@@ -47,7 +47,7 @@ def test_shell_commands_run(repository: Path, workplace: Path) -> None:
     lines = [line for block in blocks(repository, "sh") for line in block.splitlines()]
     benches = [line for line in lines if line.startswith("dicedesign bench ")]
     plain = [line for line in lines if line.startswith("dicedesign ") and line not in benches]
-    assert len(plain) == 7
+    assert len(plain) == 8
     for line in plain:
         assert run_dicedesign(line.removeprefix("dicedesign "), workplace)
     assert (workplace / "map.png").exists()

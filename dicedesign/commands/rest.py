@@ -5,16 +5,23 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dicedesign.commands.rest_folder import (
+    add_folder_options,
+    refuse_folder_options,
+    rest_folder,
+)
 from dicedesign.commands.vectors import vector
 from dicedesign.geometry.mesh_file import read_body
+from dicedesign.geometry.mesh_formats import without_solids
 from dicedesign.rest.poses import RestPoses, rest_poses
+
+if TYPE_CHECKING:
+    from dicedesign.batch.analyse import Center
 
 __all__ = ["add_body_options", "add_parser", "poses_of", "rest_summary"]
 
@@ -24,13 +31,16 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "rest",
         help="list the resting poses of a mesh with their probabilities",
-        description="List the resting poses of a mesh or point cloud with their probabilities.",
+        description="List the resting poses of a mesh or point cloud with their probabilities. A "
+        "folder in place of MESH stands for all meshes in it; their rests go to the table --out, "
+        "and the same command goes on where an earlier one ended.",
     )
     add_body_options(parser)
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.add_argument(
         "--figure", type=Path, metavar="FILE.png", help="draw the Morse-Smale complex"
     )
+    add_folder_options(parser)
     parser.set_defaults(command=_rest)
 
 
@@ -54,9 +64,8 @@ def add_body_options(parser: argparse.ArgumentParser) -> None:
 
 def poses_of(options: argparse.Namespace) -> RestPoses:
     """The rests of the body that the options name; notes go to stderr."""
-    com = options.com
-    center = com if com is None or com == "hull" else vector("--com", com)
-    with _without_solids():
+    center = _center(options.com)
+    with without_solids():
         body = read_body(options.mesh)
     poses = rest_poses(body, center, coplanar_tolerance=options.coplanar_tolerance)
     for note in poses.notes:
@@ -64,18 +73,11 @@ def poses_of(options: argparse.Namespace) -> RestPoses:
     return poses
 
 
-@contextmanager
-def _without_solids() -> Iterator[None]:
-    """Keep manifold3d from being loaded: trimesh takes it along if it can, and a query needs it
-    for nothing."""
-    hidden = "manifold3d" not in sys.modules
-    if hidden:
-        sys.modules["manifold3d"] = None  # type: ignore[assignment]
-    try:
-        yield
-    finally:
-        if hidden:
-            del sys.modules["manifold3d"]
+def _center(text: str | None) -> Center:
+    if text is None or text == "hull":
+        return None if text is None else "hull"
+    x, y, z = vector("--com", text).tolist()
+    return x, y, z
 
 
 def rest_summary(poses: RestPoses) -> dict[str, Any]:
@@ -99,6 +101,9 @@ def rest_summary(poses: RestPoses) -> dict[str, Any]:
 
 
 def _rest(options: argparse.Namespace) -> int:
+    if options.mesh.is_dir():
+        return rest_folder(options, _center(options.com))
+    refuse_folder_options(options)
     poses = poses_of(options)
     if options.figure is not None:
         _draw(poses, options.figure)

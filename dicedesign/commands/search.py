@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dicedesign.commands.workers import add_worker_options, check_worker_options, open_workers
 from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
     from dicedesign.recipe import Recipe
+    from dicedesign.search.study import SearchStudy
 
 __all__ = ["add_parser"]
 
@@ -36,17 +36,10 @@ def add_parser(commands: Any) -> None:
         metavar="N",
         help="how many dice are to be tried in all, those already in the folder included",
     )
-    parser.add_argument(
-        "--jobs",
-        type=int,
-        metavar="J",
-        help="how many at a time (default: one for each core, or each thread of the cluster); 1 "
-        "makes the search repeatable",
-    )
-    parser.add_argument(
-        "--scheduler",
-        metavar="tcp://HOST:PORT",
-        help="run on the Dask cluster of this address (default: on this machine)",
+    add_worker_options(
+        parser,
+        "how many at a time (default: one for each core, or each thread of the cluster); 1 makes "
+        "the search repeatable",
     )
     parser.add_argument(
         "--out",
@@ -63,15 +56,11 @@ def _search(options: argparse.Namespace) -> int:
     from dicedesign.search.leaderboard import write_results
     from dicedesign.search.study import open_study
 
-    for name in ("trials", "jobs"):
-        value = getattr(options, name)
-        if value is not None and value < 1:
-            raise InputError(f"--{name}: expected a whole number above 0, got {value}; raise it")
-    if options.scheduler is not None and "://" not in options.scheduler:
+    if options.trials < 1:
         raise InputError(
-            "--scheduler: expected an address such as tcp://10.0.0.5:8786, got "
-            f"{options.scheduler!r}; the scheduler prints its own when it starts"
+            f"--trials: expected a whole number above 0, got {options.trials}; raise it"
         )
+    check_worker_options(options)
     recipe = read_recipe(options.recipe)
     # A start that does not suit the target suits it in no trial.
     make_start(recipe)
@@ -88,46 +77,27 @@ def _search(options: argparse.Namespace) -> int:
     return 0 if board else 1
 
 
-def _run(study: Any, options: argparse.Namespace) -> None:
-    from tqdm import tqdm
-
-    from dicedesign.search.executors import cluster_workers, local_workers, no_worker_left
+def _run(study: SearchStudy, options: argparse.Namespace) -> None:
     from dicedesign.search.running import run_search
 
-    with contextlib.ExitStack() as stack:
-        if options.scheduler is None:
-            jobs = options.jobs or os.cpu_count() or 1
-            executor = stack.enter_context(local_workers(jobs))
-        else:
-            executor, threads = stack.enter_context(cluster_workers(options.scheduler))
-            jobs = options.jobs or threads
-        finished = study.finished()
-        bar = stack.enter_context(
-            tqdm(
-                file=sys.stderr,
-                disable=not sys.stderr.isatty(),
-                unit=" trials",
-                total=options.trials,
-                initial=len(finished),
-            )
-        )
-        converged, told = sum(trial["status"] == "converged" for trial in finished), False
+    finished = study.finished()
+    converged = sum(trial["status"] == "converged" for trial in finished)
+    with open_workers(options, "trials", options.trials, len(finished)) as workers:
 
         def on_trial(result: dict[str, Any]) -> None:
-            nonlocal converged, told
-            told = False
+            nonlocal converged
             converged += result["status"] == "converged"
-            bar.set_postfix_str(f"{converged} converged", refresh=False)
-            bar.update()
+            workers.bar.set_postfix_str(f"{converged} converged", refresh=False)
+            workers.advance(1)
 
-        def on_quiet() -> None:
-            nonlocal told
-            if not told and no_worker_left(executor):
-                told = True
-                note = f"note: {options.scheduler} has no worker left; trials wait for one to join"
-                bar.write(note, file=sys.stderr)
-
-        run_search(study, options.trials, executor, jobs, on_trial=on_trial, on_quiet=on_quiet)
+        run_search(
+            study,
+            options.trials,
+            workers.executor,
+            workers.jobs,
+            on_trial=on_trial,
+            on_quiet=workers.on_quiet,
+        )
 
 
 def _print(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from dicedesign.errors import DiceError
-from dicedesign.search.executors import is_lost_worker
+from dicedesign.executors import is_lost_worker
 from dicedesign.search.study import SearchStudy
 from dicedesign.search.trial import run_trial
 

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from dicedesign.errors import DiceError, InputError, OutputError
+from dicedesign.extras import missing_extra
 from dicedesign.files import atomic_write, make_writable_folder
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import read_recipe, recipe_text
-from dicedesign.search.extras import missing_extra
 from dicedesign.search.space import search_space, varied_recipe
 
 if TYPE_CHECKING:

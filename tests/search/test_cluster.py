@@ -17,12 +17,12 @@ import pytest
 from distributed import Client
 from inline_executor import Inline
 
-from dicedesign import __version__
+from dicedesign import __version__, executors
 from dicedesign.cli import main
 from dicedesign.errors import DiceError, InputError
+from dicedesign.executors import cluster_workers, no_worker_left
 from dicedesign.recipe import Recipe
-from dicedesign.search import executors, running
-from dicedesign.search.executors import cluster_workers, no_worker_left
+from dicedesign.search import running
 from dicedesign.search.running import run_search
 from dicedesign.search.study import open_study
 

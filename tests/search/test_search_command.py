@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 from inline_executor import Inline
 
+from dicedesign import executors
 from dicedesign.cli import main
 from dicedesign.fabricate.stl import stl_bytes
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import read_recipe
-from dicedesign.search import executors, running
+from dicedesign.search import running
 from dicedesign.search.study import open_study
 
 

@@ -19,9 +19,9 @@ from inline_executor import Inline
 
 from dicedesign.cli import main
 from dicedesign.errors import DiceError
+from dicedesign.executors import is_lost_worker, local_workers
 from dicedesign.recipe import Recipe
 from dicedesign.search import running
-from dicedesign.search.executors import is_lost_worker, local_workers
 from dicedesign.search.running import run_search
 from dicedesign.search.study import JOURNAL, open_study
 

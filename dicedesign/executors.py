@@ -1,4 +1,4 @@
-"""Where trials run: `concurrent.futures.Executor`s of local processes or of a Dask cluster."""
+"""Where work runs: `concurrent.futures.Executor`s of local processes or of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from dicedesign import __version__
 from dicedesign.errors import DiceError, InputError
-from dicedesign.search.extras import missing_extra
+from dicedesign.extras import missing_extra
 
 __all__ = ["cluster_workers", "is_lost_worker", "local_workers", "no_worker_left"]
 
@@ -81,7 +81,7 @@ class _ClusterWorkers(Executor):
     def __init__(self, client: Any, address: str) -> None:
         self._client = client
         self._address = address
-        # Without `pure`, a trial that is submitted again runs again.
+        # Without `pure`, a task that is submitted again runs again.
         self._workers: Executor = client.get_executor(pure=False)
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
@@ -101,8 +101,8 @@ class _ClusterWorkers(Executor):
 
 @contextmanager
 def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
-    """The workers of a Dask cluster, and how many trials they can run at a time. Those that join
-    later help; while there are none, trials wait.
+    """The workers of a Dask cluster, and how many tasks they can run at a time. Those that join
+    later help; while there are none, tasks wait.
 
     address: of its scheduler, such as tcp://10.0.0.5:8786.
 
@@ -158,7 +158,7 @@ def _installed_version() -> str:
 
 
 def no_worker_left(executor: Executor) -> bool:
-    """Whether trials of `cluster_workers` wait because all workers have gone."""
+    """Whether tasks of `cluster_workers` wait because all workers have gone."""
     return isinstance(executor, _ClusterWorkers) and executor.is_empty()
 
 

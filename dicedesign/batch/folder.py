@@ -1,0 +1,65 @@
+"""The meshes in a folder."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.mesh_formats import mesh_endings
+
+__all__ = ["FolderFiles", "list_folder"]
+
+
+@dataclass(frozen=True)
+class FolderFiles:
+    """What is in a folder and the folders within.
+
+    Attributes
+    ----------
+    meshes: size in bytes and time of the last change in nanoseconds of each mesh or point file, by
+        its path in the folder with slashes, in the order of the paths.
+    others: how many other files there are.
+    """
+
+    meshes: dict[str, tuple[int, int]]
+    others: int
+
+
+def list_folder(folder: Path) -> FolderFiles:
+    """Files of a folder, those that begin with a dot left out. Links to folders are not followed.
+
+    Raises InputError: there is no mesh, or a folder cannot be read.
+    """
+    endings = mesh_endings()
+    meshes, others = {}, 0
+    for parent, folders, names in os.walk(folder, onerror=_unreadable):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        for name in names:
+            path = Path(parent, name)
+            if name.startswith("."):
+                continue
+            if path.suffix.lower() not in endings:
+                others += 1
+                continue
+            try:
+                status = path.stat()
+                found = (status.st_size, status.st_mtime_ns)
+            except OSError:
+                # A link that leads nowhere: reading it says so.
+                found = (0, 0)
+            meshes[path.relative_to(folder).as_posix()] = found
+    if not meshes:
+        raise InputError(
+            f"{folder}: expected a folder with meshes, files ending in "
+            f"{', '.join(sorted(endings))}, got {others} other files; name another folder"
+        )
+    return FolderFiles(dict(sorted(meshes.items())), others)
+
+
+def _unreadable(error: OSError) -> NoReturn:
+    raise InputError(
+        f"{error.filename}: expected a readable folder, got {error.strerror!r}; check permissions"
+    ) from error
