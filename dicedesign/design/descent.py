@@ -16,7 +16,12 @@ from dicedesign.design.line_search import LineSearch, has_slope
 from dicedesign.design.objective import Evaluation, Objective
 from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.schedule import Schedule
-from dicedesign.design.sobolev import SobolevOptions, SobolevSolver, graph_laplacian
+from dicedesign.design.sobolev import (
+    SobolevOptions,
+    SobolevSolver,
+    check_coordinates,
+    graph_laplacian,
+)
 from dicedesign.design.starts import Start
 from dicedesign.design.stopping import Status, Stopping
 from dicedesign.errors import InputError
@@ -65,16 +70,7 @@ class DescentOptions:
     perturbation: float = 1e-3
 
     def __post_init__(self) -> None:
-        if self.coordinates not in ("facets", "vertices"):
-            raise InputError(
-                f'coordinates: expected "facets" or "vertices", got {self.coordinates!r}; choose '
-                "one of the two"
-            )
-        if self.sobolev is not None and self.coordinates != "vertices":
-            raise InputError(
-                'sobolev: expected coordinates "vertices", whose gradient lives on the surface, '
-                f"got {self.coordinates!r}; leave sobolev out or change coordinates"
-            )
+        check_coordinates(self.coordinates, self.sobolev)
         if not 0.0 < self.relaxation < 1.0:
             raise InputError(
                 f"relaxation: expected a number in (0, 1), got {self.relaxation:g}; leave it out "

@@ -21,7 +21,7 @@ from dicedesign.design.improvement import improve
 from dicedesign.design.levenberg_marquardt import Approach, dice_energy
 from dicedesign.design.preferences import Preferences
 from dicedesign.design.result import DesignResult, DesignStep
-from dicedesign.design.sobolev import SobolevOptions
+from dicedesign.design.sobolev import SobolevOptions, check_coordinates
 from dicedesign.design.starts import Start
 from dicedesign.design.stopping import Status
 from dicedesign.design.symmetric_coordinates import SymmetricCoordinates
@@ -79,16 +79,7 @@ class ExactOptions:
                 f"tolerance: expected a number from {FINEST_TOLERANCE:g} on and below 1, got "
                 f"{self.tolerance:g}; leave it out for 1e-12"
             )
-        if self.coordinates not in ("facets", "vertices"):
-            raise InputError(
-                f'coordinates: expected "facets" or "vertices", got {self.coordinates!r}; choose '
-                "one of the two"
-            )
-        if self.sobolev is not None and self.coordinates != "vertices":
-            raise InputError(
-                'sobolev: expected coordinates "vertices", whose neighbours move together, got '
-                f"{self.coordinates!r}; leave sobolev out or change coordinates"
-            )
+        check_coordinates(self.coordinates, self.sobolev)
         if self.starts < 1:
             raise InputError(
                 f"starts: expected a whole number above 0, got {self.starts}; leave it out for 60"
@@ -222,7 +213,7 @@ class _Search:
             tolerance=self.aim,
             steps=MOST_IMPROVEMENTS,
             out_of_time=lambda: self.out_of_time,
-            on_step=self._record_improvement,
+            on_step=self._record,
         )
         return self.shortfall(found) == (0.0, 0.0)
 
@@ -246,22 +237,19 @@ class _Search:
         radii = circle_radii(trial.rests, trial.outcome_facets).detach()
         return 0.0, max(self.least_circle - float(radii.min()), 0.0)
 
-    def _record(self, trial: Trial) -> None:
-        """Take note of a trial on the way to the target."""
+    def _record(self, trial: Trial, value: float | None = None) -> None:
+        """Take note of a trial: on the way to the target, or one that is better by preference than
+        the last, with the value that its step has lowered."""
         terms, shortfall = {"dice": dice_energy(trial, self.target)}, self.shortfall(trial)
-        if self.best is None or shortfall < self.best.shortfall:
+        if value is not None:
+            terms["preferences"] = value
+        best = self.best
+        if (
+            best is None
+            or shortfall < best.shortfall
+            or (value is not None and shortfall == best.shortfall)
+        ):
             self.best = _Best(trial, shortfall, terms)
-        self._tell(trial, terms)
-
-    def _record_improvement(self, trial: Trial, value: float) -> None:
-        """Take note of a trial that is better by preference than the last one."""
-        terms = {"dice": dice_energy(trial, self.target), "preferences": value}
-        shortfall = self.shortfall(trial)
-        if self.best is None or shortfall <= self.best.shortfall:
-            self.best = _Best(trial, shortfall, terms)
-        self._tell(trial, terms)
-
-    def _tell(self, trial: Trial, terms: dict[str, float]) -> None:
         seconds = time.perf_counter() - self.started
         step = DesignStep(
             len(self.history), seconds, sum(terms.values()), terms, trial.error(self.target)

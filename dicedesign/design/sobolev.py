@@ -15,7 +15,13 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hull import ConvexHull
 from dicedesign.options import STRICT
 
-__all__ = ["SobolevOptions", "SobolevSolver", "graph_laplacian", "sobolev_solve"]
+__all__ = [
+    "SobolevOptions",
+    "SobolevSolver",
+    "check_coordinates",
+    "graph_laplacian",
+    "sobolev_solve",
+]
 
 Floats = NDArray[np.float64]
 
@@ -49,6 +55,21 @@ class SobolevOptions:
             raise InputError(
                 f"sobolev.power: expected 1 to 4, got {self.power}; leave it out for 2"
             )
+
+
+def check_coordinates(coordinates: str, sobolev: SobolevOptions | None) -> None:
+    """Raise InputError unless coordinates are "facets" or "vertices", with the operator for the
+    latter only."""
+    if coordinates not in ("facets", "vertices"):
+        raise InputError(
+            f'coordinates: expected "facets" or "vertices", got {coordinates!r}; choose one of the '
+            "two"
+        )
+    if sobolev is not None and coordinates != "vertices":
+        raise InputError(
+            'sobolev: expected coordinates "vertices", whose gradient lives on the surface, got '
+            f"{coordinates!r}; leave sobolev out or change coordinates"
+        )
 
 
 def graph_laplacian(hull: ConvexHull) -> csc_array:

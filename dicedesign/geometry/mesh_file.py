@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
 from dicedesign.geometry.body import Body, is_rounded, make_body
 from dicedesign.geometry.mesh_errors import EXPORT_AGAIN
+from dicedesign.geometry.mesh_formats import mesh_endings
 from dicedesign.geometry.stl import read_stl
 from dicedesign.geometry.text_mesh import TEXT_READERS
 
@@ -93,9 +94,8 @@ def _read_scene(
     """Points, triangles, whether they were rounded, and the number of parts, by trimesh."""
     with _quiet():
         import trimesh
-        from trimesh.exchange.load import mesh_formats
 
-        endings = {f".{name}" for name in mesh_formats()} | set(_READERS)
+        endings = mesh_endings()
         if path.suffix.lower() not in endings:
             raise MeshFileError(
                 f"{path}: expected a file ending out of {', '.join(sorted(endings))}, got "
