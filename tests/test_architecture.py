@@ -6,7 +6,16 @@ import ast
 from pathlib import Path
 
 FLOORS = (
-    ("errors", "extras", "executors", "files", "peak_memory", "tolerances", "options"),
+    (
+        "errors",
+        "extras",
+        "executors",
+        "files",
+        "kernels",
+        "peak_memory",
+        "tolerances",
+        "options",
+    ),
     ("geometry",),
     ("rest",),
     ("batch",),

@@ -1,0 +1,37 @@
+// NumPy arrays in and out of the kernels.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <utility>
+#include <vector>
+
+#include "vector.hpp"
+
+namespace dicedesign {
+
+namespace nb = nanobind;
+
+using Floats = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Indices = nb::ndarray<const Index, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+static_assert(sizeof(Vec) == 3 * sizeof(double));
+
+// The rows of an (n, 3) array.
+inline const Vec* rows(const Points& points) {
+    return reinterpret_cast<const Vec*>(points.data());
+}
+
+// A NumPy array that owns the numbers of a vector, with `columns` numbers in each row; one row is
+// one number for columns 0.
+template <class T>
+inline nb::object array(std::vector<T>&& values, std::size_t columns = 0) {
+    auto* kept = new std::vector<T>(std::move(values));
+    nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+    const std::size_t shape[2] = {columns == 0 ? kept->size() : kept->size() / columns, columns};
+    return nb::cast(nb::ndarray<nb::numpy, T>(kept->data(), columns == 0 ? 1 : 2, shape, owner));
+}
+
+}  // namespace dicedesign
