@@ -7,6 +7,7 @@ formulas that NumPy and torch share.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from types import ModuleType
 from typing import Any
 
@@ -52,9 +53,9 @@ class Separatrices:
     saddles: (s,) one half-edge for each dividing saddle.
     basins: (s, 2) index into `rests` of the basin left and right of the half-edge.
     saddle_ends: (s, 2) tail and head vertex of each saddle's half-edge.
-    crossed: (2 s, depth, 2) vertices p, q of the edges whose arcs a branch crosses, in order.
-    lengths: (2 s,) how many edges a branch crosses; what follows them in `crossed` has no
-        meaning.
+    crossings: (c, 2) vertices p, q of the edges whose arcs the branches cross, in order, branch
+        after branch.
+    branch_start: (2 s + 1,) branch b has `crossings[branch_start[b] : branch_start[b + 1]]`.
     maxima: (2 s,) vertex at which a branch ends.
     """
 
@@ -62,9 +63,23 @@ class Separatrices:
     saddles: Integers
     basins: Integers
     saddle_ends: Integers
-    crossed: Integers
-    lengths: Integers
+    crossings: Integers
+    branch_start: Integers
     maxima: Integers
+
+    @cached_property
+    def lengths(self) -> Integers:
+        """(2 s,) how many edges a branch crosses."""
+        return np.diff(self.branch_start)
+
+    @cached_property
+    def crossed(self) -> Integers:
+        """(2 s, depth, 2) the crossings of each branch, of whatever after as many as it has."""
+        steps = np.arange(int(self.lengths.max(initial=0)))
+        if len(steps) == 0:
+            return np.zeros((len(self.maxima), 0, 2), dtype=np.int64)
+        places = np.minimum(self.branch_start[:-1, None] + steps, len(self.crossings) - 1)
+        return self.crossings[places]
 
 
 def separatrices(equilibria: Equilibria) -> Separatrices:
@@ -90,8 +105,8 @@ def separatrices(equilibria: Equilibria) -> Separatrices:
         saddles,
         basins,
         np.stack([hull.tail[saddles], hull.head[saddles]], axis=1),
-        np.stack([hull.tail[branches.crossed], hull.head[branches.crossed]], axis=2),
-        branches.lengths,
+        np.stack([hull.tail[branches.crossed], hull.head[branches.crossed]], axis=1),
+        branches.start,
         branches.maxima,
     )
 

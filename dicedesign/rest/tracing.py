@@ -40,13 +40,13 @@ class Branches:
 
     Attributes
     ----------
-    crossed: (k, depth) half-edges whose arcs a line crosses, in order, padded with -1.
-    lengths: (k,) how many they are.
+    crossed: (c,) half-edges whose arcs the lines cross, in order, line after line.
+    start: (k + 1,) line i has `crossed[start[i] : start[i + 1]]`.
     maxima: (k,) vertex at which a line ends.
     """
 
     crossed: Integers
-    lengths: Integers
+    start: Integers
     maxima: Integers
 
 
@@ -159,11 +159,8 @@ def ascend(equilibria: Equilibria, saddles: Integers, vertices: Integers) -> Bra
         for line, edge in zip(active, edges, strict=True):
             lines[line].append(int(edge))
         active = active[~equilibria.maximum[vertices[active]]]
-    lengths = np.array([len(line) for line in lines], dtype=np.int64)
-    crossed = np.full((len(lines), int(lengths.max(initial=0))), -1, dtype=np.int64)
-    for line, row in zip(lines, crossed, strict=True):
-        row[: len(line)] = line
-    return Branches(crossed, lengths, vertices)
+    start = np.cumsum([0, *(len(line) for line in lines)])
+    return Branches(np.array([e for line in lines for e in line], dtype=np.int64), start, vertices)
 
 
 def saddle_points(equilibria: Equilibria, half_edges: Integers) -> tuple[Floats, Floats]:
