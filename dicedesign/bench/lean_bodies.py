@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -128,7 +127,9 @@ def exact_rows(seconds: float) -> Iterator[Row]:
 
     def trace(hull: ConvexHull) -> int:
         signs = _CountingSigns(hull, np.zeros(3))
-        separatrices(replace(classify(hull, np.zeros(3)), exact=signs))
+        equilibria = classify(hull, np.zeros(3))
+        equilibria.__dict__["exact"] = signs
+        separatrices(equilibria)
         return signs.calls
 
     counts = [trace(hull) for hull in hulls]

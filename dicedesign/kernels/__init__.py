@@ -23,5 +23,5 @@ try:
     import dicedesign_kernels
 
     compiled = dicedesign_kernels if dicedesign_kernels.INTERFACE == INTERFACE else None
-except ImportError:
+except ModuleNotFoundError:
     compiled = None

@@ -1,5 +1,110 @@
+// Kernels of `dicedesign.rest`.
+
+#include "areas.hpp"
 #include "arrays.hpp"
+#include "morse.hpp"
 
 namespace dicedesign {
-void bind_rest(nb::module_& module) { (void)module; }
+namespace {
+
+// How far the facets lie from a point inside, and how large a body is: the number and the height
+// of the lowest facet, the largest difference of a coordinate from the vertices' mean, the largest
+// coordinate of vertices and point, and the largest extent.
+nb::tuple surroundings(Points vertices, Indices facet_start, Indices tail, Points normals,
+                       Floats point) {
+    const Vec* x = rows(vertices);
+    const Vec c{point(0), point(1), point(2)};
+    const std::size_t count = vertices.shape(0);
+    Vec low = x[0], high = x[0], total{0.0, 0.0, 0.0};
+    for (std::size_t i = 0; i < count; ++i) {
+        low = {std::fmin(low.x, x[i].x), std::fmin(low.y, x[i].y), std::fmin(low.z, x[i].z)};
+        high = {std::fmax(high.x, x[i].x), std::fmax(high.y, x[i].y), std::fmax(high.z, x[i].z)};
+        total = total + x[i];
+    }
+    const Vec mean = (1.0 / static_cast<double>(count)) * total;
+    const double offset = std::fmax(largest(high - mean), largest(mean - low));
+    const double far = std::fmax(largest(absolute(c)),
+                                 std::fmax(largest(absolute(low)), largest(absolute(high))));
+    Index lowest = 0;
+    double height = 0.0;
+    for (std::size_t f = 0; f < normals.shape(0); ++f) {
+        const double h = dot(x[tail(facet_start(f))] - c, rows(normals)[f]);
+        if (f == 0 || h < height) {
+            lowest = static_cast<Index>(f);
+            height = h;
+        }
+    }
+    return nb::make_tuple(lowest, height, offset, far, largest(high - low));
+}
+
+// The separatrices of a hull, see `dicedesign.rest.morse`: the arrays of `Separatrices`, and the
+// signs of growth and side of `Equilibria`. False where the body is tied, None where rounding could
+// change the answer.
+nb::object separatrices(Points vertices, Indices facet_start, Indices tail, Indices head,
+                        Indices twin, Indices facet, Indices next, Indices previous,
+                        Indices outgoing_start, Indices outgoing, Points normals, Floats areas,
+                        Floats center, double rounding, double tie_distance) {
+    const Hull hull{static_cast<Index>(vertices.shape(0)),
+                    static_cast<Index>(normals.shape(0)),
+                    static_cast<Index>(tail.shape(0)),
+                    rows(vertices),
+                    facet_start.data(),
+                    tail.data(),
+                    head.data(),
+                    twin.data(),
+                    facet.data(),
+                    next.data(),
+                    previous.data(),
+                    outgoing_start.data(),
+                    outgoing.data(),
+                    rows(normals),
+                    areas.data()};
+    Elements elements;
+    Separatrices found;
+    const Verdict verdict =
+        find_separatrices(hull, Vec{center(0), center(1), center(2)},
+                          Tolerances{rounding, tie_distance}, elements, found);
+    if (verdict == Verdict::tied) return nb::bool_(false);
+    if (verdict == Verdict::uncertain) return nb::none();
+    return nb::make_tuple(array(std::move(found.rests)), array(std::move(found.saddles)),
+                          array(std::move(found.basins), 2),
+                          array(std::move(found.saddle_ends), 2),
+                          array(std::move(found.crossings), 2),
+                          array(std::move(found.branch_start)), array(std::move(found.maxima)),
+                          array(std::move(elements.growth_sign)),
+                          array(std::move(elements.side_sign)));
+}
+
+// Areas of the basins between separatrices, from the arrays of `Separatrices`; None where the
+// basins do not cover the sphere to within a tolerance. The normals are those of all facets.
+nb::object basin_areas(Indices rests, IndexPairs basins, IndexPairs saddle_ends,
+                       IndexPairs crossings, Indices branch_start, Indices maxima,
+                       Points vertices, Floats center, Points normals, double tolerance) {
+    const std::size_t count = rests.shape(0);
+    if (count == 1) return array(std::vector<double>{4.0 * std::acos(-1.0)});
+    const Paths paths{static_cast<Index>(count),
+                      static_cast<Index>(basins.shape(0)),
+                      basins.data(),
+                      saddle_ends.data(),
+                      crossings.data(),
+                      branch_start.data(),
+                      maxima.data()};
+    std::vector<Vec> rest_normals;
+    rest_normals.reserve(count);
+    for (std::size_t i = 0; i < count; ++i) rest_normals.push_back(rows(normals)[rests(i)]);
+    std::vector<double> areas = signed_areas(paths, rows(vertices),
+                                             Vec{center(0), center(1), center(2)},
+                                             rest_normals.data());
+    if (!close_areas(areas, tolerance)) return nb::none();
+    return array(std::move(areas));
+}
+
+}  // namespace
+
+void bind_rest(nb::module_& module) {
+    module.def("surroundings", &surroundings);
+    module.def("separatrices", &separatrices);
+    module.def("basin_areas", &basin_areas);
+}
+
 }  // namespace dicedesign

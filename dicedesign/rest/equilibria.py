@@ -19,6 +19,7 @@ from dicedesign.errors import InputError, OutsideHullError
 from dicedesign.geometry.hull import ConvexHull
 from dicedesign.geometry.sphere import foot_on_line, norms
 from dicedesign.rest.exact import ExactSigns
+from dicedesign.rest.surroundings import surroundings
 from dicedesign.tolerances import BOUNDARY_TOLERANCE, ROUNDING
 
 __all__ = ["Equilibria", "FacetKind", "Tie", "classify"]
@@ -50,17 +51,23 @@ class Equilibria:
     ----------
     hull: the convex hull.
     center_of_mass: (3,).
-    radii: (n, 3) vertices relative to the center of mass, r_p.
-    exact: answers where rounding leaves a sign open.
     tie_distance: length. Where a move of the center of mass by no more than this could change a
         decision, `Tie` is raised instead; 0 for an answer in any case.
     """
 
     hull: ConvexHull
     center_of_mass: Floats
-    radii: Floats
-    exact: ExactSigns
     tie_distance: float
+
+    @cached_property
+    def radii(self) -> Floats:
+        """(n, 3) vertices relative to the center of mass, r_p."""
+        return self.hull.vertices - self.center_of_mass
+
+    @cached_property
+    def exact(self) -> ExactSigns:
+        """Answers where rounding leaves a sign open."""
+        return ExactSigns(self.hull, self.center_of_mass)
 
     @cached_property
     def edge_vectors(self) -> Floats:
@@ -216,19 +223,16 @@ def classify(hull: ConvexHull, center_of_mass: ArrayLike, tie_distance: float = 
     center = np.asarray(center_of_mass, dtype=np.float64)
     if center.shape != (3,) or not np.isfinite(center).all():
         raise InputError(f"center of mass: expected three finite numbers, got {center_of_mass!r}")
-    radii = hull.vertices - center
-    heights = hull.heights(center)
-    lowest = int(np.argmin(heights))
-    scale = float(np.abs(hull.vertices - hull.vertices.mean(axis=0)).max())
-    if heights[lowest] <= BOUNDARY_TOLERANCE * scale:
+    place = surroundings(hull, center)
+    if place.height <= BOUNDARY_TOLERANCE * place.offset:
         where = (
-            f"{-heights[lowest]:.3g} outside"
-            if heights[lowest] < -BOUNDARY_TOLERANCE * scale
+            f"{-place.height:.3g} outside"
+            if place.height < -BOUNDARY_TOLERANCE * place.offset
             else "on the boundary, at"
         )
         raise OutsideHullError(
             f"center of mass: expected a point strictly inside the hull, got "
-            f"{center.tolist()}, which is {where} facet {lowest} of the hull; a body of "
+            f"{center.tolist()}, which is {where} facet {place.facet} of the hull; a body of "
             "nonnegative density has it inside. Give one within the hull or leave it out"
         )
-    return Equilibria(hull, center, radii, ExactSigns(hull, center), tie_distance)
+    return Equilibria(hull, center, tie_distance)

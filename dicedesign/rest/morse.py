@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dicedesign import kernels
 from dicedesign.geometry.sphere import (
     foot_on_line,
     oblique_projection,
@@ -22,6 +23,7 @@ from dicedesign.geometry.sphere import (
 )
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import ascend, destined_facets
+from dicedesign.tolerances import ROUNDING
 
 __all__ = [
     "Separatrices",
@@ -85,8 +87,43 @@ class Separatrices:
 def separatrices(equilibria: Equilibria) -> Separatrices:
     """Find the separatrices that divide basins (algorithm 3, lines 2 to 27).
 
-    Saddles whose two sides roll to the same facet are not traced.
+    Saddles whose two sides roll to the same facet are not traced. Raises `Tie` where ties are
+    looked for and the body is tied.
     """
+    return _compiled_separatrices(equilibria) or _exact_separatrices(equilibria)
+
+
+def _compiled_separatrices(equilibria: Equilibria) -> Separatrices | None:
+    """The separatrices, if there are compiled kernels and rounding can change nothing."""
+    if kernels.compiled is None:
+        return None
+    hull = equilibria.hull
+    found = kernels.compiled.separatrices(
+        hull.vertices,
+        hull.facet_start,
+        hull.tail,
+        hull.head,
+        hull.twin,
+        hull.facet,
+        hull.next,
+        hull.previous,
+        *hull.outgoing,
+        hull.normals,
+        hull.areas,
+        equilibria.center_of_mass,
+        ROUNDING,
+        equilibria.tie_distance,
+    )
+    if found is None:
+        return None
+    equilibria.settle(found is not False)
+    *arrays, growth_sign, side_sign = found
+    equilibria.__dict__.update(growth_sign=growth_sign, side_sign=side_sign)
+    return Separatrices(*arrays)
+
+
+def _exact_separatrices(equilibria: Equilibria) -> Separatrices:
+    """As `separatrices`, with exact arithmetic where rounding leaves a decision open."""
     hull = equilibria.hull
     rests = np.flatnonzero(equilibria.stable)
     saddles = np.flatnonzero(equilibria.saddle & (np.arange(len(hull.tail)) < hull.twin))

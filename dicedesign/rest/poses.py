@@ -15,8 +15,7 @@ from dicedesign.geometry.center_of_mass import resolve_center_of_mass
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import angle_between, rotation_between, unit_vectors
 from dicedesign.rest.equilibria import Equilibria
-from dicedesign.rest.morse import Separatrices
-from dicedesign.rest.probabilities import find_basins
+from dicedesign.rest.probabilities import Basins, find_basins
 from dicedesign.rest.tracing import destined_facets
 from dicedesign.tolerances import CLOSURE_TOLERANCE
 
@@ -90,34 +89,66 @@ class MorseComplex:
 
 @dataclass(frozen=True)
 class RestPoses:
-    """All rests of a body, the most probable first.
+    """All rests of a body, the most probable first. What is not stored is computed when asked for.
 
     Attributes
     ----------
     hull: the convex hull of the body.
-    normals: (k, 3) outward unit normals of the stable facets: the direction that points down.
     probabilities: (k,) summing to 1.
     facets: (k,) facet numbers in `hull`.
-    areas: (k,) areas of the facets stood on, in squared length units.
-    margins: (k,) angle in radians from the facet normal to the nearest saddle of its basin; pi for
-        a body with one rest.
-    morse: the Morse-Smale complex.
     center_of_mass: (3,) and the source it came from in words.
     notes: what was repaired or assumed on the way.
     seconds: wall-clock seconds spent on "hull" and on "rest".
+    basins: of the body, or of a tied one those of bodies beside it (`find_basins`).
     """
 
     hull: ConvexHull
-    normals: Floats
     probabilities: Floats
     facets: Integers
-    areas: Floats
-    margins: Floats
-    morse: MorseComplex
     center_of_mass: Floats
     center_of_mass_source: str
     notes: tuple[str, ...]
     seconds: dict[str, float]
+    basins: tuple[Basins, ...]
+
+    @cached_property
+    def normals(self) -> Floats:
+        """(k, 3) outward unit normals of the stable facets: the direction that points down."""
+        return self.hull.normals[self.facets]
+
+    @cached_property
+    def areas(self) -> Floats:
+        """(k,) areas of the facets stood on, in squared length units."""
+        return self.hull.areas[self.facets]
+
+    @cached_property
+    def margins(self) -> Floats:
+        """(k,) angle in radians from the facet normal to the nearest saddle of its basin; pi for a
+        body with one rest."""
+        margins = np.full(len(self.facets), np.pi)
+        for basin in self.morse.saddle_basins.T:
+            angles = angle_between(self.normals[basin], self.morse.saddles)
+            np.minimum.at(margins, basin, angles)
+        return margins
+
+    @cached_property
+    def morse(self) -> MorseComplex:
+        """The Morse-Smale complex; that of one side where the body is tied."""
+        side = self.basins[0]
+        place = np.full(len(self.hull.normals), -1, dtype=np.int64)
+        place[self.facets] = np.arange(len(self.facets))
+        unit = unit_vectors(side.points)
+        radii = side.equilibria.radii
+        return MorseComplex(
+            minima=self.normals,
+            saddles=unit[::2, 0],
+            saddle_basins=place[side.paths.rests][side.paths.basins],
+            maxima=unit_vectors(radii[side.equilibria.maximum]),
+            branches=unit,
+            # A balance that no basin depends on is none to give up for when bodies are rolled.
+            equilibria=replace(side.equilibria, tie_distance=0.0),
+            rest_facets=self.facets,
+        )
 
     @cached_property
     def transforms(self) -> Floats:
@@ -198,53 +229,29 @@ def analyse(
     if sides[0].equilibria.hull is not hull:
         hull = sides[0].equilibria.hull
         notes = (*notes, UNEVEN)
-    areas = np.zeros((len(sides), len(hull.normals)))
-    for row, side in zip(areas, sides, strict=True):
-        row[side.paths.rests] = side.areas
-    if np.ptp(areas, axis=0).max() > CLOSURE_TOLERANCE:
-        notes = (*notes, TIED)
-    basins = areas.mean(axis=0)
-    equilibria, paths, points = sides[0].equilibria, sides[0].paths, sides[0].points
-    facets = np.argsort(-basins, kind="stable")[: np.count_nonzero(basins)]
-    normals = hull.normals[facets]
-    place = np.full(len(basins), -1, dtype=np.int64)
-    place[facets] = np.arange(len(facets))
-    morse = _complex(equilibria, paths, points, normals, facets, place[paths.rests])
-    margins = np.full(len(facets), np.pi)
-    for column in (0, 1):
-        basin = morse.saddle_basins[:, column]
-        np.minimum.at(margins, basin, angle_between(normals[basin], morse.saddles))
+    facets, areas, tied = _combined(sides)
+    order = np.argsort(-areas, kind="stable")
     return RestPoses(
         hull=hull,
-        normals=normals,
-        probabilities=basins[facets] / (4.0 * np.pi),
-        facets=facets,
-        areas=hull.areas[facets],
-        margins=margins,
-        morse=morse,
+        probabilities=areas[order] / (4.0 * np.pi),
+        facets=facets[order],
         center_of_mass=center_of_mass,
         center_of_mass_source=center_of_mass_source,
-        notes=notes,
+        notes=(*notes, TIED) if tied else notes,
         seconds={"hull": hull_seconds, "rest": time.perf_counter() - started},
+        basins=sides,
     )
 
 
-def _complex(
-    equilibria: Equilibria,
-    paths: Separatrices,
-    points: Floats,
-    normals: Floats,
-    facets: Integers,
-    place: Integers,
-) -> MorseComplex:
-    unit = unit_vectors(points)
-    return MorseComplex(
-        minima=normals,
-        saddles=unit[::2, 0],
-        saddle_basins=place[paths.basins],
-        maxima=unit_vectors(equilibria.radii[equilibria.maximum]),
-        branches=unit,
-        # A balance that no basin depends on is none to give up for when bodies are rolled.
-        equilibria=replace(equilibria, tie_distance=0.0),
-        rest_facets=facets,
-    )
+def _combined(sides: tuple[Basins, ...]) -> tuple[Integers, Floats, bool]:
+    """Facets (k,) that a body rests on, the mean areas (k,) of their basins, and whether the sides
+    differ."""
+    first = sides[0]
+    if len(sides) == 1:
+        return first.paths.rests, first.areas, False
+    areas = np.zeros((len(sides), len(first.equilibria.hull.normals)))
+    for row, side in zip(areas, sides, strict=True):
+        row[side.paths.rests] = side.areas
+    mean = areas.mean(axis=0)
+    facets = np.flatnonzero(mean)
+    return facets, mean[facets], bool(np.ptp(areas, axis=0).max() > CLOSURE_TOLERANCE)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dicedesign import kernels
 from dicedesign.errors import DegenerateBodyError, OutsideHullError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.rest.equilibria import Equilibria, Tie, classify
@@ -19,6 +21,7 @@ from dicedesign.rest.morse import (
     signed_areas,
     wraps,
 )
+from dicedesign.rest.surroundings import surroundings
 from dicedesign.rest.ties import aside_directions
 from dicedesign.tolerances import (
     BOUNDARY_TOLERANCE,
@@ -45,14 +48,18 @@ class Basins:
     ----------
     equilibria: the classified hull.
     paths: its separatrices.
-    points: (2 s, depth + 2, 3) of their branches.
     areas: (k,) in steradian, in the order of `paths.rests`, summing to 4 pi.
     """
 
     equilibria: Equilibria
     paths: Separatrices
-    points: Floats
     areas: Floats
+
+    @cached_property
+    def points(self) -> Floats:
+        """(2 s, depth + 2, 3) points of the branches, see `separatrix_points`."""
+        vertices, center = self.equilibria.hull.vertices, self.equilibria.center_of_mass
+        return separatrix_points(self.paths, vertices, center, np)
 
 
 def find_basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
@@ -114,14 +121,14 @@ def _basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
 
 def tie_distance(hull: ConvexHull, center_of_mass: Floats) -> float:
     """Length of a move of the center of mass (3,) that may not change what an untied body does."""
-    far = np.abs(np.concatenate([hull.vertices, center_of_mass[None]])).max()
-    return TIE_TOLERANCE * float(far + np.ptp(hull.vertices, axis=0).max())
+    place = surroundings(hull, center_of_mass)
+    return TIE_TOLERANCE * (place.far + place.extent)
 
 
 def _beside(hull: ConvexHull, center_of_mass: Floats, distance: float) -> tuple[Basins, ...]:
     """The basins of a body tied to within a distance."""
-    extent = float(np.abs(hull.vertices - hull.vertices.mean(axis=0)).max())
-    room = float(hull.heights(center_of_mass).min()) - BOUNDARY_TOLERANCE * extent
+    place = surroundings(hull, center_of_mass)
+    room = place.height - BOUNDARY_TOLERANCE * place.offset
     move = min(TIE_STEP * distance, room / 2.0) * aside_directions(hull, center_of_mass)
     try:
         return tuple(_trace(classify(hull, center)) for center in center_of_mass + move)
@@ -133,12 +140,37 @@ def _beside(hull: ConvexHull, center_of_mass: Floats, distance: float) -> tuple[
 def _trace(equilibria: Equilibria) -> Basins:
     """Source: eq. 9, 10."""
     paths = separatrices(equilibria)
-    points = separatrix_points(paths, equilibria.hull.vertices, equilibria.center_of_mass, np)
+    areas = _compiled_areas(equilibria, paths)
+    return Basins(equilibria, paths, _areas(equilibria, paths) if areas is None else areas)
+
+
+def _compiled_areas(equilibria: Equilibria, paths: Separatrices) -> Floats | None:
+    """Areas (k,) of the basins, if there are compiled kernels and the basins cover the sphere."""
+    if kernels.compiled is None:
+        return None
+    hull = equilibria.hull
+    areas: Floats | None = kernels.compiled.basin_areas(
+        paths.rests,
+        paths.basins,
+        paths.saddle_ends,
+        paths.crossings,
+        paths.branch_start,
+        paths.maxima,
+        hull.vertices,
+        equilibria.center_of_mass,
+        hull.normals,
+        CLOSURE_TOLERANCE,
+    )
+    return areas
+
+
+def _areas(equilibria: Equilibria, paths: Separatrices) -> Floats:
     if len(paths.rests) == 1:
-        return Basins(equilibria, paths, points, np.array([4.0 * np.pi]))
-    references = basin_references(paths, points, equilibria.hull.normals[paths.rests])
-    areas = closed_areas(signed_areas(paths, points, references))
-    return Basins(equilibria, paths, points, areas)
+        return np.array([4.0 * np.pi])
+    hull = equilibria.hull
+    points = separatrix_points(paths, hull.vertices, equilibria.center_of_mass, np)
+    references = basin_references(paths, points, hull.normals[paths.rests])
+    return closed_areas(signed_areas(paths, points, references))
 
 
 def closed_areas(signed: Floats) -> Floats:

@@ -1,0 +1,188 @@
+"""The compiled kernels decide as the NumPy code does, or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dicedesign import kernels
+from dicedesign.errors import DiceError
+from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.rest import morse
+from dicedesign.rest.equilibria import Equilibria, Tie, classify
+from dicedesign.rest.morse import Separatrices, separatrices
+from dicedesign.rest.poses import rest_poses
+from dicedesign.rest.probabilities import find_basins, tie_distance
+from dicedesign.rest.surroundings import surroundings
+
+Floats = NDArray[np.float64]
+
+pytestmark = pytest.mark.skipif(kernels.compiled is None, reason="kernels were not built")
+
+ARRAYS = (
+    "rests",
+    "saddles",
+    "basins",
+    "saddle_ends",
+    "crossings",
+    "branch_start",
+    "maxima",
+)
+
+
+def random_points(seed: int) -> Floats:
+    """Points of a round body, a flat one, a needle, a sphere or a small lattice."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(int(rng.integers(4, 40)), 3))
+    match seed % 5:
+        case 1:
+            points *= [1.0, 1.0, 10.0 ** rng.uniform(-6, 0)]
+        case 2:
+            points *= [1.0, 1.0, 10.0 ** rng.uniform(0, 6)]
+        case 3:
+            points /= np.linalg.norm(points, axis=1)[:, None]
+        case 4:
+            points = rng.integers(-3, 4, size=points.shape).astype(np.float64)
+    return points
+
+
+def hulls(count: int) -> Iterator[ConvexHull]:
+    for seed in range(count):
+        try:
+            yield convex_hull(random_points(seed))
+        except DiceError:
+            continue
+
+
+def by_numpy(equilibria: Equilibria) -> Separatrices:
+    return morse._exact_separatrices(equilibria)
+
+
+def answer(equilibria: Equilibria, compiled: bool) -> Separatrices | str | None:
+    try:
+        return (morse._compiled_separatrices if compiled else by_numpy)(equilibria)
+    except Tie:
+        return "tied"
+    except DiceError as error:
+        return str(error)
+
+
+@pytest.mark.parametrize("ties", [True, False])
+def test_separatrices_are_those_of_numpy(ties: bool) -> None:
+    undecided, bodies = 0, 0
+    for hull in hulls(300):
+        center = hull.centroid
+        distance = tie_distance(hull, center) if ties else 0.0
+        kernel, numpy_ = classify(hull, center, distance), classify(hull, center, distance)
+        found, expected = answer(kernel, True), answer(numpy_, False)
+        bodies += 1
+        if found is None:
+            undecided += 1
+        elif isinstance(found, str):
+            assert found == expected
+        else:
+            assert isinstance(expected, Separatrices)
+            for name in ARRAYS:
+                np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+            np.testing.assert_array_equal(kernel.growth_sign, numpy_.growth_sign)
+            np.testing.assert_array_equal(kernel.side_sign, numpy_.side_sign)
+    assert undecided < 0.02 * bodies
+
+
+def test_long_separatrices_are_those_of_numpy() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(400, 3))
+    points *= np.array([1.0, 3.0, 9.0]) / np.linalg.norm(points, axis=1)[:, None]
+    hull = convex_hull(points)
+    found = separatrices(classify(hull, hull.centroid))
+    expected = by_numpy(classify(hull, hull.centroid))
+    assert found.lengths.max() > 10
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+
+
+def brink(hull: ConvexHull, direction: Floats) -> tuple[Floats, Floats] | None:
+    """Two centers of mass with no float64 position between them on a line from the centroid, for
+    which the body does not do the same; None where nothing changes on the way."""
+
+    def center(reach: float) -> Floats:
+        return hull.centroid + reach * direction
+
+    def same(a: float, b: float) -> bool:
+        one, other = by_numpy(classify(hull, center(a))), by_numpy(classify(hull, center(b)))
+        return all(np.array_equal(getattr(one, n), getattr(other, n)) for n in ARRAYS)
+
+    low, high = 0.0, 0.2 * float(surroundings(hull, hull.centroid).height)
+    if same(low, high):
+        return None
+    while low < (middle := (low + high) / 2.0) < high:
+        low, high = (middle, high) if same(low, middle) else (low, middle)
+    return center(low), center(high)
+
+
+def test_at_the_brink_decisions_are_those_of_exact_arithmetic() -> None:
+    # Doubles do not tell what the body does there; pairs of doubles mostly do.
+    decided, brinks = 0, 0
+    rng = np.random.default_rng(0)
+    for hull in hulls(60):
+        ends = brink(hull, rng.normal(size=3))
+        if ends is None:
+            continue
+        brinks += 1
+        for center in ends:
+            found = answer(classify(hull, center), True)
+            if found is None:
+                continue
+            decided += 1
+            assert isinstance(found, Separatrices)
+            expected = by_numpy(classify(hull, center))
+            for name in ARRAYS:
+                np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+            with pytest.raises(Tie):
+                separatrices(classify(hull, center, 10.0 * tie_distance(hull, center)))
+    assert brinks > 10
+    assert decided > brinks
+
+
+def test_without_kernels_odds_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    for seed in range(60):
+        points = random_points(seed)
+        monkeypatch.setattr(kernels, "compiled", None)
+        try:
+            expected = rest_poses(points)
+        except DiceError as error:
+            monkeypatch.undo()
+            with pytest.raises(type(error)):
+                rest_poses(points)
+            continue
+        monkeypatch.undo()
+        poses = rest_poses(points)
+        assert len(poses.probabilities) == len(expected.probabilities)
+        np.testing.assert_allclose(poses.probabilities, expected.probabilities, atol=1e-13)
+        nearest = (poses.normals @ expected.normals.T).max(axis=1)
+        np.testing.assert_allclose(nearest, 1.0, atol=1e-12)
+
+
+def test_areas_are_those_of_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    for hull in hulls(200):
+        (found, *_) = find_basins(hull, hull.centroid)
+        monkeypatch.setattr(kernels, "compiled", None)
+        (expected, *_) = find_basins(hull, hull.centroid)
+        monkeypatch.undo()
+        np.testing.assert_array_equal(found.paths.rests, expected.paths.rests)
+        np.testing.assert_allclose(found.areas, expected.areas, rtol=1e-9, atol=2e-14)
+
+
+def test_surroundings_are_those_of_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    for hull in hulls(100):
+        point = 0.3 * hull.vertices[0] + 0.7 * hull.centroid
+        found = surroundings(hull, point)
+        monkeypatch.setattr(kernels, "compiled", None)
+        expected = surroundings(hull, point)
+        monkeypatch.undo()
+        np.testing.assert_allclose(found[1:], expected[1:], rtol=1e-12, atol=1e-15 * expected.far)
+        heights = hull.heights(point)
+        assert heights[found.facet] <= heights.min() + 1e-14 * expected.far
