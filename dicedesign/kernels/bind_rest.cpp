@@ -37,13 +37,18 @@ nb::tuple surroundings(Points vertices, Indices facet_start, Indices tail, Point
     return nb::make_tuple(lowest, height, offset, far, largest(high - low));
 }
 
-// The separatrices of a hull, see `dicedesign.rest.morse`: the arrays of `Separatrices`, and the
-// signs of growth and side of `Equilibria`. False where the body is tied, None where rounding could
-// change the answer.
-nb::object separatrices(Points vertices, Indices facet_start, Indices tail, Indices head,
-                        Indices twin, Indices facet, Indices next, Indices previous,
-                        Indices outgoing_start, Indices outgoing, Points normals, Floats areas,
-                        Floats center, double rounding, double tie_distance) {
+// A hull with its center of mass, and the tolerances, as Python passes them.
+struct Body {
+    Hull hull;
+    Vec center;
+    Tolerances tolerances;
+};
+
+Body body_of(const Points& vertices, const Indices& facet_start, const Indices& tail,
+             const Indices& head, const Indices& twin, const Indices& facet, const Indices& next,
+             const Indices& previous, const Indices& outgoing_start, const Indices& outgoing,
+             const Points& normals, const Floats& areas, const Floats& center, double rounding,
+             double tie_distance) {
     const Hull hull{static_cast<Index>(vertices.shape(0)),
                     static_cast<Index>(normals.shape(0)),
                     static_cast<Index>(tail.shape(0)),
@@ -59,13 +64,28 @@ nb::object separatrices(Points vertices, Indices facet_start, Indices tail, Indi
                     outgoing.data(),
                     rows(normals),
                     areas.data()};
+    return {hull, Vec{center(0), center(1), center(2)}, Tolerances{rounding, tie_distance}};
+}
+
+// What Python gets instead of an answer: False where the body is tied, None where rounding could
+// change the answer.
+nb::object no_answer(Verdict verdict) {
+    return verdict == Verdict::tied ? nb::object(nb::bool_(false)) : nb::object(nb::none());
+}
+
+// The separatrices of a hull, see `dicedesign.rest.compiled`.
+nb::object separatrices(Points vertices, Indices facet_start, Indices tail, Indices head,
+                        Indices twin, Indices facet, Indices next, Indices previous,
+                        Indices outgoing_start, Indices outgoing, Points normals, Floats areas,
+                        Floats center, double rounding, double tie_distance) {
+    const Body body = body_of(vertices, facet_start, tail, head, twin, facet, next, previous,
+                              outgoing_start, outgoing, normals, areas, center, rounding,
+                              tie_distance);
     Elements elements;
     Separatrices found;
     const Verdict verdict =
-        find_separatrices(hull, Vec{center(0), center(1), center(2)},
-                          Tolerances{rounding, tie_distance}, elements, found);
-    if (verdict == Verdict::tied) return nb::bool_(false);
-    if (verdict == Verdict::uncertain) return nb::none();
+        find_separatrices(body.hull, body.center, body.tolerances, elements, found);
+    if (verdict != Verdict::certain) return no_answer(verdict);
     return nb::make_tuple(array(std::move(found.rests)), array(std::move(found.saddles)),
                           array(std::move(found.basins), 2),
                           array(std::move(found.saddle_ends), 2),
@@ -73,6 +93,22 @@ nb::object separatrices(Points vertices, Indices facet_start, Indices tail, Indi
                           array(std::move(found.branch_start)), array(std::move(found.maxima)),
                           array(std::move(elements.growth_sign)),
                           array(std::move(elements.side_sign)));
+}
+
+// Where bodies come to rest that are let go on facets, see `dicedesign.rest.compiled`.
+nb::object destinations(Points vertices, Indices facet_start, Indices tail, Indices head,
+                        Indices twin, Indices facet, Indices next, Indices previous,
+                        Indices outgoing_start, Indices outgoing, Points normals, Floats areas,
+                        Floats center, double rounding, double tie_distance, Indices facets) {
+    const Body body = body_of(vertices, facet_start, tail, head, twin, facet, next, previous,
+                              outgoing_start, outgoing, normals, areas, center, rounding,
+                              tie_distance);
+    std::vector<Index> reached;
+    const Verdict verdict =
+        find_destinations(body.hull, body.center, body.tolerances, facets.data(),
+                          static_cast<Index>(facets.shape(0)), reached);
+    if (verdict != Verdict::certain) return no_answer(verdict);
+    return array(std::move(reached));
 }
 
 // Areas of the basins between separatrices, from the arrays of `Separatrices`; None where the
@@ -104,6 +140,7 @@ nb::object basin_areas(Indices rests, IndexPairs basins, IndexPairs saddle_ends,
 void bind_rest(nb::module_& module) {
     module.def("surroundings", &surroundings);
     module.def("separatrices", &separatrices);
+    module.def("destinations", &destinations);
     module.def("basin_areas", &basin_areas);
 }
 

@@ -51,6 +51,20 @@ private:
 
 }  // namespace
 
+Verdict find_destinations(const Hull& hull, const Vec& center, const Tolerances& tolerances,
+                          const Index* facets, Index count, std::vector<Index>& reached) {
+    const Frame<double> frame(hull, center, tolerances);
+    const Frame<Twofold> finer(hull, center, tolerances);
+    Elements elements;
+    Verdict verdict = classify(frame, finer, tolerances, elements);
+    Destinations destinations(frame, finer, tolerances, elements);
+    reached.assign(count, -1);
+    for (Index i = 0; i < count && verdict == Verdict::certain; ++i) {
+        verdict = destinations.find(facets[i], reached[i]);
+    }
+    return verdict;
+}
+
 Verdict find_separatrices(const Hull& hull, const Vec& center, const Tolerances& tolerances,
                           Elements& elements, Separatrices& found) {
     const Frame<double> frame(hull, center, tolerances);

@@ -13,6 +13,10 @@ struct Separatrices {
     std::vector<Index> rests, saddles, basins, saddle_ends, crossings, branch_start, maxima;
 };
 
+// Stable facets on which bodies come to rest that are let go on `count` facets.
+Verdict find_destinations(const Hull& hull, const Vec& center, const Tolerances& tolerances,
+                          const Index* facets, Index count, std::vector<Index>& reached);
+
 Verdict find_separatrices(const Hull& hull, const Vec& center, const Tolerances& tolerances,
                           Elements& elements, Separatrices& found);
 

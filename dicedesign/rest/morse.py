@@ -14,16 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign import kernels
 from dicedesign.geometry.sphere import (
     foot_on_line,
     oblique_projection,
     signed_solid_angle,
     unit_vectors,
 )
+from dicedesign.rest import compiled
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import ascend, destined_facets
-from dicedesign.tolerances import ROUNDING
 
 __all__ = [
     "Separatrices",
@@ -74,6 +73,17 @@ class Separatrices:
         """(2 s,) how many edges a branch crosses."""
         return np.diff(self.branch_start)
 
+    @property
+    def branches(self) -> tuple[Integers, ...]:
+        """The arrays that say where all branches run and what they divide."""
+        return (
+            self.basins,
+            self.saddle_ends,
+            self.crossings,
+            self.branch_start,
+            self.maxima,
+        )
+
     @cached_property
     def crossed(self) -> Integers:
         """(2 s, depth, 2) the crossings of each branch, of whatever after as many as it has."""
@@ -90,36 +100,8 @@ def separatrices(equilibria: Equilibria) -> Separatrices:
     Saddles whose two sides roll to the same facet are not traced. Raises `Tie` where ties are
     looked for and the body is tied.
     """
-    return _compiled_separatrices(equilibria) or _exact_separatrices(equilibria)
-
-
-def _compiled_separatrices(equilibria: Equilibria) -> Separatrices | None:
-    """The separatrices, if there are compiled kernels and rounding can change nothing."""
-    if kernels.compiled is None:
-        return None
-    hull = equilibria.hull
-    found = kernels.compiled.separatrices(
-        hull.vertices,
-        hull.facet_start,
-        hull.tail,
-        hull.head,
-        hull.twin,
-        hull.facet,
-        hull.next,
-        hull.previous,
-        *hull.outgoing,
-        hull.normals,
-        hull.areas,
-        equilibria.center_of_mass,
-        ROUNDING,
-        equilibria.tie_distance,
-    )
-    if found is None:
-        return None
-    equilibria.settle(found is not False)
-    *arrays, growth_sign, side_sign = found
-    equilibria.__dict__.update(growth_sign=growth_sign, side_sign=side_sign)
-    return Separatrices(*arrays)
+    arrays = compiled.separatrices(equilibria)
+    return _exact_separatrices(equilibria) if arrays is None else Separatrices(*arrays)
 
 
 def _exact_separatrices(equilibria: Equilibria) -> Separatrices:

@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign import kernels
 from dicedesign.errors import DegenerateBodyError, OutsideHullError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.rest import compiled
 from dicedesign.rest.equilibria import Equilibria, Tie, classify
 from dicedesign.rest.morse import (
     Separatrices,
@@ -32,7 +32,7 @@ from dicedesign.tolerances import (
     WARP_TOLERANCE,
 )
 
-__all__ = ["Basins", "closed_areas", "find_basins", "tie_distance"]
+__all__ = ["Basins", "basin_areas", "closed_areas", "find_basins", "tie_distance"]
 
 Floats = NDArray[np.float64]
 
@@ -140,28 +140,18 @@ def _beside(hull: ConvexHull, center_of_mass: Floats, distance: float) -> tuple[
 def _trace(equilibria: Equilibria) -> Basins:
     """Source: eq. 9, 10."""
     paths = separatrices(equilibria)
-    areas = _compiled_areas(equilibria, paths)
-    return Basins(equilibria, paths, _areas(equilibria, paths) if areas is None else areas)
+    return Basins(equilibria, paths, basin_areas(equilibria, paths))
 
 
-def _compiled_areas(equilibria: Equilibria, paths: Separatrices) -> Floats | None:
-    """Areas (k,) of the basins, if there are compiled kernels and the basins cover the sphere."""
-    if kernels.compiled is None:
-        return None
-    hull = equilibria.hull
-    areas: Floats | None = kernels.compiled.basin_areas(
-        paths.rests,
-        paths.basins,
-        paths.saddle_ends,
-        paths.crossings,
-        paths.branch_start,
-        paths.maxima,
-        hull.vertices,
-        equilibria.center_of_mass,
-        hull.normals,
-        CLOSURE_TOLERANCE,
-    )
-    return areas
+def basin_areas(equilibria: Equilibria, paths: Separatrices) -> Floats:
+    """Areas (k,) in steradian of the basins that a body's separatrices divide, summing to 4 pi.
+
+    Raises
+    ------
+    DegenerateBodyError: the basins do not cover the sphere once.
+    """
+    areas = compiled.basin_areas(equilibria, (paths.rests, *paths.branches))
+    return _areas(equilibria, paths) if areas is None else areas
 
 
 def _areas(equilibria: Equilibria, paths: Separatrices) -> Floats:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.ragged import ragged_ranges
 from dicedesign.geometry.sphere import norms, oblique_projection
+from dicedesign.rest import compiled
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.tolerances import ROUNDING
 
@@ -247,6 +248,12 @@ def descend(equilibria: Equilibria, facets: Integers) -> Integers:
 
 def destined_facets(equilibria: Equilibria, facets: Integers) -> Integers:
     """Stable facet (k,) on which a body comes to rest that is let go on facets (k,)."""
+    found = compiled.destinations(equilibria, facets)
+    return _exact_destinations(equilibria, facets) if found is None else found
+
+
+def _exact_destinations(equilibria: Equilibria, facets: Integers) -> Integers:
+    """As `destined_facets`, with exact arithmetic where rounding leaves a decision open."""
     hull = equilibria.hull
     known = np.where(equilibria.stable, np.arange(len(equilibria.stable)), -1)
     rolls = equilibria.roll_edge >= 0

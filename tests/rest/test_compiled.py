@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dicedesign import kernels
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
-from dicedesign.rest import morse
+from dicedesign.rest import compiled, morse, tracing
 from dicedesign.rest.equilibria import Equilibria, Tie, classify
 from dicedesign.rest.morse import Separatrices, separatrices
 from dicedesign.rest.poses import rest_poses
@@ -57,13 +57,18 @@ def hulls(count: int) -> Iterator[ConvexHull]:
             continue
 
 
+def by_kernels(equilibria: Equilibria) -> Separatrices | None:
+    arrays = compiled.separatrices(equilibria)
+    return None if arrays is None else Separatrices(*arrays)
+
+
 def by_numpy(equilibria: Equilibria) -> Separatrices:
     return morse._exact_separatrices(equilibria)
 
 
-def answer(equilibria: Equilibria, compiled: bool) -> Separatrices | str | None:
+def answer(equilibria: Equilibria, kernel: bool) -> Separatrices | str | None:
     try:
-        return (morse._compiled_separatrices if compiled else by_numpy)(equilibria)
+        return by_kernels(equilibria) if kernel else by_numpy(equilibria)
     except Tie:
         return "tied"
     except DiceError as error:
@@ -186,3 +191,13 @@ def test_surroundings_are_those_of_numpy(monkeypatch: pytest.MonkeyPatch) -> Non
         np.testing.assert_allclose(found[1:], expected[1:], rtol=1e-12, atol=1e-15 * expected.far)
         heights = hull.heights(point)
         assert heights[found.facet] <= heights.min() + 1e-14 * expected.far
+
+
+def test_destinations_are_those_of_numpy() -> None:
+    for hull in hulls(200):
+        center = hull.centroid
+        facets = np.arange(len(hull.normals))
+        found = compiled.destinations(classify(hull, center), facets)
+        if found is not None:
+            expected = tracing._exact_destinations(classify(hull, center), facets)
+            np.testing.assert_array_equal(found, expected)

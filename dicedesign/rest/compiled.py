@@ -1,0 +1,83 @@
+"""The compiled kernels of the rest model, called with a classified hull.
+
+Each returns None where there are no kernels or where rounding could change the answer; the caller
+then finds it in NumPy, in exact arithmetic where it has to.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign import kernels
+from dicedesign.rest.equilibria import Equilibria
+from dicedesign.tolerances import CLOSURE_TOLERANCE, ROUNDING
+
+__all__ = ["basin_areas", "destinations", "separatrices"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+def separatrices(equilibria: Equilibria) -> tuple[Integers, ...] | None:
+    """The arrays of `dicedesign.rest.morse.Separatrices`, in order. The signs found on the way
+    become those of the equilibria.
+
+    Raises Tie where ties are looked for and the body is tied.
+    """
+    if kernels.compiled is None:
+        return None
+    found = kernels.compiled.separatrices(*_arguments(equilibria))
+    if found is None:
+        return None
+    equilibria.settle(found is not False)
+    *arrays, growth_sign, side_sign = found
+    equilibria.__dict__.update(growth_sign=growth_sign, side_sign=side_sign)
+    return tuple(arrays)
+
+
+def destinations(equilibria: Equilibria, facets: Integers) -> Integers | None:
+    """Stable facet (k,) on which a body comes to rest that is let go on facets (k,).
+
+    Raises Tie where ties are looked for and the body is tied.
+    """
+    if kernels.compiled is None:
+        return None
+    found = kernels.compiled.destinations(*_arguments(equilibria), facets)
+    equilibria.settle(found is not False)
+    reached: Integers | None = found
+    return reached
+
+
+def basin_areas(equilibria: Equilibria, arrays: tuple[Integers, ...]) -> Floats | None:
+    """Areas (k,) of the basins between separatrices, whose arrays but that of the saddles come in
+    the order of `dicedesign.rest.morse.Separatrices`."""
+    if kernels.compiled is None:
+        return None
+    hull = equilibria.hull
+    areas: Floats | None = kernels.compiled.basin_areas(
+        *arrays, hull.vertices, equilibria.center_of_mass, hull.normals, CLOSURE_TOLERANCE
+    )
+    return areas
+
+
+def _arguments(equilibria: Equilibria) -> tuple[Any, ...]:
+    hull = equilibria.hull
+    return (
+        hull.vertices,
+        hull.facet_start,
+        hull.tail,
+        hull.head,
+        hull.twin,
+        hull.facet,
+        hull.next,
+        hull.previous,
+        *hull.outgoing,
+        hull.normals,
+        hull.areas,
+        equilibria.center_of_mass,
+        ROUNDING,
+        equilibria.tie_distance,
+    )
