@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from dicedesign import kernels
 from dicedesign.tolerances import THIN_VOLUME
 
 __all__ = ["is_closed", "solid_properties", "stretch_matrix"]
@@ -89,6 +90,8 @@ def is_closed(triangles: NDArray[np.int64]) -> bool:
     """
     if len(triangles) == 0:
         return False
+    if kernels.compiled is not None:
+        return bool(kernels.compiled.is_closed(triangles, int(triangles.max()) + 1))
     tails = triangles.ravel()
     heads = np.roll(triangles, -1, axis=1).ravel()
     count = int(triangles.max()) + 1

@@ -6,9 +6,8 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from dicedesign import kernels
 from dicedesign.geometry.sphere import signed_solid_angle
 from dicedesign.tolerances import VOLUME_TOLERANCE
 
@@ -32,6 +31,8 @@ def oriented_shells(points: Floats, triangles: Integers) -> tuple[Integers, int]
     same triangles in the same order, some reversed, and the number of shells turned.
     """
     shell = _shells(triangles)
+    if not shell.any():
+        return triangles, 0
     offsets = points - points.mean(axis=0)
     a, b, c = offsets[triangles].transpose(1, 0, 2)
     volumes = np.bincount(shell, weights=(a * np.linalg.cross(b, c)).sum(-1) / 6.0)
@@ -46,10 +47,17 @@ def oriented_shells(points: Floats, triangles: Integers) -> tuple[Integers, int]
 
 def _shells(triangles: Integers) -> Integers:
     """(t,) the shell of each triangle; triangles of one shell are joined by edges."""
+    if kernels.compiled is not None:
+        found: Integers = kernels.compiled.shells(triangles, int(triangles.max()) + 1)
+        return found
     ends = np.sort(np.stack([triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()]), axis=0)
     order = np.lexsort(ends)
     same = (ends[:, order[1:]] == ends[:, order[:-1]]).all(axis=0)
     left, right = order[:-1][same] // 3, order[1:][same] // 3
+    # Imported late: with kernels nobody needs it.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_array((np.ones(len(left)), (left, right)), shape=(len(triangles),) * 2)
     return connected_components(graph, directed=False)[1].astype(np.int64)
 

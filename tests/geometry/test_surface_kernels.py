@@ -1,0 +1,55 @@
+"""The kernels for triangle surfaces agree with NumPy and SciPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+
+from dicedesign import kernels
+from dicedesign.geometry.mass import is_closed
+from dicedesign.geometry.shells import _shells, oriented_shells
+
+pytestmark = pytest.mark.skipif(kernels.compiled is None, reason="kernels were not built")
+
+
+def soups() -> list[NDArray[np.int64]]:
+    """Triangles that meet at random, spheres, pairs of them, and spheres with a hole."""
+    rng = np.random.default_rng(0)
+    found = []
+    for size in range(2, 60):
+        corners = rng.integers(0, size, size=(size, 3))
+        distinct = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
+        if distinct.any():
+            found.append(corners[distinct])
+    sphere = np.asarray(trimesh.creation.icosphere(subdivisions=2).faces, dtype=np.int64)
+    two = np.concatenate([sphere, sphere[:, ::-1] + sphere.max() + 1])
+    found += [sphere, two, two[rng.permutation(len(two))], sphere[1:], sphere[:, ::-1]]
+    return found
+
+
+def test_shells_are_the_connected_components(monkeypatch: pytest.MonkeyPatch) -> None:
+    for triangles in soups():
+        shells = _shells(triangles)
+        monkeypatch.setattr(kernels, "compiled", None)
+        np.testing.assert_array_equal(shells, _shells(triangles))
+        monkeypatch.undo()
+
+
+def test_closed_surfaces_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = []
+    for triangles in soups():
+        answers.append(is_closed(triangles))
+        monkeypatch.setattr(kernels, "compiled", None)
+        assert is_closed(triangles) == answers[-1]
+        monkeypatch.undo()
+    assert answers[-5:] == [True, True, True, False, True]
+
+
+def test_one_shell_is_never_turned() -> None:
+    sphere = trimesh.creation.icosphere(subdivisions=1)
+    for faces in (sphere.faces, sphere.faces[:, ::-1]):
+        triangles, turned = oriented_shells(np.asarray(sphere.vertices), np.array(faces))
+        assert turned == 0
+        np.testing.assert_array_equal(triangles, faces)
