@@ -2,6 +2,7 @@
 
 #include "areas.hpp"
 #include "arrays.hpp"
+#include "lines.hpp"
 #include "morse.hpp"
 
 namespace dicedesign {
@@ -111,6 +112,30 @@ nb::object destinations(Points vertices, Indices facet_start, Indices tail, Indi
     return array(std::move(reached));
 }
 
+// Facets that bodies tip onto which slide downhill, and whether that is certain, see
+// `dicedesign.rest.compiled`.
+nb::object slides(Points vertices, Indices facet_start, Indices tail, Indices head, Indices twin,
+                  Indices facet, Indices next, Indices previous, Indices outgoing_start,
+                  Indices outgoing, Points normals, Floats areas, Floats center, double rounding,
+                  double tie_distance, Indices cells, Points directions, Floats errors) {
+    const Body body = body_of(vertices, facet_start, tail, head, twin, facet, next, previous,
+                              outgoing_start, outgoing, normals, areas, center, rounding,
+                              tie_distance);
+    const Frame<double> frame(body.hull, body.center, body.tolerances);
+    const Frame<Twofold> finer(body.hull, body.center, body.tolerances);
+    Elements elements;
+    const Verdict verdict = classify(frame, finer, body.tolerances, elements);
+    if (verdict != Verdict::certain) return no_answer(verdict);
+    std::vector<Index> reached(cells.shape(0));
+    std::vector<Index> certain(cells.shape(0));
+    for (std::size_t i = 0; i < cells.shape(0); ++i) {
+        certain[i] = slide(frame, body.tolerances, elements, cells(i), rows(directions)[i],
+                           errors(i), reached[i]);
+        if (reached[i] < 0) return nb::none();
+    }
+    return nb::make_tuple(array(std::move(reached)), array(std::move(certain)));
+}
+
 // Areas of the basins between separatrices, from the arrays of `Separatrices`; None where the
 // basins do not cover the sphere to within a tolerance. The normals are those of all facets.
 nb::object basin_areas(Indices rests, IndexPairs basins, IndexPairs saddle_ends,
@@ -141,6 +166,7 @@ void bind_rest(nb::module_& module) {
     module.def("surroundings", &surroundings);
     module.def("separatrices", &separatrices);
     module.def("destinations", &destinations);
+    module.def("slides", &slides);
     module.def("basin_areas", &basin_areas);
 }
 

@@ -127,15 +127,15 @@ Index tipped(const Frame<Real>& frame, const Tolerances& tolerances, const Eleme
     return hull.facet[value > 0.0 ? e : twin];
 }
 
+// Follows a line downhill to a hinge edge; false where rounding can change the facet reached.
 template <class Real>
 bool descends(const Frame<Real>& frame, const Tolerances& tolerances, const Elements& elements,
-              Index facet, Index vertex, Index& reached) {
-    Place<Real> place{frame.normal(facet), frame.normal_error(facet)};
+              Index vertex, Place<Real> place, Index& reached) {
     bool certain = true;
     while (true) {
         const Index e =
             exit(frame, tolerances, elements.descending, vertex, place, false, certain);
-        if (!certain || e < 0) return false;
+        if (e < 0) return false;
         cross_arc(frame, tolerances, e, false, place);
         if (elements.hinge[e]) {
             reached = tipped(frame, tolerances, elements, e, place, certain);
@@ -164,10 +164,18 @@ Verdict descend(const Frame<double>& frame, const Frame<Twofold>& finer,
                 const Tolerances& tolerances, const Elements& elements, Index facet,
                 Index& reached) {
     const Index vertex = roll_vertex(frame, facet);
-    if (descends(frame, tolerances, elements, facet, vertex, reached)) return Verdict::certain;
+    const Place<double> place{frame.normal(facet), frame.normal_error(facet)};
+    if (descends(frame, tolerances, elements, vertex, place, reached)) return Verdict::certain;
     if (tolerances.tie_distance > 0.0) return Verdict::tied;
-    const bool found = descends(finer, tolerances, elements, facet, vertex, reached);
+    const Place<Twofold> same{finer.normal(facet), finer.normal_error(facet)};
+    const bool found = descends(finer, tolerances, elements, vertex, same, reached);
     return found ? Verdict::certain : Verdict::uncertain;
+}
+
+bool slide(const Frame<double>& frame, const Tolerances& tolerances, const Elements& elements,
+           Index vertex, const Vec& direction, double error, Index& reached) {
+    reached = -1;
+    return descends(frame, tolerances, elements, vertex, Place<double>{direction, error}, reached);
 }
 
 }  // namespace dicedesign

@@ -19,4 +19,9 @@ Verdict descend(const Frame<double>& frame, const Frame<Twofold>& finer,
                 const Tolerances& tolerances, const Elements& elements, Index facet,
                 Index& reached);
 
+// Facet that a body tips onto which slides downhill from a direction of length 1 in the cell of a
+// vertex, wrong by no more than the error; false where rounding could change it.
+bool slide(const Frame<double>& frame, const Tolerances& tolerances, const Elements& elements,
+           Index vertex, const Vec& direction, double error, Index& reached);
+
 }  // namespace dicedesign

@@ -15,10 +15,11 @@ from dicedesign import kernels
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.tolerances import CLOSURE_TOLERANCE, ROUNDING
 
-__all__ = ["basin_areas", "destinations", "separatrices"]
+__all__ = ["basin_areas", "destinations", "separatrices", "slides"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
 
 
 def separatrices(equilibria: Equilibria) -> tuple[Integers, ...] | None:
@@ -49,6 +50,21 @@ def destinations(equilibria: Equilibria, facets: Integers) -> Integers | None:
     equilibria.settle(found is not False)
     reached: Integers | None = found
     return reached
+
+
+def slides(
+    equilibria: Equilibria, vertices: Integers, directions: Floats, errors: Floats
+) -> tuple[Integers, Booleans] | None:
+    """As `dicedesign.rest.tracing.slide`. Raises Tie where ties are looked for and an element of
+    the hull is tied."""
+    if kernels.compiled is None:
+        return None
+    found = kernels.compiled.slides(*_arguments(equilibria), vertices, directions, errors)
+    if found is None:
+        return None
+    equilibria.settle(found is not False)
+    facets, certain = found
+    return facets, certain > 0
 
 
 def basin_areas(equilibria: Equilibria, arrays: tuple[Integers, ...]) -> Floats | None:

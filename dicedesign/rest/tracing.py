@@ -210,6 +210,14 @@ def slide(
     Returns the facets (k,) that the body then tips onto, and (k,) whether rounding cannot change
     them.
     """
+    found = compiled.slides(equilibria, vertices, directions, errors)
+    return _step_by_step(equilibria, vertices, directions, errors) if found is None else found
+
+
+def _step_by_step(
+    equilibria: Equilibria, vertices: Integers, directions: Floats, errors: Floats
+) -> tuple[Integers, Booleans]:
+    """As `slide`, all lines together, one cell per step."""
     vertices, directions, errors = vertices.copy(), directions.copy(), errors.copy()
     facets = np.full(len(vertices), -1, dtype=np.int64)
     certain = np.ones(len(vertices), dtype=bool)

@@ -201,3 +201,18 @@ def test_destinations_are_those_of_numpy() -> None:
         if found is not None:
             expected = tracing._exact_destinations(classify(hull, center), facets)
             np.testing.assert_array_equal(found, expected)
+
+
+def test_slides_are_those_of_numpy() -> None:
+    rng = np.random.default_rng(0)
+    for hull in hulls(60):
+        equilibria = classify(hull, hull.centroid)
+        down = rng.normal(size=(50, 3))
+        down /= np.linalg.norm(down, axis=1)[:, None]
+        lowest = np.argmax(down @ equilibria.radii.T, axis=1)
+        found = compiled.slides(equilibria, lowest, down, np.zeros(len(down)))
+        if found is None:
+            continue
+        expected = tracing._step_by_step(equilibria, lowest, down, np.zeros(len(down)))
+        np.testing.assert_array_equal(found[1], expected[1])
+        np.testing.assert_array_equal(found[0][found[1]], expected[0][found[1]])
