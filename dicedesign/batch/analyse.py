@@ -7,11 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-from dicedesign.batch.table import Entry, Stamp, analysed_entry, broken_entry
+from dicedesign.batch.rows import Entry, Stamp, analysed_entry, broken_entry
 from dicedesign.errors import DiceError
-from dicedesign.geometry.mesh_file import read_body
-from dicedesign.geometry.mesh_formats import without_solids
-from dicedesign.rest.poses import rest_poses
 
 __all__ = ["Center", "analyse_files"]
 
@@ -32,6 +29,11 @@ def analyse_files(
     stamps: of each file, by its path within the folder.
     center_of_mass, coplanar_tolerance: see `rest_poses`.
     """
+    # Imported by the workers; who hands them the work needs nothing of it.
+    from dicedesign.geometry.mesh_file import read_body
+    from dicedesign.geometry.mesh_formats import without_solids
+    from dicedesign.rest.poses import rest_poses
+
     entries = {}
     for file, stamp in stamps.items():
         path, started = Path(folder, file), time.perf_counter()

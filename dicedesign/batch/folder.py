@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.mesh_formats import mesh_endings
+from dicedesign.geometry.mesh_formats import OWN_ENDINGS, mesh_endings
 
 __all__ = ["FolderFiles", "list_folder"]
 
@@ -33,28 +33,32 @@ def list_folder(folder: Path) -> FolderFiles:
 
     Raises InputError: there is no mesh, or a folder cannot be read.
     """
-    endings = mesh_endings()
-    meshes, others = {}, 0
+    endings, others = OWN_ENDINGS, 0
+    meshes: dict[str, tuple[int, int]] = {}
     for parent, folders, names in os.walk(folder, onerror=_unreadable):
         folders[:] = [name for name in folders if not name.startswith(".")]
+        within = Path(parent).relative_to(folder).as_posix()
+        start = "" if within == "." else f"{within}/"
         for name in names:
-            path = Path(parent, name)
             if name.startswith("."):
                 continue
-            if path.suffix.lower() not in endings:
+            ending = os.path.splitext(name)[1].lower()
+            if ending not in endings:
+                endings = mesh_endings()
+            if ending not in endings:
                 others += 1
                 continue
             try:
-                status = path.stat()
+                status = os.stat(os.path.join(parent, name))
                 found = (status.st_size, status.st_mtime_ns)
             except OSError:
                 # A link that leads nowhere: reading it says so.
                 found = (0, 0)
-            meshes[path.relative_to(folder).as_posix()] = found
+            meshes[start + name] = found
     if not meshes:
         raise InputError(
             f"{folder}: expected a folder with meshes, files ending in "
-            f"{', '.join(sorted(endings))}, got {others} other files; name another folder"
+            f"{', '.join(sorted(mesh_endings()))}, got {others} other files; name another folder"
         )
     return FolderFiles(dict(sorted(meshes.items())), others)
 

@@ -8,13 +8,16 @@ from itertools import islice
 from typing import Final
 
 from dicedesign.batch.analyse import Center, analyse_files
-from dicedesign.batch.table import Entry, Stamp, broken_entry
+from dicedesign.batch.rows import Entry, Stamp, broken_entry
 from dicedesign.executors import is_lost_worker
 
 __all__ = ["run_batch"]
 
-FILES_PER_TASK: Final = 16
+FILES_PER_TASK: Final = 64
 """Files of one task, at most: handing it over costs far less than they do."""
+
+TASKS_IN_ALL: Final = 8
+"""Tasks for each worker, at least, if the files suffice, so that all end at about the same time."""
 
 BYTES_PER_TASK: Final = 1_000_000
 """Bytes of one task's files together; a larger file is a task of its own."""
@@ -82,7 +85,8 @@ def run_batch(
                 else:
                     raise error
 
-    lost = losses(_tasks(stamps), TASKS_PER_JOB * jobs)
+    most = min(FILES_PER_TASK, -(-len(stamps) // (TASKS_IN_ALL * jobs)))
+    lost = losses(_tasks(stamps, most), TASKS_PER_JOB * jobs)
     for _ in range(ATTEMPTS):
         lost = losses(({file: stamp} for file, stamp in lost.items()), 1)
     for file, stamp in lost.items():
@@ -93,10 +97,11 @@ def run_batch(
         on_entries({file: broken_entry(file, stamp, reason)})
 
 
-def _tasks(stamps: Mapping[str, Stamp]) -> Iterator[Task]:
+def _tasks(stamps: Mapping[str, Stamp], most: int) -> Iterator[Task]:
+    """Tasks of at most so many files."""
     task, size = Task(), 0
     for file, stamp in stamps.items():
-        if task and (len(task) == FILES_PER_TASK or size + stamp.size > BYTES_PER_TASK):
+        if task and (len(task) == most or size + stamp.size > BYTES_PER_TASK):
             yield task
             task, size = Task(), 0
         task[file] = stamp

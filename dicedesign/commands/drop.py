@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import Any
-
-import numpy as np
+import math
+from typing import TYPE_CHECKING, Any
 
 from dicedesign.commands.rest import add_body_options, poses_of
 from dicedesign.commands.vectors import vector
 from dicedesign.errors import InputError
-from dicedesign.rest.roll import SMALLEST_ANGLE, RollStep, roll
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from dicedesign.rest.roll import RollStep
 
 __all__ = ["add_parser"]
 
@@ -38,13 +42,15 @@ def add_parser(commands: Any) -> None:
 
 
 def _drop(options: argparse.Namespace) -> int:
+    from dicedesign.rest.roll import SMALLEST_ANGLE, roll
+
     down = vector("--down", options.down)
     largest = None
     if options.max_angle_deg is not None:
-        largest = float(np.radians(options.max_angle_deg))
+        largest = math.radians(options.max_angle_deg)
         if not largest >= SMALLEST_ANGLE:
             raise InputError(
-                f"--max-angle-deg: expected at least {np.degrees(SMALLEST_ANGLE):.2g}, got "
+                f"--max-angle-deg: expected at least {math.degrees(SMALLEST_ANGLE):.2g}, got "
                 f"{options.max_angle_deg:g}; take a larger angle"
             )
     poses = poses_of(options)
@@ -62,7 +68,7 @@ def _drop(options: argparse.Namespace) -> int:
     return 0
 
 
-def _plain(step: RollStep, source: np.ndarray) -> dict[str, Any]:
+def _plain(step: RollStep, source: NDArray[np.int64]) -> dict[str, Any]:
     return {
         "down": step.down.tolist(),
         "contact": step.contact,

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from dicedesign.commands.rest_folder import (
     add_folder_options,
@@ -16,12 +15,10 @@ from dicedesign.commands.rest_folder import (
     rest_folder,
 )
 from dicedesign.commands.vectors import vector
-from dicedesign.geometry.mesh_file import read_body
-from dicedesign.geometry.mesh_formats import without_solids
-from dicedesign.rest.poses import RestPoses, rest_poses
 
 if TYPE_CHECKING:
     from dicedesign.batch.analyse import Center
+    from dicedesign.rest.poses import RestPoses
 
 __all__ = ["add_body_options", "add_parser", "poses_of", "rest_summary"]
 
@@ -64,6 +61,11 @@ def add_body_options(parser: argparse.ArgumentParser) -> None:
 
 def poses_of(options: argparse.Namespace) -> RestPoses:
     """The rests of the body that the options name; notes go to stderr."""
+    # Imported here, as a folder is for workers and other commands do without.
+    from dicedesign.geometry.mesh_file import read_body
+    from dicedesign.geometry.mesh_formats import without_solids
+    from dicedesign.rest.poses import rest_poses
+
     center = _center(options.com)
     with without_solids():
         body = read_body(options.mesh)
@@ -76,8 +78,7 @@ def poses_of(options: argparse.Namespace) -> RestPoses:
 def _center(text: str | None) -> Center:
     if text is None or text == "hull":
         return None if text is None else "hull"
-    x, y, z = vector("--com", text).tolist()
-    return x, y, z
+    return vector("--com", text)
 
 
 def rest_summary(poses: RestPoses) -> dict[str, Any]:
@@ -92,7 +93,7 @@ def rest_summary(poses: RestPoses) -> dict[str, Any]:
                 "probability": float(poses.probabilities[i]),
                 "transform": poses.transforms[i].tolist(),
                 "area": float(poses.areas[i]),
-                "margin_deg": float(np.degrees(poses.margins[i])),
+                "margin_deg": math.degrees(poses.margins[i]),
             }
             for i in range(len(poses.probabilities))
         ],
@@ -137,6 +138,6 @@ def _table(options: argparse.Namespace, poses: RestPoses) -> str:
         normal = "  ".join(f"{x + 0.0:8.5f}" for x in n)
         lines.append(
             f"{i + 1:4d}  {100 * p:9.5f} %   {normal}   {poses.areas[i]:9.4g}  "
-            f"{np.degrees(poses.margins[i]):7.2f} deg"
+            f"{math.degrees(poses.margins[i]):7.2f} deg"
         )
     return "\n".join(lines)

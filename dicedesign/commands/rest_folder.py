@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +14,8 @@ from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
     from dicedesign.batch.analyse import Center
-    from dicedesign.batch.table import Entry, Stamp, Table
+    from dicedesign.batch.rows import Entry, Stamp
+    from dicedesign.batch.table import Table
 
 __all__ = ["add_folder_options", "refuse_folder_options", "rest_folder"]
 
@@ -20,7 +23,11 @@ __all__ = ["add_folder_options", "refuse_folder_options", "rest_folder"]
 def add_folder_options(parser: argparse.ArgumentParser) -> None:
     """Options that go with a folder only."""
     parser.add_argument(
-        "--out", type=Path, metavar="TABLE.csv", help="of a folder: the table to write or go on"
+        "--out",
+        type=Path,
+        metavar="TABLE",
+        help="of a folder: the table to write or go on, ending in .csv or .parquet, which needs "
+        "the extra 'parquet'",
     )
     add_worker_options(
         parser,
@@ -43,11 +50,13 @@ def refuse_folder_options(options: argparse.Namespace) -> None:
 def rest_folder(options: argparse.Namespace, center_of_mass: Center) -> int:
     """Analyse the meshes of a folder; returns the exit code."""
     from dicedesign.batch.folder import list_folder
-    from dicedesign.batch.table import Stamp, Table
+    from dicedesign.batch.rows import Stamp
+    from dicedesign.batch.table import Table
 
     _check(options)
     folder, path, tolerance = options.mesh, options.out, options.coplanar_tolerance
     found = list_folder(folder)
+    _check_names(path, found.meshes)
     com = (
         ",".join(map(repr, center_of_mass)) if isinstance(center_of_mass, tuple) else center_of_mass
     )
@@ -72,18 +81,38 @@ def rest_folder(options: argparse.Namespace, center_of_mass: Center) -> int:
 
 
 def _check(options: argparse.Namespace) -> None:
+    from dicedesign.batch.formats import table_format
+
     for name in ("json", "figure"):
         if getattr(options, name):
             raise InputError(
                 f"--{name}: expected one mesh, got the folder {options.mesh}; name a file, or "
                 f"leave --{name} out"
             )
-    if options.out is None or options.out.suffix.lower() != ".csv":
+    table_format(options.out)
+    tolerance = options.coplanar_tolerance
+    if not (tolerance is None or 0.0 <= tolerance < 1.0):
         raise InputError(
-            f"--out: expected the path of a table that ends in .csv, got {options.out}; a folder "
-            "needs one, such as --out rests.csv"
+            f"--coplanar-tolerance: expected a number in [0, 1), got {tolerance}; leave it out for "
+            "the default"
         )
     check_worker_options(options)
+
+
+def _check_names(path: Path, files: Iterable[str]) -> None:
+    """Raises InputError where the table cannot hold a name."""
+    from dicedesign.batch.formats import table_format
+
+    if table_format(path).any_name:
+        return
+    for file in files:
+        try:
+            file.encode("utf-8")
+        except UnicodeEncodeError as error:
+            raise InputError(
+                f"{path}: expected names of files in UTF-8, got {os.fsencode(file)!r}; rename it, "
+                "or take a table that ends in .csv"
+            ) from error
 
 
 def _check_table(

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+import math
 
 from dicedesign.errors import InputError
 
 __all__ = ["vector"]
 
 
-def vector(option: str, text: str) -> NDArray[np.float64]:
-    """The three finite numbers of "x,y,z" (3,). Raises InputError naming the option."""
+def vector(option: str, text: str) -> tuple[float, float, float]:
+    """The three finite numbers of "x,y,z". Raises InputError naming the option."""
     try:
-        values = np.array([float(part) for part in text.split(",")])
+        x, y, z = (float(part) for part in text.split(","))
     except ValueError:
-        values = np.empty(0)
-    if values.shape != (3,) or not np.isfinite(values).all():
+        x = y = z = math.nan
+    if not all(map(math.isfinite, (x, y, z))):
         raise InputError(f"{option}: expected three numbers x,y,z, got {text!r}")
-    return values
+    return x, y, z

@@ -5,18 +5,24 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
+from typing import Final
 
 from dicedesign.geometry.text_mesh import TEXT_READERS
 
-__all__ = ["mesh_endings", "without_solids"]
+__all__ = ["OWN_ENDINGS", "mesh_endings", "without_solids"]
+
+OWN_ENDINGS: Final = frozenset({".stl", *TEXT_READERS})
+"""Endings, in lower case, of files that are read without trimesh."""
 
 
+@cache
 def mesh_endings() -> frozenset[str]:
-    """Endings such as ".stl", in lower case, that `read_body` knows here."""
+    """Endings such as ".stl", in lower case, that `read_body` knows here. Imports trimesh."""
     with without_solids():
         from trimesh.exchange.load import mesh_formats
 
-        return frozenset(f".{name}" for name in mesh_formats()) | {".stl", *TEXT_READERS}
+        return frozenset(f".{name}" for name in mesh_formats()) | OWN_ENDINGS
 
 
 @contextmanager

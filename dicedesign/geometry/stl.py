@@ -43,8 +43,13 @@ def read_stl(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
             f"+ {STL_TRIANGLE.itemsize} bytes per triangle, got {len(data)} bytes; {EXPORT_AGAIN}"
         )
     # The format has no shared corners, so joining them repairs nothing worth a note.
-    positions, corner = np.unique(points, axis=0, return_inverse=True)
-    return positions, corner.reshape(-1, 3)
+    order = np.lexsort(points.T[::-1])
+    ordered = points[order]
+    first = np.ones(len(points), dtype=bool)
+    (ordered[1:] != ordered[:-1]).any(axis=1, out=first[1:])
+    corner = np.empty(len(points), dtype=np.int64)
+    corner[order] = np.cumsum(first) - 1
+    return ordered[first], corner.reshape(-1, 3)
 
 
 def _ascii_corners(path: Path, text: str) -> NDArray[np.float64]:

@@ -43,17 +43,17 @@ def read_obj(path: Path) -> Geometry:
     ------
     MeshFileError: a `v` or `f` line cannot be read.
     """
-    points: list[list[float]] = []
-    triangles: list[list[int]] = []
+    points: list[float] = []
+    triangles: list[int] = []
     for number, fields in _lines(path):
         if fields[0] == "v":
-            points.append(_position(path, number, fields[1:]))
+            points += _position(path, number, fields[1:4])
         elif fields[0] == "f":
             corners = [field.partition("/")[0] for field in fields[1:]]
             indices = _integers(path, number, corners)
             if 0 in indices:
                 raise bad_line(path, number, "vertex numbers other than 0", " ".join(fields))
-            polygon = [i - 1 if i > 0 else len(points) + i for i in indices]
+            polygon = [i - 1 if i > 0 else len(points) // 3 + i for i in indices]
             triangles += _fan(path, number, fields, polygon)
     return _arrays(points, triangles)
 
@@ -81,8 +81,10 @@ def read_off(path: Path) -> Geometry:
             f"{counts} and {max(len(lines) - 1, 0)} lines; export the file again"
         )
     rows, faces = lines[1 : 1 + counts[0]], lines[1 + counts[0] : 1 + sum(counts)]
-    points = [_position(path, number, fields) for number, fields in rows]
-    triangles: list[list[int]] = []
+    points: list[float] = []
+    for number, fields in rows:
+        points += _position(path, number, fields[:3])
+    triangles: list[int] = []
     for number, fields in faces:
         (size,) = _integers(path, number, fields[:1])
         polygon = _integers(path, number, fields[1 : 1 + size])
@@ -97,12 +99,12 @@ def read_xyz(path: Path) -> Geometry:
 
     Parameters, results and errors are those of `read_obj`, without triangles.
     """
-    points = []
+    points: list[float] = []
     for number, words in _lines(path):
         if len(words) >= 3 and all(_DECIMAL_COMMA.fullmatch(word) for word in words[:3]):
             raise bad_line(path, number, "decimal points", " ".join(words))
         fields = " ".join(words).replace(",", " ").replace(";", " ").split()
-        points.append(_position(path, number, fields))
+        points += _position(path, number, fields[:3])
     return _arrays(points, [])
 
 
@@ -119,11 +121,14 @@ _DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+")
 
 def _lines(path: Path) -> Iterator[Line]:
     """Number and fields of every line that holds any, comments and continuations resolved."""
-    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    text = path.read_bytes().decode("utf-8-sig", errors="replace")
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     pending, start = "", 0
-    for number, line in enumerate(text.split("\n"), start=1):
+    for number, line in enumerate(lines, start=1):
         start = start or number
-        line = pending + line.partition("#")[0].rstrip()
+        if "#" in line:
+            line = line.partition("#")[0]
+        line = pending + line.rstrip()
         if line.endswith("\\"):
             pending = line[:-1]
             continue
@@ -132,28 +137,31 @@ def _lines(path: Path) -> Iterator[Line]:
         pending, start = "", 0
 
 
-def _position(path: Path, number: int, fields: Sequence[str]) -> list[float]:
+def _position(path: Path, number: int, fields: Sequence[str]) -> tuple[float, float, float]:
     try:
-        x, y, z = (float(field) for field in fields[:3])
+        x, y, z = fields
+        return float(x), float(y), float(z)
     except ValueError as error:
         raise bad_line(path, number, "three coordinates", " ".join(fields)) from error
-    return [x, y, z]
 
 
 def _integers(path: Path, number: int, fields: Sequence[str]) -> list[int]:
     try:
-        return [int(field) for field in fields]
+        return list(map(int, fields))
     except ValueError as error:
         raise bad_line(path, number, "whole numbers", " ".join(fields)) from error
 
 
-def _fan(path: Path, number: int, fields: Sequence[str], polygon: list[int]) -> list[list[int]]:
+def _fan(path: Path, number: int, fields: Sequence[str], polygon: list[int]) -> list[int]:
+    """Corners of its triangles, one after the other."""
+    if len(polygon) == 3:
+        return polygon
     if len(polygon) < 3:
         raise bad_line(path, number, "a face of at least 3 vertices", " ".join(fields))
-    return [[polygon[0], b, c] for b, c in pairwise(polygon[1:])]
+    return [i for b, c in pairwise(polygon[1:]) for i in (polygon[0], b, c)]
 
 
-def _arrays(points: list[list[float]], triangles: list[list[int]]) -> Geometry:
+def _arrays(points: list[float], triangles: list[int]) -> Geometry:
     return (
         np.array(points, dtype=np.float64).reshape(-1, 3),
         np.array(triangles, dtype=np.int64).reshape(-1, 3),

@@ -70,8 +70,11 @@ def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Intege
     # A span that contains the centre of a pixel has a width above 0.
     slope = np.zeros(len(owner))
     np.divide(right[:, 1] - left[:, 1], right[:, 0] - left[:, 0], out=slope, where=count > 0)
-    depth = left[span, 1] + slope[span] * (column + 0.5 - left[span, 0])
-    pixel = row[span] * size + column
+    depth = column + 0.5
+    depth -= left[:, 0].repeat(count)
+    depth *= slope.repeat(count)
+    depth += left[:, 1].repeat(count)
+    pixel = (row * size).repeat(count) + column
     nearest = np.full(size * size, -np.inf)
     np.maximum.at(nearest, pixel, depth)
     seen = np.full(size * size, -1, dtype=np.int64)
@@ -89,16 +92,18 @@ def _spans(corners: Floats, size: int) -> tuple[Integers, Integers, Floats, Floa
     first = np.ceil(rows.min(axis=1) - 0.5).clip(0, size).astype(np.int64)
     count = (np.ceil(rows.max(axis=1) - 0.5).clip(0, size).astype(np.int64) - first).clip(0)
     owner, row = ragged_ranges(first, count)
+    center = row + 0.5
     left, right = np.full((len(owner), 2), np.inf), np.full((len(owner), 2), -np.inf)
     for k in range(3):
         a, b = corners[:, k], corners[:, (k + 1) % 3]
         # Both triangles at an edge compute the same crossings if both start at its upper end.
         swap = (a[:, 1] > b[:, 1])[:, None]
-        a, b = np.where(swap, b, a)[owner], np.where(swap, a, b)[owner]
-        cut = np.flatnonzero((a[:, 1] <= row + 0.5) & (b[:, 1] > row + 0.5))
-        a, b = a[cut], b[cut]
-        fraction = (row[cut] + 0.5 - a[:, 1]) / (b[:, 1] - a[:, 1])
-        point = (a + fraction[:, None] * (b - a))[:, [0, 2]]
+        a, b = np.where(swap, b, a), np.where(swap, a, b)
+        cut = np.flatnonzero((a[:, 1][owner] <= center) & (b[:, 1][owner] > center))
+        edge = owner[cut]
+        a, b = a[edge], b[edge]
+        fraction = (center[cut] - a[:, 1]) / (b[:, 1] - a[:, 1])
+        point = a[:, ::2] + fraction[:, None] * (b[:, ::2] - a[:, ::2])
         farther = point[:, 0] < left[cut, 0]
         left[cut[farther]] = point[farther]
         farther = point[:, 0] > right[cut, 0]

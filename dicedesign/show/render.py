@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,14 +48,25 @@ def render_view(
     fine = _SAMPLES * size
     positions = camera.pixel_positions(vertices, fine)
     seen, depth = rasterize(positions, triangles, fine)
+    normals = _facing_normals(positions[triangles])
     covered = seen >= 0
-    normals = _facing_normals(positions[triangles])[np.where(covered, seen, 0)]
-    shade = _AMBIENT + (1.0 - _AMBIENT) * (normals @ _LIGHT).clip(0.0)
-    shade *= 1.0 - _RECESS_SHADE * _recess(covered, depth)
-    colors = np.where(covered[..., None], shade[..., None] * _MATERIAL, 1.0)
-    colors[_outline(covered, normals, depth)] = _LINE
-    mean = colors.reshape(size, _SAMPLES, size, _SAMPLES, 3).mean(axis=(1, 3))
-    return np.rint(255.0 * mean).astype(np.uint8)
+    line = _outline(seen, normals, depth)
+    shade = (_AMBIENT + (1.0 - _AMBIENT) * (normals @ _LIGHT).clip(0.0))[seen]
+    shade = _sample_means(np.where(covered & ~line, shade, 0.0))
+    coverage = _sample_means(covered)
+    height = _sample_means(np.where(covered, depth, 0.0))
+    shade *= 1.0 - _RECESS_SHADE * _recess(coverage, height)
+    lines = _sample_means(line)
+    white = 1.0 - _sample_means(covered | line)
+    colors = shade[..., None] * _MATERIAL + lines[..., None] * _LINE + white[..., None]
+    return np.rint(255.0 * colors).astype(np.uint8)
+
+
+def _sample_means(samples: NDArray[Any]) -> Floats:
+    """(h, w) of (h `_SAMPLES`, w `_SAMPLES`): the mean of the samples of each pixel."""
+    steps = range(_SAMPLES)
+    total = sum(samples[i::_SAMPLES, j::_SAMPLES].astype(np.float64) for i in steps for j in steps)
+    return np.asarray(total) / _SAMPLES**2
 
 
 def _facing_normals(corners: Floats) -> Floats:
@@ -70,32 +81,43 @@ def _facing_normals(corners: Floats) -> Floats:
     return np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
 
 
-def _recess(covered: NDArray[np.bool_], depth: Floats) -> Floats:
-    """How far pixels (h, w) lie behind the mean of the surface around them, from 0 to 1."""
-    reach = _RECESS_REACH * len(depth)
-    weight = gaussian_filter(covered.astype(np.float64), reach)
-    height = np.where(covered, depth, 0.0)
+def _recess(coverage: Floats, height: Floats) -> Floats:
+    """How far pixels (h, w) lie behind the mean of the surface around them, from 0 to 1.
+
+    coverage: the share of each pixel that sees the surface; height: its mean depth in samples
+    where the rest counts as 0.
+    """
+    reach = _RECESS_REACH * len(height)
+    weight = gaussian_filter(coverage, reach)
     near = gaussian_filter(height, reach)
-    behind = np.where(covered, near - height * weight, 0.0)
-    return (behind / reach).clip(0.0, 1.0)
+    here = np.divide(height, coverage, out=np.zeros_like(height), where=coverage > 0.0)
+    behind = np.where(coverage > 0.0, near - here * weight, 0.0)
+    return (behind / (_SAMPLES * reach)).clip(0.0, 1.0)
 
 
-def _outline(covered: NDArray[np.bool_], normals: Floats, depth: Floats) -> NDArray[np.bool_]:
-    """Pixels (h, w) on either side of a silhouette, of a sharp edge or of a step in depth."""
-    line = np.zeros(covered.shape, dtype=bool)
+def _outline(seen: Integers, normals: Floats, depth: Floats) -> NDArray[np.bool_]:
+    """Samples (h, w) on either side of a silhouette, of a sharp edge or of a step in depth.
+
+    seen: (h, w) triangle of each sample, or -1; normals: (t, 3) of the triangles.
+    """
+    line = np.zeros(seen.shape, dtype=bool)
     ahead, behind = slice(1, None), slice(None, -1)
     for a, b, offset in (
         ((slice(None), behind), (slice(None), ahead), np.array([1.0, 0.0])),
         ((behind, slice(None)), (ahead, slice(None)), np.array([0.0, -1.0])),
     ):
-        both = covered[a] & covered[b]
+        # Within a triangle there is neither an edge nor a step.
+        change = seen[a] != seen[b]
+        one, other = seen[a][change], seen[b][change]
+        both = (one >= 0) & (other >= 0)
+        border = ~both
+        one, other = normals[one[both]], normals[other[both]]
         # How far each of two neighbouring surface points lies from the other one's plane.
-        rise = np.where(both, depth[b], 0.0) - np.where(both, depth[a], 0.0)
-        from_a = np.abs(normals[a][..., :2] @ offset + normals[a][..., 2] * rise)
-        from_b = np.abs(normals[b][..., :2] @ offset + normals[b][..., 2] * rise)
-        sharp = (normals[a] * normals[b]).sum(-1) < _SHARP_COSINE
-        step = np.minimum(from_a, from_b) > _STEP_PIXELS
-        border = (covered[a] != covered[b]) | (both & (sharp | step))
-        line[a] |= border
-        line[b] |= border
+        rise = depth[b][change][both] - depth[a][change][both]
+        from_one = np.abs(one[:, :2] @ offset + one[:, 2] * rise)
+        from_other = np.abs(other[:, :2] @ offset + other[:, 2] * rise)
+        sharp = (one * other).sum(-1) < _SHARP_COSINE
+        border[both] = sharp | (np.minimum(from_one, from_other) > _STEP_PIXELS)
+        line[a][change] |= border
+        line[b][change] |= border
     return line

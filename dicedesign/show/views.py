@@ -106,8 +106,9 @@ def _grid(pictures: Sequence[NDArray[np.uint8]], titles: Sequence[str], columns:
         left = gap + (k % columns) * (side + gap)
         top = height - gap - (k // columns) * (side + gap + title_height)
         box = (left / width, (top - title_height - side) / height, side / width, side / height)
-        axes = figure.add_axes(box)
+        # With its height given, a title is not moved clear of ticks, which are not drawn here.
+        axes = figure.add_axes(box, xticks=[], yticks=[])
         axes.imshow(picture)
         axes.set_axis_off()
-        axes.set_title(title, fontsize=10, color=DARK, pad=3, parse_math=False)
+        axes.set_title(title, fontsize=10, color=DARK, pad=3, y=1.0, parse_math=False)
     return figure

@@ -14,8 +14,8 @@ import pytest
 from inline_executor import Inline
 
 from dicedesign.batch import running
+from dicedesign.batch.rows import Entry, Stamp, broken_entry
 from dicedesign.batch.running import run_batch
-from dicedesign.batch.table import Entry, Stamp, broken_entry
 from dicedesign.executors import local_workers
 
 
@@ -59,12 +59,19 @@ def no_analysis(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_small_files_share_a_task() -> None:
-    sizes = [100] * 40 + [600_000, 300_000, 200_000, 5_000_000, 100]
-    stamps = {f"{i:02d}.stl": Stamp(size, 1) for i, size in enumerate(sizes)}
+    sizes = [100] * 2000 + [600_000, 300_000, 200_000, 5_000_000, 100]
+    stamps = {f"{i:04d}.stl": Stamp(size, 1) for i, size in enumerate(sizes)}
     executor = Counting()
     assert run(stamps, executor) == made_up("", stamps)
-    assert [len(task) for task in executor.tasks] == [16, 16, 10, 1, 1, 1]
+    assert [len(task) for task in executor.tasks] == [64] * 31 + [18, 1, 1, 1]
     assert [file for task in executor.tasks for file in task] == list(stamps)
+
+
+def test_few_files_are_spread_over_all_workers() -> None:
+    for jobs, expected in ((1, [2] * 8), (2, [1] * 16), (20, [1] * 16)):
+        executor = Counting()
+        run({f"{i}.stl": Stamp(100, 1) for i in range(16)}, executor, jobs)
+        assert [len(task) for task in executor.tasks] == expected
 
 
 def test_two_tasks_for_each_job_are_on_their_way(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -90,14 +97,18 @@ def test_two_tasks_for_each_job_are_on_their_way(monkeypatch: pytest.MonkeyPatch
     assert seen == [6, 6, 6, 5, 4, 3, 2, 1]
 
 
-def test_files_whose_worker_is_lost_run_again_alone() -> None:
+def test_files_whose_worker_is_lost_run_again_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(running, "TASKS_IN_ALL", 1)
     stamps = {f"{i}.stl": Stamp(400_000, 1) for i in range(6)}
     executor = Counting(lambda count, files: count in (1, 3))
     assert run(stamps, executor) == made_up("", stamps)
     assert sorted(executor.tasks[3:]) == [["0.stl"], ["1.stl"], ["4.stl"], ["5.stl"]]
 
 
-def test_only_the_file_that_takes_workers_down_is_given_up() -> None:
+def test_only_the_file_that_takes_workers_down_is_given_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(running, "TASKS_IN_ALL", 1)
     stamps = {f"{i}.stl": Stamp(100, 1) for i in range(6)}
     executor = Counting(lambda count, files: "4.stl" in files)
     entries = run(stamps, executor)

@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dicedesign.batch import analyse, table
+from dicedesign.batch import table
 from dicedesign.batch.analyse import analyse_files
 from dicedesign.batch.folder import list_folder
-from dicedesign.batch.table import COLUMNS, Entry, Stamp, Table
+from dicedesign.batch.rows import COLUMNS, STAMPED, Entry, Stamp, broken_entry
+from dicedesign.batch.table import Table
 from dicedesign.errors import InputError, OutputError
+from dicedesign.geometry import mesh_file
 from dicedesign.geometry.mesh_file import read_body
 from dicedesign.rest.poses import rest_poses
 
@@ -73,8 +75,8 @@ def test_a_center_and_a_tolerance_are_taken(meshes: Path) -> None:
     entries = analyse_files(str(meshes), {"a.stl": Stamp(1, 1)}, (0.1, 0.2, 0.3), 1e-3)
     (row, *_) = csv.reader(entries["a.stl"].text.splitlines())
     expected = rest_poses(read_body(meshes / "a.stl"), (0.1, 0.2, 0.3), coplanar_tolerance=1e-3)
-    assert float(row[COLUMNS.index("probability")]) == expected.probabilities[0]
-    assert row[COLUMNS.index("center_of_mass_source")] == "given"
+    assert float(row[list(COLUMNS).index("probability")]) == expected.probabilities[0]
+    assert row[list(COLUMNS).index("center_of_mass_source")] == "given"
 
 
 @pytest.mark.parametrize(
@@ -100,7 +102,7 @@ def test_a_broken_file_has_one_row(tmp_path: Path, name: str, content: bytes, sa
     assert str(tmp_path) not in row["error"]
     assert "\n" not in row["error"]
     assert row["rests"] == "0"
-    kept = (*table.STAMPED, "file", "rests", "seconds", "error")
+    kept = (*STAMPED, "file", "rests", "seconds", "error")
     assert {value for column, value in row.items() if column not in kept} == {""}
 
 
@@ -110,7 +112,7 @@ def test_a_fault_of_ours_and_a_link_to_nowhere_cost_one_row(
     def faulty(path: Path) -> object:
         return 1 // 0 if path.name == "box.obj" else read_body(path)
 
-    monkeypatch.setattr(analyse, "read_body", faulty)
+    monkeypatch.setattr(mesh_file, "read_body", faulty)
     (meshes / "far.stl").symlink_to(meshes / "gone.stl")
     broken = {file: entry.text for file, entry in analysed(meshes).items() if entry.rests == 0}
     assert sorted(broken) == ["b/box.obj", "far.stl"]
@@ -121,8 +123,9 @@ def test_a_fault_of_ours_and_a_link_to_nowhere_cost_one_row(
 def test_a_table_reads_back_as_it_was(meshes: Path, tmp_path: Path) -> None:
     (meshes / 'wrong, and\n"quoted".obj').write_text("v 1\n")
     (meshes / os.fsdecode(b"caf\xe9.stl")).write_bytes(b"")
+    (meshes / "carriage\rreturn.obj").write_bytes((meshes / "b" / "box.obj").read_bytes())
     entries = analysed(meshes)
-    assert len(entries) == 8
+    assert len(entries) == 9
     Table(tmp_path / "t.csv", entries)
     assert Table.read(tmp_path / "t.csv") == entries
     assert Table.read(tmp_path / "missing.csv") == {}
@@ -151,8 +154,9 @@ def test_other_files_are_no_table(tmp_path: Path, content: str, said: str) -> No
     path.write_text(content)
     with pytest.raises(InputError, match=f"expected a table of an earlier run .*{said}.*--out"):
         Table.read(path)
+    (tmp_path / "d.csv").mkdir()
     with pytest.raises(InputError, match="expected a readable table"):
-        Table.read(tmp_path)
+        Table.read(tmp_path / "d.csv")
 
 
 def test_the_table_is_written_at_once_at_intervals_and_at_the_end(
@@ -160,7 +164,7 @@ def test_the_table_is_written_at_once_at_intervals_and_at_the_end(
 ) -> None:
     path, now = tmp_path / "t.csv", [100.0]
     monkeypatch.setattr(table.time, "monotonic", lambda: now[0])
-    entries = [{f"{i}.stl": table.broken_entry(f"{i}.stl", Stamp(1, 1), "x")} for i in range(4)]
+    entries = [{f"{i}.stl": broken_entry(f"{i}.stl", Stamp(1, 1), "x")} for i in range(4)]
 
     def saved() -> int:
         return len(Table.read(path))
@@ -190,3 +194,18 @@ def test_the_table_is_written_at_once_at_intervals_and_at_the_end(
 def test_a_table_that_cannot_be_written_is_noticed_at_once(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="expected to write a file in an existing"):
         Table(tmp_path / "missing" / "t.csv", {})
+
+
+def test_another_run_on_the_same_table_is_noticed(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    entries = [{f"{i}.stl": broken_entry(f"{i}.stl", Stamp(1, 1), "x")} for i in range(2)]
+    one = Table(path, {})
+    one.add(entries[0])
+    with Table(path, Table.read(path)) as other:
+        with pytest.raises(OutputError, match=r"t.csv: expected a table that only this run writes"):
+            one.save()
+        other.add(entries[1])
+    assert Table.read(path) == entries[1]
+    path.unlink()
+    one.save()
+    assert Table.read(path) == entries[0]
