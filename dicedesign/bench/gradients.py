@@ -130,13 +130,12 @@ def _derivatives(
     and the largest norm of a probability's gradient."""
     derivatives, bends, size = [], [], 0.0
     for probability in rests.probabilities:
-        gradients = torch.autograd.grad(probability, variables, create_graph=True)
-        squares = sum(float((g.detach() ** 2).sum()) for g in gradients)
-        size = max(size, squares**0.5)
-        derivative = torch.stack(
-            [(g * v).sum() for g, v in zip(gradients, velocities, strict=True)]
-        ).sum()
-        (bend,) = torch.autograd.grad(derivative, variables[0], retain_graph=True)
-        derivatives.append(derivative.item())
+        gradients = torch.autograd.grad(probability, variables, retain_graph=True)
+        pairs = list(zip(gradients, velocities, strict=True))
+        derivatives.append(sum(float((g * v).sum()) for g, v in pairs))
+        size = max(size, sum(float((g**2).sum()) for g in gradients) ** 0.5)
+        slopes = torch.autograd.grad(probability, variables, create_graph=True)
+        along = [(g * v).sum() for g, v in zip(slopes, velocities, strict=True)]
+        (bend,) = torch.autograd.grad(torch.stack(along).sum(), variables[0], retain_graph=True)
         bends.append(bend.abs().sum(dim=1).numpy())
     return np.array(derivatives), np.array(bends), size

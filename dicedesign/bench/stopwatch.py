@@ -20,7 +20,7 @@ import numpy as np
 __all__ = ["in_new_process", "in_turn"]
 
 FEWEST_ROUNDS: Final = 5
-"""A median is taken of at least so many measurements in this process."""
+"""A median is taken of at least so many rounds in this process, unless others are asked for."""
 
 _FRAME: Final = """
 import json, time
@@ -33,28 +33,52 @@ print(json.dumps([seconds, peak_megabytes()]))
 """
 
 
-def in_turn(actions: Sequence[Callable[[], Any]], seconds: float) -> list[float]:
+def in_turn(
+    actions: Sequence[Callable[[], Any]],
+    seconds: float,
+    *,
+    rounds: int = FEWEST_ROUNDS,
+    row: float = 0.0,
+) -> list[float]:
     """Median seconds of each action. They are called in rounds for about the given seconds, so that
-    what slows the machine falls on all of them alike; a first round is not counted."""
+    what slows the machine falls on all of them alike; a first round is not counted.
+
+    rounds: how many there are at least.
+    row: seconds for which an action is called again and again when its turn comes; all its calls
+        count but the first. At 0 it is called once, and pays for caches that the action before it
+        filled: with works of some microseconds, most of their time.
+    """
     taken: list[list[float]] = [[] for _ in actions]
     for action in actions:
         action()
-    # An order that changes, and no garbage collector whose turn comes in a rhythm of its own: an
-    # action also pays for what the one before it left behind.
+    # An order that changes, and no garbage collector whose turn comes in a rhythm of its own.
     order = np.random.default_rng(0)
     collecting = gc.isenabled()
     gc.disable()
     ended = time.process_time() + seconds
     try:
-        while len(taken[0]) < FEWEST_ROUNDS or time.process_time() < ended:
+        while rounds > 0 or time.process_time() < ended:
+            rounds -= 1
             for index in order.permutation(len(actions)):
-                begun = time.process_time()
-                actions[index]()
-                taken[index].append(time.process_time() - begun)
+                taken[index] += _turn(actions[index], row)
     finally:
         if collecting:
             gc.enable()
     return [median(times) for times in taken]
+
+
+def _turn(action: Callable[[], Any], row: float) -> list[float]:
+    """Seconds of an action's calls in a row, see `in_turn`."""
+    if row > 0.0:
+        action()
+    times, ended = [], time.process_time() + row
+    while True:
+        begun = time.process_time()
+        action()
+        now = time.process_time()
+        times.append(now - begun)
+        if now >= ended:
+            return times
 
 
 def in_new_process(
