@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dicedesign import kernels
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.tolerances import ROUNDED_DIGITS
 
@@ -68,22 +69,9 @@ def make_body(
     """
     array = as_numbers(points, name)
     single = single_precision or (array.dtype.kind == "f" and array.dtype.itemsize <= 4)
-    positions = array.astype(np.float64)
-    finite = np.isfinite(positions).all(axis=1)
-    if not finite.all():
-        first = int(np.argmin(finite))
-        raise DegenerateBodyError(
-            f"{name}: expected finite coordinates, got {positions[first].tolist()} in point "
-            f"{first} ({np.count_nonzero(~finite)} of {len(positions)} points are not finite); "
-            "remove or repair them"
-        )
-    largest, extent = float(np.abs(positions).max()), float(np.ptp(positions, axis=0).max())
-    if largest > 1.0 / SMALLEST_EXTENT or 0.0 < extent < SMALLEST_EXTENT:
-        raise DegenerateBodyError(
-            f"{name}: expected coordinates of at most {1.0 / SMALLEST_EXTENT:g}, an extent of at "
-            f"least {SMALLEST_EXTENT:g}, got {largest:.3g} and {extent:.3g}; use another unit of "
-            "length"
-        )
+    positions = array.astype(np.float64, order="C")
+    if kernels.compiled is None or not kernels.compiled.are_proper(positions, SMALLEST_EXTENT):
+        _check_coordinates(positions, name)
     faces: NDArray[np.int64] | None = None
     if triangles is not None and np.size(triangles) > 0:
         faces = as_numbers(triangles, name, "triangles", integer=True).astype(np.int64)
@@ -91,10 +79,11 @@ def make_body(
 
     notes = []
     if faces is not None:
-        used, renumbered = np.unique(faces, return_inverse=True)
-        if len(used) < len(positions):
-            notes.append(f"ignored {len(positions) - len(used)} points that are on no triangle")
-        positions, faces = positions[used], renumbered.reshape(faces.shape)
+        used = np.zeros(len(positions), dtype=bool)
+        used[faces] = True
+        if not used.all():
+            notes.append(f"ignored {np.count_nonzero(~used)} points that are on no triangle")
+            positions, faces = positions[used], (np.cumsum(used) - 1)[faces]
     welded, welded_faces = weld(positions, faces)
     if len(welded) < len(positions):
         notes.append(f"welded {len(positions) - len(welded)} points to others at equal positions")
@@ -125,6 +114,26 @@ def weld(
     (m, 3) the distinct positions, in the order in which they first occur, and (u, 3) the triangles
     without those that lost a corner by the merging, or None.
     """
+    positions = _repeated_positions(points)
+    if positions is not None:
+        first, group = positions
+        points, triangles = points[first], None if triangles is None else group[triangles]
+    if triangles is None:
+        return points, None
+    whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    return points, triangles[whole]
+
+
+def _repeated_positions(
+    points: NDArray[np.float64],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+    """The first point at each position, in order, and of each point the place of its position
+    there; None may be said where all positions differ."""
+    if kernels.compiled is not None:
+        found: tuple[NDArray[np.int64], NDArray[np.int64]] | None = (
+            kernels.compiled.repeated_positions(points)
+        )
+        return found
     order = np.lexsort(points.T)
     ranked = points[order]
     is_new = np.ones(len(order), dtype=bool)
@@ -133,14 +142,9 @@ def weld(
     group[order] = np.cumsum(is_new) - 1
     first = order[is_new]  # lexsort is stable: the first of its group
     by_occurrence = np.argsort(first)
-    new_index = np.empty_like(by_occurrence)
-    new_index[by_occurrence] = np.arange(len(first))
-    kept = points[first[by_occurrence]]
-    if triangles is None:
-        return kept, None
-    faces = new_index[group[triangles]]
-    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    return kept, faces[whole]
+    place = np.empty_like(by_occurrence)
+    place[by_occurrence] = np.arange(len(first))
+    return first[by_occurrence], place[group]
 
 
 def as_numbers(
@@ -183,6 +187,24 @@ def is_rounded(points: NDArray[np.float64]) -> bool:
     digits = np.rint(values * powers)
     short = (np.abs(digits) < 10.0**ROUNDED_DIGITS) & (digits / powers == values)
     return all(float(f"{value:.{ROUNDED_DIGITS - 1}e}") == value for value in values[~short])
+
+
+def _check_coordinates(positions: NDArray[np.float64], name: str) -> None:
+    finite = np.isfinite(positions).all(axis=1)
+    if not finite.all():
+        first = int(np.argmin(finite))
+        raise DegenerateBodyError(
+            f"{name}: expected finite coordinates, got {positions[first].tolist()} in point "
+            f"{first} ({np.count_nonzero(~finite)} of {len(positions)} points are not finite); "
+            "remove or repair them"
+        )
+    largest, extent = float(np.abs(positions).max()), float(np.ptp(positions, axis=0).max())
+    if largest > 1.0 / SMALLEST_EXTENT or 0.0 < extent < SMALLEST_EXTENT:
+        raise DegenerateBodyError(
+            f"{name}: expected coordinates of at most {1.0 / SMALLEST_EXTENT:g}, an extent of at "
+            f"least {SMALLEST_EXTENT:g}, got {largest:.3g} and {extent:.3g}; use another unit of "
+            "length"
+        )
 
 
 def _check_range(faces: NDArray[np.int64], count: int, name: str) -> None:

@@ -1,6 +1,7 @@
 """The convex hull with polygonal facets, as half-edges.
 
-Qhull gives triangles; coplanar ones are merged here, so that a cube has six facets. Half-edges are
+Coplanar triangles are merged, so that a cube has six facets. The compiled kernel finds a hull where
+that is certain; elsewhere Qhull gives the triangles, and they are merged here. Half-edges are
 stored facet by facet, counter-clockwise seen from outside, in an order that depends only on which
 vertices each facet has.
 """
@@ -10,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,8 +20,10 @@ from scipy.spatial.distance import cdist
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.body import as_numbers
+from dicedesign.geometry.compiled_hull import hull_attributes, properties
 from dicedesign.geometry.coplanar import facet_labels
 from dicedesign.geometry.exact_hull import exact_facets
+from dicedesign.geometry.flat_points import flat_error, thickness
 from dicedesign.geometry.half_edges import facet_loops
 from dicedesign.geometry.integers import IntegerPoints
 from dicedesign.geometry.mass import solid_properties
@@ -30,7 +34,6 @@ from dicedesign.tolerances import (
     COPLANAR_TOLERANCE,
     COPLANAR_TOLERANCE_FLOAT32,
     COPLANAR_WIDENINGS,
-    FLATNESS_TOLERANCE,
     ROUNDING,
     SLIVER,
 )
@@ -39,6 +42,9 @@ __all__ = ["ConvexHull", "convex_hull"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+FLOAT32_EPS: Final = float(np.finfo(np.float32).eps)
+FLOAT64_EPS: Final = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)
@@ -226,6 +232,11 @@ def convex_hull(
             f"coplanar tolerance: expected a number in [0, 1), got {coplanar_tolerance!r}; "
             "leave it out for the default"
         )
+    eps = FLOAT32_EPS if single else FLOAT64_EPS
+    if coplanar_tolerance != 0.0:
+        attributes = hull_attributes(given, float(coplanar_tolerance), eps)
+        if attributes is not None:
+            return _with_attributes(attributes)
     positions = given.astype(np.float64)
     if len(positions) < 4:
         raise DegenerateBodyError(
@@ -249,21 +260,20 @@ def convex_hull(
     kept, scaled = np.arange(len(positions)), local / scale
     if coplanar_tolerance == 0.0:
         return _exact_hull(positions, local)
-    eps = float(np.finfo(np.float32 if single else np.float64).eps)
     tolerance = coplanar_tolerance + 4.0 * eps * magnitude / scale
     while True:
         try:
             hull = _merged_hull(positions, kept, scaled, tolerance)
         except QhullError as error:
-            raise _flat_error(scaled) from error
+            raise flat_error(scaled) from error
         if hull is None:
             break
         repeated = _repeated(scaled, kept, hull, tolerance)
         if len(repeated) == 0:
             return hull
         kept = np.setdiff1d(kept, repeated)
-    if _thickness(scaled) <= 2.0 * tolerance:
-        raise _flat_error(scaled)
+    if thickness(scaled) <= 2.0 * tolerance:
+        raise flat_error(scaled)
     raise DegenerateBodyError(
         "points: expected facets that can be told apart, got none that make a polyhedron at a "
         f"coplanar tolerance of {coplanar_tolerance:g}; pass another coplanar_tolerance or remove "
@@ -291,7 +301,7 @@ def _exact_hull(positions: Floats, local: Floats) -> ConvexHull:
     facets = exact_facets(positions, local / np.where(extents > 0.0, extents, 1.0))
     hull = None if facets is None else _polyhedron(positions, *facets)
     if hull is None:
-        raise _flat_error(local / extents.max())
+        raise flat_error(local / extents.max())
     return hull
 
 
@@ -299,7 +309,18 @@ def _polyhedron(
     positions: Floats, triangles: Integers, neighbors: Integers, labels: Integers
 ) -> ConvexHull | None:
     loops = facet_loops(len(positions), triangles, neighbors, labels)
-    return None if loops is None else ConvexHull(positions[loops[0]], *loops)
+    if loops is None:
+        return None
+    hull = ConvexHull(positions[loops[0]], *loops)
+    hull.__dict__.update(properties(hull.vertices, hull.facet_start, hull.tail, hull.twin))
+    return hull
+
+
+def _with_attributes(attributes: dict[str, Any]) -> ConvexHull:
+    """A hull with cached properties; not by `ConvexHull(...)`, which takes microseconds."""
+    hull = object.__new__(ConvexHull)
+    hull.__dict__.update(attributes)
+    return hull
 
 
 def _repeated(points: Floats, kept: Integers, hull: ConvexHull, distance: float) -> Integers:
@@ -312,19 +333,3 @@ def _repeated(points: Floats, kept: Integers, hull: ConvexHull, distance: float)
     standing = np.setdiff1d(tail[short], head[short])
     close = cKDTree(points[kept]).query_ball_point(points[standing], distance)
     return np.setdiff1d(kept[np.concatenate(close).astype(np.int64)], standing)
-
-
-def _thickness(local: Floats) -> float:
-    """Extent of points (n, 3) across the plane that fits them best."""
-    across = np.linalg.svd(local - local.mean(axis=0), full_matrices=False)[2][-1]
-    return float(np.ptp(local @ across))
-
-
-def _flat_error(local: Floats) -> DegenerateBodyError:
-    extents = np.linalg.svd(local - local.mean(axis=0), compute_uv=False)
-    rank = int((extents > FLATNESS_TOLERANCE * extents[0]).sum())
-    where = {1: "on one line", 2: "on one plane"}.get(rank, "too close to one plane")
-    return DegenerateBodyError(
-        f"points: expected points that span a solid, got {len(local)} points {where}; "
-        "a body needs thickness in all three directions"
-    )

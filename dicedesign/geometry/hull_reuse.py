@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from types import ModuleType
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dicedesign import kernels
+from dicedesign.geometry.compiled_hull import moved_attributes
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.tolerances import (
     REUSE_FLATNESS,
@@ -21,12 +24,16 @@ from dicedesign.tolerances import (
 __all__ = ["HullMaker", "HullMemory", "same_connectivity"]
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 HullMaker = Callable[[Floats], ConvexHull]
 """`convex_hull`, or `HullMemory.hull`, which finds the same hulls."""
 
 CONNECTIVITY: Final = ("facet", "next", "previous", "head", "outgoing", "triangles")
 """Cached attributes of a hull that do not depend on where its vertices are."""
+
+KEPT: Final = frozenset(("facet_start", "tail", "twin", *CONNECTIVITY))
+"""Those, and the fields that do not."""
 
 MOST_INSIDE: Final = 64
 """Number of points inside a hull above which none is looked at: it would take more time and memory
@@ -80,9 +87,13 @@ def same_connectivity(hull: ConvexHull, points: Floats) -> ConvexHull | None:
     Source: Mehlhorn et al., "Checking geometric programs or verification of geometric structures",
     Comput. Geom. 12, 1999.
     """
-    source = np.arange(len(points)) if len(points) == len(hull.source) else hull.source
+    source = hull.source
+    if len(points) == len(source):
+        source = np.arange(len(points))
     if not source[-1] < len(points) <= len(source) + MOST_INSIDE:
         return None
+    if kernels.compiled is not None:
+        return _moved(kernels.compiled, hull, points, source)
     lower, upper = points.min(axis=0), points.max(axis=0)
     scale = float((upper - lower).max()) / 2.0
     # False too where a number is missing or infinite.
@@ -95,6 +106,19 @@ def same_connectivity(hull: ConvexHull, points: Floats) -> ConvexHull | None:
             return None
         others = np.delete(points, source, axis=0) if len(points) > len(source) else points[:0]
         return moved if _contains(moved, others, scale) else None
+
+
+def _moved(
+    kernel: ModuleType, hull: ConvexHull, points: Floats, source: Integers
+) -> ConvexHull | None:
+    """`same_connectivity` by the compiled kernels."""
+    attributes = moved_attributes(kernel, points, source, hull.facet_start, hull.tail, hull.twin)
+    if attributes is None:
+        return None
+    moved = object.__new__(ConvexHull)
+    kept = {name: value for name, value in hull.__dict__.items() if name in KEPT}
+    moved.__dict__.update(kept, source=source, **attributes)
+    return moved
 
 
 def _is_convex(hull: ConvexHull, scale: float) -> bool:

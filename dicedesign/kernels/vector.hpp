@@ -50,7 +50,12 @@ inline double norm(const Vec& a) { return std::sqrt(dot(a, a)); }
 
 inline Vec absolute(const Vec& a) { return {std::fabs(a.x), std::fabs(a.y), std::fabs(a.z)}; }
 
-inline double largest(const Vec& a) { return std::fmax(std::fmax(a.x, a.y), a.z); }
+// Of numbers: `std::fmax`, which minds NaN, is a call.
+inline double larger(double a, double b) { return a > b ? a : b; }
+
+inline double smaller(double a, double b) { return a < b ? a : b; }
+
+inline double largest(const Vec& a) { return larger(larger(a.x, a.y), a.z); }
 
 inline double sum(const Vec& a) { return a.x + a.y + a.z; }
 

@@ -288,6 +288,7 @@ def test_facets_that_make_no_polyhedron_are_merged_again_and_then_refused(
         tolerances.append(tolerance)
         return np.zeros(len(triangles), dtype=np.int64)
 
+    monkeypatch.setattr("dicedesign.kernels.compiled", None)
     monkeypatch.setattr("dicedesign.geometry.hull.facet_labels", labels)
     with pytest.raises(DegenerateBodyError, match=r"told apart, got none .* pass another"):
         convex_hull(CUBE, 1e-3)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from dicedesign import kernels
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry import hull_reuse
 from dicedesign.geometry.halfspaces import polyhedron_corners
@@ -86,10 +87,16 @@ def identical(a: ConvexHull | None, b: ConvexHull | None) -> bool:
     if a is None or b is None:
         return False
     names = ("vertices", "source", "facet_start", "tail", "twin", "triangles", "normals", "head")
+    names += ("areas", "centroid", "unevenness", "warp", "facet", "next", "previous")
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names)
 
 
-def test_what_is_reused_is_what_would_be_built() -> None:
+@pytest.mark.parametrize("compiled", [True, False])
+def test_what_is_reused_is_what_would_be_built(
+    compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not compiled:
+        monkeypatch.setattr(kernels, "compiled", None)
     rng = np.random.default_rng(0)
     tried = reused = 0
     for points in bodies():

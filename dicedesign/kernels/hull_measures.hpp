@@ -1,0 +1,52 @@
+// Normals, areas and centroid of a convex polyhedron with polygonal facets.
+#pragma once
+
+#include <vector>
+
+#include "vector.hpp"
+
+namespace dicedesign {
+
+// Half-edges as in `ConvexHull` of dicedesign/geometry/hull.py; facets + 1 starts.
+struct Polyhedron {
+    const Vec* vertices;
+    std::size_t vertex_count;
+    const Index* facet_start;
+    std::size_t facet_count;
+    const Index* tail;
+    const Index* twin;
+
+    std::size_t half_edge_count() const {
+        return static_cast<std::size_t>(facet_start[facet_count]);
+    }
+};
+
+struct Connectivity {
+    explicit Connectivity(const Polyhedron& hull);
+
+    std::vector<Index> facet, next, previous, head, outgoing_start, outgoing;
+};
+
+// Tolerances of dicedesign/tolerances.py.
+struct MeasureTolerances {
+    double sliver, thin_volume, rounding;
+};
+
+// The properties of `ConvexHull` of the same names, all of them computed here in one way.
+struct Measures {
+    Measures(const Polyhedron& hull, const MeasureTolerances& tolerances);
+
+    bool has_normals = false;  // none has where a facet is a sliver
+    std::vector<Vec> normals;
+    std::vector<double> areas;
+    double unevenness = 0.0;
+    bool is_flat = false;       // facets are uneven by no more than rounding
+    bool has_centroid = false;  // none has where the body is thin
+    Vec centroid{0.0, 0.0, 0.0};
+
+private:
+    bool measure_facet(const Polyhedron& hull, const std::vector<Vec>& points, std::size_t facet,
+                       double sliver);
+};
+
+}  // namespace dicedesign
