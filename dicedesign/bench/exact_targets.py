@@ -126,8 +126,8 @@ def run_targets(
 ) -> Iterator[Attempt]:
     """Attempts at the first random targets, one after the other.
 
-    Another target is solved before, which is not counted: the first use of torch's batched backward
-    pass in a process takes longer.
+    Another target is solved before, which is not counted: the first use of torch in a process takes
+    longer.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.design.coordinates import Coordinates, FacetCoordinates, VertexCoordinates
-from dicedesign.design.energy import EnergyWeights
+from dicedesign.design.energy_weights import EnergyWeights
 from dicedesign.design.line_search import LineSearch, has_slope
 from dicedesign.design.objective import Evaluation, Objective
 from dicedesign.design.result import DesignResult, DesignStep

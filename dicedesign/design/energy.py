@@ -7,7 +7,8 @@ terms charge the largest value that one facet can have.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -16,13 +17,16 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from torch import Tensor
 
+from dicedesign import kernels
+from dicedesign.design.compiled_energy import PAPER_TERMS, CompiledEnergy
 from dicedesign.design.differentiable import RestEvaluation
-from dicedesign.errors import InputError
-from dicedesign.options import STRICT
+from dicedesign.design.energy_weights import EnergyWeights
+from dicedesign.geometry.hull import ConvexHull
 from dicedesign.tolerances import SAME_REST_ANGLE
 
 __all__ = [
     "Clusters",
+    "Energy",
     "EnergyWeights",
     "barycenter_energy",
     "cluster",
@@ -45,60 +49,6 @@ LARGEST_SQUARED_DISTANCE = 4.0
 SMALLEST_MEAN: Final = 1e-3
 """Length of the sum of a region's maxima below which it is no longer stretched to length 1: maxima
 that cancel have no mean direction, and near there the gradient would grow without bound."""
-
-
-@dataclass(frozen=True)
-class EnergyWeights:
-    """Weights of the regularizers in eq. 16; a term with weight 0 is not evaluated.
-
-    Attributes
-    ----------
-    coplanar: lambda_cl of eq. 13, not negative.
-    barycenter: lambda_bc of eq. 14, not negative.
-    neighbor: lambda_nb of eq. 15, not negative.
-    neighbor_radius: chord length epsilon of the ball B_epsilon(u_i) in eq. 15, positive.
-    stability: weight of `stability_energy`, not negative; 0 is the paper's energy.
-    stability_margin: distance of a facet from the edge of (in)stability, relative to the
-        circumscribed radius, below which `stability_energy` acts; above 0 and at most 1.
-    """
-
-    __pydantic_config__ = STRICT
-
-    coplanar: float = 0.1
-    barycenter: float = 2.0
-    neighbor: float = 0.1
-    neighbor_radius: float = 0.2
-    stability: float = 0.1
-    stability_margin: float = 0.05
-
-    def __post_init__(self) -> None:
-        for name in ("coplanar", "barycenter", "neighbor", "stability"):
-            value = getattr(self, name)
-            if not 0.0 <= value < np.inf:
-                raise InputError(
-                    f"weights.{name}: expected a number not below 0, got {value:g}; 0 leaves the "
-                    "term out"
-                )
-        if not 0.0 < self.neighbor_radius <= 2.0:
-            raise InputError(
-                "weights.neighbor_radius: expected a chord length above 0 and at most 2, got "
-                f"{self.neighbor_radius:g}; leave it out for 0.2"
-            )
-        if not 0.0 < self.stability_margin <= 1.0:
-            raise InputError(
-                "weights.stability_margin: expected a fraction above 0 and at most 1, got "
-                f"{self.stability_margin:g}; leave it out for 0.05"
-            )
-
-    def relaxed(self, factor: float) -> EnergyWeights:
-        """The same with the barycenter and neighbor terms times a factor. Those two pull away from
-        the target; the coplanar and stability terms vanish on a finished die and stay."""
-        return replace(self, barycenter=self.barycenter * factor, neighbor=self.neighbor * factor)
-
-    def narrowed(self, factor: float) -> EnergyWeights:
-        """The same with the stability margin times a factor. A basin holds at least the circle of
-        that radius about its rest, so that small probabilities need small margins."""
-        return replace(self, stability_margin=self.stability_margin * factor)
 
 
 @dataclass(frozen=True)
@@ -152,9 +102,13 @@ def dice_energy(probabilities: Tensor, clusters: Clusters, target: Floats) -> Te
 
 
 def coplanar_energy(rest_normals: Tensor, clusters: Clusters) -> Tensor:
-    """E_cl (eq. 13): squared distances of normals (r, 3), over ordered pairs within a cluster."""
-    first, second = np.nonzero(clusters.of_rest[:, None] == clusters.of_rest[None, :])
-    return ((rest_normals[first] - rest_normals[second]) ** 2).sum()
+    """E_cl (eq. 13): squared distances of normals (r, 3), over ordered pairs within a cluster,
+    which are 2 n times those from the mean of its n normals."""
+    of_rest = torch.as_tensor(clusters.of_rest)
+    counts = torch.bincount(of_rest, minlength=len(clusters.directions)).clamp_min(1)[:, None]
+    zeros = torch.zeros(clusters.directions.shape, dtype=torch.float64)
+    means = zeros.index_add(0, of_rest, rest_normals) / counts
+    return (2.0 * counts[of_rest] * (rest_normals - means[of_rest]) ** 2).sum()
 
 
 def barycenter_energy(rests: RestEvaluation, clusters: Clusters) -> Tensor:
@@ -198,13 +152,20 @@ def stability_energy(rests: RestEvaluation, clusters: Clusters, margin: float) -
     crosses zero; this wall in front of the jump is what lets a smooth method walk along it. Not in
     the paper.
     """
-    hull, depth = rests.hull, rests.facet_depths
-    sign = torch.full((len(hull.normals),), -1.0, dtype=torch.float64)
-    wanted = outcome_facets(hull.normals, clusters.directions, depth.detach().numpy())
-    sign[wanted] = 1.0
-    missing = len(clusters.directions) - len(wanted)
-    wall = (torch.relu(1.0 - sign * depth / margin) ** 2).sum()
-    return wall + missing * (1.0 + 1.0 / margin) ** 2
+    depths = rests.facet_depths
+    signs, least = _sides(rests.hull, clusters, depths.detach().numpy(), margin)
+    return (torch.relu(1.0 - torch.as_tensor(signs) * depths / margin) ** 2).sum() + least
+
+
+def _sides(
+    hull: ConvexHull, clusters: Clusters, depths: Floats, margin: float
+) -> tuple[Floats, float]:
+    """1 for each facet (m,) with an outcome, -1 for others, and the charge for outcomes that have
+    none."""
+    signs = np.full(len(hull.normals), -1.0)
+    wanted = outcome_facets(hull.normals, clusters.directions, depths)
+    signs[wanted] = 1.0
+    return signs, (len(clusters.directions) - len(wanted)) * (1.0 + 1.0 / margin) ** 2
 
 
 def outcome_facets(normals: Floats, directions: Floats, depths: Floats) -> Integers:
@@ -226,6 +187,21 @@ def total_energy(
     rests: RestEvaluation, clusters: Clusters, target: Floats, weights: EnergyWeights
 ) -> dict[str, Tensor]:
     """The weighted terms of eq. 16 by name; only those with a weight are evaluated."""
+    compiled = _compiled_energy(rests, clusters, target, weights)
+    if compiled is None:
+        terms = _paper_terms(rests, clusters, target, weights)
+    else:
+        terms = _as_tensors(compiled, rests, clusters, target, weights)
+    if weights.stability > 0.0:
+        wall = stability_energy(rests, clusters, weights.stability_margin)
+        terms["stability"] = weights.stability * wall
+    return terms
+
+
+def _paper_terms(
+    rests: RestEvaluation, clusters: Clusters, target: Floats, weights: EnergyWeights
+) -> dict[str, Tensor]:
+    """Those of the paper."""
     terms = {"dice": dice_energy(rests.probabilities, clusters, target)}
     if weights.coplanar > 0.0:
         terms["coplanar"] = weights.coplanar * coplanar_energy(rests.rest_normals, clusters)
@@ -234,7 +210,102 @@ def total_energy(
     if weights.neighbor > 0.0:
         near = neighbor_energy(rests, clusters, weights.neighbor_radius)
         terms["neighbor"] = weights.neighbor * near
-    if weights.stability > 0.0:
-        wall = stability_energy(rests, clusters, weights.stability_margin)
-        terms["stability"] = weights.stability * wall
     return terms
+
+
+def _compiled_energy(
+    rests: RestEvaluation, clusters: Clusters, target: Floats, weights: EnergyWeights
+) -> CompiledEnergy | None:
+    """The same by compiled kernels, if there are any."""
+    if kernels.compiled is None:
+        return None
+    return CompiledEnergy(
+        kernels.compiled,
+        rests,
+        (clusters.of_rest, clusters.directions, np.asarray(target, dtype=np.float64)),
+        (1.0, weights.coplanar, weights.barycenter, weights.neighbor),
+        (weights.neighbor_radius, SMALLEST_MEAN),
+    )
+
+
+def _as_tensors(
+    compiled: CompiledEnergy,
+    rests: RestEvaluation,
+    clusters: Clusters,
+    target: Floats,
+    weights: EnergyWeights,
+) -> dict[str, Tensor]:
+    names = _weighted_terms(weights)
+
+    def adjoint(*gradients: Floats | None) -> tuple[Floats, Floats]:
+        slopes = dict.fromkeys(PAPER_TERMS, 0.0)
+        for name, gradient in zip(names, gradients, strict=True):
+            slopes[name] = 0.0 if gradient is None else float(gradient)
+        return compiled.gradient(list(slopes.values()))
+
+    def plain(moved: RestEvaluation) -> tuple[Tensor, ...]:
+        return tuple(_paper_terms(moved, clusters, target, weights).values())
+
+    terms = dict(zip(PAPER_TERMS, compiled.values, strict=True))
+    values = tuple(np.array(terms[name]) for name in names)
+    return dict(zip(names, rests.tensors(values, adjoint, plain), strict=True))
+
+
+def _weighted_terms(weights: EnergyWeights) -> list[str]:
+    """Names of the paper's terms that have a weight."""
+    return [name for name in PAPER_TERMS if name == "dice" or getattr(weights, name) > 0.0]
+
+
+@dataclass(frozen=True)
+class Energy:
+    """The energy of a body as numbers, by compiled kernels where there are any.
+
+    Attributes
+    ----------
+    rests: the body; clusters, target (k,), weights: as in `total_energy`.
+    """
+
+    rests: RestEvaluation
+    clusters: Clusters
+    target: Floats
+    weights: EnergyWeights
+
+    @cached_property
+    def terms(self) -> dict[str, float]:
+        """The weighted terms by name, those of `total_energy`."""
+        if self._compiled is None:
+            return {name: term.item() for name, term in self._tensors.items()}
+        values = dict(zip(PAPER_TERMS, self._compiled.values, strict=True))
+        terms = {name: values[name] for name in _weighted_terms(self.weights)}
+        if self.weights.stability > 0.0:
+            terms["stability"] = self.weights.stability * self._wall[0]
+        return terms
+
+    @property
+    def gradient(self) -> Floats:
+        """(n, 3) that of their sum in the vertices of the hull, with which the center of mass of a
+        uniform solid moves."""
+        if self._compiled is None:
+            terms = [term for term in self._tensors.values() if term.requires_grad]
+            return torch.autograd.grad(terms, self.rests.vertices, retain_graph=True)[0].numpy()
+        by_vertices, by_center = self._compiled.gradient((1.0,) * len(PAPER_TERMS))
+        if self.weights.stability > 0.0:
+            walls = self.rests.depth_gradient(self.weights.stability * self._wall[1])
+            by_vertices, by_center = by_vertices + walls[0], by_center + walls[1]
+        return self.rests.with_center(by_vertices, by_center)
+
+    @cached_property
+    def _tensors(self) -> dict[str, Tensor]:
+        return total_energy(self.rests, self.clusters, self.target, self.weights)
+
+    @cached_property
+    def _compiled(self) -> CompiledEnergy | None:
+        return _compiled_energy(self.rests, self.clusters, self.target, self.weights)
+
+    @cached_property
+    def _wall(self) -> tuple[float, Floats]:
+        """The stability energy and its derivative (m,) in each facet's depth."""
+        margin, depths = self.weights.stability_margin, self.rests.depths
+        signs, least = _sides(self.rests.hull, self.clusters, depths, margin)
+        lacking = np.maximum(1.0 - signs * depths / margin, 0.0)
+        return float(lacking @ lacking) + least, -2.0 / margin * signs * lacking

@@ -159,21 +159,26 @@ class _Goal:
     tolerance: float
     first: Floats
 
-    def residuals(self, trial: Trial) -> Tensor:
-        """(r,) whose squares are summed."""
+    def residuals(self, trial: Trial) -> list[Tensor]:
+        """Vectors whose squares are summed, but for `away`."""
         facets = trial.outcome_facets
         parts = [
-            preference_residuals(trial.rests, facets, self.preferences),
+            *preference_residuals(trial.rests, facets, self.preferences),
             np.sqrt(self.preferences.largest or 1.0) * barrier_residuals(trial.rests),
         ]
         if self.least_circle > 0.0:
             radii = circle_radii(trial.rests, facets)
             parts.append(torch.relu(ROOM * self.least_circle / radii - 1.0) / SHORTFALL)
-        if self.preferences.nearness > 0.0:
-            moved = trial.leaf - torch.as_tensor(self.first)
-            weight = self.preferences.nearness / len(self.first)
-            parts.append(np.sqrt(weight) / FAR * moved)
-        return torch.cat(parts)
+        return parts
+
+    def away(self, trial: Trial) -> Floats:
+        """(n,) the residuals of parameters that are not those of the first die."""
+        return self.pull * (trial.parameters - self.first)
+
+    @property
+    def pull(self) -> float:
+        """The derivative of each of them in its parameter."""
+        return float(np.sqrt(self.preferences.nearness / len(self.first))) / FAR
 
     def is_open(self, here: _Point) -> bool:
         """Whether there is anything to make better."""
@@ -206,13 +211,19 @@ class _Point:
     trial: Trial
 
     @cached_property
-    def residuals(self) -> Tensor:
-        """(r,) whose squares are summed."""
+    def residuals(self) -> list[Tensor]:
+        """See `_Goal.residuals`."""
         return self.goal.residuals(self.trial)
 
     @cached_property
+    def _squares(self) -> Tensor:
+        """() their sum of squares."""
+        return torch.stack([vector @ vector for vector in self.residuals]).sum()
+
+    @cached_property
     def merit(self) -> float:
-        return float((self.residuals.detach() ** 2).sum())
+        away = self.goal.away(self.trial)
+        return self._squares.item() + float(away @ away)
 
     @cached_property
     def is_short(self) -> bool:
@@ -230,7 +241,7 @@ class _Point:
     @cached_property
     def _singular(self) -> tuple[Floats, Floats, Floats]:
         """Of the odds' Jacobian (k, n): left vectors (k, r), values (r,), all right ones (n, n)."""
-        left, values, right = np.linalg.svd(self.trial.jacobian(self.trial.odds))
+        left, values, right = np.linalg.svd(self.trial.odds_jacobian)
         rank = int((values > RANK).sum())
         return left[:, :rank], values[:rank], right
 
@@ -253,19 +264,18 @@ class _Point:
     @cached_property
     def gradient(self) -> Floats:
         """(n,) of the merit, along the manifold."""
-        total = (self.residuals**2).sum()
-        (gradient,) = torch.autograd.grad(total, self.trial.leaf, retain_graph=True)
-        return self.along(gradient.numpy())
+        (gradient,) = self.trial.jacobian(self._squares[None])
+        return self.along(gradient + 2.0 * self.goal.pull * self.goal.away(self.trial))
 
     def gauss_newton(self) -> Floats:
         """(n, n) inverse of the damped Gauss-Newton matrix of the merit along the manifold; of more
         than `MOST_ROWS` residuals a multiple of the identity there, which costs no Jacobian."""
         free = self._free
-        if len(self.residuals) > MOST_ROWS:
+        if sum(map(len, self.residuals)) > MOST_ROWS:
             steepness = max(float(np.linalg.norm(self.gradient)), np.finfo(np.float64).tiny)
             return free.T @ free * (LARGEST_MOVE / steepness)
-        jacobian = self.trial.jacobian(self.residuals) @ free.T
-        square = 2.0 * jacobian.T @ jacobian
+        jacobian = self.trial.jacobian(*self.residuals) @ free.T
+        square = 2.0 * (jacobian.T @ jacobian + self.goal.pull**2 * np.eye(len(free)))
         damping = DAMPING * max(float(np.trace(square)), np.finfo(np.float64).tiny)
         return free.T @ np.linalg.solve(square + damping / len(free) * np.eye(len(free)), free)
 

@@ -13,9 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from dicedesign.design.sobolev import SobolevOptions, SobolevSolver, graph_laplacian
 from dicedesign.design.trial import Trial, TrialMaker
@@ -98,8 +96,7 @@ class Approach:
 
     def _step(self, current: Trial, weight: float, damping: float) -> tuple[Trial | None, float]:
         """An acceptable trial, or None, and the damping for the next step."""
-        values = self._residuals(current, weight)
-        residuals, jacobian = values.detach().numpy(), current.jacobian(values)
+        residuals, jacobian = self._residuals(current, weight), self._jacobian(current, weight)
         raised = self._raised(current, jacobian)
         square = jacobian @ raised
         unit = float(np.trace(square)) / len(residuals)
@@ -128,17 +125,25 @@ class Approach:
         smooth[hull.source] = solver.solve(columns[hull.source])
         return smooth.reshape(jacobian.T.shape)
 
-    def _residuals(self, trial: Trial, weight: float) -> Tensor:
+    def _residuals(self, trial: Trial, weight: float) -> Floats:
         """(r,) p - q, and with a weight above 0 what facets near the edge lack in depth."""
-        misses = trial.odds - torch.as_tensor(self.target)
+        misses = trial.probabilities - self.target
         if weight == 0.0:
             return misses
-        near = np.flatnonzero(trial.depths.detach().numpy() < DEPTH_MARGIN)
-        lacking = 1.0 - trial.depths[torch.as_tensor(near)] / DEPTH_MARGIN
-        return torch.cat([misses, weight * lacking])
+        depths = trial.depths.detach().numpy()
+        lacking = 1.0 - depths[depths < DEPTH_MARGIN] / DEPTH_MARGIN
+        return np.concatenate([misses, weight * lacking])
+
+    def _jacobian(self, trial: Trial, weight: float) -> Floats:
+        """(r, n) of the residuals."""
+        if weight == 0.0:
+            return trial.odds_jacobian
+        near = trial.depths[trial.depths.detach() < DEPTH_MARGIN]
+        steepness = -weight / DEPTH_MARGIN
+        return np.concatenate([trial.odds_jacobian, steepness * trial.jacobian(near)])
 
     def _merit(self, trial: Trial, weight: float) -> float:
-        return float((self._residuals(trial, weight).detach() ** 2).sum())
+        return float((self._residuals(trial, weight) ** 2).sum())
 
     def _attempt(self, current: Trial, parameters: Floats) -> Trial | None:
         return self.maker.attempt(current.coordinates, parameters, current.directions)

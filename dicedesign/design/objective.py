@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
-from dicedesign.design.coordinates import Coordinates
+from dicedesign.design.coordinates import Coordinates, Shape
 from dicedesign.design.differentiable import RestEvaluation, evaluate_rests
 from dicedesign.design.energy import (
     Clusters,
-    EnergyWeights,
+    Energy,
     cluster,
-    total_energy,
     updated_directions,
 )
+from dicedesign.design.energy_weights import EnergyWeights
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hull_reuse import HullMemory
 
@@ -53,20 +52,20 @@ class Objective:
 
         Raises DiceError where the parameters make no solid with c inside.
         """
-        leaf = torch.tensor(parameters, requires_grad=True)
         center = None
         if self.center_of_mass is not None:
             center = torch.as_tensor(self.center_of_mass)
-        points = self.coordinates.points(leaf, self.polars.hull)
+        shape = self.coordinates.shape(parameters, self.polars.hull)
+        points = torch.from_numpy(shape.points).requires_grad_()
         rests = evaluate_rests(points, center, self.shapes.hull)
-        return Evaluation(self, leaf, rests, directions)
+        return Evaluation(self, parameters, shape, rests, directions)
 
     def attempt(self, parameters: Floats, directions: Floats) -> Evaluation | None:
         """`evaluate`, or None where that fails or the energy is not finite."""
         try:
             evaluation = self.evaluate(parameters, directions)
             return evaluation if np.isfinite(evaluation.value) else None
-        except (DiceError, torch.linalg.LinAlgError):
+        except (DiceError, np.linalg.LinAlgError):
             return None
 
 
@@ -75,14 +74,10 @@ class Evaluation:
     """One evaluation of an objective. Everything is computed on first use."""
 
     objective: Objective
-    leaf: Tensor
+    parameters: Floats
+    shape: Shape
     rests: RestEvaluation
     directions: Floats
-
-    @property
-    def parameters(self) -> Floats:
-        """The flat parameters of this evaluation."""
-        return self.leaf.detach().numpy()
 
     @cached_property
     def clusters(self) -> Clusters:
@@ -90,15 +85,15 @@ class Evaluation:
         return cluster(self._rest_normals, self.directions)
 
     @cached_property
-    def terms(self) -> dict[str, Tensor]:
-        """The weighted terms of the energy by name."""
+    def energy(self) -> Energy:
+        """The energy's terms and its gradient in the vertices."""
         objective = self.objective
-        return total_energy(self.rests, self.clusters, objective.target, objective.weights)
+        return Energy(self.rests, self.clusters, objective.target, objective.weights)
 
-    @cached_property
+    @property
     def values(self) -> dict[str, float]:
-        """The weighted terms of the energy by name, as numbers."""
-        return {name: float(term.detach()) for name, term in self.terms.items()}
+        """The weighted terms of the energy by name."""
+        return self.energy.terms
 
     @cached_property
     def value(self) -> float:
@@ -108,14 +103,15 @@ class Evaluation:
     @cached_property
     def gradient(self) -> Floats:
         """Gradient of the energy with respect to the flat parameters."""
-        total = torch.stack(list(self.terms.values())).sum()
-        return torch.autograd.grad(total, self.leaf, retain_graph=True)[0].numpy()
+        rows = self.energy.gradient.reshape(1, -1)
+        return self.shape.in_parameters(rows, self.rests.hull.source)[0]
 
     @cached_property
     def error(self) -> float:
         """Largest |p - q| over the clusters."""
-        sums = self.clusters.sums(self.rests.probabilities.detach()).numpy()
-        return float(np.abs(sums - self.objective.target).max())
+        target = self.objective.target
+        sums = np.bincount(self.clusters.of_rest, self.rests.odds, minlength=len(target))
+        return float(np.abs(sums - target).max())
 
     @cached_property
     def flaws(self) -> int:
@@ -132,8 +128,8 @@ class Evaluation:
     def refreshed(self) -> Evaluation:
         """The same shape with each outcome's direction moved to the mean of its rests' normals."""
         directions = updated_directions(self._rest_normals, self.clusters)
-        return Evaluation(self.objective, self.leaf, self.rests, directions)
+        return replace(self, directions=directions)
 
     def under(self, objective: Objective) -> Evaluation:
         """The same shape under another objective with the same coordinates and center of mass."""
-        return Evaluation(objective, self.leaf, self.rests, self.directions)
+        return replace(self, objective=objective)

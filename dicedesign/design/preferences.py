@@ -105,20 +105,20 @@ class Preferences:
 
 def preference_residuals(
     rests: RestEvaluation, facets: Integers, preferences: Preferences
-) -> Tensor:
-    """(r,) residuals whose sum of squares is the weighted sum of all terms but `nearness`.
+) -> list[Tensor]:
+    """Residuals of each term, whose sum of squares is the weighted sum of all but `nearness`.
 
     They do not depend on the die's size. Derivatives of the odds themselves are left out: they are
     meant for directions that change no odds.
 
     rests: the die; facets: (k,) facet of each outcome; preferences: the weights.
     """
-    parts = [torch.zeros(0, dtype=torch.float64)]
-    for name, term in _TERMS.items():
-        weight = getattr(preferences, name)
-        if weight > 0.0:
-            parts.append(np.sqrt(weight) * term(rests, facets))
-    return torch.cat(parts)
+    weights = {name: getattr(preferences, name) for name in _TERMS}
+    return [
+        np.sqrt(weight) * _TERMS[name](rests, facets)
+        for name, weight in weights.items()
+        if weight > 0.0
+    ]
 
 
 def _circles(rests: RestEvaluation, facets: Integers) -> Tensor:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final
 
-from dicedesign.design.energy import EnergyWeights
+from dicedesign.design.energy_weights import EnergyWeights
 
 __all__ = ["Schedule"]
 

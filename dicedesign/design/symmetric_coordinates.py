@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dicedesign.design.coordinates import FacetCoordinates
+from dicedesign.design.coordinates import FacetCoordinates, Shape
 from dicedesign.design.differentiable import RestEvaluation
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
@@ -90,7 +90,7 @@ class SymmetricCoordinates:
         numbers = np.unique(orbits, return_inverse=True)[1].astype(np.int64)
         return cls(facets, expansion, numbers), expansion.T @ parameters
 
-    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
+    def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
         """See `FacetCoordinates`. Raises DegenerateBodyError also where rounding lets only some of
         an orbit's facets bound the solid."""
 
@@ -106,7 +106,19 @@ class SymmetricCoordinates:
                 )
             return hull
 
-        return self.facets.points(torch.as_tensor(self.expansion) @ parameters, whole_orbits)
+        whole = self.facets.shape(self.expansion @ parameters, whole_orbits)
+
+        def pulled_back(gradients: Floats) -> Floats:
+            return whole.pulled_back(gradients) @ self.expansion
+
+        def formula(parameters: Tensor) -> Tensor:
+            return whole.formula(torch.as_tensor(self.expansion) @ parameters)
+
+        return Shape(whole.points, pulled_back, formula)
+
+    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
+        """See `Coordinates`."""
+        return self.shape(parameters.detach().numpy(), hull_of).attached(parameters)
 
     def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """See `FacetCoordinates`."""

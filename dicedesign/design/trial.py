@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dicedesign.design.coordinates import Coordinates
+from dicedesign.design.coordinates import Coordinates, Shape
 from dicedesign.design.differentiable import RestEvaluation, evaluate_rests
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hull_reuse import HullMemory
@@ -29,20 +29,17 @@ class Trial:
     Attributes
     ----------
     coordinates: what its parameters mean.
-    leaf: (n,) the parameters, which gradients are taken of.
+    parameters: (n,).
+    shape: what they make.
     rests: the die.
     rest_of_outcome: (k,) index into the die's rests of each outcome.
     """
 
     coordinates: Coordinates
-    leaf: Tensor
+    parameters: Floats
+    shape: Shape
     rests: RestEvaluation
     rest_of_outcome: Integers
-
-    @property
-    def parameters(self) -> Floats:
-        """(n,) the parameters."""
-        return self.leaf.detach().numpy()
 
     @property
     def outcome_facets(self) -> Integers:
@@ -62,7 +59,7 @@ class Trial:
     @cached_property
     def probabilities(self) -> Floats:
         """(k,) the same as numbers."""
-        return self.odds.detach().numpy()
+        return self.rests.odds[self.rest_of_outcome]
 
     @cached_property
     def depths(self) -> Tensor:
@@ -76,16 +73,32 @@ class Trial:
         """Largest |p - q| for target probabilities (k,)."""
         return float(np.abs(self.probabilities - target).max())
 
-    def jacobian(self, values: Tensor) -> Floats:
-        """(r, n) derivatives of values (r,) in the parameters, in one batched backward pass."""
-        (jacobian,) = torch.autograd.grad(
-            values,
-            self.leaf,
-            grad_outputs=torch.eye(len(values), dtype=torch.float64),
-            is_grads_batched=True,
-            retain_graph=True,
-        )
-        return jacobian.numpy()
+    @cached_property
+    def odds_jacobian(self) -> Floats:
+        """(k, n) derivatives of the odds in the parameters, those of all outcomes in one sweep."""
+        slopes = self.rests.slopes
+        if slopes is None:
+            return self.jacobian(self.odds)
+        return self._in_parameters(slopes[self.rest_of_outcome])
+
+    def jacobian(self, *values: Tensor) -> Floats:
+        """(r, n) derivatives of the values of vectors, r in all, in the parameters."""
+        rows = [_rows(vector, self.rests.vertices) for vector in values]
+        return self._in_parameters(np.concatenate(rows))
+
+    def _in_parameters(self, rows: Floats) -> Floats:
+        """(r, n) the Jacobian in the parameters for that (r, 3 v) in the hull's vertices."""
+        return self.shape.in_parameters(rows, self.rests.hull.source)
+
+
+def _rows(values: Tensor, vertices: Tensor) -> Floats:
+    """(r, 3 v) derivatives of values (r,) in vertices (v, 3), one backward pass for each."""
+    rows = np.zeros((len(values), vertices.numel()))
+    for number, row in enumerate(rows):
+        # One value, whose own gradient is 1: torch imports much to check a given one.
+        (gradient,) = torch.autograd.grad(values[number], vertices, retain_graph=True)
+        row[:] = gradient.numpy().ravel()
+    return rows
 
 
 @dataclass
@@ -113,17 +126,17 @@ class TrialMaker:
         parameters: (n,) of the coordinates; directions: (k, 3) near which each outcome's facet is.
         """
         self.evaluations += 1
-        leaf = torch.tensor(parameters, requires_grad=True)
         given = self.center_of_mass
         center = None if given is None else torch.as_tensor(given)
         try:
-            points = coordinates.points(leaf, self.polars.hull)
+            shape = coordinates.shape(parameters, self.polars.hull)
+            points = torch.from_numpy(shape.points).requires_grad_()
             rests = evaluate_rests(points, center, self.shapes.hull).untied()
-            stable = rests.hull.normals[rests.equilibria.stable]
+            stable = rests.hull.normals[rests.paths.rests]
             nearest = np.argmax(directions @ stable.T, axis=1)
             if not np.array_equal(np.sort(nearest), np.arange(len(stable))):
                 return None
-            trial = Trial(coordinates, leaf, rests, nearest)
+            trial = Trial(coordinates, parameters, shape, rests, nearest)
             return trial if np.isfinite(trial.probabilities).all() else None
-        except (DiceError, Tie, torch.linalg.LinAlgError):
+        except (DiceError, Tie, np.linalg.LinAlgError):
             return None

@@ -8,7 +8,6 @@ from itertools import count
 from typing import Final
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from dicedesign.design.coordinates import Coordinates, FacetCoordinates
@@ -59,11 +58,11 @@ def shapes_like(
     rng = np.random.default_rng(seed)
     for number in count(1):
         size = LARGEST_VARIATION * (1.0 - np.exp(-number * FIRST_VARIATION / LARGEST_VARIATION))
-        moved = torch.as_tensor(parameters + size * rng.normal(size=parameters.shape))
+        moved = parameters + size * rng.normal(size=parameters.shape)
         try:
-            points = coordinates.points(moved).numpy()
+            points = coordinates.shape(moved).points
             normals = convex_hull(points).normals
-        except (DiceError, torch.linalg.LinAlgError):
+        except (DiceError, np.linalg.LinAlgError):
             continue
         nearest = np.argmax(hull.normals[facets] @ normals.T, axis=1)
         if any_order:

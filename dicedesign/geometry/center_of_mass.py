@@ -11,7 +11,6 @@ from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.body import Body
 from dicedesign.geometry.mass import is_closed, solid_properties
 from dicedesign.geometry.shells import oriented_shells
-from dicedesign.geometry.winding import consistent_winding
 from dicedesign.tolerances import VOLUME_TOLERANCE
 
 __all__ = ["resolve_center_of_mass"]
@@ -55,6 +54,9 @@ def resolve_center_of_mass(
     notes = []
     triangles = body.triangles
     if not is_closed(triangles):
+        # Imported late, with SciPy: most meshes are closed.
+        from dicedesign.geometry.winding import consistent_winding
+
         oriented = consistent_winding(triangles)
         if oriented is None:
             return hull_centroid, "uniform solid hull", ("the mesh is not closed",)

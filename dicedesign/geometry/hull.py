@@ -1,9 +1,8 @@
 """The convex hull with polygonal facets, as half-edges.
 
 Coplanar triangles are merged, so that a cube has six facets. The compiled kernel finds a hull where
-that is certain; elsewhere Qhull gives the triangles, and they are merged here. Half-edges are
-stored facet by facet, counter-clockwise seen from outside, in an order that depends only on which
-vertices each facet has.
+that is certain, `numpy_hull` elsewhere. Half-edges are stored facet by facet, counter-clockwise
+seen from outside, in an order that depends only on which vertices each facet has.
 """
 
 from __future__ import annotations
@@ -15,25 +14,17 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import QhullError, cKDTree
-from scipy.spatial.distance import cdist
 
-from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.errors import InputError
 from dicedesign.geometry.body import as_numbers
 from dicedesign.geometry.compiled_hull import hull_attributes, properties
-from dicedesign.geometry.coplanar import facet_labels
-from dicedesign.geometry.exact_hull import exact_facets
-from dicedesign.geometry.flat_points import flat_error, thickness
-from dicedesign.geometry.half_edges import facet_loops
 from dicedesign.geometry.integers import IntegerPoints
 from dicedesign.geometry.mass import solid_properties
-from dicedesign.geometry.qhull import hull_triangles
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.tolerances import (
     COPLANAR_TOLERANCE,
     COPLANAR_TOLERANCE_FLOAT32,
-    COPLANAR_WIDENINGS,
     ROUNDING,
     SLIVER,
 )
@@ -194,6 +185,8 @@ class ConvexHull:
     @cached_property
     def diameter(self) -> float:
         """Largest vertex-to-vertex distance; infinite where it is no float."""
+        from scipy.spatial.distance import cdist
+
         points = self._unit_vertices
         longest = max(float(cdist(x[None], points).max()) for x in points)
         with np.errstate(over="ignore"):
@@ -237,82 +230,13 @@ def convex_hull(
         attributes = hull_attributes(given, float(coplanar_tolerance), eps)
         if attributes is not None:
             return _with_attributes(attributes)
+    # Imported late: it takes SciPy along, which costs more time than a hull.
+    from dicedesign.geometry.numpy_hull import hull_half_edges
+
     positions = given.astype(np.float64)
-    if len(positions) < 4:
-        raise DegenerateBodyError(
-            f"points: expected at least 4 that span a solid, got {len(positions)}; add points"
-        )
-    if not np.isfinite(positions).all():
-        bad = int(np.flatnonzero(~np.isfinite(positions).all(axis=1))[0])
-        raise DegenerateBodyError(
-            f"points: expected finite coordinates, got {positions[bad].tolist()} in row {bad}; "
-            "remove or repair that point"
-        )
-    lower, upper = positions.min(axis=0), positions.max(axis=0)
-    # Halved before they are added: the sum of two large ones is no float.
-    local = positions - (lower / 2.0 + upper / 2.0)
-    scale = float(np.abs(local).max())
-    if scale == 0.0:
-        raise DegenerateBodyError(
-            "points: expected points that span a solid, got one repeated; pass distinct points"
-        )
-    magnitude = max(float(np.abs(lower).max()), float(np.abs(upper).max()))
-    kept, scaled = np.arange(len(positions)), local / scale
-    if coplanar_tolerance == 0.0:
-        return _exact_hull(positions, local)
-    tolerance = coplanar_tolerance + 4.0 * eps * magnitude / scale
-    while True:
-        try:
-            hull = _merged_hull(positions, kept, scaled, tolerance)
-        except QhullError as error:
-            raise flat_error(scaled) from error
-        if hull is None:
-            break
-        repeated = _repeated(scaled, kept, hull, tolerance)
-        if len(repeated) == 0:
-            return hull
-        kept = np.setdiff1d(kept, repeated)
-    if thickness(scaled) <= 2.0 * tolerance:
-        raise flat_error(scaled)
-    raise DegenerateBodyError(
-        "points: expected facets that can be told apart, got none that make a polyhedron at a "
-        f"coplanar tolerance of {coplanar_tolerance:g}; pass another coplanar_tolerance or remove "
-        "points that nearly coincide"
-    )
-
-
-def _merged_hull(
-    positions: Floats, kept: Integers, scaled: Floats, tolerance: float
-) -> ConvexHull | None:
-    """Hull of the kept points, or None where its facets make no polyhedron at any tolerance."""
-    triangles, neighbors = hull_triangles(scaled[kept])
-    triangles = kept[triangles]
-    for factor in COPLANAR_WIDENINGS:
-        labels = facet_labels(scaled, triangles, neighbors, factor * tolerance)
-        hull = _polyhedron(positions, triangles, neighbors, labels)
-        if hull is not None:
-            return hull
-    return None
-
-
-def _exact_hull(positions: Floats, local: Floats) -> ConvexHull:
-    """Hull whose facets are flat and whose edges are convex to the last bit."""
-    extents = np.abs(local).max(axis=0)
-    facets = exact_facets(positions, local / np.where(extents > 0.0, extents, 1.0))
-    hull = None if facets is None else _polyhedron(positions, *facets)
-    if hull is None:
-        raise flat_error(local / extents.max())
-    return hull
-
-
-def _polyhedron(
-    positions: Floats, triangles: Integers, neighbors: Integers, labels: Integers
-) -> ConvexHull | None:
-    loops = facet_loops(len(positions), triangles, neighbors, labels)
-    if loops is None:
-        return None
-    hull = ConvexHull(positions[loops[0]], *loops)
-    hull.__dict__.update(properties(hull.vertices, hull.facet_start, hull.tail, hull.twin))
+    source, facet_start, tail, twin = hull_half_edges(positions, float(coplanar_tolerance), eps)
+    hull = ConvexHull(positions[source], source, facet_start, tail, twin)
+    hull.__dict__.update(properties(hull.vertices, facet_start, tail, twin))
     return hull
 
 
@@ -321,15 +245,3 @@ def _with_attributes(attributes: dict[str, Any]) -> ConvexHull:
     hull = object.__new__(ConvexHull)
     hull.__dict__.update(attributes)
     return hull
-
-
-def _repeated(points: Floats, kept: Integers, hull: ConvexHull, distance: float) -> Integers:
-    """Kept points within a distance of a vertex of lower number, which stands for them; only those
-    are looked for that make an edge so short."""
-    tail, head = hull.source[hull.tail], hull.source[hull.head]
-    short = (norms(points[head] - points[tail]) <= distance) & (tail < head)
-    if not short.any():
-        return np.empty(0, dtype=np.int64)
-    standing = np.setdiff1d(tail[short], head[short])
-    close = cKDTree(points[kept]).query_ball_point(points[standing], distance)
-    return np.setdiff1d(kept[np.concatenate(close).astype(np.int64)], standing)

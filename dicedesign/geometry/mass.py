@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from dicedesign import kernels
 from dicedesign.tolerances import THIN_VOLUME
@@ -61,6 +60,9 @@ def stretch_matrix(offsets: Floats, volume: float) -> Floats | None:
     """
     if abs(volume) >= THIN_VOLUME * float(np.abs(offsets).max()) ** 3:
         return None
+    # Imported late: few bodies are thin, and SciPy takes longer to load than a query.
+    from scipy.linalg import qr
+
     factor, order = qr(offsets, mode="r", pivoting=True)
     factor = factor[:3]
     if abs(factor[2, 2]) <= np.finfo(np.float64).eps * np.linalg.norm(factor[:, 2]):

@@ -21,7 +21,7 @@ from dicedesign.bench.uniform import PLATONIC
 from dicedesign.cli import main
 from dicedesign.design import differentiable
 from dicedesign.design.differentiable import differentiable_rest, evaluate_rests
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import angle_between, oblique_projection, unit_vectors
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.morse import separatrices, separatrix_points
@@ -57,13 +57,16 @@ def test_gradients_are_those_of_the_oracle() -> None:
 
 def test_a_wrong_gradient_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     """A thousandth of the centroid's own motion is left out."""
-    centroid = differentiable.hull_centroid
+    centroid, adjoint = differentiable.hull_centroid, differentiable.centroid_gradient
 
-    def lazy(vertices: torch.Tensor, triangles: np.ndarray) -> torch.Tensor:
-        right = centroid(vertices, triangles)
+    def lazy(vertices: torch.Tensor, hull: ConvexHull) -> torch.Tensor:
+        right = centroid(vertices, hull)
         return 0.999 * right + 0.001 * right.detach()
 
     monkeypatch.setattr(differentiable, "hull_centroid", lazy)
+    monkeypatch.setattr(
+        differentiable, "centroid_gradient", lambda hull, along: 0.999 * adjoint(hull, along)
+    )
     uniform, given = (gradient_row(*random_hull(number)) for number in (1, 1 + len(KINDS)))
     assert uniform.error > 1e-5
     assert not uniform.ok

@@ -59,7 +59,7 @@ def test_what_does_not_depend_on_the_machine_s_load(rows: list[Row]) -> None:
     exact = found[FEATURES[-1], "calls"]
     assert exact.without == 0.0
     assert exact.ratio is None
-    assert exact.included >= 64.0
+    assert exact.included >= 4.0  # one for each side
     kept = [row.quantity for row in rows if row.feature == "hull rebuilt though its edges last"]
     assert len(kept) == 2
     assert not any("edges last in 0 %" in quantity for quantity in kept)

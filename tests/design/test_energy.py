@@ -9,7 +9,7 @@ import pytest
 import torch
 from scipy.spatial import ConvexHull as QhullHull
 
-from dicedesign import rest_poses
+from dicedesign import kernels, rest_poses
 from dicedesign.design import energy
 from dicedesign.design.differentiable import RestEvaluation, evaluate_rests
 from dicedesign.design.energy import (
@@ -268,6 +268,7 @@ def test_one_cluster_with_all_rests_has_no_border() -> None:
 
 
 def test_a_weight_of_zero_is_not_evaluated(monkeypatch, random_points) -> None:
+    monkeypatch.setattr(kernels, "compiled", None)
     rests, clusters = case(random_points(2, 12, ROUND), 2)
     called: list[str] = []
     terms = ("coplanar", "barycenter", "neighbor", "stability")

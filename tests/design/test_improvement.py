@@ -12,7 +12,12 @@ from torch import Tensor
 from dicedesign.design import improvement
 from dicedesign.design.barrier import barrier_residuals
 from dicedesign.design.circles import circle_radii
-from dicedesign.design.coordinates import Coordinates, FacetCoordinates, VertexCoordinates
+from dicedesign.design.coordinates import (
+    Coordinates,
+    FacetCoordinates,
+    Shape,
+    VertexCoordinates,
+)
 from dicedesign.design.differentiable import RestEvaluation
 from dicedesign.design.improvement import improve
 from dicedesign.design.preferences import Preferences, preference_residuals
@@ -104,7 +109,7 @@ def smallest(trial: Trial) -> float:
 
 def value(trial: Trial, preferences: Preferences) -> float:
     residuals = preference_residuals(trial.rests, trial.outcome_facets, preferences)
-    return float((residuals.detach() ** 2).sum())
+    return sum(float((vector.detach() ** 2).sum()) for vector in residuals)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -120,7 +125,8 @@ def test_circles_grow_and_the_odds_stay(seed: int) -> None:
     "name", ["circles", "margin", "asymmetry", "roundness", "areas", "small_helpers"]
 )
 def test_every_preference_is_served(name: str) -> None:
-    run = facet_run(1)
+    # The die of seed 3 has facets without an outcome.
+    run = facet_run(3 if name == "small_helpers" else 1)
     preferences = Preferences(**{name: 1.0})
     improved = run.improved(preferences, steps=15)
     run.check()
@@ -135,7 +141,7 @@ def merit(trial: Trial) -> float:
 
 def best_gain(trial: Trial, maker: TrialMaker) -> float:
     """The largest relative decrease by small moves in random directions that change no odds."""
-    free = np.linalg.svd(trial.jacobian(trial.odds))[2][len(trial.odds) :]
+    free = np.linalg.svd(trial.odds_jacobian)[2][len(trial.odds) :]
     gains = []
     for direction in unit_vectors(np.random.default_rng(0).normal(size=(40, len(free)))):
         parameters = trial.parameters + 1e-3 * direction @ free
@@ -181,10 +187,21 @@ class Opposite:
 
     inner: FacetCoordinates
 
+    def shape(self, parameters: np.ndarray, hull_of: HullMaker = convex_hull) -> Shape:
+        def both(one: np.ndarray) -> np.ndarray:
+            normals, lengths = one.reshape(4, -1)[:3].T.ravel(), one.reshape(4, -1)[3]
+            return np.concatenate([normals, -normals, lengths, lengths])
+
+        pairs = np.stack([both(one) for one in np.eye(len(parameters))], axis=1)
+        inner = self.inner.shape(both(parameters), hull_of)
+        return Shape(
+            inner.points,
+            lambda gradients: inner.pulled_back(gradients) @ pairs,
+            lambda parameters: inner.formula(torch.as_tensor(pairs) @ parameters),
+        )
+
     def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
-        normals, lengths = parameters.reshape(4, -1)[:3], parameters.reshape(4, -1)[3]
-        both = torch.cat([normals.T.reshape(-1), -normals.T.reshape(-1), lengths, lengths])
-        return self.inner.points(both, hull_of)
+        return self.shape(parameters.detach().numpy(), hull_of).attached(parameters)
 
     def pruned(self, parameters: np.ndarray, rests: RestEvaluation) -> np.ndarray:
         return parameters
@@ -201,7 +218,7 @@ def test_symmetry_that_ties_the_odds_is_kept() -> None:
     run = start(coordinates, parameters, points)
     odds = np.sort(run.first.probabilities)
     np.testing.assert_allclose(odds[::2], odds[1::2], atol=1e-14)
-    assert np.linalg.matrix_rank(run.first.jacobian(run.first.odds), 1e-9) == len(odds) / 2 - 1
+    assert np.linalg.matrix_rank(run.first.odds_jacobian, 1e-9) == len(odds) / 2 - 1
     improved = run.improved(CIRCLES)
     run.check()
     assert smallest(improved) > 1.05 * smallest(run.first)

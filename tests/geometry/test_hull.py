@@ -289,7 +289,7 @@ def test_facets_that_make_no_polyhedron_are_merged_again_and_then_refused(
         return np.zeros(len(triangles), dtype=np.int64)
 
     monkeypatch.setattr("dicedesign.kernels.compiled", None)
-    monkeypatch.setattr("dicedesign.geometry.hull.facet_labels", labels)
+    monkeypatch.setattr("dicedesign.geometry.numpy_hull.facet_labels", labels)
     with pytest.raises(DegenerateBodyError, match=r"told apart, got none .* pass another"):
         convex_hull(CUBE, 1e-3)
     np.testing.assert_allclose(tolerances, [1e-3, 1e-2, 1e-1, 1.0])

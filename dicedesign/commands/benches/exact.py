@@ -43,8 +43,8 @@ def add_parser(benches: Any) -> None:
         "table gives seconds until the odds were met and in all, with the improvement by "
         "preference; the radius of the smallest of the largest circles in the outcomes' facets; "
         "and the least angle from a rest to the border of its basin. Seconds are wall-clock time; "
-        "a first target is solved uncounted, since torch's batched backward pass takes longer at "
-        "its first use in a process.",
+        "a first target is solved uncounted, since torch takes longer at its first use in a "
+        "process.",
     )
     parser.add_argument("recipes", nargs="*", type=Path, metavar="RECIPE", help="YAML file")
     parser.add_argument(

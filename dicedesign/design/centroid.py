@@ -1,0 +1,69 @@
+"""The center of mass of a uniform solid hull as a differentiable function of its vertices."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from dicedesign import kernels
+from dicedesign.design.kernel_functions import adjoint_function
+from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.mass import stretch_matrix
+from dicedesign.tolerances import THIN_VOLUME
+
+__all__ = ["centroid_gradient", "hull_centroid"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+def hull_centroid(vertices: Tensor, hull: ConvexHull) -> Tensor:
+    """Center of mass (3,) of the uniform solid hull, whose vertices (n, 3) the tensor has."""
+    if kernels.compiled is None:
+        return _centroid(vertices, hull.triangles)
+    return adjoint_function(
+        (hull.centroid,),
+        lambda gradient: (centroid_gradient(hull, gradient),),
+        lambda vertices: (_centroid(vertices, hull.triangles),),
+        vertices,
+    )[0]
+
+
+def centroid_gradient(hull: ConvexHull, gradient: Floats) -> Floats:
+    """Gradient (n, 3) in the vertices for that (3,) in the center of mass of the uniform hull."""
+    found: Floats | None = None
+    if kernels.compiled is not None:
+        found = kernels.compiled.centroid_gradient(
+            hull.facet_start, hull.tail, hull.vertices, gradient, THIN_VOLUME
+        )
+    if found is None:
+        leaf = torch.tensor(hull.vertices, requires_grad=True)
+        with torch.enable_grad():
+            along = _centroid(leaf, hull.triangles) @ torch.as_tensor(gradient)
+        found = torch.autograd.grad(along, leaf)[0].numpy()
+    return found
+
+
+def _centroid(vertices: Tensor, triangles: Integers) -> Tensor:
+    """That of a needle or a plate is computed before it is stretched (`stretch_matrix`); the
+    stretch counts as constant, as it changes the rounding only."""
+    origin = vertices.detach().mean(dim=0)
+    offsets = vertices - origin
+    centroid, sixfold = _sums(offsets, triangles)
+    stretch = stretch_matrix(offsets.detach().numpy(), sixfold.item() / 6.0)
+    if stretch is not None:
+        matrix = torch.as_tensor(stretch)
+        image = torch.linalg.solve(matrix, offsets, left=False)
+        centroid = _sums(image, triangles)[0] @ matrix
+    return origin + centroid
+
+
+def _sums(offsets: Tensor, triangles: Integers) -> tuple[Tensor, Tensor]:
+    """Centroid (3,) and sixfold volume by tetrahedra from the origin."""
+    a, b, c = (offsets[triangles[:, k]] for k in range(3))
+    sixfold = (a * torch.linalg.cross(b, c)).sum(-1)
+    moment = (sixfold[:, None] * (a + b + c)).sum(0) / 4.0
+    total = sixfold.sum()
+    return moment / total, total
