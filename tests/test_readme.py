@@ -15,7 +15,7 @@ import pytest
 
 from dicedesign.recipe_file import read_recipe
 
-BENCHES = ("stability", "gradients", "accuracy", "design", "exact", "lean")
+BENCHES = ("stability", "gradients", "accuracy", "design", "exact", "lean", "speed")
 
 NIGHTLY = "pytest tests/fuzz --hypothesis-profile=nightly"
 """Takes a quarter of an hour, and is started by hand."""

@@ -18,58 +18,46 @@ __all__ = ["adjoint_function"]
 
 Floats = NDArray[np.float64]
 
-Adjoint = Callable[..., tuple[Floats, ...]]
-"""From the gradient of each output, an array or None for 0, to those of the inputs."""
+Adjoint = Callable[[Floats], tuple[Floats, ...]]
+"""From the gradient of the output to those of the inputs."""
 
-Plain = Callable[..., tuple[Tensor, ...]]
-"""From the inputs to the outputs, differentiable as often as one likes."""
+Plain = Callable[..., Tensor]
+"""From the inputs to the output, differentiable as often as one likes."""
 
 
-def adjoint_function(
-    values: tuple[Floats, ...], adjoint: Adjoint, plain: Plain, *inputs: Tensor
-) -> tuple[Tensor, ...]:
-    """Tensors of known values, with an adjoint that gives the gradients of the inputs."""
-    outputs: tuple[Tensor, ...] = _AdjointFunction.apply(values, adjoint, plain, *inputs)
-    return outputs
+def adjoint_function(value: Floats, adjoint: Adjoint, plain: Plain, *inputs: Tensor) -> Tensor:
+    """A tensor of known value, with an adjoint that gives the gradients of the inputs."""
+    output: Tensor = _AdjointFunction.apply(value, adjoint, plain, *inputs)
+    return output
 
 
 class _AdjointFunction(torch.autograd.Function):
     @staticmethod
-    def forward(
-        ctx: Any, values: tuple[Floats, ...], adjoint: Adjoint, plain: Plain, *inputs: Tensor
-    ) -> tuple[Tensor, ...]:
-        ctx.set_materialize_grads(False)
+    def forward(ctx: Any, value: Floats, adjoint: Adjoint, plain: Plain, *inputs: Tensor) -> Tensor:
         ctx.save_for_backward(*inputs)
         ctx.adjoint, ctx.plain = adjoint, plain
-        return tuple(map(torch.from_numpy, values))
+        # A copy: the value may be that of a cached property.
+        return torch.from_numpy(value.copy())
 
     @staticmethod
-    def backward(ctx: Any, *gradients: Tensor | None) -> tuple[Tensor | None, ...]:
-        if all(gradient is None for gradient in gradients):
-            return (None,) * (3 + len(ctx.saved_tensors))
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
         if torch.is_grad_enabled():
-            return None, None, None, *_differentiable(ctx.plain, ctx.saved_tensors, gradients)
-        arrays = (None if gradient is None else gradient.numpy() for gradient in gradients)
-        return None, None, None, *map(torch.from_numpy, ctx.adjoint(*arrays))
+            return None, None, None, *_differentiable(ctx.plain, ctx.saved_tensors, gradient)
+        return None, None, None, *map(torch.from_numpy, ctx.adjoint(gradient.numpy()))
 
 
 def _differentiable(
-    plain: Plain, inputs: Sequence[Tensor], gradients: Sequence[Tensor | None]
+    plain: Plain, inputs: Sequence[Tensor], gradient: Tensor
 ) -> list[Tensor | None]:
     """Gradients of the inputs that can be differentiated again."""
     # Copies, as one input may be a function of another.
     copies = [given.clone() for given in inputs]
     wanted = [place for place, given in enumerate(copies) if given.requires_grad]
-    pairs = [
-        (output, gradient)
-        for output, gradient in zip(plain(*copies), gradients, strict=True)
-        if gradient is not None and output.requires_grad
-    ]
+    output = plain(*copies)
     found: list[Tensor | None] = [None] * len(copies)
-    if pairs and wanted:
-        outputs, weights = zip(*pairs, strict=True)
+    if wanted and output.requires_grad:
         given = [copies[place] for place in wanted]
-        slopes = torch.autograd.grad(outputs, given, weights, create_graph=True, allow_unused=True)
+        slopes = torch.autograd.grad(output, given, gradient, create_graph=True, allow_unused=True)
         for place, slope in zip(wanted, slopes, strict=True):
             found[place] = slope
     return found

@@ -12,7 +12,7 @@ from dicedesign import kernels
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.tolerances import ROUNDED_DIGITS
 
-__all__ = ["Body", "as_numbers", "is_rounded", "make_body", "weld"]
+__all__ = ["Body", "as_numbers", "is_rounded", "make_body", "repeated_positions", "weld"]
 
 SMALLEST_EXTENT: Final = 1e-40
 """Products of up to six coordinates must neither underflow nor overflow: no body is smaller than
@@ -114,7 +114,7 @@ def weld(
     (m, 3) the distinct positions, in the order in which they first occur, and (u, 3) the triangles
     without those that lost a corner by the merging, or None.
     """
-    positions = _repeated_positions(points)
+    positions = repeated_positions(points)
     if positions is not None:
         first, group = positions
         points, triangles = points[first], None if triangles is None else group[triangles]
@@ -124,11 +124,11 @@ def weld(
     return points, triangles[whole]
 
 
-def _repeated_positions(
+def repeated_positions(
     points: NDArray[np.float64],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
-    """The first point at each position, in order, and of each point the place of its position
-    there; None may be said where all positions differ."""
+    """The first point (m,) at each position of points (n, 3), in order, and (n,) the place of each
+    point's position there; None may be said where all positions differ."""
     if kernels.compiled is not None:
         found: tuple[NDArray[np.int64], NDArray[np.int64]] | None = (
             kernels.compiled.repeated_positions(points)

@@ -37,7 +37,7 @@ def hull_attributes(
     if kernels.compiled is None:
         return None
     found: dict[str, Any] | None = kernels.compiled.convex_hull(
-        np.ascontiguousarray(points, dtype=np.float64),
+        np.require(points, np.float64, ["C", "ALIGNED"]),
         coplanar_tolerance,
         precision,
         SLIVER,

@@ -58,6 +58,14 @@ class ConvexHull:
     tail: Integers
     twin: Integers
 
+    @classmethod
+    def with_attributes(cls, attributes: dict[str, Any]) -> ConvexHull:
+        """A hull from all its attributes and some cached properties by name. `ConvexHull(...)`
+        would take microseconds, which counts for a tetrahedron."""
+        hull = object.__new__(cls)
+        hull.__dict__.update(attributes)
+        return hull
+
     @cached_property
     def facet(self) -> Integers:
         """(h,) the facet to the left of each half-edge."""
@@ -229,7 +237,7 @@ def convex_hull(
     if coplanar_tolerance != 0.0:
         attributes = hull_attributes(given, float(coplanar_tolerance), eps)
         if attributes is not None:
-            return _with_attributes(attributes)
+            return ConvexHull.with_attributes(attributes)
     # Imported late: it takes SciPy along, which costs more time than a hull.
     from dicedesign.geometry.numpy_hull import hull_half_edges
 
@@ -237,11 +245,4 @@ def convex_hull(
     source, facet_start, tail, twin = hull_half_edges(positions, float(coplanar_tolerance), eps)
     hull = ConvexHull(positions[source], source, facet_start, tail, twin)
     hull.__dict__.update(properties(hull.vertices, facet_start, tail, twin))
-    return hull
-
-
-def _with_attributes(attributes: dict[str, Any]) -> ConvexHull:
-    """A hull with cached properties; not by `ConvexHull(...)`, which takes microseconds."""
-    hull = object.__new__(ConvexHull)
-    hull.__dict__.update(attributes)
     return hull

@@ -1,4 +1,4 @@
-"""The hull of points that moved a little: checking its old connectivity is cheaper than Qhull."""
+"""The hull of points that moved a little: a check of its old facets is cheaper than a new hull."""
 
 from __future__ import annotations
 
@@ -115,10 +115,8 @@ def _moved(
     attributes = moved_attributes(kernel, points, source, hull.facet_start, hull.tail, hull.twin)
     if attributes is None:
         return None
-    moved = object.__new__(ConvexHull)
     kept = {name: value for name, value in hull.__dict__.items() if name in KEPT}
-    moved.__dict__.update(kept, source=source, **attributes)
-    return moved
+    return ConvexHull.with_attributes({**kept, "source": source, **attributes})
 
 
 def _is_convex(hull: ConvexHull, scale: float) -> bool:

@@ -1,7 +1,7 @@
 """Convex hulls by Qhull, with the coplanar ones of its triangles merged in NumPy.
 
-This is the way for bodies about which the compiled kernels give up, and for all bodies where these
-were not built.
+This is the way for bodies about which the compiled kernels give up, for a coplanar tolerance of 0,
+and for all bodies where kernels were not built.
 """
 
 from __future__ import annotations

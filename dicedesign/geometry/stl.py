@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.errors import MeshFileError
+from dicedesign.geometry.body import repeated_positions
 from dicedesign.geometry.mesh_errors import EXPORT_AGAIN, bad_line
 
 __all__ = ["STL_HEADER", "STL_TRIANGLE", "read_stl"]
@@ -43,13 +44,11 @@ def read_stl(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
             f"+ {STL_TRIANGLE.itemsize} bytes per triangle, got {len(data)} bytes; {EXPORT_AGAIN}"
         )
     # The format has no shared corners, so joining them repairs nothing worth a note.
-    order = np.lexsort(points.T[::-1])
-    ordered = points[order]
-    first = np.ones(len(points), dtype=bool)
-    (ordered[1:] != ordered[:-1]).any(axis=1, out=first[1:])
-    corner = np.empty(len(points), dtype=np.int64)
-    corner[order] = np.cumsum(first) - 1
-    return ordered[first], corner.reshape(-1, 3)
+    repeated = repeated_positions(points)
+    if repeated is None:
+        return points, np.arange(len(points)).reshape(-1, 3)
+    first, place = repeated
+    return points[first], place.reshape(-1, 3)
 
 
 def _ascii_corners(path: Path, text: str) -> NDArray[np.float64]:

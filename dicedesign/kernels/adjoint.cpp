@@ -5,17 +5,6 @@
 namespace dicedesign {
 namespace {
 
-inline void add(Vec& to, const Vec& a) {
-    to.x += a.x;
-    to.y += a.y;
-    to.z += a.z;
-}
-
-// Gradient in a vector for that in the unit vector along it.
-inline Vec before_scaling(const Vec& gradient, const Vec& unit, double length) {
-    return (1.0 / length) * (gradient - dot(unit, gradient) * unit);
-}
-
 // The area on the right of an arc of a border, per move of either of its ends: the arc sweeps it.
 // What its ends share with the reference direction cancels around a basin and is left out.
 inline Vec swept(const Vec& a, const Vec& b) { return (1.0 / (1.0 + dot(a, b))) * cross(a, b); }
@@ -40,7 +29,7 @@ void sweep(const Paths& paths, Index branch, const Vec* vertices, const Vec& cen
         const Vec r = vertices[crossed[0]] - center;
         const Vec v = vertices[crossed[1]] - vertices[crossed[0]];
         const double growth = dot(r, v), slant = dot(u, v);
-        const double size = norm(growth * u - slant * r);
+        const double size = norm(oblique_projection(u, r, v));
         if (size > 0.0) {
             const Vec moved = before_scaling(gradient, points[i], size);
             const double by_u = dot(u, moved), by_r = dot(r, moved);
@@ -56,7 +45,7 @@ void sweep(const Paths& paths, Index branch, const Vec* vertices, const Vec& cen
     const Vec& r = tail_is_nearer ? a : b;
     const Vec v = vertices[ends[1]] - vertices[ends[0]];
     const double square = dot(v, v), along = dot(r, v);
-    const Vec foot = before_scaling(gradient, points[0], norm(square * r - along * v));
+    const Vec foot = before_scaling(gradient, points[0], norm(oblique_projection(r, v, v)));
     radius(ends[tail_is_nearer ? 0 : 1], square * foot - dot(v, foot) * v);
     edge(ends[0], ends[1], (2.0 * dot(r, foot)) * v - along * foot - dot(v, foot) * r);
 }
@@ -72,12 +61,12 @@ void pull_back_areas(const Paths& paths, const Vec* vertices, const Vec& center,
         const double weight = weights[basins[branch % 2]] - weights[basins[1 - branch % 2]];
         if (weight == 0.0) continue;
         const auto radius = [&](Index vertex, const Vec& gradient) {
-            add(by_vertices[vertex], weight * gradient);
-            add(by_center, -weight * gradient);
+            by_vertices[vertex] += weight * gradient;
+            by_center += -weight * gradient;
         };
         const auto edge = [&](Index tail, Index head, const Vec& gradient) {
-            add(by_vertices[head], weight * gradient);
-            add(by_vertices[tail], -weight * gradient);
+            by_vertices[head] += weight * gradient;
+            by_vertices[tail] += -weight * gradient;
         };
         sweep(paths, branch, vertices, center, points, radius, edge);
     }
@@ -91,16 +80,16 @@ void area_jacobian(const Paths& paths, const Vec* vertices, Index count, const V
         const Index gains = basins[branch % 2], loses = basins[1 - branch % 2];
         Vec *gaining = by_vertices + gains * count, *losing = by_vertices + loses * count;
         const auto radius = [&](Index vertex, const Vec& gradient) {
-            add(gaining[vertex], gradient);
-            add(losing[vertex], -gradient);
-            add(by_center[gains], -gradient);
-            add(by_center[loses], gradient);
+            gaining[vertex] += gradient;
+            losing[vertex] += -gradient;
+            by_center[gains] += -gradient;
+            by_center[loses] += gradient;
         };
         const auto edge = [&](Index tail, Index head, const Vec& gradient) {
-            add(gaining[head], gradient);
-            add(gaining[tail], -gradient);
-            add(losing[head], -gradient);
-            add(losing[tail], gradient);
+            gaining[head] += gradient;
+            gaining[tail] += -gradient;
+            losing[head] += -gradient;
+            losing[tail] += gradient;
         };
         sweep(paths, branch, vertices, center, points, radius, edge);
     }
@@ -109,7 +98,7 @@ void area_jacobian(const Paths& paths, const Vec* vertices, Index count, const V
 bool pull_back_centroid(const Polygons& facets, const Vec* vertices, Index count,
                         const Vec& gradient, double thin_volume, Vec* by_vertices) {
     Vec middle{0.0, 0.0, 0.0};
-    for (Index i = 0; i < count; ++i) add(middle, vertices[i]);
+    for (Index i = 0; i < count; ++i) middle += vertices[i];
     middle = (1.0 / static_cast<double>(count)) * middle;
     double reach = 0.0;
     for (Index i = 0; i < count; ++i) {
@@ -129,7 +118,7 @@ bool pull_back_centroid(const Polygons& facets, const Vec* vertices, Index count
         const Vec a = vertices[i] - middle, b = vertices[j] - middle, c = vertices[k] - middle;
         const double part = dot(a, cross(b, c));
         sixfold += part;
-        add(moment, part * (a + b + c));
+        moment += part * (a + b + c);
     });
     if (!(sixfold / 6.0 >= thin_volume * reach * reach * reach)) return false;
     const double along = dot(gradient, moment) / (4.0 * sixfold);
@@ -138,9 +127,9 @@ bool pull_back_centroid(const Polygons& facets, const Vec* vertices, Index count
         const Vec bc = cross(b, c);
         const double by_volume = (0.25 * dot(gradient, a + b + c) - along) / sixfold;
         const Vec shared = (0.25 * dot(a, bc) / sixfold) * gradient;
-        add(by_vertices[i], by_volume * bc + shared);
-        add(by_vertices[j], by_volume * cross(c, a) + shared);
-        add(by_vertices[k], by_volume * cross(a, b) + shared);
+        by_vertices[i] += by_volume * bc + shared;
+        by_vertices[j] += by_volume * cross(c, a) + shared;
+        by_vertices[k] += by_volume * cross(a, b) + shared;
     });
     return true;
 }

@@ -6,8 +6,6 @@
 namespace dicedesign {
 namespace {
 
-constexpr double PI = 3.14159265358979323846;
-
 // 1 + cosine, some 18 degrees: a border so near to the antipode is measured from elsewhere.
 constexpr double NEAR_ANTIPODE = 0.05;
 
@@ -58,7 +56,8 @@ Border all_points(const Paths& paths, const Vec* vertices, const Vec& center) {
     return border;
 }
 
-// 1 + cosine from the antipode of a direction to the nearest of an arc's first end and middle.
+// 1 + cosine from the antipode of a direction to the nearest of an arc's first end and middle, where
+// that is below 1.
 double gap(const Vec& direction, const Vec& a, const Vec& b) {
     const double at_end = dot(direction, a);
     const Vec middle = a + b;
@@ -118,14 +117,13 @@ void branch_points(const Paths& paths, Index branch, const Vec* vertices, const 
     const Vec v = vertices[ends[1]] - vertices[ends[0]];
     // From the nearer end: from a far one digits cancel.
     const Vec& nearer = dot(a, a) <= dot(b, b) ? a : b;
-    const Vec saddle = dot(v, v) * nearer - dot(nearer, v) * v;
+    const Vec saddle = oblique_projection(nearer, v, v);
     Vec point = (1.0 / norm(saddle)) * saddle;
     points.push_back(point);
     for (Index i = paths.branch_start[branch]; i < paths.branch_start[branch + 1]; ++i) {
         const Vec& p = vertices[paths.crossings[2 * i]];
         const Vec& q = vertices[paths.crossings[2 * i + 1]];
-        const Vec r = p - center, along = q - p;
-        const Vec moved = dot(r, along) * point - dot(point, along) * r;
+        const Vec moved = oblique_projection(point, p - center, q - p);
         const double size = norm(moved);
         if (size > 0.0) point = (1.0 / size) * moved;
         points.push_back(point);

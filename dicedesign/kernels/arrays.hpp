@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "areas.hpp"
 #include "vector.hpp"
 
 namespace dicedesign {
@@ -23,6 +24,18 @@ static_assert(sizeof(Vec) == 3 * sizeof(double));
 // The rows of an (n, 3) array.
 inline const Vec* rows(const Points& points) {
     return reinterpret_cast<const Vec*>(points.data());
+}
+
+// The one of an array (3,).
+inline Vec vector(const Floats& numbers) { return {numbers(0), numbers(1), numbers(2)}; }
+
+// The arrays of a `Separatrices` but that of the saddles.
+inline Paths paths_of(std::size_t rests, const IndexPairs& basins, const IndexPairs& saddle_ends,
+                      const IndexPairs& crossings, const Indices& branch_start,
+                      const Indices& maxima) {
+    return {static_cast<Index>(rests), static_cast<Index>(basins.shape(0)), basins.data(),
+            saddle_ends.data(),        crossings.data(),                    branch_start.data(),
+            maxima.data()};
 }
 
 // A NumPy array that owns the numbers of a vector, with `columns` numbers in each row; one row is

@@ -9,23 +9,12 @@
 namespace dicedesign {
 namespace {
 
-
 using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 Vec* vectors(std::vector<double>& numbers) { return reinterpret_cast<Vec*>(numbers.data()); }
 
-Vec vector(const Floats& numbers) { return {numbers(0), numbers(1), numbers(2)}; }
-
 nb::object numbers(const Vec& a) {
     return array(std::vector<double>{a.x, a.y, a.z});
-}
-
-Paths paths_of(std::size_t rests, const IndexPairs& basins, const IndexPairs& saddle_ends,
-               const IndexPairs& crossings, const Indices& branch_start,
-               const Indices& maxima) {
-    return {static_cast<Index>(rests), static_cast<Index>(basins.shape(0)), basins.data(),
-            saddle_ends.data(),        crossings.data(),                    branch_start.data(),
-            maxima.data()};
 }
 
 Polygons polygons_of(const Indices& facet_start, const Indices& tail) {
@@ -176,8 +165,6 @@ private:
 }  // namespace
 
 void bind_gradients(nb::module_& module) {
-    // What torch still holds when Python ends is nobody's loss.
-    nb::set_leak_warnings(false);
     module.def("area_gradient", &area_gradient);
     module.def("area_jacobian", &area_jacobian_rows);
     module.def("centroid_gradient", &centroid_gradient);

@@ -1,5 +1,4 @@
 // Points and their convex hulls: repeated positions, hull, connectivity and measures.
-#include <cstdlib>
 #include <limits>
 #include <numeric>
 #include <optional>
@@ -19,22 +18,19 @@ namespace {
 
 constexpr std::size_t MOST_POINTS = std::numeric_limits<std::int32_t>::max() / 32;
 
-struct Bounds {
-    explicit Bounds(const Points& points) : lower(rows(points)[0]), upper(lower) {
+// The box around points, and whether all of them are finite.
+struct Bounds : Box {
+    explicit Bounds(const Points& points) : Box(rows(points)[0]) {
         double total = 0.0;
         for (std::size_t i = 0; i < points.shape(0); ++i) {
             const Vec& p = rows(points)[i];
-            lower = {smaller(p.x, lower.x), smaller(p.y, lower.y), smaller(p.z, lower.z)};
-            upper = {larger(p.x, upper.x), larger(p.y, upper.y), larger(p.z, upper.z)};
+            add(p);
             total += 0.0 * p.x + 0.0 * p.y + 0.0 * p.z;
         }
         // Zero times what is missing or infinite is not zero.
         finite = total == 0.0;
     }
 
-    double magnitude() const { return larger(largest(upper), largest(-lower)); }
-
-    Vec lower, upper;
     bool finite;
 };
 
@@ -44,7 +40,7 @@ struct GridPoints {
         const Bounds bounds(given);
         // Halved before they are added: the sum of two large ones is no double.
         const Vec middle = 0.5 * bounds.lower + 0.5 * bounds.upper;
-        scale = larger(largest(bounds.upper - middle), largest(middle - bounds.lower));
+        scale = bounds.reach(middle);
         valid = bounds.finite && scale >= std::numeric_limits<double>::min();
         if (!valid) return;
         relative_magnitude = bounds.magnitude() / scale;
@@ -193,7 +189,7 @@ bool are_proper(const Points& points, double smallest_extent) {
     if (points.shape(0) == 0) return false;
     const Bounds bounds(points);
     return bounds.finite && bounds.magnitude() <= 1.0 / smallest_extent &&
-           largest(bounds.upper - bounds.lower) >= smallest_extent;
+           bounds.extent() >= smallest_extent;
 }
 
 // The first point at each position, in order, and of each point the place of its position; nothing
@@ -204,18 +200,9 @@ nb::object repeated_positions(const Points& points) {
     return nb::make_tuple(array(std::move(found.first)), array(std::move(found.group)));
 }
 
-// The allocator of glibc hands large blocks back to the system as soon as they are freed, and pages
-// that come anew from there cost as much as a hull of 1000 points. It holds on to blocks as large
-// as the largest that was ever freed. Elsewhere this does nothing.
-void hold_on_to_memory() {
-    void* volatile block = std::malloc(std::size_t{16} << 20);
-    std::free(block);
-}
-
 }  // namespace
 
 void bind_hull(nb::module_& module) {
-    hold_on_to_memory();
     module.def("are_proper", &are_proper);
     module.def("repeated_positions", &repeated_positions);
     module.def("moved_hull", &moved_hull);

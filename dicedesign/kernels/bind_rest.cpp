@@ -1,6 +1,5 @@
 // Kernels of `dicedesign.rest`.
 
-#include "areas.hpp"
 #include "arrays.hpp"
 #include "lines.hpp"
 #include "morse.hpp"
@@ -14,18 +13,16 @@ namespace {
 nb::tuple surroundings(Points vertices, Indices facet_start, Indices tail, Points normals,
                        Floats point) {
     const Vec* x = rows(vertices);
-    const Vec c{point(0), point(1), point(2)};
+    const Vec c = vector(point);
     const std::size_t count = vertices.shape(0);
-    Vec low = x[0], high = x[0], total{0.0, 0.0, 0.0};
+    Box box(x[0]);
+    Vec total{0.0, 0.0, 0.0};
     for (std::size_t i = 0; i < count; ++i) {
-        low = {std::fmin(low.x, x[i].x), std::fmin(low.y, x[i].y), std::fmin(low.z, x[i].z)};
-        high = {std::fmax(high.x, x[i].x), std::fmax(high.y, x[i].y), std::fmax(high.z, x[i].z)};
-        total = total + x[i];
+        box.add(x[i]);
+        total += x[i];
     }
-    const Vec mean = (1.0 / static_cast<double>(count)) * total;
-    const double offset = std::fmax(largest(high - mean), largest(mean - low));
-    const double far = std::fmax(largest(absolute(c)),
-                                 std::fmax(largest(absolute(low)), largest(absolute(high))));
+    const double offset = box.reach((1.0 / static_cast<double>(count)) * total);
+    const double far = larger(largest(absolute(c)), box.magnitude());
     Index lowest = 0;
     double height = 0.0;
     for (std::size_t f = 0; f < normals.shape(0); ++f) {
@@ -35,7 +32,7 @@ nb::tuple surroundings(Points vertices, Indices facet_start, Indices tail, Point
             height = h;
         }
     }
-    return nb::make_tuple(lowest, height, offset, far, largest(high - low));
+    return nb::make_tuple(lowest, height, offset, far, box.extent());
 }
 
 // A hull with its center of mass, and the tolerances, as Python passes them.
@@ -65,7 +62,7 @@ Body body_of(const Points& vertices, const Indices& facet_start, const Indices& 
                     outgoing.data(),
                     rows(normals),
                     areas.data()};
-    return {hull, Vec{center(0), center(1), center(2)}, Tolerances{rounding, tie_distance}};
+    return {hull, vector(center), Tolerances{rounding, tie_distance}};
 }
 
 // What Python gets instead of an answer: False where the body is tied, None where rounding could
@@ -142,19 +139,14 @@ nb::object basin_areas(Indices rests, IndexPairs basins, IndexPairs saddle_ends,
                        IndexPairs crossings, Indices branch_start, Indices maxima,
                        Points vertices, Floats center, Points normals, double tolerance) {
     const std::size_t count = rests.shape(0);
-    if (count == 1) return array(std::vector<double>{4.0 * std::acos(-1.0)});
-    const Paths paths{static_cast<Index>(count),
-                      static_cast<Index>(basins.shape(0)),
-                      basins.data(),
-                      saddle_ends.data(),
-                      crossings.data(),
-                      branch_start.data(),
-                      maxima.data()};
+    if (count == 1) return array(std::vector<double>{4.0 * PI});
+    const Paths paths =
+        paths_of(count, basins, saddle_ends, crossings, branch_start, maxima);
     std::vector<Vec> rest_normals;
     rest_normals.reserve(count);
     for (std::size_t i = 0; i < count; ++i) rest_normals.push_back(rows(normals)[rests(i)]);
     std::vector<double> areas = signed_areas(paths, rows(vertices),
-                                             Vec{center(0), center(1), center(2)},
+                                             vector(center),
                                              rest_normals.data());
     if (!close_areas(areas, tolerance)) return nb::none();
     return array(std::move(areas));

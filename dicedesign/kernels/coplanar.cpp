@@ -6,8 +6,6 @@
 namespace dicedesign {
 namespace {
 
-constexpr int NONE = -1;
-
 class Labelling {
 public:
     Labelling(const std::vector<Vec>& points, const Triangles& triangles, double tolerance)
@@ -29,7 +27,10 @@ public:
         joined_.assign(3 * static_cast<std::size_t>(count_), false);
         for (int t = 0; t < count_; ++t)
             for (int k = 0; k < 3; ++k)
-                if (is_flat(t, k)) merged = join(t, k);
+                if (is_flat(t, k)) {
+                    join(t, k);
+                    merged = true;
+                }
         int facets = count_;
         while (merged) {
             facets = group();
@@ -72,10 +73,9 @@ private:
         return t;
     }
 
-    bool join(int t, int k) {
+    void join(int t, int k) {
         joined_[3 * static_cast<std::size_t>(t) + k] = true;
         parent_[root(t)] = root(triangles_[t].neighbor[k]);
-        return true;
     }
 
     // Labels of the joined triangles, numbered from 0. A chain of small bends is no facet: what is

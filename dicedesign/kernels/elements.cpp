@@ -31,8 +31,8 @@ Bounded side(const Frame<Real>& frame, Index e) {
     return {rounded(dot(r, cross(v, n))), bound};
 }
 
-// The sign of a value of a half-edge of which `of(frame, e)` gives a bounded one, in the finer
-// frame where the first does not tell. A move of c by a length changes it by no more than that
+// The sign of a value of a half-edge, which `coarse(e)` gives in doubles and `fine(e)` in twofold
+// numbers, where doubles do not tell. A move of c by a length changes it by no more than that
 // times the edge's length. Twofold values need no such move: ties are looked for in doubles.
 template <class Coarse, class Fine>
 Verdict sign(const Coarse& coarse, const Fine& fine, const Frame<double>& frame,

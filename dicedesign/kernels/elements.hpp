@@ -2,7 +2,6 @@
 // rounding cannot change.
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include "frame.hpp"

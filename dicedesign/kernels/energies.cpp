@@ -7,8 +7,6 @@
 namespace dicedesign {
 namespace {
 
-constexpr double PI = 3.14159265358979323846;
-
 // Between two unit vectors: what a cluster without a rest is charged.
 constexpr double LARGEST_SQUARED_DISTANCE = 4.0;
 

@@ -14,7 +14,7 @@ struct Polygons {
     const Index* tail;   // (h)
 };
 
-// Normals of length twice the area of a facet.
+// The outward normal of a facet, twice its area long.
 Vec area_vector(const Polygons& facets, Index facet, const Vec* vertices);
 
 // Add the gradient in the area vector of a facet to that in the vertices.
@@ -31,7 +31,7 @@ struct Direction {
 
     // Gradient in the vector for that in the unit vector.
     Vec pull_back(const Vec& gradient) const {
-        return (1.0 / length) * (gradient - dot(unit, gradient) * unit);
+        return before_scaling(gradient, unit, length);
     }
 };
 

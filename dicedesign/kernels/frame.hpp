@@ -46,11 +46,12 @@ template <class Real>
 class Frame {
 public:
     Frame(const Hull& hull, const Vec& center, const Tolerances& tolerances)
-        : hull(hull), center_(center), rounding(tolerances.rounding) {
-        if constexpr (std::is_same_v<Real, Twofold>) {
-            // One operation is wrong by less than 2^-103 of its result, instead of 2^-53.
-            rounding *= 0x1p-50;
-        } else {
+        : hull(hull),
+          // One operation on twofold numbers is wrong by less than 2^-103 of its result.
+          rounding(std::is_same_v<Real, Twofold> ? 0x1p-50 * tolerances.rounding
+                                                 : tolerances.rounding),
+          center_(center) {
+        if constexpr (std::is_same_v<Real, double>) {
             normal_errors_.reserve(hull.facet_count);
             for (Index f = 0; f < hull.facet_count; ++f) normal_errors_.push_back(error(f));
         }
@@ -90,6 +91,7 @@ public:
     }
 
     const Hull& hull;
+    const double rounding;
 
 private:
     double error(Index f) const {
@@ -106,9 +108,6 @@ private:
 
     Vec center_;
     std::vector<double> normal_errors_;
-
-public:
-    double rounding;
 };
 
 }  // namespace dicedesign

@@ -6,8 +6,6 @@
 namespace dicedesign {
 namespace {
 
-constexpr double PI = 3.14159265358979323846;
-
 double determinant(const Vec& a, const Vec& b, const Vec& c) { return dot(a, cross(b, c)); }
 
 // Lengths are measured in units of half the extent of all points.
@@ -32,17 +30,16 @@ public:
 
 private:
     bool find_scale(const std::vector<Vec>& others) {
-        Vec low = position_[0], high = position_[0];
+        Box box(position_[0]);
         bool finite = true;
         const auto widen = [&](const Vec& p) {
             finite = finite && sum(absolute(p)) < std::numeric_limits<double>::infinity();
-            low = {smaller(low.x, p.x), smaller(low.y, p.y), smaller(low.z, p.z)};
-            high = {larger(high.x, p.x), larger(high.y, p.y), larger(high.z, p.z)};
+            box.add(p);
         };
         for (const Vec& p : position_) widen(p);
         for (const Vec& p : others) widen(p);
-        scale_ = 0.5 * largest(high - low);
-        return finite && larger(largest(high), largest(-low)) <= tolerances_.offset * scale_;
+        scale_ = 0.5 * box.extent();
+        return finite && box.magnitude() <= tolerances_.offset * scale_;
     }
 
     void move_to_middle() {
@@ -54,7 +51,7 @@ private:
 
     const Vec& start(Index h) const { return position_[hull_.tail[h]]; }
 
-    // The corner before or after the head of a half-edge's opposite in the neighbouring facet.
+    // How far the corners beside an edge's other side lie below a facet's plane, the nearer one.
     double depth_of_neighbor(const Vec& normal, double level, Index h) const {
         const Index twin = hull_.twin[h];
         const std::size_t f = facet_of_[twin];

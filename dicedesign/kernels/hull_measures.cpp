@@ -96,11 +96,10 @@ Measures::Measures(const Polyhedron& hull, const MeasureTolerances& tolerances) 
     const PowerOfTwo shrink(-exponent), grow(exponent), grow_area(2 * exponent);
     for (Vec& point : points) point = shrink(point);
 
-    Vec lower = points[0], upper = points[0];
+    Box box(points[0]);
     BlockSum<Vec> total;
     for (const Vec& p : points) {
-        lower = {smaller(lower.x, p.x), smaller(lower.y, p.y), smaller(lower.z, p.z)};
-        upper = {larger(upper.x, p.x), larger(upper.y, p.y), larger(upper.z, p.z)};
+        box.add(p);
         total.add(p);
     }
     const Vec middle = (1.0 / static_cast<double>(points.size())) * total.total();
@@ -114,11 +113,11 @@ Measures::Measures(const Polyhedron& hull, const MeasureTolerances& tolerances) 
         for (Index h = first + 1; h + 1 < end; ++h)
             solid.add(points[hull.tail[first]], points[hull.tail[h]], points[hull.tail[h + 1]]);
     }
-    is_flat = unevenness <= tolerances.rounding * largest(upper - lower);
+    is_flat = unevenness <= tolerances.rounding * box.extent();
     unevenness = grow(unevenness);
     for (double& area : areas) area = grow_area(area);
 
-    const double reach = larger(largest(upper - middle), largest(middle - lower));
+    const double reach = box.reach(middle);
     has_centroid = std::fabs(solid.volume()) >= tolerances.thin_volume * reach * reach * reach;
     if (has_centroid) centroid = grow(solid.centroid());
 }

@@ -13,18 +13,12 @@ struct Place {
     double error;
 };
 
-template <class Real>
-Vector<Real> oblique_projection(const Vector<Real>& u, const Vector<Real>& along,
-                                const Vector<Real>& normal) {
-    return dot(along, normal) * u - dot(u, normal) * along;
-}
-
 // Where the line through a place leaves the cell of a vertex: the half-edge through whose arc, or
 // -1 where there is none. See `exit_half_edges` in tracing.py.
 template <class Real>
-Index exit(const Frame<Real>& frame, const Tolerances& tolerances,
-           const std::vector<char>& allowed, Index vertex, const Place<Real>& place, bool uphill,
-           bool& certain) {
+Index exit_half_edge(const Frame<Real>& frame, const Tolerances& tolerances,
+                     const std::vector<char>& allowed, Index vertex,
+                     const Place<Real>& place, bool uphill, bool& certain) {
     const Hull& hull = frame.hull;
     const Vector<Real> along = frame.radius(vertex);
     const Vector<Real> left_of_travel = cross(place.direction, uphill ? along : -along);
@@ -100,7 +94,7 @@ bool ascends(const Frame<Real>& frame, const Tolerances& tolerances, const Eleme
     bool certain = true;
     while (!elements.maximum[vertex]) {
         const Index e =
-            exit(frame, tolerances, elements.ascending, vertex, place, true, certain);
+            exit_half_edge(frame, tolerances, elements.ascending, vertex, place, true, certain);
         if (!certain || e < 0) return false;
         cross_arc(frame, tolerances, e, true, place);
         crossed.push_back(e);
@@ -134,7 +128,7 @@ bool descends(const Frame<Real>& frame, const Tolerances& tolerances, const Elem
     bool certain = true;
     while (true) {
         const Index e =
-            exit(frame, tolerances, elements.descending, vertex, place, false, certain);
+            exit_half_edge(frame, tolerances, elements.descending, vertex, place, false, certain);
         if (e < 0) return false;
         cross_arc(frame, tolerances, e, false, place);
         if (elements.hinge[e]) {

@@ -37,7 +37,7 @@ private:
         add(product.low);
     }
 
-    double part_[24];
+    double part_[24];  // each of six products of two exact products brings four
     int size_ = 0;
 };
 

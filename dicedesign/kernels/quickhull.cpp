@@ -22,8 +22,9 @@ namespace {
 // triangle along the axes, heights being multiplied by its doubled area: 144 units suffice for
 // coordinates up to 1 whose differences are doubles.
 constexpr double PLANE_ROUNDING = 160.0 * 0x1p-53;
-constexpr int NONE = -1;
-constexpr std::size_t EARLY = 24;
+
+// A facet that keeps more points than this waits for its turn.
+constexpr int CROWD = 256;
 
 struct Plane {
     Vec normal;
@@ -37,6 +38,7 @@ struct Facet : Triangle {
     Plane plane;
     int outside = NONE;   // first of the points that it keeps
     int farthest = NONE;  // the highest of them
+    int kept = 0;         // how many they are
     double height = -std::numeric_limits<double>::infinity();
     int round = NONE;     // when a new point was last compared with it
     bool seen = false;    // what came of that
@@ -56,13 +58,17 @@ public:
 
     std::optional<Triangles> run() {
         if (!start()) return std::nullopt;
-        // The first facets come in turn, so that most of what is inside is found to be so early.
-        for (std::size_t i = 0; i < pending_.size() && i < EARLY; ++i)
-            if (!finish(pending_[i])) return std::nullopt;
-        // Then the newest comes first, whose points are near those that were last looked at.
-        while (pending_.size() > EARLY) {
-            const int facet = pending_.back();
-            pending_.pop_back();
+        // Facets that keep many points come in turn, so that the hull grows everywhere alike: where
+        // one side were done first, every point of another would see most of it. Of the others the
+        // newest comes first, whose points are near those that were last looked at.
+        for (std::size_t next = 0; next < crowded_.size() || !pending_.empty();) {
+            const bool late = next == crowded_.size();
+            const int facet = late ? pending_.back() : crowded_[next];
+            if (late) {
+                pending_.pop_back();
+            } else {
+                ++next;
+            }
             if (!finish(facet)) return std::nullopt;
         }
         return triangles();
@@ -96,6 +102,7 @@ private:
         Facet& f = facets_[facet];
         following_[point] = f.outside;
         f.outside = point;
+        ++f.kept;
         if (height > f.height || f.farthest == NONE) {
             f.height = height;
             f.farthest = point;
@@ -156,8 +163,15 @@ private:
                 if (!leave_out(q, corner[i])) return false;
         }
         for (int i = 0; i < 4; ++i)
-            if (facets_[i].outside != NONE) pending_.push_back(i);
+            await(i);
         return true;
+    }
+
+    // Puts a facet that keeps points among those to come.
+    void await(int facet) {
+        const Facet& f = facets_[facet];
+        if (f.outside == NONE) return;
+        (f.kept > CROWD ? crowded_ : pending_).push_back(facet);
     }
 
     bool finish(int facet) { return facets_[facet].outside == NONE || add(facet); }
@@ -256,7 +270,7 @@ private:
             if (!kept && !leave_out(q, point)) return false;
         }
         for (const Spoke& spoke : fan_)
-            if (facets_[spoke.facet].outside != NONE) pending_.push_back(spoke.facet);
+            await(spoke.facet);
         return true;
     }
 
@@ -301,7 +315,8 @@ private:
     std::vector<int> following_;  // the next of the points that the same facet keeps
     std::vector<int> made_;       // the new facet whose rim starts at a point,
     std::vector<int> made_round_;  // and when it was made
-    std::vector<int> pending_, unused_, visible_, orphans_;
+    std::vector<int> crowded_, pending_;  // facets to come, in turn and the newest first
+    std::vector<int> unused_, visible_, orphans_;
     std::vector<Rim> rim_;
     std::vector<Spoke> fan_;
     std::vector<Repeated> repeated_;

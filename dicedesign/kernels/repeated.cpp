@@ -35,10 +35,11 @@ private:
         return found;
     }
 
-    // A random linear form of the coordinates and the finishing steps of splitmix64.
+    // Short numbers end in many zeros: turned by a third of the digits each, coordinates do not
+    // hide each other. The rest are the finishing steps of splitmix64.
     static std::size_t hash(const Vec& p) {
-        std::uint64_t x = bits(p.x) * 0x9e3779b97f4a7c15u + bits(p.y) * 0xc2b2ae3d27d4eb4fu +
-                          bits(p.z) * 0x165667b19e3779f9u;
+        const auto turned = [](std::uint64_t x, int by) { return x << by | x >> (64 - by); };
+        std::uint64_t x = bits(p.x) + turned(bits(p.y), 21) + turned(bits(p.z), 42);
         x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
         x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
         return static_cast<std::size_t>(x ^ (x >> 31));

@@ -16,6 +16,9 @@ struct Triangle {
 
 using Triangles = std::vector<Triangle>;
 
+// In place of an index.
+inline constexpr int NONE = -1;
+
 inline constexpr int NEXT[3] = {1, 2, 0};
 inline constexpr int LAST[3] = {2, 0, 1};
 

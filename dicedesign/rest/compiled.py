@@ -30,12 +30,11 @@ def separatrices(equilibria: Equilibria) -> tuple[Integers, ...] | None:
     """
     if kernels.compiled is None:
         return None
-    found = kernels.compiled.separatrices(*_arguments(equilibria))
+    found = _settled(equilibria, kernels.compiled.separatrices(*_arguments(equilibria)))
     if found is None:
         return None
-    equilibria.settle(found is not False)
     *arrays, growth_sign, side_sign = found
-    equilibria.__dict__.update(growth_sign=growth_sign, side_sign=side_sign)
+    equilibria.remember(growth_sign, side_sign)
     return tuple(arrays)
 
 
@@ -47,8 +46,7 @@ def destinations(equilibria: Equilibria, facets: Integers) -> Integers | None:
     if kernels.compiled is None:
         return None
     found = kernels.compiled.destinations(*_arguments(equilibria), facets)
-    equilibria.settle(found is not False)
-    reached: Integers | None = found
+    reached: Integers | None = _settled(equilibria, found)
     return reached
 
 
@@ -60,9 +58,9 @@ def slides(
     if kernels.compiled is None:
         return None
     found = kernels.compiled.slides(*_arguments(equilibria), vertices, directions, errors)
+    found = _settled(equilibria, found)
     if found is None:
         return None
-    equilibria.settle(found is not False)
     facets, certain = found
     return facets, certain > 0
 
@@ -77,6 +75,12 @@ def basin_areas(equilibria: Equilibria, arrays: tuple[Integers, ...]) -> Floats 
         *arrays, hull.vertices, equilibria.center_of_mass, hull.normals, CLOSURE_TOLERANCE
     )
     return areas
+
+
+def _settled(equilibria: Equilibria, found: Any) -> Any:
+    """What a kernel found; raises Tie where it says by False that the body is tied."""
+    equilibria.settle(found is not False)
+    return found
 
 
 def _arguments(equilibria: Equilibria) -> tuple[Any, ...]:

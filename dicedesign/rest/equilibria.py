@@ -135,6 +135,10 @@ class Equilibria:
             signs[index] = exact(int(index))
         return signs
 
+    def remember(self, growth_sign: Integers, side_sign: Integers) -> None:
+        """Take the signs (h,) of half-edges that were found elsewhere."""
+        self.__dict__.update(growth_sign=growth_sign, side_sign=side_sign)
+
     def settle(self, certain: bool) -> None:
         """Raise `Tie` unless certain or ties are not looked for."""
         if not certain and self.tie_distance > 0.0:
@@ -220,7 +224,7 @@ def classify(hull: ConvexHull, center_of_mass: ArrayLike, tie_distance: float = 
     InputError: the center is not three finite numbers.
     OutsideHullError: the center lies on the boundary or outside.
     """
-    center = np.asarray(center_of_mass, dtype=np.float64)
+    center = np.require(center_of_mass, np.float64, ["C", "ALIGNED"])
     if center.shape != (3,) or not np.isfinite(center).all():
         raise InputError(f"center of mass: expected three finite numbers, got {center_of_mass!r}")
     place = surroundings(hull, center)

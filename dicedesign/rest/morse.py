@@ -1,7 +1,7 @@
 """The Morse-Smale complex of the support function: which separatrices divide which basins.
 
-Only integers are found here (`Separatrices`); `separatrix_points` turns them into points with
-formulas that NumPy and torch share.
+Of separatrices only integers are found (`Separatrices`); `separatrix_points` turns them into
+points, and `border_areas` these into areas, with formulas that NumPy and torch share.
 """
 
 from __future__ import annotations
@@ -101,10 +101,10 @@ def separatrices(equilibria: Equilibria) -> Separatrices:
     looked for and the body is tied.
     """
     arrays = compiled.separatrices(equilibria)
-    return _exact_separatrices(equilibria) if arrays is None else Separatrices(*arrays)
+    return _numpy_separatrices(equilibria) if arrays is None else Separatrices(*arrays)
 
 
-def _exact_separatrices(equilibria: Equilibria) -> Separatrices:
+def _numpy_separatrices(equilibria: Equilibria) -> Separatrices:
     """As `separatrices`, with exact arithmetic where rounding leaves a decision open."""
     hull = equilibria.hull
     rests = np.flatnonzero(equilibria.stable)
@@ -135,13 +135,15 @@ def separatrix_points(paths: Separatrices, vertices: Any, center: Any, xp: Modul
 
     paths: the separatrices of a hull.
     vertices: (n, 3) and center: (3,), NumPy or torch.
-    Returns (2 s, depth + 2, 3), the crossings normalised. A branch that has crossed its last edge
+    Returns (2 s, depth + 2, 3), all but the maxima normalised. A branch that has crossed its last edge
     waits there, so that superfluous segments have length zero.
     """
     radii = vertices - center
     tail, head = paths.saddle_ends[:, 0], paths.saddle_ends[:, 1]
     v = vertices[head] - vertices[tail]
     saddle = foot_on_line(radii[tail], radii[head], v, xp)
+    # The products along a branch would be no floats for bodies of extreme sizes.
+    saddle = saddle / xp.sqrt((saddle * saddle).sum(-1))[:, None]
     point = xp.stack([saddle, saddle], 1).reshape(-1, 3)
     points = [point]
     for step in range(paths.crossed.shape[1]):

@@ -58,7 +58,7 @@ def aside_directions(hull: ConvexHull, center: Floats) -> Floats:
     _, member, count = np.unique(keys.round(SAME), axis=0, return_inverse=True, return_counts=True)
     flags = np.flatnonzero(member == np.argmin(count))
     flags = flags[:1] if len(flags) > MOST_FLAGS else flags
-    along_edge = unit_vectors(radii[other[flags]] - radii[corner[flags]])
+    along_edge = unit_vectors(hull.vertices[other[flags]] - hull.vertices[corner[flags]])
     normal = hull.normals[facet[flags]]
     # Counter-clockwise around the facet its inside is to the left, and the other way to the right.
     left = np.where(flags < len(hull.tail), 1.0, -1.0)[:, None]

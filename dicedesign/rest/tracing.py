@@ -2,7 +2,8 @@
 
 Inside the Gauss cell of vertex p a flow line is a great arc through r_p. It leaves the cell through
 the arc of one of p's edges; `exit_half_edges` says through which, and the crossing point is an
-oblique projection. All lines advance together, one cell per step.
+oblique projection. Kernels follow one line after the other; here, all lines advance together, one
+cell per step.
 """
 
 from __future__ import annotations
@@ -257,10 +258,10 @@ def descend(equilibria: Equilibria, facets: Integers) -> Integers:
 def destined_facets(equilibria: Equilibria, facets: Integers) -> Integers:
     """Stable facet (k,) on which a body comes to rest that is let go on facets (k,)."""
     found = compiled.destinations(equilibria, facets)
-    return _exact_destinations(equilibria, facets) if found is None else found
+    return _numpy_destinations(equilibria, facets) if found is None else found
 
 
-def _exact_destinations(equilibria: Equilibria, facets: Integers) -> Integers:
+def _numpy_destinations(equilibria: Equilibria, facets: Integers) -> Integers:
     """As `destined_facets`, with exact arithmetic where rounding leaves a decision open."""
     hull = equilibria.hull
     known = np.where(equilibria.stable, np.arange(len(equilibria.stable)), -1)
