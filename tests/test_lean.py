@@ -7,19 +7,21 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
 import trimesh
+from blade import blade
 
 from dicedesign import kernels, rest_poses
 from dicedesign.bench.extremes import large, weighted_sphere
-from dicedesign.bench.lean_bodies import blade
 from dicedesign.design import differentiable, energy, sobolev
+from dicedesign.design.compiled_energy import PAPER_TERMS
 from dicedesign.design.descent import DescentOptions, descend_to_target
-from dicedesign.design.energy import EnergyWeights
+from dicedesign.design.energy_weights import EnergyWeights
 from dicedesign.design.line_search import LineSearch
 from dicedesign.design.objective import Evaluation, Objective
 from dicedesign.design.result import DesignResult
@@ -29,13 +31,15 @@ from dicedesign.design.stopping import Stopping
 from dicedesign.design.targets import sum_of_dice
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.rest import morse, poses
-from dicedesign.rest.equilibria import classify
+from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.exact import ExactSigns
 from dicedesign.rest.morse import separatrices
 from dicedesign.rest.roll import roll
 
 SOLVERS = {"clarabel", "osqp", "piqp", "proxsuite", "quadprog", "cvxpy", "highspy", "qpsolvers"}
 """Modules that solve quadratic programs."""
+
+compiled_only = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
 
 TERMS = ("coplanar", "barycenter", "neighbor", "stability")
 
@@ -119,11 +123,10 @@ def test_the_figure_of_a_query_loads_what_draws_it_and_no_more(tmp_path: Path) -
     assert loaded & {"torch", "manifold3d", "trimesh", "matplotlib.pyplot"} == set()
 
 
-def test_saddles_that_divide_nothing_are_not_traced(
-    monkeypatch: pytest.MonkeyPatch,
-    counted: Callable[[Any, str], list[tuple[Any, ...]]],
-) -> None:
-    """Which they are is told by bodies that are let go on both sides of each saddle and rolled."""
+@pytest.fixture(scope="module")
+def bladed() -> tuple[Equilibria, np.ndarray, np.ndarray]:
+    """A body, its saddles, and whether each divides two basins: which do is told by bodies that are
+    let go on both sides of each saddle and rolled."""
     hull = blade(40, 100)
     equilibria = classify(hull, np.zeros(3))
     saddles = np.flatnonzero(equilibria.saddle & (np.arange(len(hull.tail)) < hull.twin))
@@ -131,11 +134,33 @@ def test_saddles_that_divide_nothing_are_not_traced(
     ends = np.array([[roll(equilibria, hull.normals[f])[-1].down for f in pair] for pair in sides])
     apart = np.abs(ends[:, 0] - ends[:, 1]).max(axis=1) > 1e-9
     assert 10 < apart.sum() < len(saddles) - 10
+    return equilibria, saddles, apart
+
+
+def test_saddles_that_divide_nothing_are_not_traced(
+    monkeypatch: pytest.MonkeyPatch,
+    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+    bladed: tuple[Equilibria, np.ndarray, np.ndarray],
+) -> None:
+    equilibria, saddles, apart = bladed
     calls = counted(morse, "ascend")
     monkeypatch.setattr(kernels, "compiled", None)
     separatrices(equilibria)
     assert len(calls) == 1
     np.testing.assert_array_equal(calls[0][1], np.repeat(saddles[apart], 2))
+
+
+@compiled_only
+def test_kernels_return_the_saddles_that_divide(
+    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+    bladed: tuple[Equilibria, np.ndarray, np.ndarray],
+) -> None:
+    equilibria, saddles, apart = bladed
+    calls = counted(morse, "ascend")
+    paths = separatrices(equilibria)
+    assert not calls
+    np.testing.assert_array_equal(paths.saddles, saddles[apart])
+    assert len(paths.lengths) == 2 * apart.sum()
 
 
 def test_odds_make_no_transforms_and_no_polylines(
@@ -189,6 +214,39 @@ def test_a_term_without_weight_is_not_called(monkeypatch: pytest.MonkeyPatch, te
     assert len(result.history) == 5
     with pytest.raises(AssertionError, match="not asked for"):
         descend(weights=EnergyWeights(**{term: 0.1}))
+
+
+@compiled_only
+@pytest.mark.parametrize("term", TERMS)
+def test_kernels_leave_out_a_term_without_weight(
+    monkeypatch: pytest.MonkeyPatch, term: str
+) -> None:
+    """They are not told to evaluate it, and return 0; stability is the only one in Python."""
+    if term == "stability":
+        monkeypatch.setattr(energy, "_sides", forbidden)
+    module: Any = kernels.compiled
+    values: list[list[float]] = []
+    asked: list[list[bool]] = []
+
+    def recorded(*arguments: Any) -> Any:
+        made = module.Energies(*arguments)
+        values.append(made.values())
+        asked.append(arguments[-1])
+        return made
+
+    stub = SimpleNamespace(**{**vars(module), "Energies": recorded})
+    monkeypatch.setattr(kernels, "compiled", stub)
+    result = descend(weights=EnergyWeights(**{term: 0.0}))
+    assert term not in result.terms
+    assert len(asked) >= len(result.history) == 5
+    expected = [name != term for name in PAPER_TERMS]
+    assert asked == [expected] * len(asked)
+    assert not any(
+        v for row in values for v, wanted in zip(row, expected, strict=True) if not wanted
+    )
+    if term == "stability":
+        with pytest.raises(AssertionError, match="not asked for"):
+            descend()
 
 
 def test_shaping_terms_are_not_called_once_they_have_given_way(

@@ -29,7 +29,7 @@ def analyse_files(
     stamps: of each file, by its path within the folder.
     center_of_mass, coplanar_tolerance: see `rest_poses`.
     """
-    # Imported by the workers; who hands them the work needs nothing of it.
+    # Imported by the workers; the process that hands out the work needs none of it.
     from dicedesign.geometry.mesh_file import read_body
     from dicedesign.geometry.mesh_formats import without_solids
     from dicedesign.rest.poses import rest_poses

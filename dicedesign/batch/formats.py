@@ -70,12 +70,13 @@ def _csv_rows(data: bytes) -> Rows:
 
 
 def _parquet_bytes(text: str) -> bytes:
-    from pyarrow import BufferOutputStream, BufferReader, csv, parquet, schema
+    from pyarrow import BufferOutputStream, BufferReader, parquet, schema
+    from pyarrow import csv as arrow_csv
 
-    table = csv.read_csv(
+    table = arrow_csv.read_csv(
         BufferReader(text.encode("utf-8")),
-        parse_options=csv.ParseOptions(newlines_in_values=True),
-        convert_options=csv.ConvertOptions(
+        parse_options=arrow_csv.ParseOptions(newlines_in_values=True),
+        convert_options=arrow_csv.ConvertOptions(
             column_types=schema([(name, _ARROW[kind]) for name, kind in COLUMNS.items()]),
             # Numbers that are left out; texts are empty.
             null_values=[""],

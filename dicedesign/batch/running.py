@@ -16,8 +16,9 @@ __all__ = ["run_batch"]
 FILES_PER_TASK: Final = 64
 """Files of one task, at most: handing it over costs far less than they do."""
 
-TASKS_IN_ALL: Final = 8
-"""Tasks for each worker, at least, if the files suffice, so that all end at about the same time."""
+FEWEST_TASKS_PER_JOB: Final = 8
+"""Tasks in all over the number of workers, if the files suffice, so that all workers end at about
+the same time."""
 
 BYTES_PER_TASK: Final = 1_000_000
 """Bytes of one task's files together; a larger file is a task of its own."""
@@ -85,7 +86,7 @@ def run_batch(
                 else:
                     raise error
 
-    most = min(FILES_PER_TASK, -(-len(stamps) // (TASKS_IN_ALL * jobs)))
+    most = min(FILES_PER_TASK, -(-len(stamps) // (FEWEST_TASKS_PER_JOB * jobs)))
     lost = losses(_tasks(stamps, most), TASKS_PER_JOB * jobs)
     for _ in range(ATTEMPTS):
         lost = losses(({file: stamp} for file, stamp in lost.items()), 1)

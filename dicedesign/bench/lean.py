@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from dicedesign.bench.cost import Row
-from dicedesign.bench.lean_bodies import exact_rows, hull_rows, tracing_rows
+from dicedesign.bench.lean_bodies import exact_rows, hull_rows
 from dicedesign.bench.lean_design import energy_rows, sobolev_rows
 from dicedesign.bench.stopwatch import in_new_process
 from dicedesign.design.starts import hendecahedron
@@ -74,7 +74,6 @@ def run_lean(
         ("energies", energy_rows),
         ("Sobolev", sobolev_rows),
         ("hulls", hull_rows),
-        ("tracing", tracing_rows),
         ("exact arithmetic", exact_rows),
     ):
         on_group(name)

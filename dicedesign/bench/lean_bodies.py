@@ -1,4 +1,4 @@
-"""What hulls, flow lines and exact arithmetic cost where they are not needed."""
+"""What hulls and exact arithmetic cost where they are not needed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from dicedesign.bench.cost import Row, time_row
@@ -17,13 +16,11 @@ from dicedesign.design.coordinates import FacetCoordinates
 from dicedesign.design.starts import hendecahedron
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hull_reuse import HullMemory
-from dicedesign.geometry.sphere import norms
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.exact import ExactSigns
 from dicedesign.rest.morse import separatrices
-from dicedesign.rest.tracing import ascend
 
-__all__ = ["blade", "exact_rows", "hull_rows", "tracing_rows"]
+__all__ = ["exact_rows", "hull_rows"]
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +33,7 @@ def hull_rows(seconds: float) -> Iterator[Row]:
     rng = np.random.default_rng(0)
     parameters = parameters + 1e-2 * rng.normal(size=parameters.shape)
     die = [
-        coordinates.points(torch.as_tensor(place)).numpy()
+        coordinates.shape(place).points
         for place in (parameters, parameters + 1e-4 * rng.normal(size=parameters.shape))
     ]
     points = large(500).points
@@ -57,35 +54,6 @@ def _hull_row(name: str, places: Sequence[Floats], seconds: float) -> Row:
     share = memory.reused / (memory.reused + memory.built)
     name = f"{name}, edges last in {100.0 * share:.0f} %"
     return time_row("hull rebuilt though its edges last", name, reused / 2.0, rebuilt / 2.0)
-
-
-def blade(ball: int, edge: int) -> ConvexHull:
-    """A ball of some points with a blade of others, along a quarter of a great circle about the
-    origin. Each corner of the blade is a maximum; saddles between them can lie inside one basin."""
-    points = np.random.default_rng(0).normal(size=(ball, 3))
-    points *= 0.7 / norms(points)[:, None]
-    angle = np.radians(np.linspace(-45.0, 45.0, edge))
-    arc = np.stack([np.sin(angle), np.zeros(edge), np.cos(angle)], axis=1)
-    return convex_hull(np.concatenate([points + np.array([0.0, 0.0, 0.3]), arc]))
-
-
-def tracing_rows(seconds: float) -> Iterator[Row]:
-    """Flow lines followed uphill from saddles."""
-    ellipsoid = convex_hull(large(1000).points)
-    for name, hull, center in (
-        ("ball with a blade", blade(400, 600), np.zeros(3)),
-        ("ellipsoid of 1000 points", ellipsoid, ellipsoid.centroid),
-    ):
-        equilibria = classify(hull, center)
-        dividing = separatrices(equilibria).saddles
-        saddles = np.flatnonzero(equilibria.saddle & (np.arange(len(hull.tail)) < hull.twin))
-        works = []
-        for some in (dividing, saddles):
-            ends = np.stack([hull.head[some], hull.tail[some]], axis=1).ravel()
-            works.append(partial(ascend, equilibria, np.repeat(some, 2), ends))
-        without, included = in_turn(works, seconds / 2.0)
-        quantity = f"{name}, {len(dividing)} of {len(saddles)} divide"
-        yield time_row("saddles that divide nothing", quantity, without, included)
 
 
 class _CountingSigns(ExactSigns):

@@ -14,7 +14,7 @@ from dicedesign.bench.cost import Row, time_row
 from dicedesign.bench.extremes import large
 from dicedesign.bench.stopwatch import in_turn
 from dicedesign.design.coordinates import FacetCoordinates, VertexCoordinates
-from dicedesign.design.energy import EnergyWeights
+from dicedesign.design.energy_weights import EnergyWeights
 from dicedesign.design.objective import Evaluation, Objective
 from dicedesign.design.sobolev import SobolevOptions, SobolevSolver, graph_laplacian
 from dicedesign.design.starts import hendecahedron

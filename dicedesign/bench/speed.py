@@ -16,7 +16,7 @@ from dicedesign.bench.speed_cases import DIE_CORNERS, Case, Ratios, goals
 from dicedesign.bench.speed_trimesh import Request
 from dicedesign.bench.stopwatch import in_turn
 from dicedesign.design.coordinates import VertexCoordinates
-from dicedesign.design.energy import EnergyWeights
+from dicedesign.design.energy_weights import EnergyWeights
 from dicedesign.design.objective import Objective
 from dicedesign.rest.poses import RestPoses
 

@@ -8,7 +8,6 @@ from itertools import cycle
 from typing import Any, Final
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
@@ -74,7 +73,7 @@ def speed_parts(effort: Effort) -> Iterator[Part]:
     die = Objective(facets, target, PAPER, None)
     yield from _measured(
         "2d6 die of 11 facets",
-        _corners(facets, places[0]),
+        facets.shape(places[0]).points,
         {**_steps(die, places, start.directions), **_jacobians(facets, places, start.directions)},
         effort,
     )
@@ -84,10 +83,6 @@ def speed_parts(effort: Effort) -> Iterator[Part]:
     dense = Objective(vertices, np.full(3, 1.0 / 3.0), PAPER, None)
     steps = _steps(dense, places, np.eye(3))
     yield from _measured(f"{DENSE} on an ellipsoid", points, steps, effort)
-
-
-def _corners(coordinates: Coordinates, parameters: Floats) -> Floats:
-    return coordinates.points(torch.as_tensor(parameters)).numpy()
 
 
 def _measured(
@@ -124,7 +119,7 @@ def _jacobians(
     def attempt() -> Floats:
         trial = maker.attempt(coordinates, next(there), directions)
         assert trial is not None
-        return trial.probabilities
+        return trial.odds
 
     def attempt_and_jacobian() -> Floats:
         trial = maker.attempt(coordinates, next(there), directions)

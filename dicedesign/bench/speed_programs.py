@@ -18,6 +18,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from dicedesign.batch.running import FEWEST_TASKS_PER_JOB
 from dicedesign.bench.sampled import random_directions
 from dicedesign.bench.stopwatch import in_new_process
 from dicedesign.fabricate.stl import stl_bytes
@@ -29,10 +30,10 @@ MANY_POINTS: Final = 100_000
 """On the sphere whose peak of memory is measured."""
 
 FILES: Final = 2000
-"""Meshes in the folder."""
+"""Meshes that a folder has beside the few."""
 
-FEW_FILES: Final = 32
-"""Meshes in the folder that tells the time until all jobs are at work."""
+FEW_FILES: Final = 4 * FEWEST_TASKS_PER_JOB
+"""Meshes for each job in the folder that tells the time until all jobs are at work."""
 
 FOLDER_ROUNDS: Final = 3
 
@@ -114,8 +115,7 @@ class Throughput:
     jobs: processes side by side.
     files: meshes in the folder.
     seconds: from the start of the program to its end.
-    few_files, few_seconds: the same of a folder in which there is hardly more than one task for
-        each job.
+    few_files, few_seconds: the same of a folder with `FEW_FILES` for each job.
     """
 
     jobs: int
@@ -161,14 +161,13 @@ def throughput(
     """`dicedesign rest FOLDER --jobs J` by several numbers of jobs, medians.
 
     jobs: each at least 1; None for `job_counts` of this machine.
-    files: meshes of the folder, more than `FEW_FILES` times the number of jobs / 2.
+    files: meshes of the folder beside the `FEW_FILES` for each job, at least 1.
     on_jobs: is told each number before it is measured.
     """
     with TemporaryDirectory() as name:
         root = Path(name)
         for count in jobs or job_counts(os.cpu_count() or 1):
             on_jobs(count)
-            # Two tasks for each job.
             few = FEW_FILES * count
             folders = {size: root / str(size) for size in (few, few + files)}
             for size, folder in folders.items():

@@ -42,6 +42,7 @@ def add_parser(commands: Any) -> None:
 
 
 def _drop(options: argparse.Namespace) -> int:
+    # Imported here, as other commands do without.
     from dicedesign.rest.roll import SMALLEST_ANGLE, roll
 
     down = vector("--down", options.down)

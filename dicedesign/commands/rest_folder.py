@@ -49,14 +49,18 @@ def refuse_folder_options(options: argparse.Namespace) -> None:
 
 def rest_folder(options: argparse.Namespace, center_of_mass: Center) -> int:
     """Analyse the meshes of a folder; returns the exit code."""
+    # Imported here, as one mesh and other commands do without.
     from dicedesign.batch.folder import list_folder
+    from dicedesign.batch.formats import table_format
     from dicedesign.batch.rows import Stamp
     from dicedesign.batch.table import Table
 
     _check(options)
     folder, path, tolerance = options.mesh, options.out, options.coplanar_tolerance
+    any_name = table_format(path).any_name
     found = list_folder(folder)
-    _check_names(path, found.meshes)
+    if not any_name:
+        _check_names(path, found.meshes)
     com = (
         ",".join(map(repr, center_of_mass)) if isinstance(center_of_mass, tuple) else center_of_mass
     )
@@ -81,15 +85,12 @@ def rest_folder(options: argparse.Namespace, center_of_mass: Center) -> int:
 
 
 def _check(options: argparse.Namespace) -> None:
-    from dicedesign.batch.formats import table_format
-
     for name in ("json", "figure"):
         if getattr(options, name):
             raise InputError(
                 f"--{name}: expected one mesh, got the folder {options.mesh}; name a file, or "
                 f"leave --{name} out"
             )
-    table_format(options.out)
     tolerance = options.coplanar_tolerance
     if not (tolerance is None or 0.0 <= tolerance < 1.0):
         raise InputError(
@@ -100,11 +101,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _check_names(path: Path, files: Iterable[str]) -> None:
-    """Raises InputError where the table cannot hold a name."""
-    from dicedesign.batch.formats import table_format
-
-    if table_format(path).any_name:
-        return
+    """Raises InputError where a name is not UTF-8."""
     for file in files:
         try:
             file.encode("utf-8")
@@ -139,6 +136,7 @@ def _check_table(
 def _run(
     table: Table, pending: dict[str, Stamp], options: argparse.Namespace, center_of_mass: Center
 ) -> None:
+    # Imported only where a file is left to analyse.
     from dicedesign.batch.running import run_batch
 
     done = len(table.entries)

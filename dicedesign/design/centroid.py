@@ -24,11 +24,11 @@ def hull_centroid(vertices: Tensor, hull: ConvexHull) -> Tensor:
     if kernels.compiled is None:
         return _centroid(vertices, hull.triangles)
     return adjoint_function(
-        (hull.centroid,),
+        hull.centroid,
         lambda gradient: (centroid_gradient(hull, gradient),),
-        lambda vertices: (_centroid(vertices, hull.triangles),),
+        lambda vertices: _centroid(vertices, hull.triangles),
         vertices,
-    )[0]
+    )
 
 
 def centroid_gradient(hull: ConvexHull, gradient: Floats) -> Floats:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from types import ModuleType
 from typing import Final
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.design.differentiable import RestEvaluation
+from dicedesign.design.energy_weights import EnergyWeights
 
 __all__ = ["PAPER_TERMS", "CompiledEnergy"]
 
@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 PAPER_TERMS: Final = ("dice", "coplanar", "barycenter", "neighbor")
-"""Names of the terms of eq. 16."""
+"""Names of the terms of eq. 16, in the order of the kernels."""
 
 
 class CompiledEnergy:
@@ -25,23 +25,29 @@ class CompiledEnergy:
 
     Attributes
     ----------
-    values: (4,) the terms in the order of `PAPER_TERMS`; 0 where the weight is.
+    module: the compiled kernels.
+    terms: by name, those that have a weight.
     """
 
     def __init__(
         self,
-        compiled: ModuleType,
+        module: ModuleType,
         rests: RestEvaluation,
-        outcomes: tuple[Integers, Floats, Floats],
-        weights: tuple[float, ...],
-        lengths: tuple[float, float],
+        *,
+        of_rest: Integers,
+        directions: Floats,
+        target: Floats,
+        weights: EnergyWeights,
+        smallest_mean: float,
     ) -> None:
-        """rests: the body; outcomes: that of each rest (r,), directions (k, 3), and what is wanted
-        (k,); weights: (4,) of the terms; lengths: radius of the neighbor term, and of the sum of a
-        region's maxima below which it is not stretched to 1."""
+        """rests: the body; of_rest: (r,) outcome of each rest; directions: (k, 3) of the outcomes;
+        target: (k,) their odds; smallest_mean: length of the sum of a region's maxima below which
+        it is not stretched to 1."""
         hull, paths = rests.hull, rests.paths
-        self._weights = weights
-        self._energies = compiled.Energies(
+        of_terms = weights.of_terms
+        self.module = module
+        self._weights = [of_terms.get(name, 0.0) for name in PAPER_TERMS]
+        self._energies = module.Energies(
             *paths.branches,
             paths.rests,
             hull.facet_start,
@@ -50,17 +56,19 @@ class CompiledEnergy:
             rests.equilibria.center_of_mass,
             hull.normals,
             rests.odds,
-            *outcomes,
-            *lengths,
-            [weight > 0.0 for weight in weights],
+            of_rest,
+            directions,
+            target,
+            weights.neighbor_radius,
+            smallest_mean,
+            [name in of_terms for name in PAPER_TERMS],
         )
-        self.values = self._weighted(self._energies.values())
+        values = dict(zip(PAPER_TERMS, self._energies.values(), strict=True))
+        self.terms: dict[str, float] = {
+            name: of_terms[name] * value for name, value in values.items() if name in of_terms
+        }
 
-    def gradient(self, slopes: Sequence[float]) -> tuple[Floats, Floats]:
-        """That of a sum of the terms times slopes (4,), in the vertices (n, 3) and in the center of
-        mass (3,)."""
-        found: tuple[Floats, Floats] = self._energies.gradient(self._weighted(slopes))
+    def gradient(self) -> tuple[Floats, Floats]:
+        """That of their sum, in the vertices (n, 3) and in the center of mass (3,)."""
+        found: tuple[Floats, Floats] = self._energies.gradient(self._weights)
         return found
-
-    def _weighted(self, numbers: Sequence[float]) -> list[float]:
-        return [weight * number for weight, number in zip(self._weights, numbers, strict=True)]

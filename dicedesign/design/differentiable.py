@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from types import ModuleType
 
 import numpy as np
@@ -21,32 +21,18 @@ from torch import Tensor
 from dicedesign import kernels
 from dicedesign.design.centroid import centroid_gradient, hull_centroid
 from dicedesign.design.kernel_functions import adjoint_function
+from dicedesign.design.rest_formulas import facet_depths, facet_normals, rest_probabilities
 from dicedesign.errors import InputError
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hull_reuse import HullMaker
-from dicedesign.geometry.ragged import ragged_ranges
 from dicedesign.rest.equilibria import Equilibria, classify
-from dicedesign.rest.morse import (
-    Separatrices,
-    basin_references,
-    border_areas,
-    separatrices,
-    separatrix_points,
-)
-from dicedesign.rest.probabilities import (
-    Basins,
-    basin_areas,
-    closed_areas,
-    find_basins,
-    tie_distance,
-)
+from dicedesign.rest.morse import Separatrices, separatrices
+from dicedesign.rest.probabilities import Basins, basin_areas, find_basins, tie_distance
 
 __all__ = ["RestEvaluation", "differentiable_rest", "evaluate_rests"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
-_TORCH: ModuleType = torch
 
 
 @dataclass(frozen=True)
@@ -101,44 +87,42 @@ class RestEvaluation:
     @cached_property
     def probabilities(self) -> Tensor:
         """(k,) the same, with gradients."""
-        compiled = kernels.compiled
+        compiled, hull, paths = kernels.compiled, self.hull, self.paths
         if compiled is None:
-            return _probabilities(self)
-        body = *self.paths.branches, self.hull.vertices, self.equilibria.center_of_mass
+            return rest_probabilities(hull, paths, self.vertices, self.center)
+        body = *paths.branches, hull.vertices, self.equilibria.center_of_mass
 
         def adjoint(gradient: Floats) -> tuple[Floats, Floats]:
             found: tuple[Floats, Floats] = compiled.area_gradient(*body, gradient / (4.0 * np.pi))
             return found
 
-        return self.tensors((self.odds,), adjoint, lambda rests: (_probabilities(rests),))[0]
+        return self._tensor(self.odds, adjoint, partial(rest_probabilities, hull, paths))
 
-    def tensors(
+    def _tensor(
         self,
-        values: tuple[Floats, ...],
-        adjoint: Callable[..., tuple[Floats, Floats]],
-        plain: Callable[[RestEvaluation], tuple[Tensor, ...]],
-    ) -> tuple[Tensor, ...]:
-        """Tensors of known values that are functions of the body.
+        value: Floats,
+        adjoint: Callable[[Floats], tuple[Floats, Floats]],
+        formula: Callable[[Tensor, Tensor], Tensor],
+    ) -> Tensor:
+        """A tensor of known value that is a function of the vertices and the center of mass.
 
-        adjoint: from the gradients of all of them to those in the vertices (n, 3) and in the
-            center of mass (3,); plain: the same of any evaluation, by operations of torch.
+        adjoint: from its gradient to those in the vertices (n, 3) and in the center of mass (3,);
+            formula: the function by operations of torch.
         """
+        if self.given_center is not None:
+            return adjoint_function(value, adjoint, formula, self.vertices, self.given_center)
         # What a tensor keeps must not keep the tensor, which this evaluation does.
         bare = replace(self)
-        if self.given_center is not None:
 
-            def of_both(vertices: Tensor, center: Tensor) -> tuple[Tensor, ...]:
-                return plain(replace(bare, vertices=vertices, given_center=center))
+        def of_vertices(vertices: Tensor) -> Tensor:
+            return formula(vertices, hull_centroid(vertices, bare.hull))
 
-            return adjoint_function(values, adjoint, of_both, self.vertices, self.given_center)
-
-        def of_all(*gradients: Floats) -> tuple[Floats]:
-            return (bare.with_center(*adjoint(*gradients)),)
-
-        def of_vertices(vertices: Tensor) -> tuple[Tensor, ...]:
-            return plain(replace(bare, vertices=vertices))
-
-        return adjoint_function(values, of_all, of_vertices, self.vertices)
+        return adjoint_function(
+            value,
+            lambda gradient: (bare.with_center(*adjoint(gradient)),),
+            of_vertices,
+            self.vertices,
+        )
 
     def with_center(self, by_vertices: Floats, by_center: Floats) -> Floats:
         """Gradient (n, 3) in the vertices, with which the center of mass of a uniform solid moves,
@@ -148,9 +132,9 @@ class RestEvaluation:
         return by_vertices + centroid_gradient(self.hull, by_center)
 
     @property
-    def slopes(self) -> Floats | None:
-        """(k, 3 n) Jacobian of the probabilities in the vertices, with which the center of mass of
-        a uniform solid moves; None without compiled kernels."""
+    def jacobian(self) -> Floats | None:
+        """(k, 3 n) that of the probabilities in the vertices, with which the center of mass of a
+        uniform solid moves; None without compiled kernels."""
         if kernels.compiled is None:
             return None
         vertices, center = self.hull.vertices, self.equilibria.center_of_mass
@@ -160,21 +144,21 @@ class RestEvaluation:
         if self.given_center is None:
             by_axis = [centroid_gradient(self.hull, axis).ravel() for axis in np.eye(3)]
             by_vertices = by_vertices + by_center @ np.stack(by_axis)
-        slopes: Floats = by_vertices / (4.0 * np.pi)
-        return slopes
+        jacobian: Floats = by_vertices / (4.0 * np.pi)
+        return jacobian
 
     def facet_normals(self, facets: Integers) -> Tensor:
         """(len(facets), 3) unit normals of facets."""
         hull, compiled = self.hull, kernels.compiled
         if compiled is None:
-            return _facet_normals(hull, facets, self.vertices)
+            return facet_normals(hull, facets, self.vertices)
         arrays = hull.facet_start, hull.tail, hull.vertices, facets
         return adjoint_function(
-            (hull.normals[facets],),
+            hull.normals[facets],
             lambda gradient: (compiled.normal_gradient(*arrays, gradient),),
-            lambda vertices: (_facet_normals(hull, facets, vertices),),
+            partial(facet_normals, hull, facets),
             self.vertices,
-        )[0]
+        )
 
     @cached_property
     def rest_normals(self) -> Tensor:
@@ -185,10 +169,11 @@ class RestEvaluation:
     def facet_depths(self) -> Tensor:
         """(m,) how far inside each facet the foot of the center of mass lies: its signed distance
         from the nearest edge's line over the circumscribed radius, positive for rests."""
-        if kernels.compiled is None:
-            return _facet_depths(self)
-        adjoint = replace(self).depth_gradient
-        return self.tensors((self.depths,), adjoint, lambda rests: (_facet_depths(rests),))[0]
+        compiled = kernels.compiled
+        if compiled is None:
+            return facet_depths(self.hull, self.vertices, self.center)
+        adjoint = partial(replace(self).depth_gradient, compiled)
+        return self._tensor(self.depths, adjoint, partial(facet_depths, self.hull))
 
     @cached_property
     def depths(self) -> Floats:
@@ -198,11 +183,10 @@ class RestEvaluation:
         depths: Floats = kernels.compiled.facet_depths(*self._facets)
         return depths
 
-    def depth_gradient(self, slopes: Floats) -> tuple[Floats, Floats]:
+    def depth_gradient(self, compiled: ModuleType, slopes: Floats) -> tuple[Floats, Floats]:
         """Gradient of the sum of depths times slopes (m,), in the vertices (n, 3) and in the center
-        (3,); for compiled kernels."""
-        assert kernels.compiled is not None
-        found: tuple[Floats, Floats] = kernels.compiled.depth_gradient(*self._facets, slopes)
+        (3,), by compiled kernels."""
+        found: tuple[Floats, Floats] = compiled.depth_gradient(*self._facets, slopes)
         return found
 
     @property
@@ -214,50 +198,6 @@ class RestEvaluation:
         """(len(vertices), 3) unit directions from the center of mass to vertices (eq. 6)."""
         radii = self.vertices[vertices] - self.center
         return radii / torch.linalg.vector_norm(radii, dim=1, keepdim=True)
-
-
-def _probabilities(rests: RestEvaluation) -> Tensor:
-    """(k,) with the formulas of the forward model."""
-    paths, vertices, center = rests.paths, rests.vertices, rests.center
-    count = len(paths.rests)
-    if count == 1:
-        return torch.ones(1, dtype=torch.float64) + 0.0 * (vertices.sum() + center.sum())
-    points = separatrix_points(paths, vertices, center, _TORCH)
-    # A closed loop's area does not depend on the reference direction: no gradient there.
-    normals = rests.hull.normals[paths.rests]
-    reference = torch.as_tensor(basin_references(paths, points.detach().numpy(), normals))
-    border = border_areas(paths, points, reference, _TORCH)
-    basins = torch.as_tensor(paths.basins.ravel())
-    areas = torch.zeros(count, dtype=torch.float64).index_add(0, basins, border.reshape(-1))
-    signed = areas.detach().numpy()
-    areas = areas + torch.as_tensor(closed_areas(signed) - signed)
-    return areas / (4.0 * torch.pi)
-
-
-def _facet_normals(hull: ConvexHull, facets: Integers, vertices: Tensor) -> Tensor:
-    """(len(facets), 3) from the area vectors of their polygons."""
-    start = hull.facet_start[facets]
-    owner, half_edges = ragged_ranges(start, hull.facet_start[facets + 1] - start)
-    anchor = vertices[hull.tail[start]][owner]
-    a = vertices[hull.tail[half_edges]] - anchor
-    b = vertices[hull.head[half_edges]] - anchor
-    vectors = torch.zeros((len(facets), 3), dtype=torch.float64)
-    vectors = vectors.index_add(0, torch.as_tensor(owner), torch.linalg.cross(a, b))
-    return vectors / torch.linalg.vector_norm(vectors, dim=1, keepdim=True)
-
-
-def _facet_depths(rests: RestEvaluation) -> Tensor:
-    """(m,) of all facets, edge by edge."""
-    hull = rests.hull
-    normals = rests.facet_normals(np.arange(len(hull.normals)))
-    edges = rests.vertices[hull.head] - rests.vertices[hull.tail]
-    radii = rests.vertices - rests.center
-    circumscribed = torch.linalg.vector_norm(radii, dim=1).max()
-    across = torch.linalg.cross(edges, normals[hull.facet])
-    length = torch.linalg.vector_norm(edges, dim=1)
-    distance = (radii[hull.tail] * across).sum(-1) / (length * circumscribed)
-    far = torch.full((len(hull.normals),), torch.inf, dtype=torch.float64)
-    return far.scatter_reduce(0, torch.as_tensor(hull.facet), distance, "amin")
 
 
 def evaluate_rests(

@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 from torch import Tensor
 
 from dicedesign import kernels
-from dicedesign.design.compiled_energy import PAPER_TERMS, CompiledEnergy
+from dicedesign.design.compiled_energy import CompiledEnergy
 from dicedesign.design.differentiable import RestEvaluation
 from dicedesign.design.energy_weights import EnergyWeights
 from dicedesign.geometry.hull import ConvexHull
@@ -27,7 +27,6 @@ from dicedesign.tolerances import SAME_REST_ANGLE
 __all__ = [
     "Clusters",
     "Energy",
-    "EnergyWeights",
     "barycenter_energy",
     "cluster",
     "coplanar_energy",
@@ -186,74 +185,16 @@ def outcome_facets(normals: Floats, directions: Floats, depths: Floats) -> Integ
 def total_energy(
     rests: RestEvaluation, clusters: Clusters, target: Floats, weights: EnergyWeights
 ) -> dict[str, Tensor]:
-    """The weighted terms of eq. 16 by name; only those with a weight are evaluated."""
-    compiled = _compiled_energy(rests, clusters, target, weights)
-    if compiled is None:
-        terms = _paper_terms(rests, clusters, target, weights)
-    else:
-        terms = _as_tensors(compiled, rests, clusters, target, weights)
-    if weights.stability > 0.0:
-        wall = stability_energy(rests, clusters, weights.stability_margin)
-        terms["stability"] = weights.stability * wall
-    return terms
-
-
-def _paper_terms(
-    rests: RestEvaluation, clusters: Clusters, target: Floats, weights: EnergyWeights
-) -> dict[str, Tensor]:
-    """Those of the paper."""
-    terms = {"dice": dice_energy(rests.probabilities, clusters, target)}
-    if weights.coplanar > 0.0:
-        terms["coplanar"] = weights.coplanar * coplanar_energy(rests.rest_normals, clusters)
-    if weights.barycenter > 0.0:
-        terms["barycenter"] = weights.barycenter * barycenter_energy(rests, clusters)
-    if weights.neighbor > 0.0:
-        near = neighbor_energy(rests, clusters, weights.neighbor_radius)
-        terms["neighbor"] = weights.neighbor * near
-    return terms
-
-
-def _compiled_energy(
-    rests: RestEvaluation, clusters: Clusters, target: Floats, weights: EnergyWeights
-) -> CompiledEnergy | None:
-    """The same by compiled kernels, if there are any."""
-    if kernels.compiled is None:
-        return None
-    return CompiledEnergy(
-        kernels.compiled,
-        rests,
-        (clusters.of_rest, clusters.directions, np.asarray(target, dtype=np.float64)),
-        (1.0, weights.coplanar, weights.barycenter, weights.neighbor),
-        (weights.neighbor_radius, SMALLEST_MEAN),
-    )
-
-
-def _as_tensors(
-    compiled: CompiledEnergy,
-    rests: RestEvaluation,
-    clusters: Clusters,
-    target: Floats,
-    weights: EnergyWeights,
-) -> dict[str, Tensor]:
-    names = _weighted_terms(weights)
-
-    def adjoint(*gradients: Floats | None) -> tuple[Floats, Floats]:
-        slopes = dict.fromkeys(PAPER_TERMS, 0.0)
-        for name, gradient in zip(names, gradients, strict=True):
-            slopes[name] = 0.0 if gradient is None else float(gradient)
-        return compiled.gradient(list(slopes.values()))
-
-    def plain(moved: RestEvaluation) -> tuple[Tensor, ...]:
-        return tuple(_paper_terms(moved, clusters, target, weights).values())
-
-    terms = dict(zip(PAPER_TERMS, compiled.values, strict=True))
-    values = tuple(np.array(terms[name]) for name in names)
-    return dict(zip(names, rests.tensors(values, adjoint, plain), strict=True))
-
-
-def _weighted_terms(weights: EnergyWeights) -> list[str]:
-    """Names of the paper's terms that have a weight."""
-    return [name for name in PAPER_TERMS if name == "dice" or getattr(weights, name) > 0.0]
+    """The weighted terms of eq. 16 by name, and that of the stability energy, by operations of
+    torch; only those with a weight are evaluated."""
+    terms = {
+        "dice": lambda: dice_energy(rests.probabilities, clusters, target),
+        "coplanar": lambda: coplanar_energy(rests.rest_normals, clusters),
+        "barycenter": lambda: barycenter_energy(rests, clusters),
+        "neighbor": lambda: neighbor_energy(rests, clusters, weights.neighbor_radius),
+        "stability": lambda: stability_energy(rests, clusters, weights.stability_margin),
+    }
+    return {name: weight * terms[name]() for name, weight in weights.of_terms.items()}
 
 
 @dataclass(frozen=True)
@@ -275,10 +216,9 @@ class Energy:
         """The weighted terms by name, those of `total_energy`."""
         if self._compiled is None:
             return {name: term.item() for name, term in self._tensors.items()}
-        values = dict(zip(PAPER_TERMS, self._compiled.values, strict=True))
-        terms = {name: values[name] for name in _weighted_terms(self.weights)}
-        if self.weights.stability > 0.0:
-            terms["stability"] = self.weights.stability * self._wall[0]
+        terms = self._compiled.terms
+        if "stability" in self.weights.of_terms:
+            terms = {**terms, "stability": self.weights.stability * self._wall[0]}
         return terms
 
     @property
@@ -288,9 +228,10 @@ class Energy:
         if self._compiled is None:
             terms = [term for term in self._tensors.values() if term.requires_grad]
             return torch.autograd.grad(terms, self.rests.vertices, retain_graph=True)[0].numpy()
-        by_vertices, by_center = self._compiled.gradient((1.0,) * len(PAPER_TERMS))
-        if self.weights.stability > 0.0:
-            walls = self.rests.depth_gradient(self.weights.stability * self._wall[1])
+        by_vertices, by_center = self._compiled.gradient()
+        if "stability" in self.weights.of_terms:
+            slopes = self.weights.stability * self._wall[1]
+            walls = self.rests.depth_gradient(self._compiled.module, slopes)
             by_vertices, by_center = by_vertices + walls[0], by_center + walls[1]
         return self.rests.with_center(by_vertices, by_center)
 
@@ -300,7 +241,17 @@ class Energy:
 
     @cached_property
     def _compiled(self) -> CompiledEnergy | None:
-        return _compiled_energy(self.rests, self.clusters, self.target, self.weights)
+        if kernels.compiled is None:
+            return None
+        return CompiledEnergy(
+            kernels.compiled,
+            self.rests,
+            of_rest=self.clusters.of_rest,
+            directions=self.clusters.directions,
+            target=np.asarray(self.target, dtype=np.float64),
+            weights=self.weights,
+            smallest_mean=SMALLEST_MEAN,
+        )
 
     @cached_property
     def _wall(self) -> tuple[float, Floats]:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.options import STRICT
 
-__all__ = ["EnergyWeights"]
+__all__ = ["REGULARIZERS", "EnergyWeights"]
+
+REGULARIZERS: Final = ("coplanar", "barycenter", "neighbor", "stability")
+"""Names of the terms beside the dice energy."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,7 @@ class EnergyWeights:
     stability_margin: float = 0.05
 
     def __post_init__(self) -> None:
-        for name in ("coplanar", "barycenter", "neighbor", "stability"):
+        for name in REGULARIZERS:
             value = getattr(self, name)
             if not 0.0 <= value < np.inf:
                 raise InputError(
@@ -54,6 +58,15 @@ class EnergyWeights:
                 "weights.stability_margin: expected a fraction above 0 and at most 1, got "
                 f"{self.stability_margin:g}; leave it out for 0.05"
             )
+
+    @property
+    def of_terms(self) -> dict[str, float]:
+        """By the names of the terms that have a weight; that of the dice energy is 1."""
+        weights = {"dice": 1.0}
+        for name in REGULARIZERS:
+            if (weight := getattr(self, name)) > 0.0:
+                weights[name] = weight
+        return weights
 
     def relaxed(self, factor: float) -> EnergyWeights:
         """The same with the barycenter and neighbor terms times a factor. Those two pull away from

@@ -199,7 +199,7 @@ class _Goal:
             if error > CONVERGING * before:
                 return None
             before = error
-            parameters = parameters + there.back(trial.probabilities - self.target)
+            parameters = parameters + there.back(trial.odds - self.target)
         return None
 
 

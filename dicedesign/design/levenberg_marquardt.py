@@ -127,10 +127,10 @@ class Approach:
 
     def _residuals(self, trial: Trial, weight: float) -> Floats:
         """(r,) p - q, and with a weight above 0 what facets near the edge lack in depth."""
-        misses = trial.probabilities - self.target
+        misses = trial.odds - self.target
         if weight == 0.0:
             return misses
-        depths = trial.depths.detach().numpy()
+        depths = trial.signed_depths.detach().numpy()
         lacking = 1.0 - depths[depths < DEPTH_MARGIN] / DEPTH_MARGIN
         return np.concatenate([misses, weight * lacking])
 
@@ -138,7 +138,7 @@ class Approach:
         """(r, n) of the residuals."""
         if weight == 0.0:
             return trial.odds_jacobian
-        near = trial.depths[trial.depths.detach() < DEPTH_MARGIN]
+        near = trial.signed_depths[trial.signed_depths.detach() < DEPTH_MARGIN]
         steepness = -weight / DEPTH_MARGIN
         return np.concatenate([trial.odds_jacobian, steepness * trial.jacobian(near)])
 
@@ -158,4 +158,4 @@ class Approach:
 
 def dice_energy(trial: Trial, target: Floats) -> float:
     """Sum of (p - q)^2 over the outcomes, for target odds (k,); source: eq. 12."""
-    return float(((trial.probabilities - target) ** 2).sum())
+    return float(((trial.odds - target) ** 2).sum())

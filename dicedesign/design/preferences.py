@@ -148,7 +148,7 @@ def _asymmetry(rests: RestEvaluation, facets: Integers) -> Tensor:
     normals = rests.rest_normals[torch.as_tensor(paths.basins)]
     cross = torch.linalg.cross(normals, saddles.expand_as(normals))
     angles = torch.atan2(torch.linalg.vector_norm(cross, dim=-1), (normals * saddles).sum(-1))
-    weights = rests.probabilities.detach()[torch.as_tensor(paths.basins)].amin(dim=1)
+    weights = torch.as_tensor(rests.odds[paths.basins].min(axis=1))
     unequal = (angles[:, 0] - angles[:, 1]) / angles.sum(dim=1)
     return torch.sqrt(weights) * unequal / USUAL_INEQUALITY
 

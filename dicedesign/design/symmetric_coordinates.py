@@ -9,9 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from dicedesign.design.coordinates import FacetCoordinates, Shape
 from dicedesign.design.differentiable import RestEvaluation
@@ -111,14 +109,7 @@ class SymmetricCoordinates:
         def pulled_back(gradients: Floats) -> Floats:
             return whole.pulled_back(gradients) @ self.expansion
 
-        def formula(parameters: Tensor) -> Tensor:
-            return whole.formula(torch.as_tensor(self.expansion) @ parameters)
-
-        return Shape(whole.points, pulled_back, formula)
-
-    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
-        """See `Coordinates`."""
-        return self.shape(parameters.detach().numpy(), hull_of).attached(parameters)
+        return Shape(whole.points, pulled_back)
 
     def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """See `FacetCoordinates`."""

@@ -51,18 +51,13 @@ class Trial:
         """(k, 3) normals of those facets."""
         return self.rests.hull.normals[self.outcome_facets]
 
-    @property
-    def odds(self) -> Tensor:
-        """(k,) probabilities of the outcomes."""
-        return self.rests.probabilities[torch.as_tensor(self.rest_of_outcome)]
-
     @cached_property
-    def probabilities(self) -> Floats:
-        """(k,) the same as numbers."""
+    def odds(self) -> Floats:
+        """(k,) probabilities of the outcomes."""
         return self.rests.odds[self.rest_of_outcome]
 
     @cached_property
-    def depths(self) -> Tensor:
+    def signed_depths(self) -> Tensor:
         """(m,) how surely each facet is what it is, a rest or none: its depth
         (`RestEvaluation.facet_depths`), with the other sign for facets that are no rests."""
         sign = np.full(len(self.rests.hull.normals), -1.0)
@@ -71,15 +66,15 @@ class Trial:
 
     def error(self, target: Floats) -> float:
         """Largest |p - q| for target probabilities (k,)."""
-        return float(np.abs(self.probabilities - target).max())
+        return float(np.abs(self.odds - target).max())
 
     @cached_property
     def odds_jacobian(self) -> Floats:
         """(k, n) derivatives of the odds in the parameters, those of all outcomes in one sweep."""
-        slopes = self.rests.slopes
-        if slopes is None:
-            return self.jacobian(self.odds)
-        return self._in_parameters(slopes[self.rest_of_outcome])
+        jacobian = self.rests.jacobian
+        if jacobian is None:
+            return self.jacobian(self.rests.probabilities[self.rest_of_outcome])
+        return self._in_parameters(jacobian[self.rest_of_outcome])
 
     def jacobian(self, *values: Tensor) -> Floats:
         """(r, n) derivatives of the values of vectors, r in all, in the parameters."""
@@ -137,6 +132,6 @@ class TrialMaker:
             if not np.array_equal(np.sort(nearest), np.arange(len(stable))):
                 return None
             trial = Trial(coordinates, parameters, shape, rests, nearest)
-            return trial if np.isfinite(trial.probabilities).all() else None
+            return trial if np.isfinite(trial.odds).all() else None
         except (DiceError, Tie, np.linalg.LinAlgError):
             return None

@@ -135,8 +135,8 @@ def separatrix_points(paths: Separatrices, vertices: Any, center: Any, xp: Modul
 
     paths: the separatrices of a hull.
     vertices: (n, 3) and center: (3,), NumPy or torch.
-    Returns (2 s, depth + 2, 3), all but the maxima normalised. A branch that has crossed its last edge
-    waits there, so that superfluous segments have length zero.
+    Returns (2 s, depth + 2, 3), all but the maxima normalised. A branch that has crossed its last
+    edge waits there, so that superfluous segments have length zero.
     """
     radii = vertices - center
     tail, head = paths.saddle_ends[:, 0], paths.saddle_ends[:, 1]

@@ -98,7 +98,7 @@ def test_two_tasks_for_each_job_are_on_their_way(monkeypatch: pytest.MonkeyPatch
 
 
 def test_files_whose_worker_is_lost_run_again_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(running, "TASKS_IN_ALL", 1)
+    monkeypatch.setattr(running, "FEWEST_TASKS_PER_JOB", 1)
     stamps = {f"{i}.stl": Stamp(400_000, 1) for i in range(6)}
     executor = Counting(lambda count, files: count in (1, 3))
     assert run(stamps, executor) == made_up("", stamps)
@@ -108,7 +108,7 @@ def test_files_whose_worker_is_lost_run_again_alone(monkeypatch: pytest.MonkeyPa
 def test_only_the_file_that_takes_workers_down_is_given_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(running, "TASKS_IN_ALL", 1)
+    monkeypatch.setattr(running, "FEWEST_TASKS_PER_JOB", 1)
     stamps = {f"{i}.stl": Stamp(100, 1) for i in range(6)}
     executor = Counting(lambda count, files: "4.stl" in files)
     entries = run(stamps, executor)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import csv
 import os
 import signal
-import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import pyarrow
 import pytest
+from long_run import FILES, begun, shorten
 from pyarrow import parquet
 
 from dicedesign.batch.analyse import analyse_files
@@ -93,28 +92,15 @@ def test_jobs_and_formats_do_not_matter(odd: Path, tmp_path: Path) -> None:
 def test_a_run_that_was_killed_goes_on(
     meshes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out, box = tmp_path / "t.parquet", (meshes / "b" / "box.obj").read_bytes()
-    for i in range(3000):
-        (meshes / f"{i:04d}.obj").write_bytes(box)
-    script = (
-        "import sys; from dicedesign.batch import table; table.INTERVAL = 0.1; table.SHARE = 1.0;"
-        "from dicedesign.cli import main; sys.exit(main(sys.argv[1:]))"
-    )
-    rest = ["rest", str(meshes), "--jobs", "1", "--out", str(out)]
-    process = subprocess.Popen([sys.executable, "-c", script, *rest], stderr=subprocess.DEVNULL)
-    deadline = time.monotonic() + 60.0
-    while not (out.exists() and Table.read(out)):
-        assert time.monotonic() < deadline
-        assert process.poll() is None
-        time.sleep(0.02)
+    out = tmp_path / "t.parquet"
+    process, rest = begun(meshes, out)
     process.send_signal(signal.SIGKILL)
-    process.wait()
+    process.communicate()
 
     kept = rows_of(out)
     files = {row["file"] for row in kept}
-    assert 0 < len(files) < 3000
-    for path in sorted(meshes.glob("[0-9]*.obj"))[100:]:
-        path.unlink()
+    assert 0 < len(files) < FILES
+    shorten(meshes)
     later = (meshes / "a.stl").stat().st_mtime_ns + 1
     os.utime(meshes / "a.stl", ns=(later, later))
     assert main(rest) == 0

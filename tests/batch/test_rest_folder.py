@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ from typing import Any
 
 import pytest
 from inline_executor import Inline
+from long_run import FILES, begun, shorten
 
 from dicedesign import executors
 from dicedesign.batch import running
@@ -235,7 +235,7 @@ def test_a_cluster_without_workers_is_told_of_once(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(running, "QUIET", 0.01)
-    monkeypatch.setattr(running, "TASKS_IN_ALL", 1)
+    monkeypatch.setattr(running, "FEWEST_TASKS_PER_JOB", 1)
     waiting: list[Callable[[], None]] = []
     looks = 0
 
@@ -268,22 +268,8 @@ def test_an_interrupt_keeps_what_was_done(
     meshes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """As by Ctrl-C, which every process of the terminal's group gets."""
-    out, box = tmp_path / "t.csv", (meshes / "b" / "box.obj").read_bytes()
-    for i in range(3000):
-        (meshes / f"{i:04d}.obj").write_bytes(box)
-    script = (
-        "import sys; from dicedesign.batch import table; table.INTERVAL = 0.1; table.SHARE = 1.0;"
-        "from dicedesign.cli import main; sys.exit(main(sys.argv[1:]))"
-    )
-    rest = ["rest", str(meshes), "--jobs", "1", "--out", str(out)]
-    process = subprocess.Popen(
-        [sys.executable, "-c", script, *rest], stderr=subprocess.PIPE, text=True, process_group=0
-    )
-    deadline = time.monotonic() + 60.0
-    while not (out.exists() and out.read_bytes().count(b"\n") > 1):
-        assert time.monotonic() < deadline
-        assert process.poll() is None
-        time.sleep(0.02)
+    out = tmp_path / "t.csv"
+    process, rest = begun(meshes, out, process_group=0)
     os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=30.0)
     assert process.returncode == 130
@@ -292,9 +278,8 @@ def test_an_interrupt_keeps_what_was_done(
     assert not list(tmp_path.glob(".*.part"))
 
     kept = without_seconds(out)
-    assert len({row["file"] for row in kept}) < 3000
-    for path in sorted(meshes.glob("[0-9]*.obj"))[100:]:
-        path.unlink()
+    assert len({row["file"] for row in kept}) < FILES
+    shorten(meshes)
     assert main(rest) == 0
     assert "files were already in" in capsys.readouterr().err
     whole = without_seconds(out)

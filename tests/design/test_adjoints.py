@@ -7,15 +7,17 @@ import gc
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+from attached_points import corner_formula
+from blade import blade
 
 from dicedesign import kernels
 from dicedesign.bench import solids
 from dicedesign.bench.extremes import large
-from dicedesign.bench.lean_bodies import blade
 from dicedesign.design.centroid import centroid_gradient, hull_centroid
 from dicedesign.design.coordinates import FacetCoordinates
 from dicedesign.design.differentiable import (
@@ -23,7 +25,8 @@ from dicedesign.design.differentiable import (
     differentiable_rest,
     evaluate_rests,
 )
-from dicedesign.design.energy import Clusters, Energy, EnergyWeights, cluster, total_energy
+from dicedesign.design.energy import Clusters, Energy, cluster, total_energy
+from dicedesign.design.energy_weights import REGULARIZERS, EnergyWeights
 from dicedesign.design.starts import hendecahedron, prism, repulsion
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.rest.equilibria import classify
@@ -133,12 +136,12 @@ def test_normals(points: np.ndarray) -> None:
 @compiled_only
 def test_the_jacobian_has_the_gradients_as_rows(points: np.ndarray) -> None:
     for rests in both_ways(points):
-        slopes = rests.slopes
-        assert slopes is not None
-        assert slopes.shape == (len(rests.paths.rests), rests.vertices.numel())
-        for place in range(0, len(slopes), max(1, len(slopes) // 5)):
+        jacobian = rests.jacobian
+        assert jacobian is not None
+        assert jacobian.shape == (len(rests.paths.rests), rests.vertices.numel())
+        for place in range(0, len(jacobian), max(1, len(jacobian) // 5)):
             row = gradients(rests.probabilities[place], rests)[: len(rests.vertices)]
-            assert_same(slopes[place].reshape(-1, 3), row, 1e-10)
+            assert_same(jacobian[place].reshape(-1, 3), row, 1e-10)
 
 
 @compiled_only
@@ -163,6 +166,12 @@ def clusters_of(rests: RestEvaluation, outcomes: int) -> Clusters:
     return cluster(rests.hull.normals[rests.paths.rests], directions)
 
 
+def gradient_of(term: torch.Tensor, rests: RestEvaluation) -> np.ndarray:
+    """(n, 3) in the vertices; 0 of a term that does not depend on them."""
+    count = len(rests.vertices)
+    return gradients(term, rests)[:count] if term.requires_grad else np.zeros((count, 3))
+
+
 @compiled_only
 @pytest.mark.parametrize("outcomes", [1, 3, 12])
 def test_energies(points: np.ndarray, outcomes: int) -> None:
@@ -175,18 +184,18 @@ def test_energies(points: np.ndarray, outcomes: int) -> None:
             expected = total_energy(twin, clusters, target, WEIGHTS)
             plain = Energy(twin, clusters, target, WEIGHTS)
             assert plain.terms == {name: term.item() for name, term in expected.items()}
-            whole = plain.gradient
-        found = total_energy(rests, clusters, target, WEIGHTS)
-        direct = Energy(rests, clusters, target, WEIGHTS)
-        assert list(expected) == list(found) == list(direct.terms)
+            slopes = {name: gradient_of(term, twin) for name, term in expected.items()}
+            assert_same(plain.gradient, np.sum(list(slopes.values()), axis=0), 1e-13)
+        whole = Energy(rests, clusters, target, WEIGHTS)
+        assert list(whole.terms) == list(expected)
         for name, term in expected.items():
-            assert found[name].item() == pytest.approx(term.item(), rel=1e-10, abs=1e-12)
-            assert direct.terms[name] == pytest.approx(found[name].item(), rel=1e-14)
-            if term.requires_grad:
-                assert_same(gradients(found[name], rests), gradients(term, twin), 1e-8, least)
-        total = torch.stack(list(expected.values())).sum()
-        assert_same(whole, gradients(total, twin)[: len(whole)], 1e-13)
-        assert_same(direct.gradient, whole, 1e-8)
+            assert whole.terms[name] == pytest.approx(term.item(), rel=1e-10, abs=1e-12)
+        assert_same(whole.gradient, plain.gradient, 1e-8)
+        for name in REGULARIZERS:
+            others = dict.fromkeys(set(REGULARIZERS) - {name}, 0.0)
+            alone = Energy(rests, clusters, target, replace(WEIGHTS, **others))
+            assert alone.terms == {term: whole.terms[term] for term in ("dice", name)}
+            assert_same(alone.gradient, slopes["dice"] + slopes[name], 1e-8, least)
 
 
 @compiled_only
@@ -214,15 +223,22 @@ def test_derivatives_can_be_differentiated_again(random_points) -> None:
     assert torch.autograd.gradgradcheck(probabilities, (points,), atol=1e-5, rtol=1e-4)
 
 
-def test_corners_of_half_spaces_pull_gradients_back(random_points) -> None:
+@pytest.mark.parametrize("compiled", [True, False], ids=["kernels", "no kernels"])
+def test_corners_of_half_spaces_pull_gradients_back(
+    random_points, monkeypatch: pytest.MonkeyPatch, compiled: bool
+) -> None:
     """Row by row as the formula in torch does, with a half-space that cuts nothing."""
+    if not compiled:
+        monkeypatch.setattr(kernels, "compiled", None)
+    elif kernels.compiled is None:
+        pytest.skip("no compiled kernels")
     points = random_points(6, 10)
     coordinates, values = FacetCoordinates.of(points, points.mean(axis=0))
     count = len(values) // 4
     parameters = np.concatenate([values[: 3 * count], [3.0, 0, 0], values[3 * count :], [3.0]])
     shape = coordinates.shape(parameters)
     leaf = torch.tensor(parameters, requires_grad=True)
-    by_formula = shape.formula(leaf)
+    by_formula = corner_formula(leaf, coordinates.origin)
     np.testing.assert_allclose(shape.points, by_formula.detach(), atol=1e-13)
     rows = np.random.default_rng(0).normal(size=(4, *shape.points.shape))
     found = shape.pulled_back(rows)

@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 import torch
+from attached_points import attached_points
 
 from dicedesign.design.barrier import DEPTH, barrier_residuals
 from dicedesign.design.circles import circle_radii, soft_circle_radii
@@ -125,7 +126,7 @@ def test_gradients_are_differences(measure: str, seed: int) -> None:
 
     def values(moved: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
         leaf = torch.tensor(moved, requires_grad=True)
-        rests = evaluate_rests(coordinates.points(leaf))
+        rests = evaluate_rests(attached_points(coordinates, leaf))
         if measure == "barrier":
             return leaf, barrier_residuals(rests)
         radii = circle_radii if measure == "largest" else soft_circle_radii

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 
 import numpy as np
 import pytest
 import torch
+from attached_points import attached_points
 from scipy.spatial import HalfspaceIntersection
 
 from dicedesign.design.coordinates import FacetCoordinates, VertexCoordinates
@@ -31,7 +33,7 @@ def corners(points: np.ndarray) -> np.ndarray:
 
 
 def evaluated(coordinates, parameters: np.ndarray) -> np.ndarray:
-    return coordinates.points(torch.tensor(parameters)).numpy()
+    return coordinates.shape(parameters).points
 
 
 @pytest.fixture(params=sorted(STARTS))
@@ -76,7 +78,9 @@ def test_gradcheck_of_points(random_points, kind) -> None:
     rng = np.random.default_rng(0)
     parameters = parameters + 0.01 * rng.normal(size=parameters.shape)
     leaf = torch.tensor(parameters, requires_grad=True)
-    assert torch.autograd.gradcheck(coordinates.points, (leaf,), eps=1e-6, atol=1e-6, rtol=1e-4)
+    assert torch.autograd.gradcheck(
+        partial(attached_points, coordinates), (leaf,), eps=1e-6, atol=1e-6, rtol=1e-4
+    )
 
 
 def test_the_length_of_a_facet_s_normal_does_not_matter() -> None:
@@ -112,12 +116,12 @@ def test_pruned_drops_points_inside_and_keeps_half_spaces(random_points) -> None
     points = random_points(5, 10)
     coordinates, parameters = VertexCoordinates.of(points, points.mean(axis=0))
     inner = np.concatenate([[0.0, 0.0, 0.0], parameters, 0.5 * parameters[:3]])
-    rests = evaluate_rests(coordinates.points(torch.tensor(inner)))
+    rests = evaluate_rests(torch.tensor(evaluated(coordinates, inner)))
     np.testing.assert_array_equal(coordinates.pruned(inner, rests), parameters)
     facets, values = FacetCoordinates.of(points, points.mean(axis=0))
     far = len(values) // 4
     idle = np.concatenate([values[: 3 * far], [1.0, 0.0, 0.0], values[3 * far :], [3.0]])
-    rests = evaluate_rests(facets.points(torch.tensor(idle)))
+    rests = evaluate_rests(torch.tensor(evaluated(facets, idle)))
     assert len(rests.hull.normals) == far
     np.testing.assert_array_equal(facets.pruned(idle, rests), idle)
 
@@ -134,7 +138,7 @@ def test_an_origin_outside_is_refused_in_words() -> None:
 
 def test_half_spaces_that_bound_no_solid_are_refused_in_words() -> None:
     normals = np.array([(0.0, 0, 1), (0, 1, 0), (1, 0, 0), (0.1, 0.1, 0.9), (0.5, 0.2, 0.3)])
-    parameters = torch.tensor(np.concatenate([normals.ravel(), np.zeros(5)]))
+    parameters = np.concatenate([normals.ravel(), np.zeros(5)])
     text = "facet coordinates: expected half-spaces that bound a solid, got normals that leave"
     with pytest.raises(DegenerateBodyError, match=text):
-        FacetCoordinates(np.zeros(3)).points(parameters)
+        FacetCoordinates(np.zeros(3)).shape(parameters)

@@ -12,7 +12,7 @@ import pytest
 from dicedesign import rest_poses
 from dicedesign.design.coordinates import FacetCoordinates
 from dicedesign.design.descent import DescentOptions, descend_to_target
-from dicedesign.design.energy import EnergyWeights
+from dicedesign.design.energy_weights import EnergyWeights
 from dicedesign.design.objective import Objective
 from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.sobolev import SobolevOptions

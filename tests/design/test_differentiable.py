@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dicedesign import kernels, rest_poses
-from dicedesign.design import differentiable
+from dicedesign.design import rest_formulas
 from dicedesign.design.centroid import hull_centroid
 from dicedesign.design.differentiable import (
     RestEvaluation,
@@ -270,13 +270,13 @@ def test_ties_of_a_symmetric_body_are_decided_as_in_the_forward_model(sides: int
 
 
 def test_basins_that_do_not_close_are_an_error(monkeypatch) -> None:
-    original = differentiable.border_areas
+    original = rest_formulas.border_areas
 
     def torn(*arguments):
         return original(*arguments) * (1.0 + 1e-6)
 
     monkeypatch.setattr(kernels, "compiled", None)
-    monkeypatch.setattr(differentiable, "border_areas", torn)
+    monkeypatch.setattr(rest_formulas, "border_areas", torn)
     text = "body: expected basins that cover the sphere once, got a difference of "
     with pytest.raises(DegenerateBodyError, match=text):
         differentiable_rest(torch.tensor(CUBE))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from dicedesign.design import energy
 from dicedesign.design.differentiable import RestEvaluation, evaluate_rests
 from dicedesign.design.energy import (
     Clusters,
-    EnergyWeights,
+    Energy,
     barycenter_energy,
     cluster,
     coplanar_energy,
@@ -26,6 +27,7 @@ from dicedesign.design.energy import (
     total_energy,
     updated_directions,
 )
+from dicedesign.design.energy_weights import REGULARIZERS, EnergyWeights
 from dicedesign.design.starts import prism, repulsion
 from dicedesign.errors import InputError
 
@@ -288,6 +290,19 @@ def test_a_weight_of_zero_is_not_evaluated(monkeypatch, random_points) -> None:
         assert set(result) == {"dice", name}
         assert called == [name]
         called.clear()
+
+
+@pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
+def test_a_weight_of_zero_is_not_in_the_compiled_energy(random_points) -> None:
+    rests, clusters = case(random_points(2, 12, ROUND), 2)
+    whole = EnergyWeights(neighbor_radius=0.9, stability_margin=0.4)
+    full = Energy(rests, clusters, np.full(2, 0.5), whole).terms
+    assert list(full) == ["dice", *REGULARIZERS]
+    assert min(full.values()) > 0.0
+    for names in ([], *([name] for name in REGULARIZERS)):
+        weights = replace(whole, **{other: 0.0 for other in REGULARIZERS if other not in names})
+        terms = Energy(rests, clusters, np.full(2, 0.5), weights).terms
+        assert terms == {name: full[name] for name in ["dice", *names]}
 
 
 def test_weights_multiply_their_terms(random_points) -> None:

@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-import torch
-from torch import Tensor
 
 from dicedesign.design import improvement
 from dicedesign.design.barrier import barrier_residuals
@@ -54,7 +52,7 @@ class Run:
         self.phases = 2 if least_circle > 0.0 else 1
         self.last = improve(
             self.first,
-            self.first.probabilities.copy(),
+            self.first.odds.copy(),
             self.maker,
             preferences,
             least_circle=least_circle,
@@ -71,7 +69,7 @@ class Run:
 
     def check(self) -> None:
         """By the forward model, which shares no step of the method."""
-        target = self.first.probabilities
+        target = self.first.odds
         assert (self.on_the_way or [self.first])[-1] is self.last
         assert (np.diff(self.values) >= 0.0).sum() < self.phases
         for trial in self.on_the_way:
@@ -197,11 +195,7 @@ class Opposite:
         return Shape(
             inner.points,
             lambda gradients: inner.pulled_back(gradients) @ pairs,
-            lambda parameters: inner.formula(torch.as_tensor(pairs) @ parameters),
         )
-
-    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
-        return self.shape(parameters.detach().numpy(), hull_of).attached(parameters)
 
     def pruned(self, parameters: np.ndarray, rests: RestEvaluation) -> np.ndarray:
         return parameters
@@ -214,9 +208,9 @@ def test_symmetry_that_ties_the_odds_is_kept() -> None:
     lengths = np.log(rng.uniform(0.9, 1.2, size=4))
     coordinates = Opposite(FacetCoordinates(np.zeros(3)))
     parameters = np.concatenate([normals.T.ravel(), lengths])
-    points = coordinates.points(torch.tensor(parameters)).numpy()
+    points = coordinates.shape(parameters).points
     run = start(coordinates, parameters, points)
-    odds = np.sort(run.first.probabilities)
+    odds = np.sort(run.first.odds)
     np.testing.assert_allclose(odds[::2], odds[1::2], atol=1e-14)
     assert np.linalg.matrix_rank(run.first.odds_jacobian, 1e-9) == len(odds) / 2 - 1
     improved = run.improved(CIRCLES)

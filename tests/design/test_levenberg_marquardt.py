@@ -35,14 +35,14 @@ def first_trial(vertices: bool) -> tuple[TrialMaker, Trial]:
 def test_a_step_is_the_shortest_in_its_metric(options: SobolevOptions | None) -> None:
     """With little damping it is the s of least s^T W s among those with J s = q - p."""
     maker, trial = first_trial(vertices=True)
-    shift = 2e-4 * np.cos(np.arange(len(trial.probabilities)))
-    target = trial.probabilities + shift - shift.mean()
+    shift = 2e-4 * np.cos(np.arange(len(trial.odds)))
+    target = trial.odds + shift - shift.mean()
     trials: list[Trial] = []
     approach = Approach(target, maker, options, 1e-13, lambda: len(trials) > 1, trials.append)
     approach.end(trial)
     step = trials[1].parameters - trial.parameters
 
-    odds = trial.jacobian(trial.odds)
+    odds = trial.jacobian(trial.rests.probabilities[trial.rest_of_outcome])
     hull = trial.rests.hull
     metric = np.eye(odds.shape[1])
     if options is not None:
@@ -50,7 +50,7 @@ def test_a_step_is_the_shortest_in_its_metric(options: SobolevOptions | None) ->
         one = np.eye(len(laplacian)) + options.smoothing * laplacian
         metric = np.kron(np.linalg.matrix_power(one, options.power), np.eye(3))
     # Odds sum to 1, so that the last row says nothing new.
-    rows, misses = odds[:-1], (target - trial.probabilities)[:-1]
+    rows, misses = odds[:-1], (target - trial.odds)[:-1]
     zeros = np.zeros((len(rows), len(rows)))
     conditions = np.block([[metric, rows.T], [rows, zeros]])
     shortest = np.linalg.solve(conditions, np.concatenate([np.zeros(len(metric)), misses]))
@@ -62,8 +62,8 @@ def test_a_step_is_the_shortest_in_its_metric(options: SobolevOptions | None) ->
 @pytest.mark.parametrize("vertices", [False, True])
 def test_a_near_target_is_met_in_few_steps(vertices: bool) -> None:
     maker, trial = first_trial(vertices)
-    shift = 1e-3 * np.sin(1.0 + np.arange(len(trial.probabilities)))
-    target = trial.probabilities + shift - shift.mean()
+    shift = 1e-3 * np.sin(1.0 + np.arange(len(trial.odds)))
+    target = trial.odds + shift - shift.mean()
     trials: list[Trial] = []
     end = Approach(target, maker, None, 1e-13, lambda: False, trials.append).end(trial)
     assert end is trials[-1]
@@ -74,5 +74,5 @@ def test_a_near_target_is_met_in_few_steps(vertices: bool) -> None:
 
 def test_a_die_within_the_tolerance_stays_as_it_is() -> None:
     maker, trial = first_trial(vertices=False)
-    approach = Approach(trial.probabilities, maker, None, 1e-13, lambda: False, lambda trial: None)
+    approach = Approach(trial.odds, maker, None, 1e-13, lambda: False, lambda trial: None)
     assert approach.end(trial) is trial

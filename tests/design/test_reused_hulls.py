@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from attached_points import attached_points
 
 from dicedesign.design.coordinates import FacetCoordinates, VertexCoordinates
 from dicedesign.design.descent import DescentOptions, descend_to_target
 from dicedesign.design.differentiable import evaluate_rests
-from dicedesign.design.energy import EnergyWeights
+from dicedesign.design.energy_weights import EnergyWeights
 from dicedesign.design.objective import Objective
 from dicedesign.design.result import DesignResult
 from dicedesign.design.sobolev import SobolevOptions
@@ -100,7 +101,7 @@ def test_values_and_gradients_with_a_memory_are_those_without() -> None:
         results = []
         for polar_of, shape_of in ((polars.hull, shapes.hull), (convex_hull, convex_hull)):
             leaf = torch.tensor(parameters, requires_grad=True)
-            rests = evaluate_rests(coordinates.points(leaf, polar_of), None, shape_of)
+            rests = evaluate_rests(attached_points(coordinates, leaf, polar_of), None, shape_of)
             (gradient,) = torch.autograd.grad((rests.probabilities**3).sum(), leaf)
             results.append((rests.probabilities.detach().numpy(), gradient.numpy()))
         for ours, theirs in zip(*results, strict=True):

@@ -31,7 +31,8 @@ from dicedesign.cli import main
 from dicedesign.design.coordinates import VertexCoordinates
 from dicedesign.design.descent import DescentOptions, descend_to_target
 from dicedesign.design.differentiable import evaluate_rests
-from dicedesign.design.energy import EnergyWeights, barycenter_energy, cluster, stability_energy
+from dicedesign.design.energy import barycenter_energy, cluster, stability_energy
+from dicedesign.design.energy_weights import EnergyWeights
 from dicedesign.design.line_search import LineSearch
 from dicedesign.design.objective import Evaluation, Objective
 from dicedesign.design.schedule import SMALLEST_MARGIN, Schedule

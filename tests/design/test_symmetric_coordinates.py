@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 
 import numpy as np
 import pytest
 import torch
+from attached_points import attached_points
 from scipy.spatial import ConvexHull
 
 from dicedesign.design.coordinates import FacetCoordinates
@@ -60,7 +62,7 @@ def asymmetry(points: np.ndarray, group: np.ndarray) -> float:
 def test_a_symmetric_shape_is_reproduced(name: str) -> None:
     points = symmetric_points(name)
     coordinates, parameters = symmetric(name)
-    again = coordinates.points(torch.tensor(parameters)).numpy()
+    again = coordinates.shape(parameters).points
     hull, made = convex_hull(points), convex_hull(again)
     assert len(made.normals) == len(hull.normals)
     gaps = np.linalg.norm(made.vertices[:, None] - hull.vertices[None], axis=-1)
@@ -74,7 +76,7 @@ def test_any_parameters_make_a_symmetric_shape(name: str) -> None:
     coordinates, parameters = symmetric(name)
     for seed in range(4):
         noise = np.random.default_rng(seed).normal(size=len(parameters))
-        moved = coordinates.points(torch.tensor(parameters + 0.05 * noise)).numpy()
+        moved = coordinates.shape(parameters + 0.05 * noise).points
         assert asymmetry(moved, group) < 1e-12
         before = ConvexHull(symmetric_points(name)).volume
         assert abs(ConvexHull(moved).volume / before - 1.0) > 1e-4
@@ -137,7 +139,9 @@ def test_unknowns_are_those_that_the_place_of_a_facet_leaves(
 def test_gradcheck_of_points(name: str) -> None:
     coordinates, parameters = symmetric(name, seed=3)
     leaf = torch.tensor(parameters, requires_grad=True)
-    assert torch.autograd.gradcheck(coordinates.points, (leaf,), eps=1e-6, atol=1e-6, rtol=1e-4)
+    assert torch.autograd.gradcheck(
+        partial(attached_points, coordinates), (leaf,), eps=1e-6, atol=1e-6, rtol=1e-4
+    )
 
 
 def test_the_origin_is_moved_to_where_the_group_keeps_it() -> None:
@@ -153,7 +157,7 @@ def test_a_shape_in_single_precision_becomes_symmetric_to_the_last_digits() -> N
     hull = convex_hull(rounded, 1e-6)
     coordinates, parameters = SymmetricCoordinates.of(rounded, np.zeros(3), group, lambda _: hull)
     assert asymmetry(rounded, group) > 1e-9
-    assert asymmetry(coordinates.points(torch.tensor(parameters)).numpy(), group) < 1e-12
+    assert asymmetry(coordinates.shape(parameters).points, group) < 1e-12
 
 
 @pytest.mark.parametrize(
@@ -191,7 +195,7 @@ def test_an_orbit_that_rounding_would_break_is_refused_in_words() -> None:
     flat[:42].reshape(14, 3)[walls] *= [1e-11, 1e-11, 1.0]
     text = "symmetry: expected all facets of an orbit or none to bound the solid"
     with pytest.raises(DegenerateBodyError, match=text):
-        coordinates.points(torch.tensor(coordinates.expansion.T @ flat))
+        coordinates.shape(coordinates.expansion.T @ flat)
 
 
 def test_orbits_of_directions() -> None:

@@ -1,1 +1,3 @@
-"""One module for each bench, with its command line, and `reporting`, which they share."""
+"""One module for each bench, with its command line, and `reporting`, which they share.
+
+Each imports what it runs where it runs it: the command line and the other benches do without."""
