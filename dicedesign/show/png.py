@@ -24,6 +24,13 @@ def agg_figure(width: float, height: float) -> Figure:
 def png_bytes(figure: Figure) -> bytes:
     """A figure as PNG at `PIXELS_PER_INCH`; the same figure gives the same bytes."""
     buffer = BytesIO()
-    # The default metadata names the version of matplotlib.
-    figure.savefig(buffer, format="png", dpi=PIXELS_PER_INCH, metadata={"Software": None})
+    figure.savefig(
+        buffer,
+        format="png",
+        dpi=PIXELS_PER_INCH,
+        # The default names the version of matplotlib.
+        metadata={"Software": None},
+        # A fifth larger than by default, in a fourth of the time.
+        pil_kwargs={"compress_level": 1},
+    )
     return buffer.getvalue()

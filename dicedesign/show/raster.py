@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dicedesign import kernels
 from dicedesign.geometry.ragged import ragged_ranges
 
 __all__ = ["Camera", "rasterize"]
@@ -63,6 +64,9 @@ def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Intege
     -------
     (size, size) triangle of each pixel, or -1, and (size, size) its depth, or -inf.
     """
+    if kernels.compiled is not None:
+        seen, depth = kernels.compiled.rasterize(positions, triangles, size)
+        return seen, depth
     owner, row, left, right = _spans(positions[triangles], size)
     first = np.ceil(left[:, 0] - 0.5).clip(0, size).astype(np.int64)
     count = (np.ceil(right[:, 0] - 0.5).clip(0, size).astype(np.int64) - first).clip(0)

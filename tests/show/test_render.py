@@ -181,3 +181,20 @@ def test_facet_views_frame_their_facet():
 def test_facet_views_need_matching_arguments():
     with pytest.raises(InputError, match="got 1 normals, 1 up directions and 2 titles"):
         facet_views_figure(CUBE, np.array([[0, 1, 2]]), CUBE[:1], CUBE[:1], ["a", "b"])
+
+
+def test_the_kernel_sees_the_triangles_that_numpy_sees(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    for case in range(60):
+        count = int(rng.integers(3, 60))
+        positions = rng.normal(size=(count, 3)) * rng.choice([5, 30, 200]) + rng.choice([0, 20, 50])
+        if case % 3 == 0:
+            # Corners and edges on pixels' centres, equal depths.
+            positions = np.round(positions) + 0.5
+        triangles = rng.integers(0, count, size=(80, 3))
+        seen, depth = rasterize(positions, triangles, 64)
+        monkeypatch.setattr("dicedesign.kernels.compiled", None)
+        expected = rasterize(positions, triangles, 64)
+        monkeypatch.undo()
+        np.testing.assert_array_equal(seen, expected[0])
+        np.testing.assert_array_equal(depth, expected[1])
