@@ -18,7 +18,6 @@ from dicedesign.bench.subjects import Subject
 from dicedesign.bench.watchdog import CrashError, HangError, Watchdog
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.rest.poses import rest_poses
-from dicedesign.rest.probabilities import find_basins
 
 __all__ = [
     "FLOAT32",
@@ -130,8 +129,8 @@ def timed(run: Callable[[], Any]) -> tuple[Any, float]:
 
 
 def _model(subject: Subject) -> Iterator[Answer]:
-    """This model as it is, and with its coordinates in float32: the same run, of which only the
-    evaluation is exchanged."""
+    """This model as it is, and the same run after which coordinates and areas are evaluated again
+    in float32, in NumPy."""
     poses, seconds = timed(lambda: rest_poses(subject.body, subject.center))
     shares = np.zeros(len(subject.hull.normals))
     shares[poses.facets] = poses.probabilities
@@ -139,11 +138,13 @@ def _model(subject: Subject) -> Iterator[Answer]:
         yield Answer(FLOAT64, None, seconds, subject.error(shares))
     else:
         yield Answer(FLOAT64, None, seconds, None, "taken as exact")
-    sides = find_basins(subject.hull, subject.center)
-    evaluate = partial(evaluated_probabilities, subject.hull, sides)
-    _, double = timed(lambda: evaluate(np.float64))
-    shares, single = timed(lambda: evaluate(np.float32))
-    yield Answer(FLOAT32, None, seconds - double + single, subject.error(shares))
+
+    def in_single_precision() -> Floats:
+        basins = rest_poses(subject.body, subject.center).basins
+        return evaluated_probabilities(subject.hull, basins, np.float32)
+
+    shares, seconds = timed(in_single_precision)
+    yield Answer(FLOAT32, None, seconds, subject.error(shares))
 
 
 def _growing(
