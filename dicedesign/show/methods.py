@@ -24,7 +24,7 @@ _LEGEND_ROW: Final = 0.26
 _COLUMNS: Final = 3
 """Columns of the legend."""
 
-_FIRST: Final = 1e-2
+_FIRST: Final = 1e-3
 """Seconds at which the time axis begins."""
 
 _TOLERANCE: Final[dict[str, Any]] = {"color": FAINT, "linestyle": "--", "linewidth": 1.0}
