@@ -20,6 +20,7 @@ FLOORS = (
     ("rest",),
     ("batch",),
     ("design",),
+    ("concave",),
     ("fabricate",),
     ("show",),
     ("recipe_parts", "recipe", "recipe_file", "design_stage", "summary"),
@@ -32,6 +33,7 @@ FLOORS = (
 )
 KNOW_TORCH = (
     "dicedesign.design",
+    "dicedesign.concave",
     "dicedesign.search.trial",
     "dicedesign.bench",
     "dicedesign.commands.running",

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any, Final
 
-__all__ = ["figure_section", "list_section", "number", "page", "table_section"]
+__all__ = [
+    "figure_section",
+    "list_section",
+    "number",
+    "page",
+    "stages_section",
+    "table_section",
+]
 
 _STYLE: Final = """
 :root { color-scheme: light; }
@@ -27,6 +34,11 @@ th, td { padding: .25rem .75rem; border-bottom: 1px solid #e4e9ee; text-align: r
   overflow-wrap: normal; }
 th:first-child, td:first-child { text-align: left; padding-left: 0; }
 """
+
+_PEAK_SINCE: Final = {
+    "stage": "during the stage",
+    "start": "from its start to the end of the stage",
+}
 
 
 def number(value: float | None, digits: int) -> str:
@@ -63,6 +75,22 @@ def table_section(
         f'<section><h2>{escape(title)}</h2><div class="scroll"><table>'
         f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>{below}</section>"
     )
+
+
+def stages_section(stages: Sequence[Mapping[str, Any]], peak_since: str) -> str:
+    """A table of stages.
+
+    stages: each with "name", "seconds" and "peak_mb", a number or None; peak_since: "stage" or
+    "start", what "peak_mb" counts from.
+    """
+    rows = [
+        [stage["name"], f"{stage['seconds']:.2f}", number(stage["peak_mb"], 4)] for stage in stages
+    ]
+    memory = (
+        "Only what the recipe asks for is run; the making of this page follows. Memory is the most "
+        f"that the whole program held {_PEAK_SINCE[peak_since]}, libraries included."
+    )
+    return table_section("Stages", ["stage", "time (s)", "memory (MB)"], rows, memory)
 
 
 def page(title: str, parts: Sequence[str]) -> str:

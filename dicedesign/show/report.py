@@ -6,7 +6,14 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any, Final
 
-from dicedesign.show.html_parts import figure_section, list_section, number, page, table_section
+from dicedesign.show.html_parts import (
+    figure_section,
+    list_section,
+    number,
+    page,
+    stages_section,
+    table_section,
+)
 
 __all__ = ["report_html"]
 
@@ -30,11 +37,6 @@ _FIGURES: Final = (
     ("views", "The die from several sides", "All views have the same scale."),
     ("labels", "Every label", "Each labelled facet seen straight from outside."),
 )
-
-_PEAK_SINCE: Final = {
-    "stage": "during the stage",
-    "start": "from its start to the end of the stage",
-}
 
 _PRINTING: Final = (
     "Print the STL file in millimetres with 100 % infill, so that the density is uniform: the odds "
@@ -109,19 +111,11 @@ def _facets(result: Mapping[str, Any]) -> str:
 
 
 def _details(result: Mapping[str, Any]) -> str:
-    stages = [
-        [stage["name"], f"{stage['seconds']:.2f}", number(stage["peak_mb"], 4)]
-        for stage in result["stages"]
-    ]
     terms = [[term, number(value, 4)] for term, value in result["energy"].items()]
-    memory = (
-        "Only what the recipe asks for is run; the making of this page follows. Memory is the most "
-        f"that the whole program held {_PEAK_SINCE[result['peak_since']]}, libraries included."
-    )
     files = [f"{kind}: {file}" for kind, file in result["files"].items()]
     return "\n".join(
         [
-            table_section("Stages", ["stage", "time (s)", "memory (MB)"], stages, memory),
+            stages_section(result["stages"], result["peak_since"]),
             table_section("Energy", ["term", "value"], terms),
             list_section("Files", files),
         ]

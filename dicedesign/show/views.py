@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -11,8 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from dicedesign.errors import InputError
-from dicedesign.show.palette import DARK
-from dicedesign.show.png import PIXELS_PER_INCH, agg_figure
+from dicedesign.show.picture_grid import picture_grid
 from dicedesign.show.raster import Camera
 from dicedesign.show.render import render_view
 
@@ -53,7 +51,7 @@ def die_views_figure(vertices: Floats, triangles: Integers) -> Figure:
         up = np.array([0.0, 1.0, 0.0] if side[:2] == (0, 0) else [0.0, 0.0, 1.0])
         camera = Camera(direction, up, center, radius)
         pictures.append(render_view(vertices, triangles, camera, _BODY_PIXELS))
-    return _grid(pictures, [title for title, _ in _SIDES], 4)
+    return picture_grid(pictures, [title for title, _ in _SIDES], 4)
 
 
 def facet_views_figure(
@@ -92,23 +90,4 @@ def facet_views_figure(
         half_width = _FACET_FRAME * float((high - low).max()) / 2.0
         camera = Camera(normal, up, (low + high) / 2.0 @ frame, half_width)
         pictures.append(render_view(vertices, triangles, camera, _FACET_PIXELS))
-    return _grid(pictures, titles, min(_FACET_COLUMNS, len(pictures)))
-
-
-def _grid(pictures: Sequence[NDArray[np.uint8]], titles: Sequence[str], columns: int) -> Figure:
-    """Square pictures in rows, pixel for pixel, with a title above each."""
-    side = len(pictures[0]) / PIXELS_PER_INCH
-    gap, title_height = 0.16, 0.28
-    rows = math.ceil(len(pictures) / columns)
-    width, height = columns * (side + gap) + gap, rows * (side + gap + title_height) + gap
-    figure = agg_figure(width, height)
-    for k, (picture, title) in enumerate(zip(pictures, titles, strict=True)):
-        left = gap + (k % columns) * (side + gap)
-        top = height - gap - (k // columns) * (side + gap + title_height)
-        box = (left / width, (top - title_height - side) / height, side / width, side / height)
-        # With its height given, a title is not moved clear of ticks, which are not drawn here.
-        axes = figure.add_axes(box, xticks=[], yticks=[])
-        axes.imshow(picture)
-        axes.set_axis_off()
-        axes.set_title(title, fontsize=10, color=DARK, pad=3, y=1.0, parse_math=False)
-    return figure
+    return picture_grid(pictures, titles, min(_FACET_COLUMNS, len(pictures)))
