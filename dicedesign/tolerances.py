@@ -20,7 +20,9 @@ __all__ = [
     "COPLANAR_WIDENINGS",
     "ENGRAVED_VOLUME_TOLERANCE",
     "EQUAL_ODDS",
+    "FLAT_FOLD",
     "FLATNESS_TOLERANCE",
+    "PRINT_TOLERANCE",
     "PROBABILITY_SUM_TOLERANCE",
     "REUSE_FLATNESS",
     "REUSE_LEVERAGE",
@@ -30,7 +32,9 @@ __all__ = [
     "ROUNDED_DIGITS",
     "ROUNDING",
     "SAME_REST_ANGLE",
+    "SHARP_TURN",
     "SLIVER",
+    "SLIVER_ANGLE",
     "SYMMETRY_TOLERANCE",
     "THIN_VOLUME",
     "TIE_TOLERANCE",
@@ -102,6 +106,14 @@ ENGRAVED_VOLUME_TOLERANCE: Final = 1e-4
 """The volume that engraving takes away must be that of the labels within this part of it: the
 unevenness of a facet with float32 corners over the depth of a pocket."""
 
+FLAT_FOLD: Final = 1e-6
+"""Two triangles with a common edge lie on each other when the angle between them is no more than
+this, in radians: a surface that was pressed onto a plane keeps to it only to within rounding."""
+
+PRINT_TOLERANCE: Final = 1e-6
+"""Edges and slivers thinner than this, relative to the diagonal of the body's box, are taken out of
+a solid before it is printed."""
+
 ROUNDED_DIGITS: Final = 12
 """Coordinates of a file that all have at most this many significant decimal digits were rounded
 more coarsely than COPLANAR_TOLERANCE allows for; they count as single precision."""
@@ -122,6 +134,14 @@ dozen operations each, plus a margin). Signs of values within it are found in ex
 SLIVER: Final = 2.0**-30
 """A facet of no more than this part of the square over its longest edge has its normal computed in
 exact arithmetic: rounding would turn it noticeably."""
+
+SLIVER_ANGLE: Final = math.radians(1.0)
+"""A triangle of a surface is reported as a sliver when its smallest angle is below this, in
+radians."""
+
+SHARP_TURN: Final = math.radians(170.0)
+"""Two triangles with a common edge count as folded together when the surface turns by more than
+this there, in radians: the wedge between them is then narrower than ten degrees."""
 
 THIN_VOLUME: Final = 1e-3
 """A body is thin when its volume is less than this part of the cube of its largest coordinate from

@@ -10,16 +10,17 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from manifold3d import Error, Manifold, Mesh64, OpType
+from manifold3d import Error, Manifold, OpType
 from numpy.typing import NDArray
 
-from dicedesign.errors import EngravingError, InputError
+from dicedesign.errors import EngravingError
 from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.glyphs import text_section
 from dicedesign.fabricate.layout import Placement
+from dicedesign.geometry.solid import mesh_of, solid
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
-__all__ = ["EngravedDie", "engrave", "solid"]
+__all__ = ["Cut", "EngravedDie", "cut_out", "engrave"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -39,56 +40,28 @@ class EngravedDie:
     triangles: Integers
 
 
-def solid(vertices: Floats, triangles: Integers) -> Manifold:
-    """A closed triangle mesh as a solid, in double precision.
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """What a label takes away.
 
-    Parameters
+    Attributes
     ----------
-    vertices: (n, 3) in mm, each point once.
-    triangles: (t, 3) in [0, n), counter-clockwise seen from outside.
-
-    Returns
-    -------
-    Manifold of positive volume.
-
-    Raises
-    ------
-    InputError: wrong shapes, indices out of range, not finite, not closed, not oriented, or
-        without positive volume.
+    text: the label.
+    cutter: solid to subtract.
+    volume: of that part of it that lies in the body, in mm3, where it is as it should be.
     """
-    points = np.ascontiguousarray(vertices, dtype=np.float64)
-    corners = np.ascontiguousarray(triangles, dtype=np.int64)
-    if points.ndim != 2 or points.shape[1] != 3 or corners.ndim != 2 or corners.shape[1] != 3:
-        raise InputError(
-            "solid: expected vertices of shape (n, 3) and triangles of shape (t, 3), got "
-            f"{points.shape} and {corners.shape}; pass one row for each"
-        )
-    if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
-        raise InputError(
-            f"solid: expected triangles of vertices 0 to {len(points) - 1}, got indices from "
-            f"{corners.min()} to {corners.max()}; number the vertices from 0"
-        )
-    body = Manifold(Mesh64(points, corners.astype(np.uint64)))
-    if body.status() != Error.NoError:
-        raise InputError(
-            "solid: expected finite vertices and a closed surface in which each edge joins two "
-            f"triangles, got {body.status().name} for {len(corners)} triangles; repair the mesh or "
-            "merge its duplicate vertices"
-        )
-    if not body.volume() > 0:
-        raise InputError(
-            f"solid: expected a positive volume, got {body.volume():g} mm3; if it is negative the "
-            "triangles face inward: reverse their corners"
-        )
-    return body
+
+    text: str
+    cutter: Manifold
+    volume: float
 
 
-def _pocket(placement: Placement, depth: float) -> tuple[Manifold, float]:
-    """The cutter of one label, and the volume that it takes below the facet's plane."""
+def _pocket(placement: Placement, depth: float) -> Cut:
+    """The cut of one label into its facet's plane."""
     section = text_section(placement.text).scale((placement.height, placement.height))
     # It reaches as far above the facet as below, so that no face of it lies in the facet.
     cutter = section.extrude(2 * depth).translate((0.0, 0.0, -depth))
-    return cutter.transform(placement.frame[:3]), section.area() * depth
+    return Cut(placement.text, cutter.transform(placement.frame[:3]), section.area() * depth)
 
 
 def engrave(
@@ -115,22 +88,31 @@ def engrave(
     InputError: the plain mesh is no solid.
     EngravingError: a check failed; the message says which, and names the labels at fault.
     """
-    plain = solid(vertices, triangles)
     cuts = [_pocket(placement, options.depth_mm) for placement in placements]
-    expected = sum(volume for _, volume in cuts)
-    body = Manifold.batch_boolean([plain, *(cutter for cutter, _ in cuts)], OpType.Subtract)
+    return cut_out(solid(vertices, triangles), cuts, options)
 
-    failure = _failed_check(plain, body, expected)
+
+def cut_out(plain: Manifold, cuts: Sequence[Cut], options: EngravingOptions) -> EngravedDie:
+    """Subtract cuts from a solid, all at once.
+
+    plain: the solid; cuts: of labels; options: named in the message of an error.
+
+    Returns
+    -------
+    EngravedDie that passed the checks of `engrave`.
+
+    Raises
+    ------
+    EngravingError: a check failed; the message says which, and names the labels at fault.
+    """
+    body = Manifold.batch_boolean([plain, *(cut.cutter for cut in cuts)], OpType.Subtract)
+    failure = _failed_check(plain, body, sum(cut.volume for cut in cuts))
     if failure:
         raise EngravingError(
-            f"engraved solid: {failure}; {_culprits(plain, placements, cuts)}: reduce depth_mm "
+            f"engraved solid: {failure}; {_culprits(plain, cuts)}: reduce depth_mm "
             f"(now {options.depth_mm:g}) or increase size_mm or margin"
         )
-    mesh = body.to_mesh64()
-    return EngravedDie(
-        vertices=np.array(mesh.vert_properties[:, :3], dtype=np.float64),
-        triangles=np.array(mesh.tri_verts, dtype=np.int64),
-    )
+    return EngravedDie(*mesh_of(body))
 
 
 def _failed_check(plain: Manifold, body: Manifold, expected: float) -> str | None:
@@ -150,17 +132,15 @@ def _failed_check(plain: Manifold, body: Manifold, expected: float) -> str | Non
     return None
 
 
-def _culprits(
-    plain: Manifold, placements: Sequence[Placement], cuts: Sequence[tuple[Manifold, float]]
-) -> str:
+def _culprits(plain: Manifold, cuts: Sequence[Cut]) -> str:
     """Which pockets meet others or break through, in words."""
     involved = {
         index
-        for index, (cutter, volume) in enumerate(cuts)
-        if _failed_check(plain, plain - cutter, volume)
+        for index, cut in enumerate(cuts)
+        if _failed_check(plain, plain - cut.cutter, cut.volume)
     }
-    for (first, (a, _)), (second, (b, _)) in combinations(enumerate(cuts), 2):
-        if (a ^ b ^ plain).volume() > 0.0:
+    for (first, a), (second, b) in combinations(enumerate(cuts), 2):
+        if (a.cutter ^ b.cutter ^ plain).volume() > 0.0:
             involved |= {first, second}
-    labels = ", ".join(repr(placements[index].text) for index in sorted(involved)) or "some labels"
+    labels = ", ".join(repr(cuts[index].text) for index in sorted(involved)) or "some labels"
     return f"pockets meet, or break through another facet, at {labels}"

@@ -1,0 +1,1 @@
+"""Concave dice: closed surfaces deformed until their convex hull has wanted odds."""

@@ -1,0 +1,235 @@
+"""Mark on a body of any shape which outcome it shows, where it is up when it lies so.
+
+Lengths are in millimetres, volumes in cubic millimetres.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+from scipy.spatial.distance import pdist
+
+from dicedesign.errors import EngravingError, InputError, LabelRoomError
+from dicedesign.fabricate.engrave import Cut, EngravedDie, cut_out
+from dicedesign.fabricate.engraving_options import EngravingOptions
+from dicedesign.fabricate.glyphs import text_section
+from dicedesign.fabricate.upper_side import UpperSide, upper_side
+from dicedesign.geometry.solid import solid
+from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
+
+__all__ = ["Mark", "engrave_marks"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_CLEARANCE: Final = 0.25
+"""How far a cut reaches above the surface, in depths of the mark."""
+
+_SHRINKING: Final = 0.85
+"""Ratio of the digit heights tried one after the other."""
+
+_SMALLEST: Final = 3.0
+"""Smallest digit height tried, in spacings of the relief."""
+
+_EVENNESS: Final = 2.0
+"""What a millimetre by which the surface rises and falls beneath a mark counts for, in millimetres
+of the height of its digits."""
+
+_PLACES: Final = 3
+"""Places tried of one digit height: one may have a flaw between the nodes of the relief."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """A label on the upper side of a body that lies on one of its outcomes.
+
+    Attributes
+    ----------
+    text: the label.
+    frame: (4, 4) rigid motion from local x (right), y (up) and z (from the table upward) to the
+        body; its origin is the point of the surface beneath the middle of the label.
+    height: digit height.
+    """
+
+    text: str
+    frame: Floats
+    height: float
+
+
+def engrave_marks(
+    vertices: Floats,
+    triangles: Integers,
+    downs: Floats,
+    texts: Sequence[str],
+    options: EngravingOptions,
+) -> tuple[EngravedDie, list[Mark]]:
+    """Engrave a label for each outcome on the side that is up when the body lies on it.
+
+    Each label lies on a part of the surface that is seen straight from above, nowhere steeper than
+    45 degrees, solid to twice the depth, and away from the labels before it. Of all such places it
+    takes one where it is large (`options.max_height_mm` at most), high above the table and even.
+    The outlines are cut straight down, everywhere `options.depth_mm` below the surface. A label of
+    "●" is a dot.
+
+    Parameters
+    ----------
+    vertices: (n, 3) of the plain solid.
+    triangles: (t, 3) counter-clockwise seen from outside; closed.
+    downs: (k, 3) directions in the body that point to the table, of any length above 0.
+    texts: k labels.
+    options: depth, sizes, and the part of its room that a label keeps free.
+
+    Returns
+    -------
+    EngravedDie that passed the checks of `engrave`, and k marks in the order of the labels.
+
+    Raises
+    ------
+    InputError: the plain mesh is no solid, or there is not one direction for each label.
+    LabelRoomError: a label is too small to read; at the size it gives all are large enough.
+    EngravingError: there is no place for a label at any size, or a check failed.
+    """
+    downs = np.asarray(downs, dtype=np.float64)
+    lengths = np.linalg.norm(downs, axis=-1)
+    if downs.shape != (len(texts), 3) or not (np.isfinite(lengths) & (lengths > 0.0)).all():
+        raise InputError(
+            f"marks: expected a finite direction that is not zero for each of {len(texts)} labels, "
+            f"got {downs.tolist()}; pass one (3,) for each"
+        )
+    plain = solid(vertices, triangles)
+    points, corners = np.asarray(vertices, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
+    marks: list[Mark] = []
+    cuts: list[Cut] = []
+    for text, down in zip(texts, downs, strict=True):
+        side = upper_side(points, corners, -down / np.linalg.norm(down))
+        mark, cut = _fit(side, text, marks, options)
+        marks.append(mark)
+        cuts.append(cut)
+    _check_heights(marks, points, options)
+    return cut_out(plain, cuts, options), marks
+
+
+def _check_heights(marks: Sequence[Mark], points: Floats, options: EngravingOptions) -> None:
+    """Raise LabelRoomError if a mark is too small to read."""
+    too_small = [mark for mark in marks if mark.height < options.min_height_mm]
+    if too_small:
+        worst = min(too_small, key=lambda mark: mark.height)
+        size_mm = float(pdist(points[ConvexHull(points).vertices]).max())
+        rounded_up = math.ceil(10 * size_mm * options.min_height_mm / worst.height) / 10
+        raise LabelRoomError(
+            f"mark {worst.text!r}: expected room on the upper side for digits of at least "
+            f"min_height_mm = {options.min_height_mm:g}, got {worst.height:.2f} mm "
+            f"({len(too_small)} of {len(marks)} marks are too small at size_mm = {size_mm:.4g}); "
+            f"use size_mm = {rounded_up:.1f} or more, or a shorter label, a smaller margin or a "
+            "smaller min_height_mm",
+            rounded_up,
+        )
+
+
+def _fit(
+    side: UpperSide, text: str, others: Sequence[Mark], options: EngravingOptions
+) -> tuple[Mark, Cut]:
+    """The best mark of a label and its cut; it is too small to read where nothing else fits."""
+    for legible in (True, False):
+        places = _places(side, text, others, options, legible)
+        for middle, height in places:
+            frame = np.eye(4)
+            frame[:3] = np.column_stack([side.turn.T, middle @ side.turn])
+            mark = Mark(text, frame, height)
+            cut = _cut(side, mark, middle, options)
+            if cut is not None:
+                return mark, cut
+    raise EngravingError(
+        f"mark {text!r}: expected a place on the upper side that is seen from above, at most 45 "
+        f"degrees steep and solid to {2 * options.depth_mm:g} mm, got none of any size; reduce "
+        f"depth_mm (now {options.depth_mm:g}) or increase size_mm"
+    )
+
+
+def _places(
+    side: UpperSide,
+    text: str,
+    others: Sequence[Mark],
+    options: EngravingOptions,
+    legible: bool,
+) -> list[tuple[Floats, float]]:
+    """Middles (3,), turned, and digit heights of places for a label, the best first.
+
+    legible: whether digit heights from the largest down to `min_height_mm` are tried, or those
+    below until one has a place.
+    """
+    grid = side.relief
+    x, y = (grid.corner[k] + grid.spacing * np.arange(grid.height.shape[k]) for k in range(2))
+    centers = np.stack([*np.meshgrid(x, y, indexing="ij"), grid.height], axis=-1)
+    low, high = side.points[:, 2].min(), side.points[:, 2].max()
+    rise = (grid.height - low) / (high - low)
+    clear = [
+        np.linalg.norm(centers - side.turn @ other.frame[:3, 3], axis=-1)
+        - 0.5 * math.hypot(*_room(other.text, other.height, options))
+        for other in others
+    ]
+    places = []
+    for height in _digit_heights(options, legible, _SMALLEST * grid.spacing):
+        width, tall = _room(text, height, options)
+        uneven = side.unevenness(options.depth_mm, width, tall)
+        good = np.isfinite(uneven)
+        for distance in clear:
+            good &= distance > 0.5 * math.hypot(width, tall) + options.depth_mm
+        score = height * (1.0 + rise) - _EVENNESS * uneven
+        for _ in range(_PLACES):
+            if not good.any():
+                break
+            score[~good] = -np.inf
+            best = np.unravel_index(np.argmax(score), score.shape)
+            places.append((float(score[best]), centers[best], height))
+            good &= np.linalg.norm((centers - centers[best])[..., :2], axis=-1) > 0.5 * height
+        if places and not legible:
+            break
+    places.sort(key=lambda place: -place[0])
+    return [place[1:] for place in places]
+
+
+def _digit_heights(options: EngravingOptions, legible: bool, smallest: float) -> list[float]:
+    """The digit heights to try, falling."""
+    largest, least = (
+        (options.max_height_mm, options.min_height_mm)
+        if legible
+        else (_SHRINKING * options.min_height_mm, smallest)
+    )
+    if largest < least:
+        return []
+    steps = math.ceil(math.log(least / largest) / math.log(_SHRINKING))
+    return [*(largest * _SHRINKING**k for k in range(steps)), least]
+
+
+def _room(text: str, height: float, options: EngravingOptions) -> tuple[float, float]:
+    """Width and height of a label of a digit height and of what it keeps free around it."""
+    left, bottom, right, top = text_section(text).bounds()
+    scale = height / (1.0 - options.margin)
+    return scale * (right - left), scale * (top - bottom)
+
+
+def _cut(side: UpperSide, mark: Mark, middle: Floats, options: EngravingOptions) -> Cut | None:
+    """The outlines of a mark cut out of the surface; None where it is no whole sheet there."""
+    above, depth = _CLEARANCE * options.depth_mm, options.depth_mm
+    layer = side.layer(middle, *_room(mark.text, mark.height, options), above, depth)
+    if layer is None:
+        return None
+    section = text_section(mark.text).scale((mark.height, mark.height))
+    left, bottom, right, top = section.bounds()
+    low, high = layer.bounding_box()[2], layer.bounding_box()[5]
+    prism = section.extrude(high - low + 2.0 * depth).translate(
+        (middle[0] - 0.5 * (left + right), middle[1] - 0.5 * (bottom + top), low - depth)
+    )
+    cutter = layer ^ prism
+    whole = section.area() * (above + depth)
+    if abs(cutter.volume() - whole) > ENGRAVED_VOLUME_TOLERANCE * whole:
+        return None
+    back = np.column_stack([side.turn.T, np.zeros(3)])
+    return Cut(mark.text, cutter.transform(back), section.area() * depth)

@@ -1,0 +1,177 @@
+"""Defects of surfaces made on purpose, and distortion against singular values."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from dicedesign.concave.surface import Surface
+from dicedesign.concave.surface_quality import surface_distortion, surface_quality
+
+TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+
+
+def surface_of(mesh: trimesh.Trimesh) -> Surface:
+    return Surface(np.asarray(mesh.vertices).copy(), np.asarray(mesh.faces, dtype=np.int64))
+
+
+def sphere(subdivisions: int = 3) -> Surface:
+    return surface_of(trimesh.creation.icosphere(subdivisions=subdivisions))
+
+
+def test_a_sphere_has_no_defect() -> None:
+    quality = surface_quality(sphere())
+    assert quality.sentences() == ()
+    assert (quality.points, quality.triangles, quality.genus) == (642, 1280, 0)
+    shortest, mean, longest = quality.edges
+    assert 0 < shortest < mean < longest < 0.1
+    assert np.degrees(quality.smallest_angle) > 50
+    assert quality.distortion is None
+    assert len(quality.places) == 0
+
+
+def test_a_torus_has_one_handle() -> None:
+    assert surface_quality(surface_of(trimesh.creation.torus(2.0, 0.5))).genus == 1
+
+
+def test_angles_of_a_needle_are_those_of_its_closed_form() -> None:
+    height = 1e-2
+    points = np.array([[0, 0, 0], [1, 0, 0], [0.5, height, 0], [0.5, 0.5, 1]])
+    needle = Surface(points, TETRAHEDRON)
+    quality = surface_quality(needle)
+    assert quality.smallest_angle == pytest.approx(np.arctan(2 * height), rel=1e-12)
+    assert quality.slivers.tolist() == []
+    points[2, 1] = 1e-3
+    quality = surface_quality(Surface(points, needle.triangles))
+    assert quality.slivers.tolist() == [0]
+    assert quality.sentences()[-1] == ("1 sliver with an angle below 1 degrees, the smallest 0.11")
+
+
+def folded_sphere() -> tuple[Surface, Surface, int]:
+    """A sphere, the same with a point pulled past its neighbors in their plane, and the point."""
+    before = sphere()
+    points = before.points.copy()
+    point = int(np.argmax(points[:, 2]))
+    ring = np.unique(before.triangles[(before.triangles == point).any(axis=1)])
+    far = ring[np.argmax(points[ring, 0])]
+    points[point, 0] += 2.0 * (points[far, 0] - points[point, 0])
+    points[point, 2] = points[ring, 2].min()
+    return before, before.moved(points), point
+
+
+def test_a_point_pulled_past_its_neighbors_turns_triangles_over() -> None:
+    before, after, point = folded_sphere()
+    quality = surface_quality(after, before)
+    assert 1 <= len(quality.inverted) <= 3
+    assert (before.triangles[quality.inverted] == point).any(axis=1).all()
+    assert len(quality.folds) >= 2
+    assert any("turned over" in sentence for sentence in quality.sentences())
+
+
+def test_what_was_sharp_before_is_no_defect() -> None:
+    _, after, _ = folded_sphere()
+    against_itself = surface_quality(after, after)
+    assert len(against_itself.folds) == len(against_itself.inverted) == 0
+
+
+def test_sharp_bodies_have_no_triangles_turned_over() -> None:
+    for mesh in (
+        trimesh.creation.box((1, 1, 1)).subdivide(),
+        trimesh.creation.cone(0.1, 1.0, sections=20),
+        trimesh.Trimesh(np.vstack((np.zeros(3), np.eye(3))), TETRAHEDRON).subdivide(),
+    ):
+        quality = surface_quality(surface_of(mesh))
+        assert len(quality.inverted) == len(quality.folds) == 0
+
+
+def test_a_finger_through_the_other_side_is_found_where_it_is() -> None:
+    before = sphere(4)
+    points = before.points.copy()
+    top = np.exp(-((np.linalg.norm(points - [0, 0, 1], axis=1) / 0.25) ** 2))
+    points[:, 2] -= 2.6 * top
+    quality = surface_quality(before.moved(points), before)
+    assert len(quality.intersections) > 10
+    assert len(quality.places) == 1
+    np.testing.assert_allclose(quality.places[0], [0, 0, -1], atol=0.1)
+    assert quality.sentences()[0].startswith("the surface meets itself: ")
+    assert " in 1 place, near (" in quality.sentences()[0]
+
+
+def test_places_are_told_apart() -> None:
+    before = sphere(4)
+    points = before.points.copy()
+    for side, wide in ((1.0, 0.25), (-1.0, 0.35)):
+        tip = np.exp(-((np.linalg.norm(before.points - [0, side, 0], axis=1) / wide) ** 2))
+        points += tip[:, None] * [2.6 * side, -side, 0]
+    quality = surface_quality(before.moved(points))
+    assert len(quality.places) in (0, 2)
+
+
+def test_plain_data_can_be_written_as_json() -> None:
+    before = sphere()
+    points = before.points.copy()
+    points[before.triangles[0]] = points[before.triangles[0, 0]]
+    data = surface_quality(before.moved(points), before).data()
+    read = json.loads(json.dumps(data, allow_nan=False))
+    assert read["distortion"]["shape_largest"] is None
+    assert read["slivers"]["count"] >= 1
+    assert len(read["slivers"]["first"]) <= 20
+
+
+def test_a_similar_surface_is_not_distorted() -> None:
+    before = sphere()
+    turned = 3.0 * before.points @ Rotation.random(random_state=0).as_matrix().T + [1, 2, 3]
+    distortion = surface_distortion(before.moved(turned), before)
+    for value in vars(distortion).values():
+        assert value == pytest.approx(1.0, abs=1e-6)
+
+
+def test_distortion_is_the_ratio_of_singular_values() -> None:
+    rng = np.random.default_rng(1)
+    before = sphere(2)
+    after = before.moved(before.points @ rng.normal(size=(3, 3)) + 0.05 * rng.normal(size=(162, 3)))
+    shapes, ratios, weights = [], [], []
+    for corners, images in zip(
+        before.points[before.triangles], after.points[after.triangles], strict=True
+    ):
+        frame, triangle = np.linalg.qr((corners[1:] - corners[0]).T)
+        del frame
+        linear = (images[1:] - images[0]).T @ np.linalg.inv(triangle)
+        a, b = np.linalg.svd(linear, compute_uv=False)
+        shapes.append(a / b)
+        ratios.append(a * b)
+        weights.append(abs(np.linalg.det(triangle)))
+    scale = np.average(ratios, weights=weights)
+    sizes = np.maximum(np.array(ratios) / scale, scale / np.array(ratios))
+    found = surface_distortion(after, before)
+    assert found.shape_mean == pytest.approx(np.average(shapes, weights=weights), rel=1e-9)
+    assert found.shape_largest == pytest.approx(max(shapes), rel=1e-9)
+    assert found.size_mean == pytest.approx(np.average(sizes, weights=weights), rel=1e-9)
+    assert found.size_largest == pytest.approx(sizes.max(), rel=1e-9)
+    below = np.array(shapes) <= found.shape_most * (1 + 1e-12)
+    assert 0.95 <= np.average(below, weights=weights) < 0.96
+
+
+def test_the_report_does_not_depend_on_unit_or_frame() -> None:
+    before = sphere()
+    points = before.points.copy()
+    points[:, 2] *= 1.0 - 1.9 * np.exp(-(points[:, :2] ** 2).sum(axis=1) / 0.1)
+    points += 1e-3 * np.random.default_rng(2).normal(size=points.shape)  # no exact touches
+    expected = surface_quality(before.moved(points), before)
+    for scale in (1e-30, 1e20):
+        turn = scale * Rotation.random(random_state=3).as_matrix().T
+        found = surface_quality(before.moved(points @ turn), before.moved(before.points @ turn))
+        np.testing.assert_array_equal(found.inverted, expected.inverted)
+        np.testing.assert_array_equal(found.folds, expected.folds)
+        np.testing.assert_array_equal(found.intersections, expected.intersections)
+        np.testing.assert_allclose(found.edges, expected.edges, rtol=0.5)
+        assert found.smallest_angle == pytest.approx(expected.smallest_angle, rel=1e-9)
+        assert found.distortion is not None
+        assert expected.distortion is not None
+        assert found.distortion.shape_largest == pytest.approx(
+            expected.distortion.shape_largest, rel=1e-6
+        )
