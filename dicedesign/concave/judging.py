@@ -1,0 +1,61 @@
+"""What a concave die does, whatever it was designed for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.geometry.sphere import angle_between
+from dicedesign.rest.poses import RestPoses
+from dicedesign.tolerances import SAME_REST_ANGLE
+
+__all__ = ["ClusterOdds", "cluster_odds"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ClusterOdds:
+    """Odds by outcome.
+
+    Attributes
+    ----------
+    odds: (k,) of the rests within `SAME_REST_ANGLE` of the outcome's own.
+    main: (k,) number of that one among the rests, the most probable near the outcome's direction.
+    outcome_of_rest: (r,) or -1.
+    elsewhere: odds of all other rests together.
+    """
+
+    odds: Floats
+    main: Integers
+    outcome_of_rest: Integers
+    elsewhere: float
+
+    @property
+    def rest_counts(self) -> Integers:
+        """(k,) rests in each cluster."""
+        counted = self.outcome_of_rest[self.outcome_of_rest >= 0]
+        return np.bincount(counted, minlength=len(self.odds))
+
+    def error(self, target: Floats) -> float:
+        """Largest of |p - q| and of the odds elsewhere."""
+        return max(float(np.abs(self.odds - target).max()), self.elsewhere)
+
+
+def cluster_odds(poses: RestPoses, directions: Floats) -> ClusterOdds:
+    """Odds of the clusters of rests about the outcomes' directions (k, 3), unit."""
+    angles = angle_between(poses.normals[:, None, :], directions[None, :, :])
+    near = angles <= SAME_REST_ANGLE
+    main = np.where(
+        near.any(axis=0),
+        np.argmax(np.where(near, poses.probabilities[:, None], -1.0), axis=0),
+        angles.argmin(axis=0),
+    )
+    apart = angle_between(poses.normals[:, None, :], poses.normals[main][None, :, :])
+    of_rest = np.where(apart.min(axis=1) <= SAME_REST_ANGLE, apart.argmin(axis=1), -1)
+    counted = of_rest >= 0
+    odds = np.bincount(of_rest[counted], poses.probabilities[counted], minlength=len(directions))
+    return ClusterOdds(odds, main, of_rest, float(poses.probabilities[~counted].sum()))

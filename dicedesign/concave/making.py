@@ -1,0 +1,254 @@
+"""From a surface to a concave die: ways to a hull are tried, filled and compared."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.concave.alignment import Similarity, best_similarity
+from dicedesign.concave.correspondence import fill_by_correspondence
+from dicedesign.concave.elasticity import point_masses
+from dicedesign.concave.fill_result import FillResult, FillStep
+from dicedesign.concave.hull_design import DesignedHull, HullProblem, design_hull
+from dicedesign.concave.judging import cluster_odds
+from dicedesign.concave.options import ConcaveOptions
+from dicedesign.concave.outcomes import outcome_choices
+from dicedesign.concave.result import ConcaveDie, ConcaveProgress, ConcaveStep, FilledHull
+from dicedesign.concave.self_intersections import intersecting_triangles
+from dicedesign.concave.slopes import SlopeOptions
+from dicedesign.concave.surface import Surface
+from dicedesign.errors import NoStartError
+from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.sphere import norms
+from dicedesign.rest.poses import analyse
+
+__all__ = ["make_concave_die"]
+
+Floats = NDArray[np.float64]
+
+ROOM: Final = 0.8
+"""Part of the tolerance that the hull's design may use: the file is rounded afterwards."""
+
+CHOICE_SCALE: Final = 1.0
+"""Mean place, among the choices of outcomes, of the one that an attempt takes."""
+
+FALLS: Final = (1e-3, 1e-2)
+RISES: Final = (2e-3, 5e-3)
+CIRCLES: Final = (2.0, 4.5)
+"""Ranges that an attempt's slopes are drawn from, circles in degrees; see `SlopeOptions`."""
+
+
+def make_concave_die(
+    surface: Surface,
+    target: Floats,
+    options: ConcaveOptions,
+    *,
+    seed: int = 0,
+    resume: ConcaveProgress | None = None,
+    on_step: Callable[[ConcaveStep], None] | None = None,
+    on_attempt: Callable[[ConcaveProgress], None] | None = None,
+) -> ConcaveDie:
+    """Deform a surface until its convex hull and its center of mass have the wanted odds.
+
+    Each attempt designs the hull with the center of mass held, for one choice of outcomes, and lets
+    the surface follow. The best is one without self-intersections, of least mean displacement.
+
+    Parameters
+    ----------
+    surface: closed, of one component, without self-intersections (see `make_surface`).
+    target: (k,) the odds.
+    options: see `ConcaveOptions`.
+    seed: of the attempts' slopes and choices; attempt n is the same in any session.
+    resume: how far a former session came.
+    on_step: called after every step.
+    on_attempt: called after every attempt, with what it takes to go on from there.
+
+    Raises
+    ------
+    NoStartError: no attempt led to a filled hull.
+    InputError: more outcomes than the hull can carry; a fill needs a package that is missing.
+    """
+    return _Making(surface, target, options, seed, on_step, on_attempt).run(resume)
+
+
+@dataclass(eq=False)
+class _Making:
+    """One search. Coordinates are those of the surface about its center of mass, over its
+    circumscribed radius."""
+
+    surface: Surface
+    target: Floats
+    options: ConcaveOptions
+    seed: int
+    on_step: Callable[[ConcaveStep], None] | None
+    on_attempt: Callable[[ConcaveProgress], None] | None
+    steps: list[ConcaveStep] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.started = time.perf_counter()
+        self.center = self.surface.centroid
+        self.radius = float(norms(self.surface.points - self.center).max())
+        unit = self.surface.moved((self.surface.points - self.center) / self.radius)
+        self.problem = HullProblem(unit, self.target, ROOM * self.options.tolerance)
+        self.masses = point_masses(unit)
+
+    def run(self, resume: ConcaveProgress | None) -> ConcaveDie:
+        progress = resume or ConcaveProgress(0, 0.0, None, ())
+        before = progress.seconds
+        self.started -= before
+        choices = outcome_choices(self.problem.hull, self.target)
+        while progress.attempts < self.options.attempts and not self._good_enough(progress.best):
+            if progress.attempts > 0 and self.seconds >= self.options.seconds:
+                break
+            number = progress.attempts + 1
+            self.steps = []
+            found = self._attempt(number, choices)
+            if found is not None and (progress.best is None or _rank(found) < _rank(progress.best)):
+                history = tuple(self.steps)
+                progress = ConcaveProgress(number, self.seconds, found, history)
+            else:
+                history = progress.history if progress.best is not None else tuple(self.steps)
+                progress = ConcaveProgress(number, self.seconds, progress.best, history)
+            if self.on_attempt is not None:
+                self.on_attempt(progress)
+        return self._result(progress)
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock time, over all sessions."""
+        return time.perf_counter() - self.started
+
+    def _good_enough(self, best: FilledHull | None) -> bool:
+        return (
+            best is not None
+            and best.intersections == 0
+            and best.displacement <= self.options.displacement
+        )
+
+    def _attempt(self, number: int, choices: list[Floats]) -> FilledHull | None:
+        random = np.random.default_rng([self.seed, number])
+        place = 0 if number == 1 else int(random.exponential(CHOICE_SCALE))
+        directions = choices[place % len(choices)]
+        design = self._designed(number, directions, random)
+        if design is None:
+            return None
+        filled = self._filled(number, design)
+        return None if filled is None else self._measured(number, design, filled)
+
+    def _designed(
+        self, number: int, directions: Floats, random: np.random.Generator
+    ) -> DesignedHull | None:
+        def told(energy: float, error: float) -> None:
+            self._record(number, "hull", energy, error)
+
+        if self.options.hull == "descent":
+            # Imported late: the usual way does without.
+            from dicedesign.concave.hull_descent import descend_hull
+
+            return descend_hull(self.problem, directions, told)
+        low, high = np.log(FALLS)
+        slopes = SlopeOptions(
+            fall=float(np.exp(random.uniform(low, high))),
+            rise=float(random.uniform(*RISES)),
+            circle=float(np.radians(random.uniform(*CIRCLES))),
+        )
+        return design_hull(self.problem, directions, slopes, told)
+
+    def _filled(self, number: int, design: DesignedHull) -> FillResult | None:
+        def told(step: FillStep) -> None:
+            self._record(number, "fill", sum(step.terms.values()), None)
+
+        if self.options.fill == "correspondence":
+            filled = fill_by_correspondence(
+                self.problem.elasticity, design.hull, design.corners, design.center_of_mass, told
+            )
+            return filled if filled.converged else None
+        # Imported late: the usual way does without.
+        from dicedesign.concave.balance import BalanceOptions, balance
+        from dicedesign.concave.quadratic_fill import (
+            QuadraticFillOptions,
+            fill_by_quadratic_programs,
+        )
+
+        def balanced(step: FillStep) -> None:
+            self._record(number, "balance", sum(step.terms.values()), None)
+
+        filled = fill_by_quadratic_programs(
+            self.problem.surface,
+            design.hull,
+            QuadraticFillOptions(),
+            corners=design.corners,
+            center_of_mass=design.center_of_mass,
+            on_step=told,
+        )
+        done = balance(
+            self.problem.surface,
+            self.problem.surface.moved(filled.points),
+            design.hull,
+            design.center_of_mass,
+            BalanceOptions(),
+            on_step=balanced,
+        )
+        return done if done.converged else None
+
+    def _measured(self, number: int, design: DesignedHull, filled: FillResult) -> FilledHull:
+        unit = self.problem.surface
+        back = best_similarity(filled.points, unit.points, self.masses)
+        solid = unit.moved(back(filled.points))
+        poses = analyse(convex_hull(solid.points), solid.centroid, "uniform solid")
+        directions = design.directions @ back.rotation.T
+        error = cluster_odds(poses, directions).error(self.target)
+        self._record(number, "fill", sum(filled.history[-1].terms.values()), error)
+        displacement = self.masses @ norms(solid.points - unit.points) / unit.diagonal
+        return FilledHull(
+            number,
+            self._own(solid.points),
+            self._own(back(design.hull.vertices)),
+            directions,
+            error,
+            _gap(design, solid, back) / unit.diagonal,
+            float(displacement),
+            len(intersecting_triangles(solid.points, solid.triangles)),
+        )
+
+    def _own(self, points: Floats) -> Floats:
+        """Points (n, 3) in the surface's own unit and place."""
+        return self.center + self.radius * points
+
+    def _record(self, number: int, stage: str, energy: float, error: float | None) -> None:
+        self.steps.append(ConcaveStep(number, stage, self.seconds, energy, error))
+        if self.on_step is not None:
+            self.on_step(self.steps[-1])
+
+    def _result(self, progress: ConcaveProgress) -> ConcaveDie:
+        best = progress.best
+        if best is None:
+            raise NoStartError(
+                f"start: expected a surface whose hull leads to the target, but none of "
+                f"{progress.attempts} attempts did; allow more with method.concave.attempts and "
+                ".seconds, or take another target or surface"
+            )
+        after = self.surface.moved(best.points)
+        return ConcaveDie(
+            self.surface,
+            after,
+            convex_hull(best.hull_points),
+            best.directions,
+            (len(self.problem.hull.vertices), len(best.hull_points)),
+            progress,
+        )
+
+
+def _gap(design: DesignedHull, solid: Surface, back: Similarity) -> float:
+    """Largest distance of a corner of the designed hull from the point that fills it."""
+    return float(norms(solid.points[design.corners] - back(design.hull.vertices)).max())
+
+
+def _rank(found: FilledHull) -> tuple[int, float]:
+    """What counts, first to last: fewer self-intersections, less displacement."""
+    return found.intersections, found.displacement

@@ -1,0 +1,74 @@
+"""Options of `method: concave`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.options import STRICT
+
+__all__ = ["ConcaveOptions"]
+
+FEWEST_POINTS: Final = 50
+"""Of a surface that is to be decimated."""
+
+
+@dataclass(frozen=True)
+class ConcaveOptions:
+    """Options of `method: concave`.
+
+    Attributes
+    ----------
+    tolerance: largest |p - q| wanted, over clusters of rests within 5 degrees, and largest odds of
+        all other rests together; above 0 and below 1.
+    hull: how the hull is designed: "gauss_newton", or "descent" on the clustered energy with its
+        regularizers, as in the paper.
+    fill: how the surface is made to fill it: "correspondence", or "quadratic" programs and a
+        balance, as in the paper.
+    points: about as many the surface is decimated or refined to first; None to leave it.
+    attempts: most ways to a hull that are tried, at least 1; the best is kept.
+    displacement: mean displacement over the diagonal from which on no better one is sought,
+        positive.
+    seconds: wall-clock time after which no further way is tried, positive.
+    """
+
+    __pydantic_config__ = STRICT
+
+    tolerance: float = 0.005
+    hull: Literal["gauss_newton", "descent"] = "gauss_newton"
+    fill: Literal["correspondence", "quadratic"] = "correspondence"
+    points: int | None = None
+    attempts: int = 40
+    displacement: float = 0.05
+    seconds: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tolerance < 1.0:
+            raise InputError(
+                f"tolerance: expected a number above 0 and below 1, got {self.tolerance:g}; leave "
+                "it out for 0.005"
+            )
+        for name, value in (("hull", self.hull), ("fill", self.fill)):
+            choices = {"hull": ("gauss_newton", "descent"), "fill": ("correspondence", "quadratic")}
+            if value not in choices[name]:
+                raise InputError(
+                    f"{name}: expected {' or '.join(choices[name])}, got {value!r}; choose one"
+                )
+        if self.points is not None and self.points < FEWEST_POINTS:
+            raise InputError(
+                f"points: expected at least {FEWEST_POINTS}, got {self.points}; raise it, or leave "
+                "it out to keep the surface as it is"
+            )
+        if self.attempts < 1:
+            raise InputError(
+                f"attempts: expected a whole number above 0, got {self.attempts}; leave it out for "
+                "40"
+            )
+        for name, number in (("displacement", self.displacement), ("seconds", self.seconds)):
+            if not 0.0 < number < np.inf:
+                raise InputError(
+                    f"{name}: expected a positive number, got {number:g}; leave it out"
+                )

@@ -1,0 +1,102 @@
+"""What making a concave die returns, and what it needs to go on later."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.concave.surface import Surface
+from dicedesign.geometry.hull import ConvexHull
+
+__all__ = ["ConcaveDie", "ConcaveProgress", "ConcaveStep", "FilledHull"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ConcaveStep:
+    """One step of one attempt.
+
+    Attributes
+    ----------
+    attempt: its number, from 1 on.
+    stage: "hull", "fill" or "balance".
+    seconds: since the start, over all sessions.
+    energy: of the stage; those of different stages do not compare.
+    error: largest |p - q| of the hull, or None where the stage does not know.
+    """
+
+    attempt: int
+    stage: str
+    seconds: float
+    energy: float
+    error: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class FilledHull:
+    """A surface that fills a designed hull.
+
+    Attributes
+    ----------
+    attempt: the one that led there.
+    points: (n, 3) of the surface, laid onto the original as well as a similarity can.
+    hull_points: (v, 3) corners of the designed hull, the same way.
+    directions: (k, 3) unit directions that are down in the outcomes.
+    error: largest of |p - q| over the clusters and the odds of all other rests together.
+    gap: largest distance of a corner of the hull from the surface, over the diagonal.
+    displacement: mean over the points, over the diagonal of the original.
+    intersections: pairs of triangles that meet and should not.
+    """
+
+    attempt: int
+    points: Floats
+    hull_points: Floats
+    directions: Floats
+    error: float
+    gap: float
+    displacement: float
+    intersections: int
+
+
+@dataclass(frozen=True)
+class ConcaveProgress:
+    """Enough to go on from.
+
+    Attributes
+    ----------
+    attempts: how many are done.
+    seconds: spent on them.
+    best: the best so far, or None.
+    history: steps of the best attempt, or of the last where none led anywhere.
+    """
+
+    attempts: int
+    seconds: float
+    best: FilledHull | None
+    history: tuple[ConcaveStep, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ConcaveDie:
+    """A finished search.
+
+    Attributes
+    ----------
+    before: the surface as it came, after remeshing if that was asked for.
+    after: the die, in the same place and of the same triangles.
+    hull: the designed one.
+    directions: (k, 3) that are down in the outcomes, in the order of the target.
+    hull_corners: numbers of corners of the hulls before and after.
+    progress: how it went.
+    """
+
+    before: Surface
+    after: Surface
+    hull: ConvexHull
+    directions: Floats
+    hull_corners: tuple[int, int]
+    progress: ConcaveProgress

@@ -1,0 +1,58 @@
+"""Surfaces of a few hundred points that are not convex, and hulls near theirs."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from dicedesign.concave.surface import Surface
+from dicedesign.geometry.hull import ConvexHull, convex_hull
+
+Floats = NDArray[np.float64]
+
+
+def bumpy_sphere(subdivisions: int = 2) -> Surface:
+    """A sphere with three dents and three humps, stretched: 42, 162, 642 points."""
+    ball = trimesh.creation.icosphere(subdivisions=subdivisions)
+    unit = np.array(ball.vertices)
+    x, y, z = unit.T
+    radii = 1.0 + 0.25 * np.sin(3.0 * np.arctan2(y, x)) * (1.0 - z * z) ** 1.5 + 0.1 * z
+    stretched = unit * radii[:, None] * np.array([1.3, 1.0, 0.8])
+    return Surface(stretched + np.array([5.0, -2.0, 1.0]), np.array(ball.faces, dtype=np.int64))
+
+
+def bent_capsule(rings: int = 24, around: int = 12) -> Surface:
+    """A tube with round ends along a third of a circle."""
+    length = np.linspace(-1.0, 1.0, rings)
+    radii = 0.25 * np.sqrt(1.0 - 0.96 * np.abs(length) ** 6)
+    angles = 2.0 * np.pi / around * np.arange(around)
+    bend = length[:, None] * np.pi / 3.0
+    out = 1.0 + radii[:, None] * np.cos(angles)
+    rows = [out * np.cos(bend), out * np.sin(bend), radii[:, None] * np.sin(angles) + 0.0 * bend]
+    points = np.stack(rows, axis=-1).reshape(-1, 3)
+    i, j = np.meshgrid(np.arange(rings - 1), np.arange(around), indexing="ij")
+    a, b = i * around + j, i * around + (j + 1) % around
+    sides = np.stack([a, b, a + around, b, b + around, a + around], axis=-1).reshape(-1, 3)
+    first, last = len(points), len(points) + 1
+    turn = np.arange(around)
+    caps = [np.stack([np.full(around, first), (turn + 1) % around, turn], axis=1)]
+    top = (rings - 1) * around
+    caps += [np.stack([np.full(around, last), top + turn, top + (turn + 1) % around], axis=1)]
+    centers = np.stack([points[:around].mean(axis=0), points[-around:].mean(axis=0)])
+    triangles = np.concatenate([sides, *caps])
+    surface = Surface(np.concatenate([points, centers]), triangles)
+    return surface if surface.volume > 0.0 else Surface(surface.points, triangles[:, ::-1].copy())
+
+
+def nearby_hull(surface: Surface, amount: float, seed: int = 0) -> ConvexHull:
+    """The hull of the surface's own corners, moved smoothly by up to `amount` diagonals."""
+    rng = np.random.default_rng(seed)
+    corners = convex_hull(surface.points).vertices
+    places = (corners - surface.centroid) / surface.diagonal
+    field = np.zeros_like(corners)
+    for _ in range(4):
+        wave = np.sin(places @ rng.normal(size=3) * 4.0 + rng.uniform(0.0, 6.0))
+        field += wave[:, None] * rng.normal(size=3)
+    field *= amount * surface.diagonal / np.linalg.norm(field, axis=1).max()
+    return convex_hull(corners + field)

@@ -1,0 +1,145 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import cKDTree
+
+from dicedesign.concave.distances import blend, ellipsoid, mirrored, round_cone, stretched, tube
+from dicedesign.concave.level_set import level_set
+from dicedesign.concave.self_intersections import intersecting_triangles
+from dicedesign.concave.shapes import SHAPES, shape
+from dicedesign.concave.surface import Surface
+from dicedesign.errors import InputError
+
+
+@pytest.fixture(scope="module", params=sorted(SHAPES))
+def built(request) -> tuple[str, Surface]:
+    return request.param, shape(request.param)
+
+
+def mesh_of(surface: Surface) -> trimesh.Trimesh:
+    return trimesh.Trimesh(surface.points, surface.triangles, process=False)
+
+
+def test_each_is_one_closed_outward_piece_of_its_genus(built):
+    name, surface = built
+    mesh = mesh_of(surface)
+    assert surface.points.dtype == np.float64
+    assert surface.triangles.dtype == np.int64
+    assert np.array_equal(np.unique(surface.triangles), np.arange(len(surface.points)))
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.body_count == 1
+    assert mesh.euler_number == 2 - 2 * {"duck": 0, "gear": 1, "kitten": 0, "knot": 1}[name]
+    assert surface.volume > 0.0
+    assert surface.volume == pytest.approx(mesh.volume, rel=1e-9)
+
+
+def test_each_is_even_and_of_a_size_to_deform(built):
+    _, surface = built
+    mesh = mesh_of(surface)
+    assert 1000 <= len(surface.points) <= 3500
+    assert np.degrees(mesh.face_angles.min()) > 25.0
+    edges = mesh.edges_unique_length
+    assert edges.max() < 5.0 * edges.min()
+    assert edges.std() < 0.25 * edges.mean()
+
+
+def test_none_meets_itself(built):
+    _, surface = built
+    assert len(intersecting_triangles(surface.points, surface.triangles)) == 0
+
+
+def test_each_is_the_same_every_time(built):
+    name, surface = built
+    again = shape(name)
+    assert again.points.tobytes() == surface.points.tobytes()
+    assert again.triangles.tobytes() == surface.triangles.tobytes()
+
+
+def test_another_name_is_refused():
+    with pytest.raises(InputError, match="expected one of duck, gear, kitten, knot, got 'swan'"):
+        shape("swan")
+
+
+def test_the_knot_is_a_tube_of_one_radius_with_room_between_its_strands():
+    points = shape("knot").points
+    rings = points.reshape(-1, 16, 3)
+    line = rings.mean(axis=1)
+    radii = np.linalg.norm(rings - line[:, None], axis=-1)
+    assert np.ptp(radii) < 1e-12
+    steps = np.linalg.norm(np.roll(line, -1, axis=0) - line, axis=1)
+    assert np.ptp(steps) < 1e-2 * steps.mean()
+    apart = np.abs(np.subtract.outer(np.arange(len(line)), np.arange(len(line))))
+    far = np.minimum(apart, len(line) - apart) * steps.mean() > 4.0 * radii.mean()
+    distances = np.linalg.norm(line[:, None] - line, axis=-1)
+    assert distances[far].min() > 2.4 * radii.mean()
+
+
+def test_the_gear_keeps_flat_faces_and_sharp_edges():
+    surface = shape("gear")
+    mesh = mesh_of(surface)
+    assert mesh.bounds[:, 2] == pytest.approx([-0.25, 0.25], abs=1e-15)
+    flat = np.abs(mesh.face_normals[:, 2]) > 0.5
+    assert np.abs(mesh.face_normals[flat, 2]) == pytest.approx(1.0, abs=1e-12)
+    assert mesh.face_normals[~flat, 2] == pytest.approx(0.0, abs=1e-12)
+    # Shoelace formula of its outline and of the polygon that is its hole.
+    face = mesh.area_faces[mesh.face_normals[:, 2] > 0.5].sum()
+    assert surface.volume == pytest.approx(0.5 * face, rel=1e-12)
+    turned = surface.points @ np.array(
+        [
+            [np.cos(2 * np.pi / 9), np.sin(2 * np.pi / 9), 0],
+            [-np.sin(2 * np.pi / 9), np.cos(2 * np.pi / 9), 0],
+            [0, 0, 1],
+        ]
+    )
+    rim = np.linalg.norm(surface.points[:, :2], axis=1) > 1.06
+    assert cKDTree(surface.points[rim]).query(turned[rim])[0].max() < 1e-12
+
+
+@pytest.mark.parametrize("name", ["duck", "kitten"])
+def test_the_animals_are_as_large_as_they_say(name):
+    extent = np.ptp(shape(name).points, axis=0)
+    assert 2.0 < extent.max() < 3.0
+    assert extent.min() > 1.0
+
+
+def test_a_level_set_lies_on_its_surface_and_holds_its_volume():
+    low, high = np.full(3, -1.4), np.full(3, 1.4)
+    surface = level_set(ellipsoid((0.1, 0.0, -0.1), (1.2, 0.9, 0.7)), low, high, 0.1)
+    offsets = (surface.points - (0.1, 0.0, -0.1)) / (1.2, 0.9, 0.7)
+    assert np.linalg.norm(offsets, axis=1) == pytest.approx(1.0, abs=1e-3)
+    assert surface.volume == pytest.approx(4.0 / 3.0 * np.pi * 1.2 * 0.9 * 0.7, rel=0.01)
+    assert mesh_of(surface).euler_number == 2
+
+
+def test_distances_of_simple_parts_are_exact_outside():
+    cone = round_cone((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), 0.5, 0.5)
+    points = np.array([[1.0, 3.0, 0.0], [-3.0, 0.0, 0.0], [5.0, 4.0, 0.0], [1.0, 0.0, 0.0]])
+    assert cone(points) == pytest.approx([2.5, 2.5, 4.5, -0.5])
+    bent = tube([(0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (2.0, 2.0, 0.0)], 0.5, 0.5)
+    assert bent(np.array([[1.0, -3.0, 0.0], [5.0, 1.0, 0.0]])) == pytest.approx([2.5, 2.5])
+    ball = ellipsoid((1.0, 2.0, 3.0), (2.0, 2.0, 2.0), 30.0, 40.0)
+    assert ball(np.array([[1.0, 2.0, 8.0], [1.0, 2.0, 3.0]])) == pytest.approx([3.0, -2.0])
+    assert mirrored(ball)(np.array([[1.0, -2.0, 8.0]])) == pytest.approx([3.0])
+
+
+def test_an_ellipsoid_is_stretched_pitched_and_turned_as_told():
+    part = ellipsoid((0.0, 0.0, 0.0), (3.0, 2.0, 1.0), pitch=90.0)
+    on_it = np.array([[0.0, 0.0, 3.0], [0.0, 2.0, 0.0], [1.0, 0.0, 0.0]])
+    assert part(on_it) == pytest.approx(0.0, abs=1e-12)
+    part = ellipsoid((0.0, 0.0, 0.0), (3.0, 2.0, 1.0), yaw=90.0)
+    on_it = np.array([[0.0, 3.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert part(on_it) == pytest.approx(0.0, abs=1e-12)
+    ball = ellipsoid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    on_it = np.array([[3.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]])
+    assert stretched(ball, (3.0, 2.0, 1.0))(on_it) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_blend_is_the_union_where_the_parts_are_apart():
+    one = ellipsoid((-1.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    other = ellipsoid((1.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    both = blend(one, other, 0.4)
+    assert both(np.array([[-3.0, 0.0, 0.0], [2.5, 0.0, 0.0]])) == pytest.approx([1.0, 0.5])
+    assert both(np.array([[0.0, 0.0, 0.0]])) == pytest.approx([-0.1])
