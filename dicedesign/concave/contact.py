@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 from dicedesign.concave.elasticity import HeldCorners
 
@@ -109,9 +110,16 @@ def _complementary(system: Floats, values: Floats, active: Booleans) -> Floats:
     strengths = np.zeros(count + 3)
     slack = SLACK * float(np.abs(values).max(initial=0.0))
     for _ in range(MOST_PIVOTS):
-        kept = np.concatenate([np.flatnonzero(active), count + np.arange(3)])
+        kept = np.flatnonzero(active)
+        bearing = cho_factor(system[np.ix_(kept, kept)])
+        sides = np.column_stack([values[kept], system[kept, count:]])
+        alone, mixed = np.split(cho_solve(bearing, sides), [1], axis=1)
+        across = system[count:, kept]
+        rest = np.linalg.solve(
+            system[count:, count:] - across @ mixed, values[count:] - across @ alone[:, 0]
+        )
         strengths[:] = 0.0
-        strengths[kept] = np.linalg.solve(system[np.ix_(kept, kept)], values[kept])
+        strengths[kept], strengths[count:] = alone[:, 0] - mixed @ rest, rest
         over = system[:count] @ strengths - values[:count]
         wrong = np.where(active, strengths[:count] > 0.0, over > slack)
         changes = np.flatnonzero(wrong)

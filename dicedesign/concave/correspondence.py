@@ -35,7 +35,7 @@ corners alone then span it, in single precision too."""
 MOST_ROUNDS: Final = 30
 """Rounds in which contacts come and go; five to ten do, as a rule."""
 
-FIRST_ROUNDS: Final = 8
+FIRST_ROUNDS: Final = 5
 """In these the whole displacement is the one of least work, later each further one alone: it is
 small, and then Newton's method on the center of mass squares the error."""
 
@@ -82,7 +82,11 @@ def fill_by_correspondence(
         worst[corners] = -np.inf
         outside = max(float(worst.max()) / surface.diagonal - SINK, 0.0)
         seconds = time.perf_counter() - started
-        history.append(FillStep(step, seconds, {"displacement": float((moved * moved).sum(-1).mean())}, 0.0, outside))
+        history.append(
+            FillStep(
+                step, seconds, {"displacement": float((moved * moved).sum(-1).mean())}, 0.0, outside
+            )
+        )
         on_step(history[-1])
         miss = center_of_mass - now.centroid
         if not np.isfinite(moved).all():

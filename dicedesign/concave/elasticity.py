@@ -16,7 +16,8 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, cholesky
+from scipy.linalg.lapack import dpotri
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
@@ -24,7 +25,7 @@ from dicedesign.concave.centroid import centroid_derivatives
 from dicedesign.concave.surface import Surface
 from dicedesign.geometry.sphere import norms
 
-__all__ = ["Elasticity", "HeldCorners", "point_masses"]
+__all__ = ["Elasticity", "HeldCorners", "point_masses", "positive_inverse", "spread_points"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -43,6 +44,16 @@ def point_masses(surface: Surface) -> Floats:
     areas = norms(np.linalg.cross(b - a, c - a))
     masses = np.bincount(surface.triangles.ravel(), np.repeat(areas, 3), len(surface.points))
     return np.asarray(masses / masses.sum(), dtype=np.float64)
+
+
+def positive_inverse(matrix: Floats) -> Floats:
+    """Of a symmetric positive definite matrix (n, n), in half the time of any other's."""
+    inverse, failed = dpotri(cholesky(matrix, lower=True), lower=1)
+    if failed:
+        raise np.linalg.LinAlgError("not positive definite")
+    upper = np.triu_indices(len(matrix), 1)
+    inverse[upper] = inverse.T[upper]
+    return np.asarray(inverse, dtype=np.float64)
 
 
 def spread_points(points: Floats, count: int) -> Integers:
@@ -138,5 +149,5 @@ class HeldCorners:
         compliance += own[None, :, None, :]
         size = 3 * len(self.corners)
         flat = compliance.reshape(size, size)
-        forces = np.linalg.inv(0.5 * (flat + flat.T)).reshape(compliance.shape)
+        forces = positive_inverse(0.5 * (flat + flat.T)).reshape(compliance.shape)
         return forces, np.tensordot(forces, mixed - own, 2)

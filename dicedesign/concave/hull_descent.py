@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from dicedesign.concave.hull_design import DesignedHull, HullProblem
+from dicedesign.concave.hull_problem import DesignedHull, HullProblem
 from dicedesign.concave.judging import cluster_odds
 from dicedesign.design.descent import DescentOptions, descend_to_target
 from dicedesign.design.energy_weights import EnergyWeights
@@ -60,4 +60,4 @@ def descend_hull(
     corners = original.source[chosen][hull.source]
     clusters = cluster_odds(analyse(design.hull, np.zeros(3), "given"), design.directions)
     error = clusters.error(problem.target)
-    return DesignedHull(hull, corners, center, design.directions, error)
+    return DesignedHull(hull, corners, center, design.directions, error, moved)

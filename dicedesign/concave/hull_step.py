@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve
 
 from dicedesign.concave.slopes import SlopeConditions
 
@@ -20,7 +21,7 @@ contradict each other, and none is worth every price."""
 REGULAR: Final = 1e-9
 """Part of the trace that is added where equations may depend on each other."""
 
-MOST_CHANGES: Final = 6
+MOST_CHANGES: Final = 4
 """Changes of the set of inequalities that count; what is left is for the next step."""
 
 MET: Final = 1e-9
@@ -62,7 +63,7 @@ def least_displacement(
         kept = np.flatnonzero(active)
         between = pairs[np.ix_(kept, kept)] + softness * np.eye(len(kept))
         system = np.block([[between, mixed[kept]], [mixed[kept].T, own]])
-        forces = np.linalg.solve(system, np.concatenate([bound[kept], wanted]))
+        forces = solve(system, np.concatenate([bound[kept], wanted]), assume_a="pos")
         following = np.tensordot(forces[: len(kept)], by_condition[kept], 1)
         following = following + np.tensordot(forces[len(kept) :], raised, 1)
         failing = (tangents * following[corners]).sum(-1) - bound > MET

@@ -14,7 +14,9 @@ from dicedesign.concave.alignment import Similarity, best_similarity
 from dicedesign.concave.correspondence import fill_by_correspondence
 from dicedesign.concave.elasticity import point_masses
 from dicedesign.concave.fill_result import FillResult, FillStep
-from dicedesign.concave.hull_design import DesignedHull, HullProblem, design_hull
+from dicedesign.concave.hull_design import design_hull
+from dicedesign.concave.hull_easing import eased_hull
+from dicedesign.concave.hull_problem import DesignedHull, HullProblem
 from dicedesign.concave.judging import cluster_odds
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.outcomes import outcome_choices
@@ -36,6 +38,12 @@ ROOM: Final = 0.8
 
 CHOICE_SCALE: Final = 1.0
 """Mean place, among the choices of outcomes, of the one that an attempt takes."""
+
+EASINGS: Final = 4
+"""Times that the hull is eased where the surface meets itself."""
+
+MOST_EASED: Final = 400
+"""Pairs of triangles that meet, beyond which that is hopeless."""
 
 FALLS: Final = (1e-3, 1e-2)
 RISES: Final = (2e-3, 5e-3)
@@ -135,10 +143,21 @@ class _Making:
         place = 0 if number == 1 else int(random.exponential(CHOICE_SCALE))
         directions = choices[place % len(choices)]
         design = self._designed(number, directions, random)
-        if design is None:
-            return None
-        filled = self._filled(number, design)
-        return None if filled is None else self._measured(number, design, filled)
+        found = None if design is None else self._filled(number, design)
+        for _ in range(EASINGS):
+            if design is None or found is None or not 0 < found.intersections <= MOST_EASED:
+                break
+            crossing = np.unique(self._crossing(found.points))
+            places = self.problem.surface.points[np.unique(self.surface.triangles[crossing])]
+            design = eased_hull(self.problem, design, places)
+            eased = None if design is None else self._filled(number, design)
+            if eased is not None and _rank(eased) < _rank(found):
+                found = eased
+        return found
+
+    def _crossing(self, points: Floats) -> NDArray[np.int64]:
+        """(m, 2) pairs of triangles that meet and should not."""
+        return intersecting_triangles(points, self.surface.triangles)
 
     def _designed(
         self, number: int, directions: Floats, random: np.random.Generator
@@ -159,7 +178,7 @@ class _Making:
         )
         return design_hull(self.problem, directions, slopes, told)
 
-    def _filled(self, number: int, design: DesignedHull) -> FillResult | None:
+    def _filled(self, number: int, design: DesignedHull) -> FilledHull | None:
         def told(step: FillStep) -> None:
             self._record(number, "fill", sum(step.terms.values()), None)
 
@@ -167,7 +186,7 @@ class _Making:
             filled = fill_by_correspondence(
                 self.problem.elasticity, design.hull, design.corners, design.center_of_mass, told
             )
-            return filled if filled.converged else None
+            return self._measured(number, design, filled) if filled.converged else None
         # Imported late: the usual way does without.
         from dicedesign.concave.balance import BalanceOptions, balance
         from dicedesign.concave.quadratic_fill import (
@@ -194,7 +213,7 @@ class _Making:
             BalanceOptions(),
             on_step=balanced,
         )
-        return done if done.converged else None
+        return self._measured(number, design, done) if done.converged else None
 
     def _measured(self, number: int, design: DesignedHull, filled: FillResult) -> FilledHull:
         unit = self.problem.surface
@@ -213,7 +232,7 @@ class _Making:
             error,
             _gap(design, solid, back) / unit.diagonal,
             float(displacement),
-            len(intersecting_triangles(solid.points, solid.triangles)),
+            len(self._crossing(solid.points)),
         )
 
     def _own(self, points: Floats) -> Floats:

@@ -47,29 +47,49 @@ def outcome_choices(hull: ConvexHull, target: Floats) -> list[Floats]:
             f"got {count}; join some, or refine the surface with method.concave.points"
         )
     poses = analyse(hull, np.zeros(3), "given")
-    pool = _pool(poses, max(MOST_RESTS, count + 2))
+    several = max(MOST_RESTS, count + 2)
+    pool = _filled_up(poses.normals[:several], several, poses)
+    places = _far_apart(pool, count)
+    if not places:
+        pool = _filled_up(_distinct(poses.normals)[:count], count, poses)
+        places = [list(range(count))]
     climb = climbs(hull.vertices, poses.normals, pool)
     order = np.argsort(target)
     costs, choices = [], []
-    for chosen in combinations(range(len(pool)), count):
-        directions = pool[list(chosen)]
-        cosines = directions @ directions.T - 2.0 * np.eye(count)
-        if cosines.max() > APART:
-            continue
+    for chosen in places:
         own = climb[:, chosen]
         odds = np.bincount(own.argmin(axis=1), poses.probabilities, minlength=count)
         ranked = np.empty(count, dtype=np.int64)
         ranked[order] = np.argsort(odds, kind="stable")
         miss = float(np.abs(odds[ranked] - target).max())
         costs.append(MISS_COST * miss + CLIMB_COST * float(own.min(axis=1) @ poses.probabilities))
-        choices.append(directions[ranked])
+        choices.append(pool[chosen][ranked])
     return [choices[place] for place in np.argsort(costs, kind="stable")]
 
 
-def _pool(poses: RestPoses, count: int) -> Floats:
-    """(count, 3) directions: rests, the most probable first, then those far from all others."""
-    pool = list(poses.normals[:count])
-    normals = unit_vectors(poses.hull.normals)
-    while len(pool) < count:
-        pool.append(normals[np.argmin((normals @ np.array(pool).T).max(axis=1))])
-    return np.array(pool)
+def _far_apart(pool: Floats, count: int) -> list[list[int]]:
+    """The sets of so many directions of a pool that are all apart."""
+    near = np.argwhere(np.triu(pool @ pool.T > APART, 1)).tolist()
+    sets = (list(chosen) for chosen in combinations(range(len(pool)), count))
+    return [chosen for chosen in sets if not any(a in chosen and b in chosen for a, b in near)]
+
+
+def _distinct(normals: Floats) -> Floats:
+    """(m, 3) those that are apart from all before them."""
+    kept: list[int] = []
+    for number, normal in enumerate(normals):
+        if (normals[kept] @ normal).max(initial=-1.0) <= APART:
+            kept.append(number)
+    return normals[kept]
+
+
+def _filled_up(directions: Floats, count: int, poses: RestPoses) -> Floats:
+    """(count, 3) the directions, and those of facets that are far from all others, and of corners
+    where the facets are too few."""
+    candidates = poses.hull.normals
+    if len(candidates) < count:
+        candidates = np.concatenate([candidates, unit_vectors(poses.hull.vertices)])
+    while len(directions) < count:
+        farthest = np.argmin((candidates @ directions.T).max(axis=1))
+        directions = np.vstack([directions, candidates[farthest]])
+    return directions

@@ -43,8 +43,14 @@ circumscribed radius."""
 RING: Final = 16
 """Directions on each of the two circles around an outcome."""
 
-FARTHEST: Final = 0.1
+FARTHEST: Final = 0.05
 """Slopes that are better than asked by more than this are left out."""
+
+ALIKE: Final = 0.1
+"""Of conditions on one corner whose tangents differ by less than about this, one is kept."""
+
+OPPOSITE: Final = 1e-9
+"""Sine of the angle below which directions count as opposite, if they are not the same."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +142,10 @@ class SlopeMemory:
             corners.append(hull.tail[half_edges])
             least.append(np.full(len(half_edges), self.options.fall))
         along, at, wanted = np.concatenate(tangents), np.concatenate(corners), np.concatenate(least)
-        near = (along * hull.vertices[at]).sum(-1) + wanted > -FARTHEST
+        near = np.flatnonzero((along * hull.vertices[at]).sum(-1) + wanted > -FARTHEST)
+        near = near[np.argsort(-wanted[near], kind="stable")]
+        alike = np.column_stack([at[near], np.round(along[near] / ALIKE).astype(np.int64)])
+        near = np.sort(near[np.unique(alike, axis=0, return_index=True)[1]])
         return SlopeConditions(along[near], hull.source[at[near]], wanted[near])
 
     def _remember(
@@ -172,16 +181,19 @@ class SlopeMemory:
 
 
 def _tangents(directions: Floats, ends: Floats) -> Floats:
-    """(s, 3) unit tangents of great circles at directions (s, 3) toward ends (s, 3)."""
-    return unit_vectors(ends - (directions * ends).sum(-1)[:, None] * directions)
+    """(s, 3) unit tangents of great circles at directions (s, 3) toward ends (s, 3); any tangents
+    where those are opposite, as then all ways are as long."""
+    aside = ends - (directions * ends).sum(-1)[:, None] * directions
+    opposite = norms(aside) < OPPOSITE
+    if opposite.any():
+        axes = np.eye(3)[np.abs(directions[opposite]).argmin(axis=1)]
+        aside[opposite] = np.linalg.cross(directions[opposite], axes)
+    return unit_vectors(aside)
 
 
 def _arc(start: Floats, end: Floats, stride: float) -> Floats:
     """(m, 3) directions from start to end, both included, no farther apart than the stride."""
     angle = float(angle_between(start, end))
     steps = np.linspace(0.0, angle, max(2, math.ceil(angle / stride) + 1))
-    aside = end - (start @ end) * start
-    length = float(norms(aside))
-    if length == 0.0:
-        return start[None]
-    return np.cos(steps)[:, None] * start + np.sin(steps)[:, None] * (aside / length)
+    tangent = _tangents(start[None], end[None])
+    return np.cos(steps)[:, None] * start + np.sin(steps)[:, None] * tangent

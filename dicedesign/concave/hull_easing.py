@@ -1,0 +1,91 @@
+"""Hulls that stay as good and take the surface less work."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
+
+from dicedesign.concave.elasticity import HeldCorners, spread_points
+from dicedesign.concave.hull_draft import HullDraft, change_of_least_work, designed_hull
+from dicedesign.concave.hull_problem import DesignedHull, HullMetric, HullProblem
+from dicedesign.concave.slopes import SlopeMemory, SlopeOptions
+
+__all__ = ["eased_hull", "nearer_draft"]
+
+Floats = NDArray[np.float64]
+
+SWEEPS: Final = 4
+"""Sweeps back toward the original, at the end."""
+
+PLACES: Final = 40
+"""Places in each, spread over the hull."""
+
+PLACE_WIDTH: Final = 1.0
+"""Width of a place, times the root of their number, over the circumscribed radius."""
+
+HALVINGS: Final = 3
+"""Tries of half the length each."""
+
+NEIGHBORHOOD: Final = 0.1
+"""Distance from a place within which corners are eased, over the circumscribed radius."""
+
+EASED: Final = 16
+"""Most groups of corners that are eased at a time."""
+
+RETURNING: Final = HullMetric(tether=0.1, smoothing=0.3, elastic=1.0)
+"""Metric of the steps: the work that the surface takes, above all."""
+
+
+def nearer_draft(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -> HullDraft:
+    """A hull that is as good and takes less work: steps to the least work among hulls with these
+    odds, of all corners and then of those about one place after the other. Each goes as far as the
+    error allows."""
+    compliance, memory = problem.compliance(RETURNING), SlopeMemory(slopes)
+    original = problem.hull.vertices
+    centers = original[spread_points(original, PLACES)]
+    widths = PLACE_WIDTH / np.sqrt(len(centers))
+    squares = cdist(centers, original, "sqeuclidean")
+    about = np.exp(-squares / (2.0 * widths**2))[:, :, None]
+    for sweep in range(SWEEPS):
+        goal = draft.corners + change_of_least_work(
+            problem, draft, compliance, memory, draft.normals, sweep
+        )
+        for part in (np.ones((1, 1)), *about):
+            change = part * (goal - draft.corners)
+            for halving in range(HALVINGS):
+                following = HullDraft.of(draft.corners + 0.5**halving * change, draft.normals)
+                if following is not None and following.error(problem.target) <= problem.tolerance:
+                    draft = following
+                    break
+    return draft
+
+
+def eased_hull(problem: HullProblem, design: DesignedHull, places: Floats) -> DesignedHull | None:
+    """A design whose corners near some places (p, 3) of the original surface go where the others
+    would take them, as far as the error allows; None where it allows nothing."""
+    original = problem.hull.vertices
+    near = np.flatnonzero(cKDTree(places).query(original)[0] < NEIGHBORHOOD)
+    draft = HullDraft.of(original + design.moved, design.directions)
+    if draft is None or len(near) == 0:
+        return None
+    middles = original[near][spread_points(original[near], EASED)]
+    owner = cKDTree(middles).query(original)
+    eased = False
+    for place in range(len(middles)):
+        group = np.flatnonzero((owner[1] == place) & (owner[0] < NEIGHBORHOOD))
+        others = np.setdiff1d(np.arange(len(original)), group)
+        held = HeldCorners(problem.elasticity, problem.hull.source[others])
+        followed = held.followed((draft.corners - original)[others])
+        goal = draft.corners.copy()
+        goal[group] = original[group] + followed[problem.hull.source[group]]
+        for halving in range(HALVINGS):
+            tried = draft.corners + 0.5**halving * (goal - draft.corners)
+            following = HullDraft.of(tried, draft.normals)
+            if following is not None and following.error(problem.target) <= problem.tolerance:
+                draft, eased = following, True
+                break
+    return designed_hull(problem, draft) if eased else None
