@@ -19,7 +19,6 @@ from dicedesign.concave.centroid import centroid_derivatives
 from dicedesign.concave.contact import Contacts
 from dicedesign.concave.elasticity import Elasticity, HeldCorners
 from dicedesign.concave.fill_result import FillResult, FillStatus, FillStep
-from dicedesign.concave.surface import Surface
 from dicedesign.geometry.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
 

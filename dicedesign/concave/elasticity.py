@@ -1,9 +1,9 @@
 """How a surface gives way: smooth displacements of the space it lies in.
 
 The displacement of least work that forces on points cause is a sum of kernels about them, each
-coordinate apart. The kernel is that of the biharmonic operator in space, so the work is the integral
-of squared second derivatives: parts of a body that lie near each other move alike, both sides of an
-ear or a leg too, which a surface that knows itself only would push through each other.
+coordinate apart. The kernel is that of the biharmonic operator in space, so the work is the
+integral of squared second derivatives: parts of a body that lie near each other move alike, both
+sides of an ear or a leg too, which a surface that knows itself only would push through each other.
 
 Source: Sibson and Stone, SIAM J. Sci. Stat. Comput. 12(6), 1991 (the kernel |x - y|).
 """

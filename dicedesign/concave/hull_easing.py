@@ -10,7 +10,12 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from dicedesign.concave.elasticity import HeldCorners, spread_points
-from dicedesign.concave.hull_draft import HullDraft, change_of_least_work, designed_hull
+from dicedesign.concave.hull_draft import (
+    HullDraft,
+    change_of_least_work,
+    designed_hull,
+    exact_draft,
+)
 from dicedesign.concave.hull_problem import DesignedHull, HullMetric, HullProblem
 from dicedesign.concave.slopes import SlopeMemory, SlopeOptions
 
@@ -29,9 +34,6 @@ PLACE_WIDTH: Final = 1.0
 
 HALVINGS: Final = 3
 """Tries of half the length each."""
-
-NEIGHBORHOOD: Final = 0.1
-"""Distance from a place within which corners are eased, over the circumscribed radius."""
 
 EASED: Final = 16
 """Most groups of corners that are eased at a time."""
@@ -64,11 +66,16 @@ def nearer_draft(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -
     return draft
 
 
-def eased_hull(problem: HullProblem, design: DesignedHull, places: Floats) -> DesignedHull | None:
+def eased_hull(
+    problem: HullProblem, design: DesignedHull, places: Floats, width: float
+) -> DesignedHull | None:
     """A design whose corners near some places (p, 3) of the original surface go where the others
-    would take them, as far as the error allows; None where it allows nothing."""
+    would take them, as far as the error allows; None where it allows nothing.
+
+    width: distance from a place within which corners are eased, over the circumscribed radius.
+    """
     original = problem.hull.vertices
-    near = np.flatnonzero(cKDTree(places).query(original)[0] < NEIGHBORHOOD)
+    near = np.flatnonzero(cKDTree(places).query(original)[0] < width)
     draft = HullDraft.of(original + design.moved, design.directions)
     if draft is None or len(near) == 0:
         return None
@@ -76,7 +83,7 @@ def eased_hull(problem: HullProblem, design: DesignedHull, places: Floats) -> De
     owner = cKDTree(middles).query(original)
     eased = False
     for place in range(len(middles)):
-        group = np.flatnonzero((owner[1] == place) & (owner[0] < NEIGHBORHOOD))
+        group = np.flatnonzero((owner[1] == place) & (owner[0] < width))
         others = np.setdiff1d(np.arange(len(original)), group)
         held = HeldCorners(problem.elasticity, problem.hull.source[others])
         followed = held.followed((draft.corners - original)[others])
@@ -88,4 +95,6 @@ def eased_hull(problem: HullProblem, design: DesignedHull, places: Floats) -> De
             if following is not None and following.error(problem.target) <= problem.tolerance:
                 draft, eased = following, True
                 break
-    return designed_hull(problem, draft) if eased else None
+    if not eased:
+        return None
+    return designed_hull(problem, exact_draft(problem, draft) or draft)

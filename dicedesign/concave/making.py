@@ -39,11 +39,19 @@ ROOM: Final = 0.8
 CHOICE_SCALE: Final = 1.0
 """Mean place, among the choices of outcomes, of the one that an attempt takes."""
 
-EASINGS: Final = 4
+EASINGS: Final = 6
 """Times that the hull is eased where the surface meets itself."""
+
+WIDTH: Final = 0.08
+WIDENING: Final = 1.3
+"""How far about such a place at first, over the circumscribed radius, and how much farther each
+further time."""
 
 MOST_EASED: Final = 400
 """Pairs of triangles that meet, beyond which that is hopeless."""
+
+HELPED: Final = 0.8
+"""Part of those pairs that may be left for easing to go on."""
 
 FALLS: Final = (1e-3, 1e-2)
 RISES: Final = (2e-3, 5e-3)
@@ -144,15 +152,16 @@ class _Making:
         directions = choices[place % len(choices)]
         design = self._designed(number, directions, random)
         found = None if design is None else self._filled(number, design)
-        for _ in range(EASINGS):
+        for easing in range(EASINGS):
             if design is None or found is None or not 0 < found.intersections <= MOST_EASED:
                 break
             crossing = np.unique(self._crossing(found.points))
             places = self.problem.surface.points[np.unique(self.surface.triangles[crossing])]
-            design = eased_hull(self.problem, design, places)
+            design = eased_hull(self.problem, design, places, WIDTH * WIDENING**easing)
             eased = None if design is None else self._filled(number, design)
-            if eased is not None and _rank(eased) < _rank(found):
-                found = eased
+            if eased is None or eased.intersections > HELPED * found.intersections:
+                break
+            found = eased
         return found
 
     def _crossing(self, points: Floats) -> NDArray[np.int64]:
