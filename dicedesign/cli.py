@@ -34,8 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The reader of our output has gone, as in `dicedesign rest ... | head`.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except KeyboardInterrupt:
-        print("dicedesign: interrupted; nothing half-written was left", file=sys.stderr)
+    except KeyboardInterrupt as interrupt:
+        kept = str(interrupt) or "nothing half-written was left"
+        print(f"dicedesign: interrupted; {kept}", file=sys.stderr)
         return 130
 
 

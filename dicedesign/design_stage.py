@@ -61,9 +61,14 @@ def make_start(recipe: Recipe) -> Start | None:
     """The starting shape of a recipe, or None where shapes are to be searched.
 
     Raises InputError if a mesh cannot be read or has too few rests, the center of mass is not
-    inside the shape, or a symmetry does not permute its facets or carries labels to less probable
-    ones.
+    inside the shape, a symmetry does not permute its facets or carries labels to less probable
+    ones, or the method is concave.
     """
+    if recipe.method.concave is not None:
+        raise InputError(
+            "method: expected exact or descent, got concave; such a recipe is for dicedesign run "
+            "alone"
+        )
     start = _chosen_start(recipe)
     if start is None or recipe.symmetry is None:
         return start
@@ -165,7 +170,7 @@ def _judged(recipe: Recipe, start: Start | None, design: DesignResult) -> Design
     target, center = recipe.target.target(), _normalised_center(recipe, start)
     directions = design.directions[np.argsort(recipe.outcome_of_direction())]
     verdict = judge(design.hull, directions, target, recipe.size_mm, center)
-    status, message = _outcome(design, verdict, target, recipe)
+    status, message = _outcome(design, verdict, recipe)
     return DesignedDie(target, design, verdict, status, message)
 
 
@@ -179,9 +184,7 @@ def _given_center(recipe: Recipe) -> Floats | None:
     return None if recipe.center_of_mass is None else np.array(recipe.center_of_mass)
 
 
-def _outcome(
-    design: DesignResult, verdict: Verdict, target: Target, recipe: Recipe
-) -> tuple[Status, str]:
+def _outcome(design: DesignResult, verdict: Verdict, recipe: Recipe) -> tuple[Status, str]:
     """Status and message: the design's, unless the finished die says otherwise."""
     status, tolerance = design.status, recipe.method.tolerance
     if status is Status.CONVERGED and verdict.max_abs_error > tolerance:
@@ -195,12 +198,7 @@ def _outcome(
     stray = 1.0 - float(verdict.probabilities.sum())
     if stray > tolerance:
         remarks.append(f"{stray:.3g} of the probability lies on rests without a label")
-    smallest = float(target.probabilities.min())
-    if tolerance >= smallest:
-        remarks.append(
-            f"the tolerance is not below the smallest outcome, {smallest:.3g}: set "
-            f"{recipe.method.limits_key}.tolerance lower"
-        )
+    remarks += recipe.doubts()
     return status, "; ".join(remarks)
 
 

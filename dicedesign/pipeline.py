@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import json
 import math
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dicedesign.clock import Clock
 from dicedesign.design.result import DesignStep
 from dicedesign.design.stopping import Status
 from dicedesign.design.verdict import Verdict
 from dicedesign.design_stage import DesignedDie, design_die, make_start, resized
-from dicedesign.errors import EngravingError, LabelRoomError, OutputError
+from dicedesign.errors import EngravingError, LabelRoomError
 from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.stl import stl_bytes
-from dicedesign.files import atomic_write, make_writable_folder
-from dicedesign.peak_memory import peak_megabytes, restart_peak
+from dicedesign.files import make_writable_folder
 from dicedesign.recipe import MOST_MM, Recipe
 from dicedesign.recipe_file import recipe_text
+from dicedesign.results import RunResult, files_by_kind, write_results
 from dicedesign.summary import (
     design_summary,
     engraved_notes,
@@ -36,82 +33,7 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.engrave import EngravedDie
     from dicedesign.fabricate.layout import Placement
 
-__all__ = ["RunResult", "engrave_die", "run_recipe"]
-
-RESULT: Final = "result.json"
-OWNED: Final = (
-    "die.stl",
-    "die_plain.stl",
-    "recipe.yaml",
-    "report.html",
-    "bars.png",
-    "convergence.png",
-    "gauss_map.png",
-    "views.png",
-    "labels.png",
-)
-"""Files that a run may write besides `RESULT`; those that it does not write are removed."""
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """What a run produced.
-
-    Attributes
-    ----------
-    status: as in result.json; "converged" only if the finished die is within the tolerance.
-    message: the same in a sentence.
-    notes: what was repaired or assumed about the start, a size other than the recipe's, and odds
-        that the engraving changes much, one sentence each.
-    folder: where the files are.
-    summary: the content of result.json.
-    """
-
-    status: str
-    message: str
-    notes: tuple[str, ...]
-    folder: Path
-    summary: dict[str, Any]
-
-    @property
-    def converged(self) -> bool:
-        """Whether the die meets the recipe's tolerance."""
-        return self.status == _plain_name(Status.CONVERGED)
-
-
-@dataclass
-class _Clock:
-    """The stages that ran, in order.
-
-    Attributes
-    ----------
-    stages: of each its "name", "seconds" of wall-clock time, and "peak_mb": the most memory that
-        the process held during it, all libraries included, in units of 10^6 bytes; None where the
-        system does not tell.
-    peak_since: "stage", or "start" where the system cannot count anew for each stage: then
-        "peak_mb" is the most since the process started.
-    on_stage: told the name of each stage as it begins.
-    """
-
-    stages: list[dict[str, Any]] = field(default_factory=list)
-    peak_since: Literal["stage", "start"] = "stage"
-    on_stage: Callable[[str], None] | None = None
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        if self.on_stage is not None:
-            self.on_stage(name)
-        self.peak_since = "stage" if restart_peak() else "start"
-        started = time.perf_counter()
-        yield
-        seconds, peak = time.perf_counter() - started, peak_megabytes()
-        self.stages.append(
-            {
-                "name": name,
-                "seconds": round(seconds, 4),
-                "peak_mb": None if peak is None else round(peak, 1),
-            }
-        )
+__all__ = ["engrave_die", "run_recipe"]
 
 
 def run_recipe(
@@ -122,7 +44,7 @@ def run_recipe(
     on_stage: Callable[[str], None] | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
 ) -> RunResult:
-    """Design, check, engrave and report one die.
+    """Design, check, engrave and report one convex die.
 
     Nothing is written before the die is finished. Each file then appears whole or not at all, and
     result.json last: a folder that has it is complete. A die that did not converge and cannot be
@@ -138,11 +60,11 @@ def run_recipe(
 
     Raises
     ------
-    InputError: the start does not suit the target, or the design converged and a label does not
-        fit its facet.
+    InputError: the start does not suit the target, the method is concave, or the design converged
+        and a label does not fit its facet.
     OutputError: the folder cannot be written.
     """
-    clock = _Clock(on_stage=on_stage)
+    clock = Clock(on_stage=on_stage)
     with clock.stage("start"):
         start = make_start(recipe)
         if recipe.engrave is not None:
@@ -158,7 +80,7 @@ def run_recipe(
                 recipe, die = fitting, resized(die, fitting, start)
                 notes += (size_note(recipe.size_mm),)
     files, summary = _results(recipe, die, clock)
-    _write(folder, files, summary)
+    write_results(folder, files, summary)
     notes += tuple(engraved_notes(summary))
     return RunResult(summary["status"], summary["message"], notes, folder, summary)
 
@@ -190,7 +112,7 @@ def _fitting(recipe: Recipe, die: DesignedDie) -> Recipe:
 
 
 def _results(
-    recipe: Recipe, die: DesignedDie, clock: _Clock
+    recipe: Recipe, die: DesignedDie, clock: Clock
 ) -> tuple[dict[str, bytes], dict[str, Any]]:
     """The content of every file but result.json, by name, and that of result.json."""
     hull, message = die.verdict.hull, die.message
@@ -222,8 +144,7 @@ def _results(
         images = _figures(summary, tolerance, die.verdict, engraved, placements)
     files.update({f"{name}.png": data for name, data in images.items()})
     files["recipe.yaml"] = recipe_text(recipe).encode("utf-8")
-    written = [name for name in OWNED if name in files or name == "report.html"]
-    summary["files"] = {Path(name).stem: name for name in [*written, RESULT]}
+    summary["files"] = files_by_kind(files)
     # The same list as the clock's: the page shows the stages before its own, result.json all.
     summary["stages"] = clock.stages
     summary["peak_since"] = clock.peak_since
@@ -299,21 +220,3 @@ def _figures(
             [placement.text for placement in placements],
         )
     return {name: png_bytes(figure) for name, figure in images.items()}
-
-
-def _write(folder: Path, files: dict[str, bytes], summary: dict[str, Any]) -> None:
-    try:
-        (folder / RESULT).unlink(missing_ok=True)
-        for name in OWNED:
-            if name not in files:
-                (folder / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{folder}: expected old results that can be removed, but {error.strerror}; choose "
-            "another folder with --out"
-        ) from error
-    for name, data in files.items():
-        atomic_write(folder / name, data)
-    atomic_write(
-        folder / RESULT, (json.dumps(summary, indent=1, allow_nan=False) + "\n").encode("utf-8")
-    )

@@ -6,12 +6,14 @@ themselves; only what a file adds to them is described here.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, model_validator
 
+from dicedesign.concave.options import ConcaveOptions
 from dicedesign.design.descent import DescentOptions
 from dicedesign.design.exact import ExactOptions
 from dicedesign.design.orbit_layouts import OrbitLayouts
@@ -23,6 +25,9 @@ __all__ = ["MOST_MM", "Recipe"]
 
 MOST_MM: Final = 1000.0
 """Largest size of a die."""
+
+METHODS: Final = ("exact", "descent", "concave")
+"""Keys of `method`."""
 
 
 def _known_group(name: str | None) -> str | None:
@@ -40,40 +45,45 @@ def _switch(value: object) -> object:
 
 
 class MethodRecipe(Strict):
-    """`method`: how the die is found: `exact` unless it says `descent`. A word alone is the method
-    with all its defaults."""
+    """`method`: how the die is found: `exact` unless it says `descent`, or `concave` for a die that
+    keeps the shape of its start. A word alone is the method with all its defaults."""
 
     exact: ExactOptions | None = Field(default_factory=ExactOptions)
     descent: DescentOptions | None = None
+    concave: ConcaveOptions | None = None
 
     @model_validator(mode="before")
     @classmethod
     def _choose(cls, given: Any) -> Any:
-        if given in ("exact", "descent"):
+        if given in METHODS:
             given = {given: {}}
-        if isinstance(given, dict) and given.get("descent") is not None:
-            if given.get("exact") is not None:
-                raise ValueError("method: expected exact or descent, got both; keep one")
-            return {**given, "exact": None}
+        if isinstance(given, dict) and any(given.get(name) is not None for name in METHODS):
+            return {"exact": None, **given}
         return given
 
     @model_validator(mode="after")
     def _check(self) -> MethodRecipe:
-        one_of(self, "exact", "descent")
+        one_of(self, *METHODS)
         return self
+
+    @property
+    def name(self) -> str:
+        """The key of the method."""
+        return next(key for key, value in self if value is not None)
 
     @property
     def limits_key(self) -> str:
         """Where a recipe says tolerance and seconds."""
-        return "method.descent.stopping" if self.exact is None else "method.exact"
+        return "method.descent.stopping" if self.descent is not None else f"method.{self.name}"
 
     @property
     def tolerance(self) -> float:
         """Largest |p - q| that counts as reached."""
         if self.descent is not None:
             return self.descent.stopping.tolerance
-        assert self.exact is not None
-        return self.exact.tolerance
+        options = self.exact or self.concave
+        assert options is not None
+        return options.tolerance
 
 
 class Recipe(Strict):
@@ -92,7 +102,8 @@ class Recipe(Strict):
         about the centroid of the start, along its own axes; None if it need not have any.
     size_mm: largest vertex-to-vertex distance of the printed die.
     min_inradius_mm: radius of a circle that the facet of each outcome has room for.
-    engrave: engraving options, or None for a plain die.
+    engrave: engraving options, or None for a plain die, which a concave one is unless the recipe
+        says otherwise.
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
@@ -113,9 +124,27 @@ class Recipe(Strict):
         default_factory=EngravingOptions
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _plain_if_concave(cls, given: Any) -> Any:
+        if isinstance(given, dict) and "engrave" not in given:
+            method = given.get("method")
+            if method == "concave" or (
+                isinstance(method, dict) and method.get("concave") is not None
+            ):
+                return {**given, "engrave": False}
+        return given
+
     @model_validator(mode="after")
     def _check(self) -> Recipe:
         labels = self.target.target().labels
+        if self.method.concave is not None:
+            self._check_concave()
+        elif self.start.shape is not None:
+            raise ValueError(
+                f"start.shape: expected method: {{concave: {{}}}} with it, got {self.method.name}; "
+                "change the method, or take another start"
+            )
         if self.any_order:
             self._check_any_order()
         elif self.assignment is not None and sorted(self.assignment) != sorted(labels):
@@ -128,8 +157,8 @@ class Recipe(Strict):
             self._check_search()
         if self.min_inradius_mm > 0.0 and self.method.exact is None:
             raise ValueError(
-                "min_inradius_mm: expected the exact method, which can keep to it, got descent; "
-                "leave it out, or change the method"
+                "min_inradius_mm: expected the exact method, which can keep to it, got "
+                f"{self.method.name}; leave it out, or change the method"
             )
         if not self.min_inradius_mm < self.size_mm / 2.0:
             raise ValueError(
@@ -139,6 +168,24 @@ class Recipe(Strict):
         if self.symmetry is not None:
             self._check_symmetry(self.symmetry)
         return self
+
+    def _check_concave(self) -> None:
+        if self.start.name not in ("mesh", "shape"):
+            raise ValueError(
+                "start: expected a surface to keep with the concave method, got "
+                f"{self.start.name}; write start: {{mesh: {{path: FILE}}}}, or start: "
+                "{shape: kitten}"
+            )
+        if self.assignment is not None:
+            raise ValueError(
+                "assignment: expected in_order with the concave method, which finds the sides for "
+                "the outcomes itself, got another; leave it out"
+            )
+        if self.center_of_mass is not None:
+            raise ValueError(
+                "center_of_mass: expected uniform with the concave method, which shapes a solid of "
+                "one material, got a point; leave it out"
+            )
 
     def _check_any_order(self) -> None:
         if self.method.exact is None or self.start.search is not None or self.symmetry is not None:
@@ -151,7 +198,7 @@ class Recipe(Strict):
         if self.method.exact is None:
             raise ValueError(
                 "start.search: expected method: {exact: {}}, which can begin anywhere, got "
-                "descent; change the method, or take another start"
+                f"{self.method.name}; change the method, or take another start"
             )
         if self.center_of_mass is not None:
             raise ValueError(
@@ -186,6 +233,15 @@ class Recipe(Strict):
     def any_order(self) -> bool:
         """Whether the labels may come in any order."""
         return self.assignment == []
+
+    def doubts(self) -> Iterator[str]:
+        """What is odd about the recipe, though it can be run, in words."""
+        smallest = float(self.target.target().probabilities.min())
+        if self.method.tolerance >= smallest:
+            yield (
+                f"the tolerance is not below the smallest outcome, {smallest:.3g}: set "
+                f"{self.method.limits_key}.tolerance lower"
+            )
 
     def resolved(self) -> dict[str, Any]:
         """The recipe with every default written out, as plain data."""

@@ -108,8 +108,9 @@ class RepulsionRecipe(Strict):
 
 
 class MeshRecipe(Strict):
-    """`start.mesh`: the convex hull of a file. Its path is relative to the recipe's folder, or to
-    the working directory in a change from the command line."""
+    """`start.mesh`: the convex hull of a file, or its surface where the die is concave. Its path is
+    relative to the recipe's folder, or to the working directory in a change from the command
+    line."""
 
     path: str
 
@@ -119,23 +120,30 @@ class SearchRecipe(Strict):
 
 
 class StartRecipe(Strict):
-    """`start`: one starting shape, or a search for some."""
+    """`start`: one starting shape, or a search for some. `shape` is one of
+    `dicedesign.concave.shapes`, for a concave die."""
 
     prism: PrismRecipe | None = None
     hendecahedron: Literal["bisymmetric", "circus"] | None = None
     repulsion: RepulsionRecipe | None = None
     mesh: MeshRecipe | None = None
+    shape: Literal["duck", "gear", "kitten", "knot"] | None = None
     search: SearchRecipe | None = None
 
     @model_validator(mode="after")
     def _check(self) -> StartRecipe:
-        one_of(self, "prism", "hendecahedron", "repulsion", "mesh", "search")
+        one_of(self, "prism", "hendecahedron", "repulsion", "mesh", "shape", "search")
         return self
+
+    @property
+    def name(self) -> str:
+        """The key of the start."""
+        return next(key for key, value in self if value is not None)
 
     def check(self, outcomes: int) -> None:
         """Raise ValueError, naming the key, where the shape cannot bear so many outcomes. What a
-        mesh can bear is known only once it is read."""
-        if self.mesh is not None or self.search is not None:
+        mesh or a shape can bear is known only once it is there."""
+        if self.name in ("mesh", "shape", "search"):
             return
         if outcomes < FEWEST_SIDES:
             raise ValueError(

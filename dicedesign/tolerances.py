@@ -20,8 +20,9 @@ __all__ = [
     "COPLANAR_WIDENINGS",
     "ENGRAVED_VOLUME_TOLERANCE",
     "EQUAL_ODDS",
-    "FLAT_FOLD",
+    "FILLED_GAP",
     "FLATNESS_TOLERANCE",
+    "FLAT_FOLD",
     "PRINT_TOLERANCE",
     "PROBABILITY_SUM_TOLERANCE",
     "REUSE_FLATNESS",
@@ -105,6 +106,10 @@ keeps to it."""
 ENGRAVED_VOLUME_TOLERANCE: Final = 1e-4
 """The volume that engraving takes away must be that of the labels within this part of it: the
 unevenness of a facet with float32 corners over the depth of a pocket."""
+
+FILLED_GAP: Final = 1e-4
+"""A surface fills a hull when the two are no farther apart than this, relative to the diagonal of
+the surface's box."""
 
 FLAT_FOLD: Final = 1e-6
 """Two triangles with a common edge lie on each other when the angle between them is no more than

@@ -17,20 +17,22 @@ import yaml
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
-def rolled_frequencies(corners: np.ndarray, center: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def rolled_frequencies(
+    corners: np.ndarray, center: np.ndarray, normals: np.ndarray, steps: int
+) -> np.ndarray:
     """Share of sampled directions that end nearest to each of the normals (r, 3), following
-    U(d) = max r_j . d downhill in small steps."""
+    U(d) = max r_j . d downhill in so many small steps."""
     radii = corners - center
     directions = np.random.default_rng(0).normal(size=(4000, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     step = 0.02
-    for _ in range(600):
+    for _ in range(steps):
         lowest = radii[np.argmax(directions @ radii.T, axis=1)]
         slope = lowest - (lowest * directions).sum(1)[:, None] * directions
         length = np.maximum(np.linalg.norm(slope, axis=1), 1e-12)[:, None]
         directions = directions - step * slope / length
         directions /= np.linalg.norm(directions, axis=1)[:, None]
-        step = max(0.995 * step, 1e-3)
+        step = max((1.0 - 3.0 / steps) * step, 1e-3)
     nearest = np.argmax(directions @ normals.T, axis=1)
     return np.bincount(nearest, minlength=len(normals)) / len(directions)
 
@@ -55,8 +57,11 @@ def check(folder: Path) -> dict[str, object]:
         assert die.is_winding_consistent
         assert len(die.split()) == 1
         assert 0.8 * plain.volume < die.volume < plain.volume
-        assert np.allclose(die.convex_hull.volume, plain.volume, rtol=1e-5)
-    span = np.linalg.norm(plain.vertices[:, None] - plain.vertices[None], axis=2).max()
+        # Marks on a concave die may take a little off its hull.
+        flat = 1e-2 if "elsewhere" in result else 1e-5
+        assert np.allclose(die.convex_hull.volume, plain.convex_hull.volume, rtol=flat)
+    corners = plain.convex_hull.vertices
+    span = np.linalg.norm(corners[:, None] - corners[None], axis=2).max()
     size = yaml.safe_load((folder / "recipe.yaml").read_text())["size_mm"]
     assert abs(span - size) < 1e-4 * size, (span, size)
 
@@ -65,10 +70,22 @@ def check(folder: Path) -> dict[str, object]:
     assert abs(odds - target).max() == result["max_abs_error"]
     assert abs(sum(f["probability"] for f in result["facets"]) - 1.0) < 1e-12
     normals = np.array([facet["normal"] for facet in result["facets"]])
-    frequencies = rolled_frequencies(plain.vertices, plain.center_mass, normals)
-    for facet, frequency in zip(result["facets"], frequencies, strict=True):
-        spread = 5.0 * np.sqrt(facet["probability"] * (1 - facet["probability"]) / 4000) + 0.005
-        assert abs(frequency - facet["probability"]) < spread, (facet, frequency)
+    # A hull of many corners has valleys along which little is won by each step.
+    steps = 6000 if "elsewhere" in result else 600
+    frequencies = rolled_frequencies(corners, plain.center_mass, normals, steps)
+    if "elsewhere" in result:
+        # Rests of one outcome may be too near to each other to tell them apart by rolling.
+        outcomes = [facet["outcome"] for facet in result["facets"]]
+        names = [*labels, None]
+        expected = [*odds, result["elsewhere"]]
+        of_name = [[outcome == name for outcome in outcomes] for name in names]
+        frequencies = np.array([frequencies[counted].sum() for counted in of_name])
+    else:
+        names = result["facets"]
+        expected = [facet["probability"] for facet in result["facets"]]
+    for name, wanted, frequency in zip(names, expected, frequencies, strict=True):
+        spread = 5.0 * np.sqrt(max(wanted * (1 - wanted), 0.0) / 4000) + 0.005
+        assert abs(frequency - wanted) < spread, (name, wanted, frequency)
     if result["status"] == "converged":
         assert sorted(f["label"] for f in result["facets"] if f["label"]) == sorted(labels)
     page = (folder / "report.html").read_text()

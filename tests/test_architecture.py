@@ -7,6 +7,7 @@ from pathlib import Path
 
 FLOORS = (
     (
+        "clock",
         "errors",
         "extras",
         "executors",
@@ -23,8 +24,18 @@ FLOORS = (
     ("concave",),
     ("fabricate",),
     ("show",),
-    ("recipe_parts", "recipe", "recipe_file", "design_stage", "summary"),
-    ("pipeline",),
+    (
+        "recipe_parts",
+        "recipe",
+        "recipe_file",
+        "design_stage",
+        "concave_stage",
+        "summary",
+        "concave_summary",
+        "concave_figures",
+        "results",
+    ),
+    ("pipeline", "concave_pipeline"),
     ("search",),
     ("bench",),
     ("commands",),

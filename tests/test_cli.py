@@ -13,7 +13,7 @@ import pytest
 import trimesh
 
 from dicedesign.cli import main
-from dicedesign.pipeline import RunResult
+from dicedesign.results import RunResult
 
 
 @pytest.fixture
@@ -120,6 +120,16 @@ BAD = [
         "--max-angle-deg: expected at least 0.0057",
     ),
     (["run", "missing.yaml"], "missing.yaml"),
+    (["run", "good.yaml", "--resume"], "--resume: expected a recipe of method: {concave: {}}, got"),
+    (["run", "concave.yaml", "--resume"], "checkpoint of a run that was interrupted, got none"),
+    (
+        ["run", "concave.yaml", "--set", "start.mesh.path=open.obj"],
+        "got 3 edges with one triangle (the mesh is open); close its holes",
+    ),
+    (["run", "concave.yaml", "--set", "start.mesh.path=few.xyz"], "at least 4 distinct points"),
+    (["run", "concave.yaml", "--set", "start.mesh.path=cloud.xyz"], "got a point cloud"),
+    (["run", "concave.yaml", "--set", "start={prism: {}}"], "start: expected a surface to keep"),
+    (["search", "concave.yaml", "--trials", "1"], "method: expected exact or descent, got concave"),
     (["run", "bad.yaml"], "bad.yaml: colour: unknown key"),
     (["run", "good.yaml", "--out", "box.obj/x"], "folder that can be written"),
     (["run", "good.yaml", "--set", "start={mesh: {path: missing.stl}}"], "missing.stl"),
@@ -149,6 +159,12 @@ def test_bad_input_is_one_line_and_exit_code_2(
     good = "name: good\ntarget: {fair: 4}\nstart: {repulsion: {}}\n"
     (tmp_path / "good.yaml").write_text(good)
     (tmp_path / "bad.yaml").write_text(good + "colour: red\n")
+    (tmp_path / "concave.yaml").write_text(
+        "name: c\ntarget: {fair: 6}\nstart: {mesh: {path: box.obj}}\nmethod: concave\n"
+    )
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+    (tmp_path / "open.obj").write_text(corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\n")
+    (tmp_path / "cloud.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n")
     before = sorted(tmp_path.iterdir())
     assert main(arguments) == 2
     captured = capsys.readouterr()

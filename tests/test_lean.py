@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import pytest
 import torch
 import trimesh
 from blade import blade
+from dented_cube import write_cube
 
 from dicedesign import kernels, rest_poses
 from dicedesign.bench.extremes import large, weighted_sphere
@@ -339,7 +341,10 @@ def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -
     others |= {"sympy", "mpmath", "functorch", "torch._dynamo"}
     assert loaded & (others | SOLVERS) == set()
     own = {name for name in loaded if name.startswith("dicedesign.")}
-    assert not any(name.startswith(("dicedesign.concave", "dicedesign.bench")) for name in own)
+    # What a recipe may say of a concave die is read, what makes one is not.
+    concave = {name for name in own if name.startswith("dicedesign.concave")}
+    assert concave == {"dicedesign.concave", "dicedesign.concave.options"}
+    assert not any(name.startswith("dicedesign.bench") for name in own)
     assert (
         own & {f"dicedesign.fabricate.{name}" for name in ("engrave", "glyphs", "layout")} == set()
     )
@@ -349,3 +354,30 @@ def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -
     ]  # fmt: skip
     assert all(stage["seconds"] >= 0.0 for stage in stages)
     assert all(50.0 < stage["peak_mb"] < 5000.0 for stage in stages)
+
+
+CONCAVE = """
+name: cube
+target: {fair: 6}
+start: {mesh: {path: cube.obj}}
+method: {concave: {attempts: 1}}
+"""
+
+
+def test_a_plain_concave_recipe_loads_no_engraver_no_solver_and_no_remesher(tmp_path: Path) -> None:
+    """But what `test_a_plain_convex_recipe_loads_no_engraver_and_no_solver` finds missing."""
+    write_cube(tmp_path / "cube.obj")
+    (tmp_path / "cube.yaml").write_text(CONCAVE)
+    loaded = modules_after(["run", "cube.yaml", "--out", "cube"], tmp_path)
+    assert {f"dicedesign.concave.{name}" for name in ("making", "hull_design")} <= loaded
+    assert {"dicedesign.concave_pipeline", "manifold3d"} <= loaded
+    others = {"fast_simplification", "trimesh", "fontTools.ttLib", "matplotlib.pyplot"}
+    others |= {f"dicedesign.fabricate.{name}" for name in ("marks", "glyphs", "layout")}
+    assert loaded & (others | SOLVERS) == set()
+
+
+def test_the_solvers_looked_for_are_those_that_can_be_loaded() -> None:
+    """Else none would be found whatever is loaded."""
+    assert "clarabel" in SOLVERS
+    assert importlib.util.find_spec("clarabel") is not None
+    assert importlib.util.find_spec("fast_simplification") is not None

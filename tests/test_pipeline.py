@@ -75,7 +75,9 @@ def test_the_same_seed_gives_the_same_bytes(name: str, repository: Path, tmp_pat
 def test_what_is_not_asked_for_is_not_done(repository: Path, tmp_path: Path) -> None:
     folder = tmp_path / "plain"
     folder.mkdir()
-    (folder / "die.stl").write_bytes(b"of an earlier run")
+    of_earlier_runs = ("die.stl", "rests.png", "checkpoint.npz")
+    for name in of_earlier_runs:
+        (folder / name).write_bytes(b"of an earlier run")
     recipe = read_recipe(
         repository / "recipes" / "2d6_descent.yaml",
         ["engrave=false", "method.descent.stopping.steps=3"],
@@ -83,7 +85,8 @@ def test_what_is_not_asked_for_is_not_done(repository: Path, tmp_path: Path) -> 
     result = run_recipe(recipe, folder)
     assert result.status == "step_limit"
     assert not result.converged
-    assert not (folder / "die.stl").exists()
+    for name in of_earlier_runs:
+        assert not (folder / name).exists()
     assert "engraved_probabilities" not in result.summary
     assert "engrave" not in [stage["name"] for stage in result.summary["stages"]]
     check(folder)
@@ -201,10 +204,10 @@ def test_an_outcome_without_a_facet_leaves_the_die_plain(
 def test_an_interrupted_run_leaves_nothing_half_written(
     repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dicedesign import pipeline
+    from dicedesign import results
 
     written: list[str] = []
-    real = pipeline.atomic_write
+    real = results.atomic_write
 
     def interrupted(path: Path, data: bytes) -> None:
         if len(written) == 2:
@@ -212,7 +215,7 @@ def test_an_interrupted_run_leaves_nothing_half_written(
         written.append(path.name)
         real(path, data)
 
-    monkeypatch.setattr(pipeline, "atomic_write", interrupted)
+    monkeypatch.setattr(results, "atomic_write", interrupted)
     recipe = read_recipe(
         repository / "recipes" / "2d6_descent.yaml", ["method.descent.stopping.steps=1"]
     )

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 import yaml
 
+from dicedesign.concave.shapes import SHAPES
 from dicedesign.design.stopping import Status
 from dicedesign.design_stage import design_die, make_start
-from dicedesign.errors import RecipeError
+from dicedesign.errors import InputError, RecipeError
+from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import read_recipe, recipe_text
 
@@ -50,12 +52,78 @@ def test_a_resolved_recipe_reads_as_itself(repository: Path, tmp_path: Path) -> 
         assert again == recipe
 
 
-@pytest.mark.parametrize("method", ["exact", "descent"])
+@pytest.mark.parametrize("method", ["exact", "descent", "concave"])
 def test_a_word_is_a_method_with_its_defaults(method: str, tmp_path: Path) -> None:
-    entries = {"name": "x", "target": {"fair": 6}, "start": {"repulsion": {}}}
+    start = {"shape": "gear"} if method == "concave" else {"repulsion": {}}
+    entries = {"name": "x", "target": {"fair": 6}, "start": start}
     assert read(tmp_path, {**entries, "method": method}) == read(
         tmp_path, {**entries, "method": {method: {}}}
     )
+
+
+CONCAVE: dict[str, Any] = {
+    "name": "x",
+    "target": {"fair": 3},
+    "start": {"shape": "duck"},
+    "method": {"concave": {}},
+}
+
+
+@pytest.mark.parametrize("method", ["concave", {"concave": {}}, {"concave": {"points": 500}}])
+def test_a_concave_die_is_plain_unless_marks_are_asked_for(method: object, tmp_path: Path) -> None:
+    plain = read(tmp_path, {**CONCAVE, "method": method})
+    assert plain.engrave is None
+    assert plain.resolved()["engrave"] is False
+    marked = read(tmp_path, {**CONCAVE, "method": method, "engrave": True})
+    assert marked.engrave == EngravingOptions()
+    assert read(tmp_path, {**CONCAVE, "method": method, "engrave": {"margin": 0.2}}).engrave
+    for recipe in (plain, marked):
+        assert read(tmp_path, recipe.resolved()) == recipe
+    assert read(tmp_path, GOOD).engrave == EngravingOptions()
+
+
+def test_every_shape_that_is_built_can_be_a_start(tmp_path: Path) -> None:
+    for name in SHAPES:
+        assert read(tmp_path, {**CONCAVE, "start": {"shape": name}}).start.shape == name
+    listed = Recipe.model_json_schema()["$defs"]["StartRecipe"]["properties"]["shape"]
+    assert listed["anyOf"][0]["enum"] == list(SHAPES)
+
+
+BAD_CONCAVE = [
+    ({"start": {"shape": "dog"}}, "start.shape: input should be 'duck', .*got 'dog'"),
+    ({"start": {"search": {}}}, "start: expected a surface to keep .*, got search; write start: "),
+    ({"start": {"prism": {}}}, "start: expected a surface to keep .*, got prism; write start: "),
+    ({"method": "exact"}, r"start.shape: expected method: \{concave: \{\}\} with it, got exact"),
+    ({"method": "descent"}, "start.shape: expected method: .*, got descent"),
+    ({"center_of_mass": [0, 0, 1]}, "center_of_mass: expected uniform .*; leave it out"),
+    ({"symmetry": "C3v"}, "symmetry: expected the exact method"),
+    ({"assignment": "any"}, "assignment: expected in_order with the concave method"),
+    ({"assignment": [2, 1, 3]}, "assignment: expected in_order with the concave method"),
+    ({"min_inradius_mm": 1}, "min_inradius_mm: expected the exact method, .*, got concave"),
+    ({"method": {"concave": {}, "exact": {}}}, "one of exact, .*, got exact and concave; keep"),
+    ({"method": {"concave": {"tolerance": 2}}}, "method.concave: tolerance: .*, got 2"),
+    (
+        {"method": {"concave": {"fil": 1}}},
+        r"method.concave.fil: unknown key; did you mean 'fill'\?",
+    ),
+    ({"method": {"concave": {"fill": "x"}}}, "method.concave.fill: .*'quadratic', got 'x'"),
+    ({"method": {"concave": {"points": 4}}}, "method.concave: points: expected at least 50, got 4"),
+    ({"shape": "duck"}, "shape: unknown key; it belongs at start.shape"),
+    ({"attempts": 3}, "attempts: unknown key; it belongs at method.concave.attempts"),
+]
+
+
+@pytest.mark.parametrize(("entries", "message"), BAD_CONCAVE, ids=[m[:30] for _, m in BAD_CONCAVE])
+def test_bad_recipes_of_concave_dice_are_explained(
+    tmp_path: Path, entries: dict[str, object], message: str
+) -> None:
+    with pytest.raises(RecipeError, match=message):
+        read(tmp_path, {**CONCAVE, **entries})
+
+
+def test_a_concave_recipe_has_no_convex_start(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="method: expected exact or descent, got concave"):
+        make_start(read(tmp_path, CONCAVE))
 
 
 def test_any_order_of_the_labels_is_tried(tmp_path: Path) -> None:

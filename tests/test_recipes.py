@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from check_outputs import check
 
+from dicedesign.concave_pipeline import run_concave_recipe
 from dicedesign.design.stopping import Status
 from dicedesign.design_stage import DesignedDie, design_die, make_start
 from dicedesign.fabricate.stl import stl_bytes
@@ -23,7 +25,13 @@ SINGLE, DOUBLE = 1e-5, 1e-11
 LARGEST_SECONDS = 60.0
 
 
-@pytest.mark.parametrize("path", RECIPES, ids=lambda path: path.stem)
+CONVEX = [path for path in RECIPES if "concave" not in path.read_text()]
+CONCAVE = [path for path in RECIPES if path not in CONVEX]
+LARGEST_DISPLACEMENT = 0.05
+"""Mean, over the diagonal, of the recipes of concave dice."""
+
+
+@pytest.mark.parametrize("path", CONVEX, ids=lambda path: path.stem)
 def test_a_recipe_gives_its_die_in_time(path: Path, tmp_path: Path) -> None:
     recipe = read_recipe(path)
     die = design_die(recipe, make_start(recipe))
@@ -39,6 +47,18 @@ def test_a_recipe_gives_its_die_in_time(path: Path, tmp_path: Path) -> None:
     obj.write_text(obj_text(verdict.hull.vertices, verdict.hull.triangles))
     assert error_of_file(stl, die) <= allowed + SINGLE
     assert error_of_file(obj, die) <= allowed + DOUBLE
+
+
+@pytest.mark.parametrize("path", CONCAVE, ids=lambda path: path.stem)
+def test_a_recipe_gives_its_concave_die_in_time(path: Path, tmp_path: Path) -> None:
+    recipe = read_recipe(path)
+    result = run_concave_recipe(recipe, tmp_path)
+    assert result.status == "converged", result.message
+    assert result.summary["search_seconds"] <= LARGEST_SECONDS
+    summary = check(tmp_path)
+    assert summary["max_abs_error"] <= recipe.method.tolerance
+    assert summary["elsewhere"] <= recipe.method.tolerance
+    assert summary["displacement"]["mean"] <= LARGEST_DISPLACEMENT
 
 
 def obj_text(vertices: np.ndarray, triangles: np.ndarray) -> str:

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from dicedesign.commands.benches import accuracy, design, exact, gradients, lean, speed, stability
+from dicedesign.commands.benches import (
+    accuracy,
+    concave,
+    design,
+    exact,
+    gradients,
+    lean,
+    speed,
+    stability,
+)
 
 __all__ = ["add_parser"]
 
@@ -17,5 +26,5 @@ def add_parser(commands: Any) -> None:
         description="Measure the product itself.",
     )
     benches = parser.add_subparsers(title="benches", required=True, metavar="BENCH")
-    for module in (accuracy, design, exact, gradients, lean, speed, stability):
+    for module in (accuracy, concave, design, exact, gradients, lean, speed, stability):
         module.add_parser(benches)

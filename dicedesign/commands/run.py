@@ -29,10 +29,17 @@ def add_parser(commands: Any) -> None:
         help="change an entry of the recipe, such as size_mm=40 or "
         "method.descent.stopping.tolerance=1e-4",
     )
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on from the checkpoint of a concave die that an interrupted run left in the "
+        "folder",
+    )
     parser.set_defaults(command=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
     from dicedesign.recipe_file import read_recipe
 
-    return run_and_print(read_recipe(options.recipe, options.changes), options.out)
+    recipe = read_recipe(options.recipe, options.changes)
+    return run_and_print(recipe, options.out, resume=options.resume)

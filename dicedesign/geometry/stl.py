@@ -12,7 +12,7 @@ from dicedesign.errors import MeshFileError
 from dicedesign.geometry.body import repeated_positions
 from dicedesign.geometry.mesh_errors import EXPORT_AGAIN, bad_line
 
-__all__ = ["STL_HEADER", "STL_TRIANGLE", "read_stl"]
+__all__ = ["STL_HEADER", "STL_TRIANGLE", "parsed_stl", "read_stl"]
 
 STL_HEADER: Final = 84
 """Bytes before the first triangle: 80 of any text, then the number of triangles."""
@@ -22,16 +22,20 @@ STL_TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3))
 
 
 def read_stl(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points and triangles of an STL file, equal positions made one point again.
+    """Points and triangles of an STL file, see `parsed_stl`."""
+    return parsed_stl(path.read_bytes(), path)
+
+
+def parsed_stl(data: bytes, path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Points and triangles of the content of an STL file, equal positions made one point again.
 
     A file is binary when its size is that of the number of triangles it tells, whatever its header
     says (many begin with "solid"). The solids of an ASCII file are joined. Normals and colors are
     skipped.
 
-    path: an existing file. Returns (n, 3) points and (t, 3) triangles.
+    path: what to call it in messages. Returns (n, 3) points and (t, 3) triangles.
     Raises MeshFileError: the file is neither, or a `vertex` line of an ASCII file cannot be read.
     """
-    data = path.read_bytes()
     count = int.from_bytes(data[STL_HEADER - 4 : STL_HEADER], "little")
     if len(data) == STL_HEADER + count * STL_TRIANGLE.itemsize:
         records = np.frombuffer(data, dtype=STL_TRIANGLE, offset=STL_HEADER)

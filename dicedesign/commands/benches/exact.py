@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -46,7 +47,9 @@ def add_parser(benches: Any) -> None:
         "a first target is solved uncounted, since torch takes longer at its first use in a "
         "process.",
     )
-    parser.add_argument("recipes", nargs="*", type=Path, metavar="RECIPE", help="YAML file")
+    parser.add_argument(
+        "recipes", nargs="*", type=Path, metavar="RECIPE", help="YAML file of a convex die"
+    )
     parser.add_argument(
         "--targets", type=int, default=200, metavar="N", help="how many targets (default: 200)"
     )
@@ -75,7 +78,11 @@ def _run(options: argparse.Namespace) -> int:
 
     # As `dicedesign run` does.
     torch.set_num_threads(1)
-    recipes = [read_recipe(path) for path in options.recipes]
+    given = [read_recipe(path) for path in options.recipes]
+    recipes = [recipe for recipe in given if recipe.method.concave is None]
+    if len(recipes) < len(given):
+        left_out = len(given) - len(recipes)
+        print(f"note: {left_out} recipes of concave dice are left out", file=sys.stderr)
     starts = [make_start(recipe) for recipe in recipes]
     attempts = []
     with progress_bar("targets") as bar:

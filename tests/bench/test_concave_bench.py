@@ -1,0 +1,269 @@
+"""The bench of concave dice: cases, figures of what a file holds, failures as rows, the command."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from dented_cube import MadeUpSearch, dented_cube, write_cube
+
+from dicedesign.bench import concave
+from dicedesign.bench.concave import (
+    FULL,
+    QUICK,
+    ConcaveCase,
+    ConcaveFigures,
+    ConcaveRow,
+    attempt_concave,
+    concave_cases,
+)
+from dicedesign.cli import main
+from dicedesign.concave.shapes import SHAPES
+from dicedesign.concave.surface import Surface
+from dicedesign.concave_stage import concave_options
+from dicedesign.errors import RecipeError
+from dicedesign.rest.poses import rest_poses
+
+FIGURES = ConcaveFigures(2e-3, 1e-3, 1e-9, 0, 0.031, 0.12, 1.25, 1.5, 300, 250, 7)
+GOOD = ConcaveRow("knot", "fair:3", "correspondence", 2496, 11.5, 400.2, 5e-3, FIGURES, "")
+NONE = replace(GOOD, model="cow.obj", points=None, peak_mb=None, figures=None, note="cow.obj: open")
+
+
+@pytest.fixture
+def search(monkeypatch: pytest.MonkeyPatch) -> MadeUpSearch:
+    """Takes the place of the real one: a cube whose dents become deeper by 0.03 of 2."""
+    made_up = MadeUpSearch()
+    monkeypatch.setattr(concave, "make_concave_die", made_up)
+    return made_up
+
+
+@pytest.fixture
+def cube(tmp_path: Path) -> Path:
+    path = tmp_path / "cube.obj"
+    write_cube(path)
+    return path
+
+
+def case_of(path: Path, outcomes: int = 6, fill: str = "correspondence") -> ConcaveCase:
+    (case,) = concave_cases([path], {"fair": {"fair": outcomes}}, QUICK, [fill])
+    return case
+
+
+def test_every_mesh_meets_every_target_by_every_fill() -> None:
+    targets: dict[str, dict[str, Any]] = {
+        "fair:3": {"fair": 3},
+        "1/2,1/2": {"probabilities": ["1/2", "1/2"]},
+    }
+    cases = concave_cases([Path("a.obj"), Path("b.stl")], targets, FULL)
+    assert [(case.model, case.target, case.fill) for case in cases] == [
+        (model, target, fill)
+        for model in ("a.obj", "b.stl")
+        for target in targets
+        for fill in ("correspondence", "quadratic")
+    ]
+    assert {case.most_points for case in cases if case.fill == "quadratic"} == {5000}
+    assert {case.most_points for case in cases if case.fill == "correspondence"} == {None}
+    assert cases[2].recipe.target.target().probabilities.tolist() == [0.5, 0.5]
+    for extent in (FULL, QUICK):
+        own = concave_cases([], {"fair:3": {"fair": 3}}, extent, ["quadratic"])
+        assert [case.model for case in own] == list(extent.shapes)
+        assert set(extent.shapes) <= set(SHAPES)
+        assert {concave_options(case.recipe).seconds for case in own} == {extent.seconds}
+    with pytest.raises(RecipeError, match=r"^fair:1: target: "):
+        concave_cases([], {"fair:1": {"fair": 1}}, QUICK)
+
+
+def test_a_cube_is_measured_in_closed_form(cube: Path, search: MadeUpSearch) -> None:
+    """Of 14 points, six move by 0.03; the diagonal is 2 sqrt(3). Each triangle keeps its edge of
+    length 2 and its height over it goes from sqrt(1.01) to sqrt(1 + 0.13^2)."""
+    steps: list[int] = []
+    row = attempt_concave(case_of(cube), lambda step: steps.append(step.attempt))
+    assert (row.model, row.target, row.fill) == ("cube.obj", "fair", "correspondence")
+    assert (row.points, row.note, row.tolerance, row.met) == (14, "", 5e-3, True)
+    assert steps == [1, 1, 2, 2, 3, 3]
+    assert row.seconds > 0.0
+    assert row.peak_mb is None or row.peak_mb > 10.0
+    found = row.figures
+    assert found is not None
+    assert (found.corners_before, found.corners_after, found.attempts) == (8, 8, 3)
+    assert found.intersections == 0
+    assert found.error < 1e-6
+    assert found.elsewhere == pytest.approx(0.0, abs=1e-12)
+    assert found.gap < 1e-6
+    assert found.largest_displacement == pytest.approx(0.03 / np.sqrt(12.0))
+    assert found.mean_displacement == pytest.approx(6.0 / 14.0 * 0.03 / np.sqrt(12.0))
+    assert found.shape_distortion == pytest.approx(np.sqrt(1.0169 / 1.01), rel=1e-9)
+    assert found.size_distortion == pytest.approx(1.0, rel=1e-9)
+
+
+def test_odds_are_those_of_the_file_and_not_of_the_search(cube: Path, search: MadeUpSearch) -> None:
+    """The search claims an error of 0; three of six sides hold half of the odds, and a box of other
+    sides holds what the forward model says of its corners."""
+    half = attempt_concave(case_of(cube, 3))
+    assert half.figures is not None
+    assert half.figures.error == pytest.approx(1.0 / 6.0, abs=1e-6)
+    assert half.figures.elsewhere == pytest.approx(0.5, abs=1e-6)
+    assert not half.met
+    sides = np.array([1.0, 1.1, 1.3])
+    search.change = lambda points: points * sides
+    box = attempt_concave(case_of(cube))
+    poses = rest_poses(dented_cube().points[:8] * sides, np.zeros(3))
+    wanted = np.abs(poses.probabilities - 1.0 / 6.0).max()
+    assert wanted > 0.02
+    assert box.figures is not None
+    assert box.figures.error == pytest.approx(wanted, abs=1e-6)
+    # The search says that the hull is still the cube.
+    assert box.figures.gap == pytest.approx(0.3 / np.linalg.norm(2.0 * sides), abs=1e-6)
+    assert not box.met
+
+
+def test_a_die_that_meets_itself_is_not_as_wanted(cube: Path, search: MadeUpSearch) -> None:
+    def through(points: np.ndarray) -> np.ndarray:
+        """Opposite dents are pushed past each other."""
+        moved = points.copy()
+        moved[8], moved[11] = (-0.3, 0.0, 0.0), (0.3, 0.0, 0.0)
+        return moved
+
+    search.change = through
+    row = attempt_concave(case_of(cube))
+    assert row.figures is not None
+    assert row.figures.intersections > 0
+    assert not row.met
+
+
+def test_only_large_surfaces_are_decimated_for_quadratic_programs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("fast_simplification")
+    asked: list[int] = []
+
+    def find(surface: Surface, *given: object, **more: object) -> None:
+        asked.append(len(surface.points))
+        raise ZeroDivisionError("no die")
+
+    monkeypatch.setattr(concave, "make_concave_die", find)
+    ball = tmp_path / "ball.obj"
+    trimesh.creation.icosphere(subdivisions=3).export(ball)
+    small = attempt_concave(replace(case_of(ball, 3, "quadratic"), most_points=200))
+    assert small.points == asked[0] <= 200
+    assert small.fill == "quadratic"
+    left = attempt_concave(case_of(ball, 3))
+    assert left.points == asked[1] == 642
+    assert (left.note, left.figures, left.met) == ("ZeroDivisionError: no die", None, False)
+
+
+def test_the_note_says_what_was_decimated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, search: MadeUpSearch, cube: Path
+) -> None:
+    def decimated(surface: Surface, points: int) -> tuple[Surface, str]:
+        assert points == 10
+        return surface, "decimated from 14 to 10 points"
+
+    monkeypatch.setattr(concave, "decimated", decimated)
+    row = attempt_concave(replace(case_of(cube, 6, "quadratic"), most_points=10))
+    assert row.note == "decimated from 14 to 10 points"
+    assert row.met
+
+
+def test_failures_are_rows(tmp_path: Path, cube: Path) -> None:
+    opened = tmp_path / "open.obj"
+    opened.write_text("".join(cube.read_text().splitlines(keepends=True)[:-1]))
+    row = attempt_concave(case_of(opened))
+    assert (row.points, row.figures, row.seconds, row.met) == (None, None, 0.0, False)
+    assert "open.obj: expected a closed surface" in row.note
+    many = attempt_concave(case_of(cube, 13))
+    assert (many.points, many.figures) == (14, None)
+    assert many.note.startswith("target: expected at most 12 outcomes for a hull of 8 corners")
+
+
+def test_the_command_prints_a_table_or_json(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], cube: Path
+) -> None:
+    asked: list[ConcaveCase] = []
+    rows = {"correspondence": GOOD, "quadratic": replace(NONE, fill="quadratic")}
+
+    def attempt(case: ConcaveCase, on_step: object) -> ConcaveRow:
+        asked.append(case)
+        return rows[case.fill]
+
+    monkeypatch.setattr(concave, "attempt_concave", attempt)
+    assert main(["bench", "concave", "--quick"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    header, good, none, *_, verdict = out.splitlines()
+    assert header.split()[:6] == ["model", "target", "fill", "points", "s", "MB"]
+    measured = ["2.0e-03", "1.0e-03", "1.0e-09", "0", "3.10", "12.0", "1.25", "1.50", "300/250"]
+    assert good.split()[3:] == ["2496", "11.5", "400", *measured, "7"]
+    assert none.split()[:3] == ["cow.obj", "fair:3", "quadratic"]
+    assert none.endswith("  cow.obj: open")
+    assert verdict == "by correspondence: 1 of 1 as wanted"
+    assert [case.model for case in asked] == 2 * list(QUICK.shapes)
+    asked.clear()
+    words = ["--target", "fair:6", "--target", "1/2,1/3,1/6", "--fill", "quadratic", "--json"]
+    assert main(["bench", "concave", str(cube), *words]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert {"date", "machine", "python", "dicedesign", "numpy", "torch"} <= set(record)
+    assert [(case.model, case.target) for case in asked] == [
+        ("cube.obj", "fair:6"),
+        ("cube.obj", "1/2,1/3,1/6"),
+    ]
+    assert {case.most_points for case in asked} == {FULL.most_points}
+    for row in record["rows"]:
+        assert (row["met"], row["points"], row["error"], row["note"]) == (
+            False,
+            None,
+            None,
+            "cow.obj: open",
+        )
+        assert set(row) == {*GOOD.plain()}
+
+
+def test_the_exit_code_is_that_of_the_dice_by_correspondence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bad = [
+        NONE,
+        replace(GOOD, figures=replace(FIGURES, error=6e-3)),
+        replace(GOOD, figures=replace(FIGURES, elsewhere=6e-3)),
+        replace(GOOD, figures=replace(FIGURES, intersections=1)),
+    ]
+    for row in bad:
+        monkeypatch.setattr(concave, "attempt_concave", lambda case, on_step, row=row: row)
+        assert main(["bench", "concave", "--quick", "--fill", "correspondence"]) == 1
+        last = capsys.readouterr().out.splitlines()[-1]
+        assert last.startswith("by correspondence: 0 of 1 as wanted; beyond the tolerance of 0.005")
+        assert last.endswith(f": {row.model}, fair:3")
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["gone.obj"], "gone.obj: expected a mesh file, got none"),
+        (["--target", "fair:x"], "--target: expected fair:K or probabilities, got 'fair:x'"),
+        (["--target", "dice:6"], "--target: expected fair:K or probabilities, got 'dice:6'"),
+        (["--target", "fair:1"], "--target fair:1: target: "),
+        (["--target", "1/2,1/3"], "--target 1/2,1/3: target: probabilities: expected a sum of 1"),
+    ],
+)
+def test_bad_arguments_are_errors_in_words(
+    words: list[str], text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["bench", "concave", *words]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert text in err
+
+
+def test_a_cube_goes_through_the_command(
+    cube: Path, search: MadeUpSearch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["bench", "concave", str(cube), "--target", "fair:6", "--json"]) == 0
+    first, second = json.loads(capsys.readouterr().out)["rows"]
+    assert (first["fill"], second["fill"]) == ("correspondence", "quadratic")
+    assert first["met"]
+    assert first["mean_displacement"] == second["mean_displacement"] > 0.0

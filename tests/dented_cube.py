@@ -1,0 +1,92 @@
+"""A concave die without a search: a cube with a dent in each side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dicedesign.concave.options import ConcaveOptions
+from dicedesign.concave.result import ConcaveDie, ConcaveProgress, ConcaveStep, FilledHull
+from dicedesign.concave.surface import Surface
+from dicedesign.geometry.hull import convex_hull
+
+CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+NORMALS = np.concatenate([np.eye(3), -np.eye(3)])
+
+
+def dented_cube(depth: float = 0.1) -> Surface:
+    """Of side 2 about the origin, with a pyramid of a depth cut out of each side: a fair d6."""
+    points = np.concatenate([CORNERS, (1.0 - depth) * NORMALS])
+    triangles = []
+    for side, normal in enumerate(NORMALS):
+        around = np.flatnonzero(CORNERS @ normal == 1.0)
+        across = np.cross(normal, CORNERS[around[0]])
+        angle = np.arctan2(CORNERS[around] @ np.cross(normal, across), CORNERS[around] @ across)
+        around = around[np.argsort(angle)]
+        triangles += [(around[k], around[(k + 1) % 4], 8 + side) for k in range(4)]
+    return Surface(points, np.array(triangles, dtype=np.int64))
+
+
+def write_cube(path: Path) -> None:
+    surface = dented_cube()
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in surface.points.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (surface.triangles + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n")
+
+
+class MadeUpSearch:
+    """Stands in for `make_concave_die`: every attempt deepens the dents, which leaves the odds and
+    the hull as they are, and the last is the best."""
+
+    def __init__(self) -> None:
+        self.interrupt_after: int | None = None
+        self.change: Callable[[np.ndarray], np.ndarray] = lambda points: points
+        self.attempted: list[int] = []
+        self.leads_nowhere = False
+
+    def __call__(
+        self,
+        surface: Surface,
+        target: np.ndarray,
+        options: ConcaveOptions,
+        *,
+        seed: int = 0,
+        resume: ConcaveProgress | None = None,
+        on_step: Callable[[ConcaveStep], None] | None = None,
+        on_attempt: Callable[[ConcaveProgress], None] | None = None,
+    ) -> ConcaveDie:
+        progress = resume or ConcaveProgress(0, 0.0, None, ())
+        for attempt in range(progress.attempts + 1, min(options.attempts, 3) + 1):
+            self.attempted.append(attempt)
+            history = (
+                ConcaveStep(attempt, "hull", 0.5 * attempt, 1.0, 0.25),
+                ConcaveStep(attempt, "fill", 0.6 * attempt, 0.5, None),
+            )
+            for step in history:
+                if on_step is not None:
+                    on_step(step)
+            points = self.change(dented_cube(0.1 + 0.01 * attempt).points)
+            best = FilledHull(
+                attempt=attempt,
+                points=points,
+                hull_points=CORNERS,
+                directions=NORMALS[: len(target)],
+                error=0.0,
+                gap=0.0,
+                displacement=0.01 * attempt,
+                intersections=0,
+            )
+            progress = ConcaveProgress(
+                attempt, 0.6 * attempt, None if self.leads_nowhere else best, history
+            )
+            if on_attempt is not None:
+                on_attempt(progress)
+            if attempt == self.interrupt_after:
+                raise KeyboardInterrupt
+        best_found: Any = progress.best
+        after = surface.moved(best_found.points)
+        hull = convex_hull(best_found.hull_points)
+        return ConcaveDie(surface, after, hull, best_found.directions, (8, 8), progress)
