@@ -1,8 +1,8 @@
-"""Make what the README shows from finished runs: the table of recipes and the gallery.
+"""Make what the README shows from finished runs: the tables of recipes and the gallery.
 
 Usage, after `dicedesign run` of every recipe and the benches that draw:
     python tests/readme_material.py outputs
-prints the table in Markdown and writes outputs/gallery/*.png.
+prints the tables in Markdown and writes outputs/gallery/*.png.
 """
 
 from __future__ import annotations
@@ -37,6 +37,22 @@ def row(result: dict) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
+def concave_row(result: dict) -> str:
+    """One line of the table of concave dice."""
+    hull = result["hull"]
+    cells = [
+        f"`{result['name']}`",
+        str(len(result["labels"])),
+        f"{result['max_abs_error']:.1e}",
+        f"{result['elsewhere']:.1e}",
+        f"{100.0 * result['displacement']['mean']:.1f}",
+        f"{hull['vertices_after']} of {hull['vertices_before']}",
+        f"{result['search_seconds']:.1f}",
+        f"{sum(stage['seconds'] for stage in result['stages']):.1f}",
+    ]
+    return "| " + " | ".join(cells) + " |"
+
+
 def view(folder: Path, column: int, line: int, size: int) -> Image.Image:
     """One picture out of the grid of a die's views."""
     sheet = Image.open(folder / "views.png").convert("RGB")
@@ -50,7 +66,7 @@ def view(folder: Path, column: int, line: int, size: int) -> Image.Image:
 def gallery(outputs: Path, target: Path) -> None:
     """All dice, and the pictures of one of them."""
     target.mkdir(exist_ok=True)
-    folders = sorted(path.parent for path in outputs.glob("*/result.json"))
+    folders = sorted(path.parent for path in outputs.glob("*/views.png"))
     size, columns = 170, 8
     strip = Image.new("RGB", (size * columns, size * -(-len(folders) // columns)), "white")
     for i, folder in enumerate(folders):
@@ -60,6 +76,9 @@ def gallery(outputs: Path, target: Path) -> None:
     shown = outputs / "2d6_hendecahedron"
     for name in ("gauss_map", "bars", "convergence", "views", "labels"):
         save(narrowed(Image.open(shown / f"{name}.png")), target / f"{name}.png")
+    concave = outputs / "fair_d3_duck"
+    for name in ("rests", "before_after"):
+        save(narrowed(Image.open(concave / f"{name}.png")), target / f"concave_{name}.png")
     for path in sorted((outputs / "bench").glob("*.png")):
         save(narrowed(Image.open(path)), target / f"bench_{path.name}")
 
@@ -77,5 +96,6 @@ def save(picture: Image.Image, path: Path) -> None:
 if __name__ == "__main__":
     root = Path(sys.argv[1])
     results = [json.loads(path.read_text()) for path in sorted(root.glob("*/result.json"))]
-    print("\n".join(row(result) for result in results))
+    print("\n".join(row(result) for result in results if "elsewhere" not in result))
+    print("\n".join(concave_row(result) for result in results if "elsewhere" in result))
     gallery(root, root / "gallery")

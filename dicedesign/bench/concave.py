@@ -54,7 +54,7 @@ class Extent:
 
 
 FULL: Final = Extent(("kitten", "duck", "knot"), 5000, 60.0)
-QUICK: Final = Extent(("knot",), 500, 20.0)
+QUICK: Final = Extent(("knot",), 250, 25.0)
 
 
 @dataclass(frozen=True)
@@ -165,10 +165,9 @@ def concave_cases(
 
     Raises RecipeError, which begins with what it is called, for a target that is none.
     """
-    starts = {path.name: {"mesh": {"path": str(path)}} for path in meshes}
-    found: Mapping[str, Mapping[str, Any]] = starts or {
-        name: {"shape": name} for name in extent.shapes
-    }
+    starts: list[tuple[str, dict[str, Any]]] = [
+        (path.name, {"mesh": {"path": str(path)}}) for path in meshes
+    ]
     return [
         ConcaveCase(
             model,
@@ -176,7 +175,7 @@ def concave_cases(
             _recipe(name, target, start, fill, extent.seconds),
             extent.most_points if fill == "quadratic" else None,
         )
-        for model, start in found.items()
+        for model, start in starts or [(name, {"shape": name}) for name in extent.shapes]
         for name, target in targets.items()
         for fill in fills
     ]

@@ -75,6 +75,8 @@ def fill_by_correspondence(
     status = FillStatus.STEP_LIMIT
     for step in range(MOST_ROUNDS):
         now = surface.moved(surface.points + moved)
+        # By the forces they come there to within rounding times the condition of those.
+        now.points[corners] = hull.vertices
         heights = (now.points - middle) @ hull.normals.T - room
         highest = heights.argmax(axis=1)
         worst = heights[np.arange(len(heights)), highest]
@@ -88,7 +90,7 @@ def fill_by_correspondence(
         )
         on_step(history[-1])
         miss = center_of_mass - now.centroid
-        if not np.isfinite(moved).all():
+        if not norms(moved).max() <= surface.diagonal:
             status = FillStatus.NO_PROGRESS
             break
         if outside == 0.0 and norms(miss) <= CENTERED * surface.diagonal:
@@ -109,4 +111,4 @@ def fill_by_correspondence(
         bounds = room[contacts.facets] - (places * normals).sum(-1)
         change = contacts.solve(normals, bounds, whole, raised, misses)
         moved = following + change
-    return FillResult(surface.points + moved, 0.0, tuple(history), status)
+    return FillResult(now.points, 0.0, tuple(history), status)

@@ -20,7 +20,7 @@ from dicedesign.concave.hull_draft import (
     designed_hull,
     exact_draft,
 )
-from dicedesign.concave.hull_easing import nearer_draft
+from dicedesign.concave.hull_easing import nearer_draft, settled_draft
 from dicedesign.concave.hull_problem import DesignedHull, HullMetric, HullProblem
 from dicedesign.concave.slopes import SlopeMemory, SlopeOptions
 from dicedesign.geometry.sphere import norms
@@ -59,7 +59,7 @@ def design_hull(
     if drained is None:
         return None
     best = nearer_draft(problem, drained, slopes)
-    best = exact_draft(problem, best) or best
+    best = settled_draft(problem, best)
     moved = best.corners - problem.hull.vertices
     on_step(float((moved**2).sum()), best.error(problem.target))
     return designed_hull(problem, best)

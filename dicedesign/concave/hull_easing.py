@@ -19,7 +19,7 @@ from dicedesign.concave.hull_draft import (
 from dicedesign.concave.hull_problem import DesignedHull, HullMetric, HullProblem
 from dicedesign.concave.slopes import SlopeMemory, SlopeOptions
 
-__all__ = ["eased_hull", "nearer_draft"]
+__all__ = ["eased_hull", "nearer_draft", "settled_draft"]
 
 Floats = NDArray[np.float64]
 
@@ -34,6 +34,9 @@ PLACE_WIDTH: Final = 1.0
 
 HALVINGS: Final = 3
 """Tries of half the length each."""
+
+CORRECTIONS: Final = 6
+"""Newton steps to the odds, at the end."""
 
 EASED: Final = 16
 """Most groups of corners that are eased at a time."""
@@ -63,6 +66,26 @@ def nearer_draft(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -
                 if following is not None and following.error(problem.target) <= problem.tolerance:
                     draft = following
                     break
+    return draft
+
+
+def settled_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
+    """The hull whose odds are met as well as can be, next to one where they nearly are."""
+    exact = exact_draft(problem, draft)
+    if exact is not None:
+        return exact
+    compliance = problem.compliance(RETURNING)
+    for _ in range(CORRECTIONS):
+        # The last of the equations follows from the others.
+        jacobian = draft.jacobian[:-1]
+        raised = np.tensordot(jacobian, compliance, 2)
+        square = np.tensordot(jacobian, raised, ((1, 2), (1, 2)))
+        misses = (problem.target - draft.odds)[:-1]
+        step = np.tensordot(np.linalg.lstsq(square, misses)[0], raised, 1)
+        following = HullDraft.of(draft.corners + step, draft.normals)
+        if following is None or not following.error(problem.target) < draft.error(problem.target):
+            break
+        draft = following
     return draft
 
 
@@ -97,4 +120,4 @@ def eased_hull(
                 break
     if not eased:
         return None
-    return designed_hull(problem, exact_draft(problem, draft) or draft)
+    return designed_hull(problem, settled_draft(problem, draft))

@@ -124,7 +124,9 @@ class _Making:
             number = progress.attempts + 1
             self.steps = []
             found = self._attempt(number, choices)
-            if found is not None and (progress.best is None or _rank(found) < _rank(progress.best)):
+            if found is not None and (
+                progress.best is None or self._rank(found) < self._rank(progress.best)
+            ):
                 history = tuple(self.steps)
                 progress = ConcaveProgress(number, self.seconds, found, history)
             else:
@@ -142,9 +144,15 @@ class _Making:
     def _good_enough(self, best: FilledHull | None) -> bool:
         return (
             best is not None
+            and best.error <= self.options.tolerance
             and best.intersections == 0
             and best.displacement <= self.options.displacement
         )
+
+    def _rank(self, found: FilledHull) -> tuple[bool, int, float]:
+        """What counts, first to last: the odds, fewer self-intersections, less displacement."""
+        missed = found.error > self.options.tolerance
+        return missed, found.intersections, found.displacement
 
     def _attempt(self, number: int, choices: list[Floats]) -> FilledHull | None:
         random = np.random.default_rng([self.seed, number])
@@ -228,7 +236,10 @@ class _Making:
         unit = self.problem.surface
         back = best_similarity(filled.points, unit.points, self.masses)
         solid = unit.moved(back(filled.points))
-        poses = analyse(convex_hull(solid.points), solid.centroid, "uniform solid")
+        # As they come out of a file of single precision.
+        rounded = unit.moved(solid.points.astype(np.float32).astype(np.float64))
+        hull = convex_hull(rounded.points, single_precision=True)
+        poses = analyse(hull, rounded.centroid, "uniform solid")
         directions = design.directions @ back.rotation.T
         error = cluster_odds(poses, directions).error(self.target)
         self._record(number, "fill", sum(filled.history[-1].terms.values()), error)
@@ -275,8 +286,3 @@ class _Making:
 def _gap(design: DesignedHull, solid: Surface, back: Similarity) -> float:
     """Largest distance of a corner of the designed hull from the point that fills it."""
     return float(norms(solid.points[design.corners] - back(design.hull.vertices)).max())
-
-
-def _rank(found: FilledHull) -> tuple[int, float]:
-    """What counts, first to last: fewer self-intersections, less displacement."""
-    return found.intersections, found.displacement

@@ -59,10 +59,10 @@ def test_every_mesh_meets_every_target_by_every_fill() -> None:
         "fair:3": {"fair": 3},
         "1/2,1/2": {"probabilities": ["1/2", "1/2"]},
     }
-    cases = concave_cases([Path("a.obj"), Path("b.stl")], targets, FULL)
+    cases = concave_cases([Path("a.obj"), Path("b.stl"), Path("other/a.obj")], targets, FULL)
     assert [(case.model, case.target, case.fill) for case in cases] == [
         (model, target, fill)
-        for model in ("a.obj", "b.stl")
+        for model in ("a.obj", "b.stl", "a.obj")
         for target in targets
         for fill in ("correspondence", "quadratic")
     ]
@@ -195,13 +195,15 @@ def test_the_command_prints_a_table_or_json(
     assert main(["bench", "concave", "--quick"]) == 0
     out, err = capsys.readouterr()
     assert err == ""
-    header, good, none, *_, verdict = out.splitlines()
+    header, good, none, *_, verdict, quadratic = out.splitlines()
     assert header.split()[:6] == ["model", "target", "fill", "points", "s", "MB"]
     measured = ["2.0e-03", "1.0e-03", "1.0e-09", "0", "3.10", "12.0", "1.25", "1.50", "300/250"]
     assert good.split()[3:] == ["2496", "11.5", "400", *measured, "7"]
     assert none.split()[:3] == ["cow.obj", "fair:3", "quadratic"]
     assert none.endswith("  cow.obj: open")
     assert verdict == "by correspondence: 1 of 1 as wanted"
+    assert quadratic.startswith("by quadratic: 0 of 1 as wanted; beyond 0.005, or meeting itself: ")
+    assert quadratic.endswith(": cow.obj, fair:3")
     assert [case.model for case in asked] == 2 * list(QUICK.shapes)
     asked.clear()
     words = ["--target", "fair:6", "--target", "1/2,1/3,1/6", "--fill", "quadratic", "--json"]
@@ -236,7 +238,7 @@ def test_the_exit_code_is_that_of_the_dice_by_correspondence(
         monkeypatch.setattr(concave, "attempt_concave", lambda case, on_step, row=row: row)
         assert main(["bench", "concave", "--quick", "--fill", "correspondence"]) == 1
         last = capsys.readouterr().out.splitlines()[-1]
-        assert last.startswith("by correspondence: 0 of 1 as wanted; beyond the tolerance of 0.005")
+        assert last.startswith("by correspondence: 0 of 1 as wanted; beyond 0.005, or meeting")
         assert last.endswith(f": {row.model}, fair:3")
 
 
