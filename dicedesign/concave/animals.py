@@ -36,7 +36,7 @@ def duck() -> Surface:
         (ellipsoid((1.02, 0.0, 0.92), (0.44, 0.37, 0.21), 10.0), 0.12),
         (mirrored(ellipsoid((0.78, 0.35, 1.27), (0.15, 0.15, 0.17))), 0.06),
     )
-    surface = level_set(body, np.array([-1.4, -1.1, -0.8]), np.array([1.6, 1.1, 1.8]), 0.074)
+    surface = level_set(body, np.array([-1.4, -1.1, -0.8]), np.array([1.6, 1.1, 1.8]), 0.105)
     return surface.moved(surface.points * LENGTHENING)
 
 

@@ -246,7 +246,7 @@ def test_the_command_runs_recipes_after_the_targets(
     first, second = json.loads(capsys.readouterr().out)["recipes"]
     assert (first["name"], first["solved"], first["border_deg"]) == ("cubic", True, 45.0)
     asked.clear()
-    concave = str(repository / "recipes" / "fair_d3_kitten.yaml")
+    concave = str(repository / "recipes" / "fair_d3_duck.yaml")
     assert main(["bench", "exact", concave, paths[0]]) == 0
     assert asked == ["targets", "fair_d5"]
     assert capsys.readouterr().err == "note: 1 recipes of concave dice are left out\n"

@@ -116,6 +116,9 @@ def test_each_is_a_slope_of_the_support_function() -> None:
     slopes = conditions.excess(points) - conditions.least
     step, compared = 1e-6, 0
     for direction, outcome, _ in memory.cells.values():
+        # On a facet the slope is another along each edge.
+        if np.diff(np.sort(points @ direction)[-2:]) < 1e-4:
+            continue
         end = outcomes[outcome]
         tangent = end - (end @ direction) * direction
         tangent /= np.linalg.norm(tangent)
