@@ -84,11 +84,11 @@ class Elasticity:
         return FREE - cdist(self.surface.points, self.surface.points[points])
 
     @cached_property
-    def _handles(self) -> tuple[Integers, Floats]:
+    def _handles(self) -> tuple[Integers, Integers]:
         """Points on which forces on all are lumped, and the handle of each (n,)."""
         points = self.surface.points
         handles = spread_points(points, HANDLES)
-        return handles, cKDTree(points[handles]).query(points)[1]
+        return handles, np.asarray(cKDTree(points[handles]).query(points)[1], dtype=np.int64)
 
     @cached_property
     def _by_handle(self) -> Floats:

@@ -87,7 +87,8 @@ class HullDraft:
     @cached_property
     def odds(self) -> Floats:
         """(k,) of the outcomes."""
-        return np.bincount(self.of_rest, self.rests.odds, minlength=len(self.main))
+        sums = np.bincount(self.of_rest, self.rests.odds, minlength=len(self.main))
+        return np.asarray(sums, dtype=np.float64)
 
     def error(self, target: Floats) -> float:
         """See `DesignedHull.error`."""

@@ -38,7 +38,7 @@ class ClusterOdds:
     def rest_counts(self) -> Integers:
         """(k,) rests in each cluster."""
         counted = self.outcome_of_rest[self.outcome_of_rest >= 0]
-        return np.bincount(counted, minlength=len(self.odds))
+        return np.asarray(np.bincount(counted, minlength=len(self.odds)), dtype=np.int64)
 
     def error(self, target: Floats) -> float:
         """Largest of |p - q| and of the odds elsewhere."""
@@ -57,5 +57,7 @@ def cluster_odds(poses: RestPoses, directions: Floats) -> ClusterOdds:
     apart = angle_between(poses.normals[:, None, :], poses.normals[main][None, :, :])
     of_rest = np.where(apart.min(axis=1) <= SAME_REST_ANGLE, apart.argmin(axis=1), -1)
     counted = of_rest >= 0
-    odds = np.bincount(of_rest[counted], poses.probabilities[counted], minlength=len(directions))
-    return ClusterOdds(odds, main, of_rest, float(poses.probabilities[~counted].sum()))
+    counts = np.bincount(of_rest[counted], poses.probabilities[counted], minlength=len(directions))
+    odds = np.asarray(counts, dtype=np.float64)
+    elsewhere = float(poses.probabilities[~counted].sum())
+    return ClusterOdds(odds, np.asarray(main, dtype=np.int64), of_rest, elsewhere)

@@ -119,8 +119,6 @@ class _Making:
         self.started -= before
         choices = outcome_choices(self.problem.hull, self.target)
         while progress.attempts < self.options.attempts and not self._good_enough(progress.best):
-            if progress.attempts > 0 and self.seconds >= self.options.seconds:
-                break
             number = progress.attempts + 1
             self.steps = []
             found = self._attempt(number, choices)
@@ -142,11 +140,15 @@ class _Making:
         return time.perf_counter() - self.started
 
     def _good_enough(self, best: FilledHull | None) -> bool:
+        """Whether a die is as wanted, and near the original or all that the time allows."""
         return (
             best is not None
             and best.error <= self.options.tolerance
             and best.intersections == 0
-            and best.displacement <= self.options.displacement
+            and (
+                best.displacement <= self.options.displacement
+                or self.seconds >= self.options.seconds
+            )
         )
 
     def _rank(self, found: FilledHull) -> tuple[bool, int, float]:

@@ -32,7 +32,8 @@ class ConcaveOptions:
     attempts: most ways to a hull that are tried, at least 1; the best is kept.
     displacement: mean displacement over the diagonal from which on no better one is sought,
         positive.
-    seconds: wall-clock time after which no further way is tried, positive.
+    seconds: wall-clock time after which a die that is as wanted is not brought nearer to the
+        original, positive.
     """
 
     __pydantic_config__ = STRICT
@@ -43,7 +44,7 @@ class ConcaveOptions:
     points: int | None = None
     attempts: int = 40
     displacement: float = 0.05
-    seconds: float = 60.0
+    seconds: float = 20.0
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1.0:

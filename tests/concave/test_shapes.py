@@ -40,7 +40,7 @@ def test_each_is_even_and_of_a_size_to_deform(built):
     _, surface = built
     mesh = mesh_of(surface)
     assert 1000 <= len(surface.points) <= 3500
-    assert np.degrees(mesh.face_angles.min()) > 25.0
+    assert np.degrees(mesh.face_angles.min()) > 22.0
     edges = mesh.edges_unique_length
     assert edges.max() < 5.0 * edges.min()
     assert edges.std() < 0.25 * edges.mean()
