@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dicedesign.concave.hull_problem import DesignedHull, HullProblem
 from dicedesign.concave.hull_step import least_displacement
+from dicedesign.concave.judging import clustered
 from dicedesign.concave.slopes import SlopeMemory, climbs
 from dicedesign.design.coordinates import VertexCoordinates
 from dicedesign.design.differentiable import RestEvaluation, evaluate_rests
@@ -20,7 +21,6 @@ from dicedesign.design.sobolev import SobolevOptions
 from dicedesign.design.trial import TrialMaker
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hull import convex_hull
-from dicedesign.tolerances import SAME_REST_ANGLE
 
 __all__ = ["HullDraft", "change_of_least_work", "designed_hull", "exact_draft"]
 
@@ -92,13 +92,8 @@ class HullDraft:
 
     def error(self, target: Floats) -> float:
         """See `DesignedHull.error`."""
-        rests = self.rests.hull.normals[self.rests.paths.rests]
-        cosines = rests @ self.normals.T
-        near = cosines.max(axis=1) >= np.cos(SAME_REST_ANGLE)
-        nearest = cosines.argmax(axis=1)
-        odds = np.bincount(nearest[near], self.rests.odds[near], minlength=len(target))
-        elsewhere = float(self.rests.odds[~near].sum())
-        return max(float(np.abs(odds - target).max()), elsewhere)
+        normals = self.rests.hull.normals[self.rests.paths.rests]
+        return clustered(normals, self.rests.odds, self.normals).error(target)
 
     @property
     def jacobian(self) -> Floats:

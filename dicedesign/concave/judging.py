@@ -11,7 +11,7 @@ from dicedesign.geometry.sphere import angle_between
 from dicedesign.rest.poses import RestPoses
 from dicedesign.tolerances import SAME_REST_ANGLE
 
-__all__ = ["ClusterOdds", "cluster_odds"]
+__all__ = ["ClusterOdds", "cluster_odds", "clustered"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -47,17 +47,25 @@ class ClusterOdds:
 
 def cluster_odds(poses: RestPoses, directions: Floats) -> ClusterOdds:
     """Odds of the clusters of rests about the outcomes' directions (k, 3), unit."""
-    angles = angle_between(poses.normals[:, None, :], directions[None, :, :])
+    return clustered(poses.normals, poses.probabilities, directions)
+
+
+def clustered(normals: Floats, odds: Floats, directions: Floats) -> ClusterOdds:
+    """The same of rests with normals (r, 3) and odds (r,)."""
+    angles = angle_between(normals[:, None, :], directions[None, :, :])
     near = angles <= SAME_REST_ANGLE
     main = np.where(
         near.any(axis=0),
-        np.argmax(np.where(near, poses.probabilities[:, None], -1.0), axis=0),
+        np.argmax(np.where(near, odds[:, None], -1.0), axis=0),
         angles.argmin(axis=0),
     )
-    apart = angle_between(poses.normals[:, None, :], poses.normals[main][None, :, :])
+    apart = angle_between(normals[:, None, :], normals[main][None, :, :])
     of_rest = np.where(apart.min(axis=1) <= SAME_REST_ANGLE, apart.argmin(axis=1), -1)
     counted = of_rest >= 0
-    counts = np.bincount(of_rest[counted], poses.probabilities[counted], minlength=len(directions))
-    odds = np.asarray(counts, dtype=np.float64)
-    elsewhere = float(poses.probabilities[~counted].sum())
-    return ClusterOdds(odds, np.asarray(main, dtype=np.int64), of_rest, elsewhere)
+    sums = np.bincount(of_rest[counted], odds[counted], minlength=len(directions))
+    return ClusterOdds(
+        np.asarray(sums, dtype=np.float64),
+        np.asarray(main, dtype=np.int64),
+        of_rest,
+        float(odds[~counted].sum()),
+    )

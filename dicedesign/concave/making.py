@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from dicedesign.concave.alignment import Similarity, best_similarity
 from dicedesign.concave.correspondence import fill_by_correspondence
@@ -132,6 +133,8 @@ class _Making:
                 progress = ConcaveProgress(number, self.seconds, progress.best, history)
             if self.on_attempt is not None:
                 self.on_attempt(progress)
+        if self.options.fill == "quadratic" and progress.best is not None:
+            progress = self._refilled(progress, progress.best)
         return self._result(progress)
 
     @property
@@ -201,38 +204,35 @@ class _Making:
         def told(step: FillStep) -> None:
             self._record(number, "fill", sum(step.terms.values()), None)
 
-        if self.options.fill == "correspondence":
-            filled = fill_by_correspondence(
-                self.problem.elasticity, design.hull, design.corners, design.center_of_mass, told
-            )
-            return self._measured(number, design, filled) if filled.converged else None
+        filled = fill_by_correspondence(
+            self.problem.elasticity, design.hull, design.corners, design.center_of_mass, told
+        )
+        return self._measured(number, design, filled) if filled.converged else None
+
+    def _refilled(self, progress: ConcaveProgress, best: FilledHull) -> ConcaveProgress:
+        """The best hull, filled by quadratic programs and balanced."""
         # Imported late: the usual way does without.
-        from dicedesign.concave.balance import BalanceOptions, balance
-        from dicedesign.concave.quadratic_fill import (
-            QuadraticFillOptions,
-            fill_by_quadratic_programs,
-        )
+        from dicedesign.concave.quadratic_making import refill
 
-        def balanced(step: FillStep) -> None:
-            self._record(number, "balance", sum(step.terms.values()), None)
+        def told(stage: str, step: FillStep) -> None:
+            self._record(best.attempt, stage, sum(step.terms.values()), None)
 
-        filled = fill_by_quadratic_programs(
-            self.problem.surface,
-            design.hull,
-            QuadraticFillOptions(),
-            corners=design.corners,
-            center_of_mass=design.center_of_mass,
-            on_step=told,
-        )
-        done = balance(
-            self.problem.surface,
-            self.problem.surface.moved(filled.points),
-            design.hull,
-            design.center_of_mass,
-            BalanceOptions(),
-            on_step=balanced,
-        )
-        return self._measured(number, design, done) if done.converged else None
+        self.steps = list(progress.history)
+        unit = self.problem.surface
+        points = (best.points - self.center) / self.radius
+        hull = convex_hull((best.hull_points - self.center) / self.radius)
+        corners = cKDTree(points).query(hull.vertices)[1]
+        center = unit.moved(points).centroid
+        filled = refill(unit, hull, corners, center, told)
+        if not filled.converged:
+            raise NoStartError(
+                f"fill: expected quadratic programs to fill the hull of attempt {best.attempt}, "
+                f"but they ended early ({filled.message}); leave fill out for correspondence"
+            )
+        moved = np.zeros_like(self.problem.hull.vertices)
+        design = DesignedHull(hull, corners, center, best.directions, best.error, moved)
+        found = self._measured(best.attempt, design, filled)
+        return ConcaveProgress(progress.attempts, self.seconds, found, tuple(self.steps))
 
     def _measured(self, number: int, design: DesignedHull, filled: FillResult) -> FilledHull:
         unit = self.problem.surface
@@ -245,7 +245,7 @@ class _Making:
         directions = design.directions @ back.rotation.T
         error = cluster_odds(poses, directions).error(self.target)
         self._record(number, "fill", sum(filled.history[-1].terms.values()), error)
-        displacement = self.masses @ norms(solid.points - unit.points) / unit.diagonal
+        displacement = norms(solid.points - unit.points).mean() / unit.diagonal
         return FilledHull(
             number,
             self._own(solid.points),

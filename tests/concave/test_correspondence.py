@@ -1,4 +1,4 @@
-"""The hull fill by correspondence on small surfaces: what it promises of hull and center of mass."""
+"""The hull fill by correspondence on small surfaces: what it promises."""
 
 from __future__ import annotations
 

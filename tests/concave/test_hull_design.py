@@ -24,10 +24,12 @@ Floats = NDArray[np.float64]
 
 SLOPES = SlopeOptions(fall=3e-3, rise=3e-3, circle=float(np.radians(3.0)))
 TOLERANCE = 0.004
+SHEAR = np.array([[1.0, 0.05, -0.03], [0.0, 1.0, 0.07], [0.0, 0.0, 1.0]])
 
 
 def problem_of(surface: Surface, target: Floats) -> HullProblem:
-    offsets = surface.points - surface.centroid
+    """Of a sheared surface: symmetric bodies have ties."""
+    offsets = (surface.points - surface.centroid) @ SHEAR
     unit = surface.moved(offsets / np.linalg.norm(offsets, axis=1).max())
     return HullProblem(unit, target, TOLERANCE)
 
@@ -89,7 +91,7 @@ def test_corners_are_those_of_the_surface_moved() -> None:
     assert len(set(design.corners.tolist())) == len(design.corners)
     assert len(design.corners) > 0.7 * len(own.vertices)
     lengths = np.linalg.norm(moved, axis=1)
-    assert lengths.mean() < 0.1
+    assert lengths.mean() < 0.2
 
 
 def test_the_center_of_mass_is_about_where_the_surface_takes_it() -> None:
