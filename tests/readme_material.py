@@ -39,13 +39,14 @@ def row(result: dict) -> str:
 
 def concave_row(result: dict) -> str:
     """One line of the table of concave dice."""
-    hull = result["hull"]
+    hull, engraved = result["hull"], result.get("engraved_max_abs_error")
     cells = [
         f"`{result['name']}`",
         str(len(result["labels"])),
         f"{result['max_abs_error']:.1e}",
         f"{result['elsewhere']:.1e}",
         f"{100.0 * result['displacement']['mean']:.1f}",
+        "–" if engraved is None else f"{engraved:.1e}",
         f"{hull['vertices_after']} of {hull['vertices_before']}",
         f"{result['search_seconds']:.1f}",
         f"{sum(stage['seconds'] for stage in result['stages']):.1f}",
@@ -78,7 +79,7 @@ def gallery(outputs: Path, target: Path) -> None:
         save(narrowed(Image.open(shown / f"{name}.png")), target / f"{name}.png")
     concave = outputs / "fair_d3_duck"
     for name in ("rests", "before_after"):
-        save(narrowed(Image.open(concave / f"{name}.png")), target / f"concave_{name}.png")
+        save(narrowed(Image.open(concave / f"{name}.png")), target / f"concave_{name}.png", 255)
     for path in sorted((outputs / "bench").glob("*.png")):
         save(narrowed(Image.open(path)), target / f"bench_{path.name}")
 
@@ -88,9 +89,9 @@ def narrowed(picture: Image.Image) -> Image.Image:
     return picture.convert("RGB").resize((1000, round(1000 * picture.height / picture.width)))
 
 
-def save(picture: Image.Image, path: Path) -> None:
+def save(picture: Image.Image, path: Path, colors: int = 96) -> None:
     """Few colours do for drawings, and keep the repository small."""
-    picture.quantize(96).save(path, optimize=True)
+    picture.quantize(colors).save(path, optimize=True)
 
 
 if __name__ == "__main__":

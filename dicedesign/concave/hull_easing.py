@@ -82,10 +82,14 @@ def settled_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
         square = np.tensordot(jacobian, raised, ((1, 2), (1, 2)))
         misses = (problem.target - draft.odds)[:-1]
         step = np.tensordot(np.linalg.lstsq(square, misses)[0], raised, 1)
-        following = HullDraft.of(draft.corners + step, draft.normals)
-        if following is None or not following.error(problem.target) < draft.error(problem.target):
+        before = draft.error(problem.target)
+        for halving in range(HALVINGS):
+            following = HullDraft.of(draft.corners + 0.5**halving * step, draft.normals)
+            if following is not None and following.error(problem.target) < before:
+                draft = following
+                break
+        else:
             break
-        draft = following
     return draft
 
 

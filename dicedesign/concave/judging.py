@@ -50,22 +50,19 @@ def cluster_odds(poses: RestPoses, directions: Floats) -> ClusterOdds:
     return clustered(poses.normals, poses.probabilities, directions)
 
 
-def clustered(normals: Floats, odds: Floats, directions: Floats) -> ClusterOdds:
-    """The same of rests with normals (r, 3) and odds (r,)."""
+def clustered(normals: Floats, probabilities: Floats, directions: Floats) -> ClusterOdds:
+    """The same of rests with normals (r, 3) and probabilities (r,)."""
     angles = angle_between(normals[:, None, :], directions[None, :, :])
     near = angles <= SAME_REST_ANGLE
     main = np.where(
         near.any(axis=0),
-        np.argmax(np.where(near, odds[:, None], -1.0), axis=0),
+        np.argmax(np.where(near, probabilities[:, None], -1.0), axis=0),
         angles.argmin(axis=0),
     )
     apart = angle_between(normals[:, None, :], normals[main][None, :, :])
     of_rest = np.where(apart.min(axis=1) <= SAME_REST_ANGLE, apart.argmin(axis=1), -1)
     counted = of_rest >= 0
-    sums = np.bincount(of_rest[counted], odds[counted], minlength=len(directions))
-    return ClusterOdds(
-        np.asarray(sums, dtype=np.float64),
-        np.asarray(main, dtype=np.int64),
-        of_rest,
-        float(odds[~counted].sum()),
-    )
+    sums = np.bincount(of_rest[counted], probabilities[counted], minlength=len(directions))
+    odds = np.asarray(sums, dtype=np.float64)
+    elsewhere = float(probabilities[~counted].sum())
+    return ClusterOdds(odds, np.asarray(main, dtype=np.int64), of_rest, elsewhere)

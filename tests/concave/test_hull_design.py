@@ -36,7 +36,7 @@ def problem_of(surface: Surface, target: Floats) -> HullProblem:
 
 @cache
 def bumpy_problem() -> HullProblem:
-    return problem_of(bumpy_sphere(), np.array([0.6, 0.4]))
+    return problem_of(bumpy_sphere(), np.array([0.5, 0.5]))
 
 
 def designed(problem: HullProblem) -> tuple[DesignedHull | None, list[tuple[float, float]]]:
@@ -63,9 +63,9 @@ def original_draft(problem: HullProblem) -> HullDraft:
 @pytest.mark.parametrize(
     ("surface", "target"),
     [
-        (bumpy_sphere(), [0.6, 0.4]),
-        (bent_capsule(18, 10), [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0]),
-        (bumpy_sphere(1), [0.5, 0.5]),
+        (bumpy_sphere(), [0.5, 0.5]),
+        (bumpy_sphere(1), [0.6, 0.4]),
+        (bent_capsule(18, 10), [0.5, 0.5]),
     ],
 )
 def test_the_odds_are_the_wanted_ones(surface: Surface, target: list[float]) -> None:
@@ -124,7 +124,7 @@ def _center_forces(problem: HullProblem, force: Floats) -> Floats:
 
 
 def test_the_same_is_designed_again() -> None:
-    again, _ = designed(problem_of(bumpy_sphere(), np.array([0.6, 0.4])))
+    again, _ = designed(problem_of(bumpy_sphere(), np.array([0.5, 0.5])))
     assert again is not None
     first = bumpy_design()
     assert again.hull.vertices.tobytes() == first.hull.vertices.tobytes()
