@@ -23,6 +23,7 @@ from scipy.spatial.distance import cdist
 
 from dicedesign.concave.centroid import centroid_derivatives
 from dicedesign.concave.surface import Surface
+from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import norms
 
 __all__ = ["Elasticity", "HeldCorners", "point_masses", "positive_inverse", "spread_points"]
@@ -137,7 +138,10 @@ class HeldCorners:
     @cached_property
     def relative(self) -> tuple[Floats, Floats]:
         """Forces for displacements relative to the center of mass, (c, 3, c, 3), and how far that
-        goes then, last, (c, 3, 3)."""
+        goes then, last, (c, 3, 3).
+
+        Raises InputError where nearly all points are corners, as those of a convex surface.
+        """
         gradient = np.moveaxis(centroid_derivatives(self.elasticity.surface), 0, -1)
         by_center = self.elasticity.center_responses(gradient)
         own = np.einsum("nab,nac->bc", gradient, by_center)
@@ -149,5 +153,12 @@ class HeldCorners:
         compliance += own[None, :, None, :]
         size = 3 * len(self.corners)
         flat = compliance.reshape(size, size)
-        forces = positive_inverse(0.5 * (flat + flat.T)).reshape(compliance.shape)
+        try:
+            forces = positive_inverse(0.5 * (flat + flat.T)).reshape(compliance.shape)
+        except np.linalg.LinAlgError as error:
+            raise InputError(
+                f"surface: expected one with dents, but {len(self.corners)} of its "
+                f"{len(self.elasticity.surface.points)} points are corners of its hull, and too "
+                "little is left to move the center of mass with; take method exact for a convex die"
+            ) from error
         return forces, np.tensordot(forces, mixed - own, 2)

@@ -154,9 +154,9 @@ class _Making:
             )
         )
 
-    def _rank(self, found: FilledHull) -> tuple[bool, int, float]:
+    def _rank(self, found: FilledHull) -> tuple[float, int, float]:
         """What counts, first to last: the odds, fewer self-intersections, less displacement."""
-        missed = found.error > self.options.tolerance
+        missed = found.error if found.error > self.options.tolerance else 0.0
         return missed, found.intersections, found.displacement
 
     def _attempt(self, number: int, choices: list[Floats]) -> FilledHull | None:

@@ -19,6 +19,7 @@ from dicedesign.concave.elasticity import (
     spread_points,
 )
 from dicedesign.concave.surface import Surface
+from dicedesign.errors import InputError
 from dicedesign.geometry.hull import convex_hull
 
 Floats = NDArray[np.float64]
@@ -134,6 +135,16 @@ def test_relative_displacements_by_brute_force(held: HeldCorners) -> None:
     found = np.tensordot(wanted, forces, 2)
     np.testing.assert_allclose(found.ravel(), expected_forces, atol=1e-5 * scale)
     np.testing.assert_allclose(np.tensordot(wanted, centers, 2), center @ moved, atol=1e-6)
+
+
+def test_a_convex_surface_has_nothing_to_move_the_center_of_mass_with() -> None:
+    ball = unit(bumpy_sphere(1))
+    lengths = np.linalg.norm(ball.points, axis=1)[:, None]
+    convex = unit(ball.moved(ball.points / lengths))
+    held = HeldCorners(Elasticity(convex), convex_hull(convex.points).source)
+    text = "surface: expected one with dents, but 42 of its 42 points are corners of its hull, and"
+    with pytest.raises(InputError, match=text):
+        _ = held.relative
 
 
 def test_masses_are_parts_of_the_area() -> None:
