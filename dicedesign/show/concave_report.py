@@ -59,6 +59,11 @@ _PRINTING: Final = (
     "orientation."
 )
 
+_MARKED: Final = (
+    " In die.stl the label of each outcome is cut into the side that is up then; die_plain.stl "
+    "has none."
+)
+
 
 def concave_report_html(summary: Mapping[str, Any], images: Mapping[str, bytes]) -> str:
     """The report as HTML.
@@ -95,8 +100,9 @@ def concave_report_html(summary: Mapping[str, Any], images: Mapping[str, bytes])
     parts.append(stages_section(summary["stages"], summary["peak_since"]))
     files = [f"{kind}: {file}" for kind, file in summary["files"].items()]
     parts.append(list_section("Files", files))
+    reading = _PRINTING + (_MARKED if "die" in summary["files"] else "")
     parts.append(
-        f"<section><h2>How to print and read the die</h2><p>{escape(_PRINTING)}</p></section>"
+        f"<section><h2>How to print and read the die</h2><p>{escape(reading)}</p></section>"
     )
     return page(summary["name"], parts)
 

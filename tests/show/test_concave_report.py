@@ -116,3 +116,9 @@ def test_absent_images_leave_their_section_out(
 def test_without_notes_there_is_no_such_section(summary: dict[str, Any]):
     summary["notes"] = []
     assert "Notes" not in parsed(concave_report_html(summary, {})).text
+
+
+def test_marks_are_explained_where_there_are_some(summary: dict[str, Any]):
+    assert "cut into the side that is up" not in concave_report_html(summary, {})
+    summary["files"]["die"] = "die.stl"
+    assert "cut into the side that is up" in concave_report_html(summary, {})
