@@ -21,7 +21,12 @@ from dicedesign.show.png import png_bytes
 from dicedesign.show.resting_views import resting_views_figure
 from dicedesign.show.stage_energies import stage_energies_figure
 from dicedesign.show.surface_render import PaintedSurface, Shell
-from dicedesign.show.surface_views import before_after_figure, hull_overlay_figure, outcome_tints
+from dicedesign.show.surface_views import (
+    before_after_figure,
+    crossings_figure,
+    hull_overlay_figure,
+    outcome_tints,
+)
 
 __all__ = ["concave_figures"]
 
@@ -34,8 +39,8 @@ for pictures it is y."""
 
 
 def concave_figures(recipe: Recipe, judged: JudgedSurface, die: ConcaveDie) -> dict[str, bytes]:
-    """PNG bytes of "rests", "before_after", "odds", "hull", "displacement" and, where there are
-    steps to show, "energy"."""
+    """PNG bytes of "rests", "before_after", "odds", "hull", "displacement", where the surface meets
+    itself "crossings", and where there are steps to show "energy"."""
     target, up = recipe.target.target(), _upward(recipe)
     before, after, triangles = die.before.points, die.after.points, die.after.triangles
     cameras = three_cameras(np.concatenate([before, after]), up)
@@ -56,6 +61,9 @@ def concave_figures(recipe: Recipe, judged: JudgedSurface, die: ConcaveDie) -> d
         "hull": hull_overlay_figure(surface, shell, target.labels, around),
         "displacement": displacement_figure(before, after, triangles, cameras),
     }
+    pairs = judged.quality.intersections
+    if len(pairs) > 0:
+        images["crossings"] = crossings_figure(after, triangles, pairs, cameras)
     history = search_summary(die)["history"]
     if history:
         images["energy"] = stage_energies_figure(history)

@@ -32,6 +32,7 @@ OWNED: Final = (
     "odds.png",
     "hull.png",
     "displacement.png",
+    "crossings.png",
     "energy.png",
 )
 """Files that a run may write besides `RESULT`; those that it does not write are removed."""

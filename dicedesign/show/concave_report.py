@@ -44,6 +44,10 @@ _FIGURES: Final = {
         "Distance of each point of the surface from where it was before, relative to the diagonal "
         "of the box that held the surface.",
     ),
+    "crossings": (
+        "Where the surface meets itself",
+        "In red the triangles that meet and should not.",
+    ),
     "energy": (
         "Energy over time",
         "Each stage lowers an energy of its own. The error, the largest difference of a "

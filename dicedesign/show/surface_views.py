@@ -19,6 +19,7 @@ from dicedesign.show.surface_render import PaintedSurface, Shell, render_surface
 
 __all__ = [
     "before_after_figure",
+    "crossings_figure",
     "hull_overlay_figure",
     "outcome_colors",
     "outcome_tints",
@@ -28,6 +29,8 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _PIXELS: Final = 400
+_PALE: Final = (0.82, 0.80, 0.76)
+_CROSSING: Final = (0.80, 0.10, 0.10)
 _LEGEND_ROW: Final = 0.26
 _LEGEND_COLUMNS: Final = 10
 
@@ -46,6 +49,21 @@ def before_after_figure(
         pictures += trimmed([render_surface(surface, camera, _PIXELS) for camera in cameras])
         titles += [f"{name}, view {k + 1}" for k in range(len(cameras))]
     return picture_grid(pictures, titles, len(cameras))
+
+
+def crossings_figure(
+    points: Floats, triangles: Integers, pairs: Integers, cameras: Sequence[Camera]
+) -> Figure:
+    """A surface with the triangles that meet in red.
+
+    points: (n, 3); triangles: (t, 3); pairs: (m, 2) numbers of triangles that meet and should not;
+    cameras: at least one.
+    """
+    colors = np.full(points.shape, _PALE)
+    colors[np.unique(triangles[np.unique(pairs)])] = _CROSSING
+    surface = PaintedSurface(points, triangles, colors)
+    pictures = trimmed([render_surface(surface, camera, _PIXELS) for camera in cameras])
+    return picture_grid(pictures, [f"view {k + 1}" for k in range(len(cameras))], len(cameras))
 
 
 def hull_overlay_figure(

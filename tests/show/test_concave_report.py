@@ -15,6 +15,7 @@ TITLES = {
     "odds": "Odds before and after",
     "hull": "The die within its convex hull",
     "displacement": "How far the surface was moved",
+    "crossings": "Where the surface meets itself",
     "energy": "Energy over time",
 }
 
@@ -54,7 +55,7 @@ def images() -> dict[str, bytes]:
 
 def test_report_is_well_formed_and_complete(summary: dict[str, Any], images: dict[str, bytes]):
     page = parsed(concave_report_html(summary, images))
-    assert len(page.sources) == len(set(page.sources)) == 6
+    assert len(page.sources) == len(set(page.sources)) == 7
     cells = page.cells
     at = cells.index("heads")
     assert cells[at : at + 15] == [
@@ -107,7 +108,7 @@ def test_absent_images_leave_their_section_out(
 ):
     del images[missing]
     page = parsed(concave_report_html(summary, images))
-    assert len(page.sources) == 5
+    assert len(page.sources) == 6
     # The table of odds stands by itself.
     assert "elsewhere" in page.cells
     assert TITLES[missing] not in page.text

@@ -21,6 +21,7 @@ from dicedesign.show.resting_views import resting_views_figure
 from dicedesign.show.surface_render import PaintedSurface, Shell
 from dicedesign.show.surface_views import (
     before_after_figure,
+    crossings_figure,
     hull_overlay_figure,
     outcome_colors,
     outcome_tints,
@@ -313,3 +314,19 @@ def test_a_model_fills_its_pictures(name: str) -> None:
     assert widest == pytest.approx(400 / 1.08, abs=4)
     for one, other in zip(shown[:3], shown[3:], strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_triangles_that_meet_are_red() -> None:
+    mesh = dumbbell()
+    points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64)
+    cameras = three_cameras(points, UP)
+
+    def red(pairs: list[list[int]]) -> int:
+        found = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        drawn = np.concatenate(pictures(crossings_figure(points, triangles, found, cameras)))
+        channels = drawn[..., :3].astype(int)
+        return int((channels[..., 0] > channels[..., 1] + 60).sum())
+
+    assert red([]) == 0
+    few, all_of_them = red([[0, 1]]), red([[2 * k, 2 * k + 1] for k in range(len(triangles) // 2)])
+    assert 0 < few < all_of_them
