@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -32,8 +32,7 @@ from dicedesign.fabricate.stl import stl_bytes
 from dicedesign.files import atomic_write, make_writable_folder
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import recipe_text
-from dicedesign.results import CHECKPOINT, RunResult, files_by_kind, write_results
+from dicedesign.results import CHECKPOINT, RunResult, add_report, write_results
 from dicedesign.summary import engraved_notes, target_summary
 
 __all__ = ["in_millimetres", "run_concave_recipe"]
@@ -75,7 +74,9 @@ def run_concave_recipe(
     with clock.stage("start"):
         surface, notes = make_input_surface(recipe)
         if recipe.engrave is not None:
-            _require_glyphs(target.labels)
+            from dicedesign.fabricate.glyphs import require_glyphs
+
+            require_glyphs(target.labels)
         search, path = search_identity(recipe, surface), folder / CHECKPOINT
         progress = read_checkpoint(path, search) if resume else None
     with _folder(folder), _explained_interrupt(progress) as keep:
@@ -98,13 +99,6 @@ def run_concave_recipe(
         write_results(folder, files, summary)
     told = (*summary["notes"], *engraved_notes(summary))
     return RunResult(summary["status"], summary["message"], told, folder, summary)
-
-
-def _require_glyphs(labels: tuple[str, ...]) -> None:
-    from dicedesign.fabricate.glyphs import label_contours
-
-    for label in labels:
-        label_contours(label)
 
 
 @contextmanager
@@ -198,17 +192,14 @@ def _results(
         from dicedesign.concave_figures import concave_figures
 
         images = concave_figures(recipe, judged, die)
-    files.update({f"{name}.png": data for name, data in images.items()})
-    files["recipe.yaml"] = recipe_text(recipe).encode("utf-8")
-    summary["files"] = files_by_kind(files)
-    # The same list as the clock's: the page shows the stages before its own, result.json all.
-    summary["stages"] = clock.stages
-    summary["peak_since"] = clock.peak_since
-    with clock.stage("report"):
-        from dicedesign.show.concave_report import concave_report_html
-
-        files["report.html"] = concave_report_html(summary, images).encode("utf-8")
+    add_report(files, summary, images, recipe, clock, _page)
     return files, summary
+
+
+def _page(summary: Mapping[str, Any], images: Mapping[str, bytes]) -> str:
+    from dicedesign.show.concave_report import concave_report_html
+
+    return concave_report_html(summary, images)
 
 
 def in_millimetres(die: ConcaveDie, size_mm: float) -> tuple[Surface, Floats]:

@@ -169,7 +169,7 @@ def judge_file(
     gap = _gap(surface, poses, hull_points)
     intersections = len(intersecting_triangles(surface.points, surface.triangles))
     target, tolerance = recipe.target.target().probabilities, recipe.method.tolerance
-    error = float(np.abs(outcomes.odds - target).max())
+    error = outcomes.max_abs_error(target)
     wrong = {
         ConcaveStatus.OFF_TARGET: error > tolerance,
         ConcaveStatus.STRAY: outcomes.elsewhere > tolerance,
@@ -220,9 +220,7 @@ def _what_to_change(
     if intersections:
         yield f"{intersections} pairs of triangles meet"
     yield f"this is the best of {done} attempt{'' if done == 1 else 's'}"
-    if die.progress.seconds >= options.seconds:
-        yield "allow more time with method.concave.seconds, or try another seed"
-    elif done >= options.attempts:
+    if done >= options.attempts:
         yield "allow more with method.concave.attempts, or try another seed"
     else:
         yield "try another seed"

@@ -27,7 +27,7 @@ def surface_summary(judged: JudgedSurface, die: ConcaveDie, target: Target) -> d
         "probabilities": outcomes.odds.tolist(),
         "elsewhere": outcomes.elsewhere,
         "rest_counts": outcomes.rest_counts.tolist(),
-        "max_abs_error": _error(outcomes, target),
+        "max_abs_error": outcomes.max_abs_error(target.probabilities),
         "center_of_mass": poses.center_of_mass.tolist(),
         "facets": _facets(judged, target.labels),
         "unstable_facets": len(poses.hull.normals) - len(poses.facets),
@@ -52,7 +52,7 @@ def engraved_summary(outcomes: ClusterOdds, target: Target) -> dict[str, Any]:
     return {
         "engraved_probabilities": outcomes.odds.tolist(),
         "engraved_elsewhere": outcomes.elsewhere,
-        "engraved_max_abs_error": _error(outcomes, target),
+        "engraved_max_abs_error": outcomes.max_abs_error(target.probabilities),
     }
 
 
@@ -66,10 +66,6 @@ def search_summary(die: ConcaveDie) -> dict[str, Any]:
         "attempt": None if progress.best is None else progress.best.attempt,
         "history": [asdict(step) for step in progress.history],
     }
-
-
-def _error(outcomes: ClusterOdds, target: Target) -> float:
-    return float(np.abs(outcomes.odds - target.probabilities).max())
 
 
 def _facets(judged: JudgedSurface, labels: Sequence[str]) -> list[dict[str, Any]]:

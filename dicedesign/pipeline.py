@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,8 +19,7 @@ from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.stl import stl_bytes
 from dicedesign.files import make_writable_folder
 from dicedesign.recipe import MOST_MM, Recipe
-from dicedesign.recipe_file import recipe_text
-from dicedesign.results import RunResult, files_by_kind, write_results
+from dicedesign.results import RunResult, add_report, write_results
 from dicedesign.summary import (
     design_summary,
     engraved_notes,
@@ -68,7 +67,9 @@ def run_recipe(
     with clock.stage("start"):
         start = make_start(recipe)
         if recipe.engrave is not None:
-            _require_glyphs(recipe.target.target().labels)
+            from dicedesign.fabricate.glyphs import require_glyphs
+
+            require_glyphs(recipe.target.target().labels)
     make_writable_folder(folder)
     with clock.stage("design"):
         die = design_die(recipe, start, on_step=on_step)
@@ -83,13 +84,6 @@ def run_recipe(
     write_results(folder, files, summary)
     notes += tuple(engraved_notes(summary))
     return RunResult(summary["status"], summary["message"], notes, folder, summary)
-
-
-def _require_glyphs(labels: Sequence[str]) -> None:
-    from dicedesign.fabricate.glyphs import label_contours
-
-    for label in labels:
-        label_contours(label)
 
 
 def _plain_name(status: Status) -> str:
@@ -142,17 +136,14 @@ def _results(
     with clock.stage("figures"):
         tolerance = recipe.method.tolerance
         images = _figures(summary, tolerance, die.verdict, engraved, placements)
-    files.update({f"{name}.png": data for name, data in images.items()})
-    files["recipe.yaml"] = recipe_text(recipe).encode("utf-8")
-    summary["files"] = files_by_kind(files)
-    # The same list as the clock's: the page shows the stages before its own, result.json all.
-    summary["stages"] = clock.stages
-    summary["peak_since"] = clock.peak_since
-    with clock.stage("report"):
-        from dicedesign.show.report import report_html
-
-        files["report.html"] = report_html(summary, images).encode("utf-8")
+    add_report(files, summary, images, recipe, clock, _page)
     return files, summary
+
+
+def _page(summary: Mapping[str, Any], images: Mapping[str, bytes]) -> str:
+    from dicedesign.show.report import report_html
+
+    return report_html(summary, images)
 
 
 def engrave_die(

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from dicedesign.clock import Clock
 from dicedesign.errors import OutputError
 from dicedesign.files import atomic_write
+from dicedesign.recipe import Recipe
+from dicedesign.recipe_file import recipe_text
 
-__all__ = ["CHECKPOINT", "CONVERGED", "RunResult", "files_by_kind", "write_results"]
+__all__ = ["CHECKPOINT", "CONVERGED", "RunResult", "add_report", "write_results"]
 
 CONVERGED: Final = "converged"
 """The one status of success."""
@@ -67,12 +70,35 @@ class RunResult:
         return self.status == CONVERGED
 
 
-def files_by_kind(names: Iterable[str]) -> dict[str, str]:
+def _files_by_kind(names: Iterable[str]) -> dict[str, str]:
     """Names of the files that are to be written, the page and `RESULT` included, by what they
     are."""
     given = {*names, "report.html"}
     written = [name for name in OWNED if name in given]
     return {Path(name).stem: name for name in [*written, RESULT]}
+
+
+def add_report(
+    files: dict[str, bytes],
+    summary: dict[str, Any],
+    images: Mapping[str, bytes],
+    recipe: Recipe,
+    clock: Clock,
+    page: Callable[[Mapping[str, Any], Mapping[str, bytes]], str],
+) -> None:
+    """Complete what a run leaves: add figures, recipe and page to the files, and to the summary
+    "files", "stages" and "peak_since".
+
+    images: PNG bytes of the figures by name; page: makes the page of summary and figures.
+    """
+    files.update({f"{name}.png": data for name, data in images.items()})
+    files["recipe.yaml"] = recipe_text(recipe).encode("utf-8")
+    summary["files"] = _files_by_kind(files)
+    # The same list as the clock's: the page shows the stages before its own, result.json all.
+    summary["stages"] = clock.stages
+    summary["peak_since"] = clock.peak_since
+    with clock.stage("report"):
+        files["report.html"] = page(summary, images).encode("utf-8")
 
 
 def write_results(folder: Path, files: Mapping[str, bytes], summary: Mapping[str, Any]) -> None:

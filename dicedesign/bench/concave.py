@@ -8,8 +8,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from dicedesign.concave.making import make_concave_die
 from dicedesign.concave.remeshing import decimated
 from dicedesign.concave.result import ConcaveDie, ConcaveStep
@@ -244,7 +242,7 @@ def _figures(recipe: Recipe, die: ConcaveDie) -> ConcaveFigures:
     assert distortion is not None
     before, after = die.hull_corners
     return ConcaveFigures(
-        error=float(np.abs(judged.outcomes.odds - recipe.target.target().probabilities).max()),
+        error=judged.outcomes.max_abs_error(recipe.target.target().probabilities),
         elsewhere=judged.outcomes.elsewhere,
         gap=judged.gap,
         intersections=judged.intersections,

@@ -12,13 +12,12 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, diags_array
 
 from dicedesign.concave.centroid import centroid_derivatives
 from dicedesign.concave.elastic import SOFT, ElasticEnergy, ElasticWeights
 from dicedesign.concave.fill_result import FillResult, FillStatus, FillStep
 from dicedesign.concave.surface import Surface
-from dicedesign.design.sobolev import SobolevOptions, SobolevSolver
+from dicedesign.design.sobolev import SobolevOptions, SobolevSolver, edge_laplacian
 from dicedesign.errors import InputError
 from dicedesign.geometry.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
@@ -168,7 +167,13 @@ class _Balance:
         self.heights = self.hull.heights(self.center_of_mass) / unit
         self.elastic = ElasticEnergy.of(scaled, self.options.elastic)
         self.sobolev = SobolevSolver(
-            _edge_laplacian(scaled.triangles, len(scaled.points)), self.options.sobolev
+            # A closed oriented surface passes each edge once in each direction.
+            edge_laplacian(
+                scaled.triangles.ravel(),
+                np.roll(scaled.triangles, -1, axis=1).ravel(),
+                len(scaled.points),
+            ),
+            self.options.sobolev,
         )
         self.weight = self.options.centering
         self.part = 1.0
@@ -265,12 +270,3 @@ class _Balance:
         self.history.append(step)
         if self.on_step is not None:
             self.on_step(step)
-
-
-def _edge_laplacian(triangles: Integers, size: int) -> csc_array:
-    """(n, n) Laplacian of the graph of edges: degree on the diagonal, -1 for each edge."""
-    tails, heads = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
-    pairs = np.unique(np.sort(np.stack([tails, heads]), axis=0), axis=1)
-    both = np.concatenate([pairs, pairs[::-1]], axis=1)
-    adjacency = csc_array((np.ones(both.shape[1]), (both[0], both[1])), shape=(size, size))
-    return csc_array(diags_array(np.asarray(adjacency.sum(axis=0)).ravel()) - adjacency)

@@ -28,13 +28,13 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 LARGEST_GAIN: Final = 0.05
-"""Most by which odds are to change in one of them."""
+"""Most by which odds are to change in one step."""
 
 EXACT: Final = 1e-12
-"""Largest |p - q| with which they end."""
+"""Largest |p - q| of an exact draft."""
 
 SMOOTH: Final = SobolevOptions(smoothing=5.0, power=2)
-"""Metric of the last steps."""
+"""Metric of the steps to it."""
 
 
 @dataclass(frozen=True)
@@ -46,31 +46,37 @@ class HullDraft:
     corners: (n, 3) those of the original hull, moved; the center of mass is the origin.
     rests: of their hull.
     directions: (k, 3) of the outcomes.
-    main: (k,) the rest nearest to each of them.
     """
 
     corners: Floats
     rests: RestEvaluation
     directions: Floats
-    main: Integers
 
     @classmethod
     def of(cls, corners: Floats, directions: Floats) -> HullDraft | None:
         """None where the center of mass is outside, or the hull is none."""
         try:
             rests = evaluate_rests(torch.from_numpy(corners), torch.zeros(3, dtype=torch.float64))
-            normals = rests.hull.normals[rests.paths.rests]
-            main = np.argmax(directions @ normals.T, axis=1)
-            draft = cls(corners, rests, directions, main)
+            draft = cls(corners, rests, directions)
             return draft if np.isfinite(rests.odds).all() else None
         except DiceError:
             return None
 
     @cached_property
+    def rest_normals(self) -> Floats:
+        """(r, 3) of all rests."""
+        return self.rests.hull.normals[self.rests.paths.rests]
+
+    @cached_property
+    def main(self) -> Integers:
+        """(k,) the rest nearest to each outcome's direction."""
+        return np.argmax(self.directions @ self.rest_normals.T, axis=1)
+
+    @cached_property
     def of_rest(self) -> Integers:
         """(r,) outcome of each rest: the one with the least to climb on the way."""
-        normals = self.rests.hull.normals[self.rests.paths.rests]
-        of_rest = np.argmin(climbs(self.rests.hull.vertices, normals, self.directions), axis=1)
+        climb = climbs(self.rests.hull.vertices, self.rest_normals, self.directions)
+        of_rest = np.argmin(climb, axis=1)
         of_rest[self.main] = np.arange(len(self.main))
         return np.asarray(of_rest, dtype=np.int64)
 
@@ -82,7 +88,7 @@ class HullDraft:
     @property
     def normals(self) -> Floats:
         """(k, 3) those of the outcomes' own rests."""
-        return self.rests.hull.normals[self.rests.paths.rests[self.main]]
+        return self.rest_normals[self.main]
 
     @cached_property
     def odds(self) -> Floats:
@@ -92,8 +98,7 @@ class HullDraft:
 
     def error(self, target: Floats) -> float:
         """See `DesignedHull.error`."""
-        normals = self.rests.hull.normals[self.rests.paths.rests]
-        return clustered(normals, self.rests.odds, self.normals).error(target)
+        return clustered(self.rest_normals, self.rests.odds, self.normals).error(target)
 
     @property
     def jacobian(self) -> Floats:
@@ -141,6 +146,7 @@ def change_of_least_work(
 
 
 def designed_hull(problem: HullProblem, draft: HullDraft) -> DesignedHull:
+    """A draft as the hull to fill, where the surface would be led by its corners alone."""
     moved = draft.corners - problem.hull.vertices
     center = np.tensordot(moved, problem.relative[1], 2)
     own = draft.rests.hull

@@ -61,12 +61,18 @@ def nearer_draft(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -
         )
         for part in (np.ones((1, 1)), *about):
             change = part * (goal - draft.corners)
-            for halving in range(HALVINGS):
-                following = HullDraft.of(draft.corners + 0.5**halving * change, draft.normals)
-                if following is not None and following.error(problem.target) <= problem.tolerance:
-                    draft = following
-                    break
+            draft = _moved(problem, draft, change, problem.tolerance) or draft
     return draft
+
+
+def _moved(problem: HullProblem, draft: HullDraft, change: Floats, most: float) -> HullDraft | None:
+    """A draft after a change (n, 3) of its corners, or the first half, ... of it after which the
+    error is at most so much; None where it is larger all the way."""
+    for halving in range(HALVINGS):
+        following = HullDraft.of(draft.corners + 0.5**halving * change, draft.normals)
+        if following is not None and following.error(problem.target) <= most:
+            return following
+    return None
 
 
 def settled_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
@@ -82,14 +88,11 @@ def settled_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
         square = np.tensordot(jacobian, raised, ((1, 2), (1, 2)))
         misses = (problem.target - draft.odds)[:-1]
         step = np.tensordot(np.linalg.lstsq(square, misses)[0], raised, 1)
-        before = draft.error(problem.target)
-        for halving in range(HALVINGS):
-            following = HullDraft.of(draft.corners + 0.5**halving * step, draft.normals)
-            if following is not None and following.error(problem.target) < before:
-                draft = following
-                break
-        else:
+        less = np.nextafter(draft.error(problem.target), -1.0)
+        following = _moved(problem, draft, step, float(less))
+        if following is None:
             break
+        draft = following
     return draft
 
 
@@ -116,12 +119,9 @@ def eased_hull(
         followed = held.followed((draft.corners - original)[others])
         goal = draft.corners.copy()
         goal[group] = original[group] + followed[problem.hull.source[group]]
-        for halving in range(HALVINGS):
-            tried = draft.corners + 0.5**halving * (goal - draft.corners)
-            following = HullDraft.of(tried, draft.normals)
-            if following is not None and following.error(problem.target) <= problem.tolerance:
-                draft, eased = following, True
-                break
+        following = _moved(problem, draft, goal - draft.corners, problem.tolerance)
+        if following is not None:
+            draft, eased = following, True
     if not eased:
         return None
     return designed_hull(problem, settled_draft(problem, draft))

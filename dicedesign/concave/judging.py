@@ -40,9 +40,13 @@ class ClusterOdds:
         counted = self.outcome_of_rest[self.outcome_of_rest >= 0]
         return np.asarray(np.bincount(counted, minlength=len(self.odds)), dtype=np.int64)
 
+    def max_abs_error(self, target: Floats) -> float:
+        """Largest |p - q|."""
+        return float(np.abs(self.odds - target).max())
+
     def error(self, target: Floats) -> float:
-        """Largest of |p - q| and of the odds elsewhere."""
-        return max(float(np.abs(self.odds - target).max()), self.elsewhere)
+        """The larger of that and of the odds elsewhere."""
+        return max(self.max_abs_error(target), self.elsewhere)
 
 
 def cluster_odds(poses: RestPoses, directions: Floats) -> ClusterOdds:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dicedesign.concave.alignment import Similarity, best_similarity
+from dicedesign.concave.alignment import best_similarity
 from dicedesign.concave.correspondence import fill_by_correspondence
 from dicedesign.concave.elasticity import point_masses
 from dicedesign.concave.fill_result import FillResult, FillStep
@@ -26,13 +26,14 @@ from dicedesign.concave.self_intersections import intersecting_triangles
 from dicedesign.concave.slopes import SlopeOptions
 from dicedesign.concave.surface import Surface
 from dicedesign.errors import NoStartError
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.rest.poses import analyse
 
 __all__ = ["make_concave_die"]
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 ROOM: Final = 0.8
 """Part of the tolerance that the hull's design may use: the file is rounded afterwards."""
@@ -116,21 +117,16 @@ class _Making:
 
     def run(self, resume: ConcaveProgress | None) -> ConcaveDie:
         progress = resume or ConcaveProgress(0, 0.0, None, ())
-        before = progress.seconds
-        self.started -= before
+        self.started -= progress.seconds
         choices = outcome_choices(self.problem.hull, self.target)
         while progress.attempts < self.options.attempts and not self._good_enough(progress.best):
             number = progress.attempts + 1
             self.steps = []
-            found = self._attempt(number, choices)
-            if found is not None and (
-                progress.best is None or self._rank(found) < self._rank(progress.best)
-            ):
-                history = tuple(self.steps)
-                progress = ConcaveProgress(number, self.seconds, found, history)
-            else:
-                history = progress.history if progress.best is not None else tuple(self.steps)
-                progress = ConcaveProgress(number, self.seconds, progress.best, history)
+            best, found = progress.best, self._attempt(number, choices)
+            history = tuple(self.steps) if best is None else progress.history
+            if found is not None and (best is None or self._rank(found) < self._rank(best)):
+                best, history = found, tuple(self.steps)
+            progress = ConcaveProgress(number, self.seconds, best, history)
             if self.on_attempt is not None:
                 self.on_attempt(progress)
         if self.options.fill == "quadratic" and progress.best is not None:
@@ -177,7 +173,7 @@ class _Making:
             found = eased
         return found
 
-    def _crossing(self, points: Floats) -> NDArray[np.int64]:
+    def _crossing(self, points: Floats) -> Integers:
         """(m, 2) pairs of triangles that meet and should not."""
         return intersecting_triangles(points, self.surface.triangles)
 
@@ -207,7 +203,9 @@ class _Making:
         filled = fill_by_correspondence(
             self.problem.elasticity, design.hull, design.corners, design.center_of_mass, told
         )
-        return self._measured(number, design, filled) if filled.converged else None
+        if not filled.converged:
+            return None
+        return self._measured(number, design.hull, design.corners, design.directions, filled)
 
     def _refilled(self, progress: ConcaveProgress, best: FilledHull) -> ConcaveProgress:
         """The best hull, filled by quadratic programs and balanced."""
@@ -229,30 +227,38 @@ class _Making:
                 f"fill: expected quadratic programs to fill the hull of attempt {best.attempt}, "
                 f"but they ended early ({filled.message}); leave fill out for correspondence"
             )
-        moved = np.zeros_like(self.problem.hull.vertices)
-        design = DesignedHull(hull, corners, center, best.directions, best.error, moved)
-        found = self._measured(best.attempt, design, filled)
+        found = self._measured(best.attempt, hull, corners, best.directions, filled)
         return ConcaveProgress(progress.attempts, self.seconds, found, tuple(self.steps))
 
-    def _measured(self, number: int, design: DesignedHull, filled: FillResult) -> FilledHull:
+    def _measured(
+        self,
+        number: int,
+        hull: ConvexHull,
+        corners: Integers,
+        directions: Floats,
+        filled: FillResult,
+    ) -> FilledHull:
+        """What came of a designed hull with outcomes in some directions (k, 3), of whose corners
+        (v,) points of the surface are to be."""
         unit = self.problem.surface
         back = best_similarity(filled.points, unit.points, self.masses)
         solid = unit.moved(back(filled.points))
         # As they come out of a file of single precision.
         rounded = unit.moved(solid.points.astype(np.float32).astype(np.float64))
-        hull = convex_hull(rounded.points, single_precision=True)
-        poses = analyse(hull, rounded.centroid, "uniform solid")
-        directions = design.directions @ back.rotation.T
+        reached = convex_hull(rounded.points, single_precision=True)
+        poses = analyse(reached, rounded.centroid, "uniform solid")
+        directions = directions @ back.rotation.T
+        wanted = back(hull.vertices)
         error = cluster_odds(poses, directions).error(self.target)
         self._record(number, "fill", sum(filled.history[-1].terms.values()), error)
         displacement = norms(solid.points - unit.points).mean() / unit.diagonal
         return FilledHull(
             number,
             self._own(solid.points),
-            self._own(back(design.hull.vertices)),
+            self._own(wanted),
             directions,
             error,
-            _gap(design, solid, back) / unit.diagonal,
+            float(norms(solid.points[corners] - wanted).max()) / unit.diagonal,
             float(displacement),
             len(self._crossing(solid.points)),
         )
@@ -271,8 +277,8 @@ class _Making:
         if best is None:
             raise NoStartError(
                 f"start: expected a surface whose hull leads to the target, but none of "
-                f"{progress.attempts} attempts did; allow more with method.concave.attempts and "
-                ".seconds, or take another target or surface"
+                f"{progress.attempts} attempts did; allow more with method.concave.attempts, "
+                "or take another target or surface"
             )
         after = self.surface.moved(best.points)
         return ConcaveDie(
@@ -283,8 +289,3 @@ class _Making:
             (len(self.problem.hull.vertices), len(best.hull_points)),
             progress,
         )
-
-
-def _gap(design: DesignedHull, solid: Surface, back: Similarity) -> float:
-    """Largest distance of a corner of the designed hull from the point that fills it."""
-    return float(norms(solid.points[design.corners] - back(design.hull.vertices)).max())

@@ -19,11 +19,13 @@ __all__ = [
     "SobolevOptions",
     "SobolevSolver",
     "check_coordinates",
+    "edge_laplacian",
     "graph_laplacian",
     "sobolev_solve",
 ]
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
 LARGEST_SMOOTHING: Final = 1e6
@@ -74,8 +76,12 @@ def check_coordinates(coordinates: str, sobolev: SobolevOptions | None) -> None:
 
 def graph_laplacian(hull: ConvexHull) -> csc_array:
     """(n, n) Laplacian L of the hull's edge graph: degree on the diagonal, -1 for each edge."""
-    size = len(hull.vertices)
-    adjacency = csc_array((np.ones(len(hull.tail)), (hull.tail, hull.head)), shape=(size, size))
+    return edge_laplacian(hull.tail, hull.head, len(hull.vertices))
+
+
+def edge_laplacian(tails: Integers, heads: Integers, size: int) -> csc_array:
+    """(size, size) the same of any graph, whose edges (h,) are given in both directions."""
+    adjacency = csc_array((np.ones(len(tails)), (tails, heads)), shape=(size, size))
     return csc_array(diags_array(np.asarray(adjacency.sum(axis=0)).ravel()) - adjacency)
 
 

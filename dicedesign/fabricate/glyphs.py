@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -24,6 +25,7 @@ __all__ = [
     "CHORD_TOLERANCE",
     "label_contours",
     "reads_upside_down",
+    "require_glyphs",
     "text_contours",
     "text_section",
 ]
@@ -139,6 +141,12 @@ def reads_upside_down(text: str) -> bool:
         return False
     turned = "".join(_TURNED[digit] for digit in reversed(text))
     return turned != text and (len(turned) == 1 or turned[0] != "0")
+
+
+def require_glyphs(labels: Iterable[str]) -> None:
+    """Raise EngravingError where the font lacks a character of a label."""
+    for label in labels:
+        label_contours(label)
 
 
 def label_contours(text: str) -> list[Floats]:

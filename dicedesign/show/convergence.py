@@ -14,12 +14,26 @@ from dicedesign.errors import InputError
 from dicedesign.show.palette import ACCENT, DARK, FAINT
 from dicedesign.show.png import agg_figure
 
-__all__ = ["convergence_figure"]
+__all__ = ["convergence_figure", "mark_zero"]
 
 _MOST_MARKERS: Final = 60
 _WIDE_RATIO: Final = 50.0
 _PREFERENCES: Final = "preferences"
 """Term of the steps that are taken by preference."""
+
+
+def mark_zero(axes: Axes) -> None:
+    """Write 0 beside the lower border of logarithmic axes, on which values of zero are drawn."""
+    axes.annotate(
+        "0",
+        (0.0, 0.0),
+        xycoords="axes fraction",
+        xytext=(-4, 0),
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        fontsize=10,
+    )
 
 
 def convergence_figure(history: Sequence[Mapping[str, Any]], tolerance: float) -> Figure:
@@ -65,16 +79,7 @@ def convergence_figure(history: Sequence[Mapping[str, Any]], tolerance: float) -
     left.set_yscale("log")
     left.set_ylim(floor, top)
     if (errors == 0.0).any():
-        left.annotate(
-            "0",
-            (0.0, 0.0),
-            xycoords="axes fraction",
-            xytext=(-4, 0),
-            textcoords="offset points",
-            ha="right",
-            va="center",
-            fontsize=10,
-        )
+        mark_zero(left)
     left.set_ylabel("error, max |p − q|")
     left.set_title("error against run time", fontsize=11, color=DARK)
     liked = np.array([_PREFERENCES in step["terms"] for step in history])

@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from dicedesign.errors import InputError
+from dicedesign.show.convergence import mark_zero
 from dicedesign.show.palette import ACCENT, BASINS, DARK, FAINT
 from dicedesign.show.png import agg_figure
 
@@ -109,13 +110,4 @@ def _curves(axes: Axes, curves: Sequence[Floats]) -> None:
         )
     axes.set_ylim(floor, top * 3.0)
     if len(positive) < len(values):
-        axes.annotate(
-            "0",
-            (0.0, 0.0),
-            xycoords="axes fraction",
-            xytext=(-4, 0),
-            textcoords="offset points",
-            ha="right",
-            va="center",
-            fontsize=10,
-        )
+        mark_zero(axes)
