@@ -19,10 +19,12 @@ __all__ = [
     "COPLANAR_TOLERANCE_FLOAT32",
     "COPLANAR_WIDENINGS",
     "ENGRAVED_VOLUME_TOLERANCE",
+    "EQUAL_LIKELIHOOD",
     "EQUAL_ODDS",
     "FILLED_GAP",
     "FLATNESS_TOLERANCE",
     "FLAT_FOLD",
+    "INERTIA_TOLERANCE",
     "PRINT_TOLERANCE",
     "PROBABILITY_SUM_TOLERANCE",
     "REUSE_FLATNESS",
@@ -39,6 +41,7 @@ __all__ = [
     "SYMMETRY_TOLERANCE",
     "THIN_VOLUME",
     "TIE_TOLERANCE",
+    "TRANSPORT_TOLERANCE",
     "VOLUME_TOLERANCE",
     "WARP_TOLERANCE",
 ]
@@ -98,6 +101,10 @@ PROBABILITY_SUM_TOLERANCE: Final = 1e-9
 EQUAL_ODDS: Final = 1e-12
 """Relative difference up to which two outcomes of a target count as equally probable."""
 
+EQUAL_LIKELIHOOD: Final = 1e-9
+"""Difference between the logarithms of the likelihoods of two tables of counts up to which they
+count as equally likely: logarithms of factorials of up to 1e5 are rounded by less."""
+
 SYMMETRY_TOLERANCE: Final = 1e-5
 """A shape is symmetric when each facet's image differs from another facet by no more than this: in
 the direction of its normal, in radians, and in the logarithm of its distance. Single precision
@@ -114,6 +121,9 @@ the surface's box."""
 FLAT_FOLD: Final = 1e-6
 """Two triangles with a common edge lie on each other when the angle between them is no more than
 this, in radians: a surface that was pressed onto a plane keeps to it only to within rounding."""
+
+INERTIA_TOLERANCE: Final = 1e-9
+"""A tensor of inertia that was given may miss its laws by this, relative to its largest entry."""
 
 PRINT_TOLERANCE: Final = 1e-6
 """Edges and slivers thinner than this, relative to the diagonal of the body's box, are taken out of
@@ -161,3 +171,7 @@ WARP_TOLERANCE: Final = 0.01
 """Facets that were merged within a tolerance make a body as long as no edge is turned by more than
 this sine from where the planes beside it meet. It is where an edge or a facet is hardly wider than
 its facets are uneven, as among points that lie in clusters."""
+
+TRANSPORT_TOLERANCE: Final = 1e-10
+"""Part of the mass that a transport plan may leave behind or make up: the least that HiGHS takes.
+"""

@@ -19,6 +19,7 @@ FLOORS = (
     ),
     ("geometry",),
     ("rest",),
+    ("throws",),
     ("batch",),
     ("design",),
     ("concave",),

@@ -13,7 +13,7 @@ from dicedesign.geometry.mass import is_closed, solid_properties
 from dicedesign.geometry.shells import oriented_shells
 from dicedesign.tolerances import VOLUME_TOLERANCE
 
-__all__ = ["resolve_center_of_mass"]
+__all__ = ["resolve_center_of_mass", "solid_triangles"]
 
 
 def resolve_center_of_mass(
@@ -51,23 +51,10 @@ def resolve_center_of_mass(
     if body.triangles is None:
         return hull_centroid, "uniform solid hull", ("the body has no triangles",)
 
-    notes = []
-    triangles = body.triangles
-    if not is_closed(triangles):
-        # Imported late, with SciPy: most meshes are closed.
-        from dicedesign.geometry.winding import consistent_winding
-
-        oriented = consistent_winding(triangles)
-        if oriented is None:
-            return hull_centroid, "uniform solid hull", ("the mesh is not closed",)
-        changed = np.count_nonzero((oriented != triangles).any(axis=1))
-        notes.append(f"reversed {changed} triangles that were wound against their neighbors")
-        triangles = oriented
-    triangles, turned = oriented_shells(body.points, triangles)
-    if turned > 0:
-        notes.append(
-            f"turned {turned} shells that lie beside others and were oriented against them"
-        )
+    solid = solid_triangles(body)
+    if solid is None:
+        return hull_centroid, "uniform solid hull", ("the mesh is not closed",)
+    triangles, notes = solid
     volume, centroid = solid_properties(body.points, triangles)
     extent = float(np.ptp(body.points, axis=0).max())
     if abs(volume) <= VOLUME_TOLERANCE * extent**3:
@@ -77,8 +64,33 @@ def resolve_center_of_mass(
             "convex hull with --com hull"
         )
     if volume < 0 and not notes:
-        notes.append("the mesh is oriented inward and was taken as a solid all the same")
-    return centroid, "uniform solid", tuple(notes)
+        notes = ("the mesh is oriented inward and was taken as a solid all the same",)
+    return centroid, "uniform solid", notes
+
+
+def solid_triangles(body: Body) -> tuple[NDArray[np.int64], tuple[str, ...]] | None:
+    """The triangles (t, 3) that bound a body's solid, wound alike, and what had to be done for it,
+    one sentence each; None for a point cloud and an open mesh. All may point inward."""
+    triangles = body.triangles
+    if triangles is None:
+        return None
+    notes = []
+    if not is_closed(triangles):
+        # Imported late, with SciPy: most meshes are closed.
+        from dicedesign.geometry.winding import consistent_winding
+
+        oriented = consistent_winding(triangles)
+        if oriented is None:
+            return None
+        changed = np.count_nonzero((oriented != triangles).any(axis=1))
+        notes.append(f"reversed {changed} triangles that were wound against their neighbors")
+        triangles = oriented
+    triangles, turned = oriented_shells(body.points, triangles)
+    if turned > 0:
+        notes.append(
+            f"turned {turned} shells that lie beside others and were oriented against them"
+        )
+    return triangles, tuple(notes)
 
 
 def _given(request: ArrayLike) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dicedesign import kernels
 from dicedesign.tolerances import THIN_VOLUME
 
-__all__ = ["is_closed", "solid_properties", "stretch_matrix"]
+__all__ = ["is_closed", "solid_inertia", "solid_properties", "stretch_matrix"]
 
 Floats = NDArray[np.float64]
 
@@ -43,6 +43,27 @@ def solid_properties(points: Floats, triangles: NDArray[np.int64]) -> tuple[floa
         volume, centroid = _sums(np.linalg.solve(stretch.T, offsets.T).T, triangles)
         volume, centroid = volume * float(np.linalg.det(stretch)), centroid @ stretch
     return volume * scale**3, reference + scale * centroid
+
+
+def solid_inertia(points: Floats, triangles: NDArray[np.int64]) -> Floats:
+    """Tensor of inertia (3, 3) about the centroid of the uniform solid a closed surface bounds, for
+    a mass of 1: in squared length units.
+
+    points: (n, 3); triangles: (t, 3) as for `solid_properties`, of a volume that is not zero.
+    Source: second moments of a tetrahedron from the origin, with corners a, b, c and d = a + b + c:
+    its volume over 20 times (d d^T + a a^T + b b^T + c c^T).
+    """
+    _, centroid = solid_properties(points, triangles)
+    offsets = points - centroid
+    scale = float(np.abs(offsets).max())
+    a, b, c = np.moveaxis((offsets / scale)[triangles], 1, 0)
+    volumes = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+    moments = np.zeros((3, 3))
+    for arm in (a, b, c, a + b + c):
+        moments += np.einsum("t,ti,tj->ij", volumes, arm, arm) / 20.0
+    moments *= scale**2 / volumes.sum()
+    inertia: Floats = np.trace(moments) * np.eye(3) - moments
+    return inertia
 
 
 def stretch_matrix(offsets: Floats, volume: float) -> Floats | None:

@@ -13,7 +13,7 @@ from typing import Final
 
 __all__ = ["compiled"]
 
-INTERFACE: Final = 1
+INTERFACE: Final = 2
 """Counts changes of what the kernels take and return; those of another number are not used."""
 
 compiled: ModuleType | None

@@ -8,6 +8,7 @@ void bind_hull(nb::module_& module);
 void bind_surface(nb::module_& module);
 void bind_rest(nb::module_& module);
 void bind_gradients(nb::module_& module);
+void bind_throws(nb::module_& module);
 namespace {
 
 // The allocator of glibc hands large blocks back to the system as soon as they are freed, and pages
@@ -23,7 +24,7 @@ void hold_on_to_memory() {
 
 NB_MODULE(dicedesign_kernels, module) {
     module.doc() = "Compiled inner loops of dicedesign; see dicedesign.kernels.";
-    module.attr("INTERFACE") = 1;
+    module.attr("INTERFACE") = 2;
     // What torch still holds when Python ends is nobody's loss.
     nanobind::set_leak_warnings(false);
     dicedesign::hold_on_to_memory();
@@ -31,4 +32,5 @@ NB_MODULE(dicedesign_kernels, module) {
     dicedesign::bind_surface(module);
     dicedesign::bind_rest(module);
     dicedesign::bind_gradients(module);
+    dicedesign::bind_throws(module);
 }

@@ -1,0 +1,1 @@
+"""Throws: how a body lands that has momentum, simulated, counted and predicted."""

@@ -1,0 +1,96 @@
+"""How hard a table is and how fine the steps must be: what engines are told about contacts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from dicedesign.throws.tables import Table
+
+__all__ = ["Contact", "contact_of", "damping_ratio", "restitution_of"]
+
+GRAVITY: Final = 9.81
+"""In m/s^2."""
+
+DEEPEST: Final = 0.05
+"""How far the fastest impact of a throw may push a vertex below the table, relative to the die's
+radius. Halving it changes odds by less than sampling 40,000 drops does."""
+
+STEPS_PER_CONTACT: Final = 8
+"""Time steps of one bounce."""
+
+IMPEDANCE: Final = 0.99
+"""Of MuJoCo's soft contacts: the part of the acceleration asked of a contact that it gets; 1 is a
+problem without a unique answer."""
+
+SETTLING: Final = 400.0
+"""How long a throw is followed, in units of the square root of radius over gravity: some 14 seconds
+for a die of 25 mm."""
+
+LARGEST_RATIO: Final = 100.0
+"""Damping ratio that stands for no restitution at all."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A contact for a body of mass 1, and the steps to simulate it with.
+
+    Attributes
+    ----------
+    stiffness: 1/s^2, acceleration of a contact point over its depth.
+    damping: 1/s, along the normal.
+    sliding_damping: 1/s, of speed along the table, up to the limit of friction.
+    step: seconds.
+    seconds: after which a throw is given up.
+    """
+
+    stiffness: float
+    damping: float
+    sliding_damping: float
+    step: float
+    seconds: float
+
+
+def contact_of(table: Table, refinement: float = 1.0) -> Contact:
+    """The contact of a table.
+
+    refinement: divides the time step, at the same contact.
+    """
+    radius = table.size / 2.0
+    fastest = math.sqrt(
+        2.0 * GRAVITY * (table.height + 2.0 * radius) + table.speed**2 + (table.spin * radius) ** 2
+    )
+    frequency = fastest / (DEEPEST * radius)
+    step = math.pi / frequency / STEPS_PER_CONTACT
+    # More damping than would stop a point within one step makes it bounce again. So a restitution
+    # below 0.1 is one that steps of this length cannot tell from 0.
+    most = 1.0 / (2.0 * frequency * step)
+    settling = SETTLING * math.sqrt(radius / GRAVITY)
+    return Contact(
+        stiffness=frequency**2,
+        damping=2.0 * min(damping_ratio(table.restitution), most) * frequency,
+        sliding_damping=2.0 * frequency,
+        step=step / refinement,
+        seconds=math.sqrt(2.0 * table.height / GRAVITY) + settling,
+    )
+
+
+def restitution_of(ratio: float) -> float:
+    """Speed after over speed before a bounce off a spring with a damper of a damping ratio from 0,
+    which the body leaves as soon as they would pull."""
+    if ratio == 1.0:
+        return math.exp(-2.0)
+    root = math.sqrt(abs(1.0 - ratio**2))
+    angle = 2.0 * math.acos(ratio) if ratio < 1.0 else 2.0 * math.acosh(ratio)
+    return math.exp(-ratio / root * angle)
+
+
+def damping_ratio(restitution: float) -> float:
+    """The damping ratio that gives a restitution from 0 to below 1."""
+    # Imported here, as reading a table does without.
+    from scipy.optimize import brentq
+
+    wanted = max(restitution, restitution_of(LARGEST_RATIO))
+    ratio: float = brentq(lambda z: restitution_of(z) - wanted, 0.0, LARGEST_RATIO, xtol=1e-14)
+    return ratio

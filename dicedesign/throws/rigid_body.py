@@ -1,0 +1,144 @@
+"""A body to throw: its hull about its center of mass, its inertia and its basins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.body import Body
+from dicedesign.geometry.center_of_mass import solid_triangles
+from dicedesign.geometry.mass import solid_inertia
+from dicedesign.rest.poses import RestPoses
+from dicedesign.tolerances import INERTIA_TOLERANCE
+
+__all__ = ["RigidBody", "rigid_body"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class RigidBody:
+    """A body in the frame of its principal axes about its center of mass, in units of its radius:
+    the largest distance of a point from the center of mass.
+
+    The hull touches the table, whatever hollows the body has. The neighbours of vertex v are the
+    entries `start[v] : start[v + 1]` of `neighbors`, `left` and `right`.
+
+    Attributes
+    ----------
+    name: what messages call it.
+    radius: in the body's unit of length.
+    axes: (3, 3) principal axes as columns, in the body's own frame, right-handed.
+    moments: (3,) principal moments of inertia, ascending, for a mass and a radius of 1.
+    vertices: (n, 3) of the hull.
+    start: (n + 1,); neighbors: (h,) vertices; left, right: (h,) facets beside the edges to them.
+    normals: (m, 3) of the hull's facets.
+    rest_of_facet: (m,) the rest to which each facet rolls without momentum.
+    rest_normals: (k, 3) of the rests, in the order of `RestPoses`.
+    rest_heights: (k,) of the center of mass at rest.
+    barriers: (k,) height of the lowest saddle on the border of each basin; infinite if there is
+        none.
+    """
+
+    name: str
+    radius: float
+    axes: Floats
+    moments: Floats
+    vertices: Floats
+    start: Integers
+    neighbors: Integers
+    left: Integers
+    right: Integers
+    normals: Floats
+    rest_of_facet: Integers
+    rest_normals: Floats
+    rest_heights: Floats
+    barriers: Floats
+
+
+def rigid_body(body: Body, poses: RestPoses, inertia: ArrayLike | None = None) -> RigidBody:
+    """The rigid body of a mesh.
+
+    Parameters
+    ----------
+    body: the mesh or point cloud; poses: its rests.
+    inertia: (3, 3) tensor of inertia about the center of mass over the mass, in the body's frame
+        and squared unit of length; None takes that of the uniform solid about its centroid, or of
+        the uniform solid hull where the body bounds no solid.
+
+    Raises
+    ------
+    InputError: the tensor is that of no body within the hull: not symmetric, not positive
+        definite, with a moment larger than the two others together, or too large.
+    """
+    hull, center, morse = poses.hull, poses.center_of_mass, poses.morse
+    arms = hull.vertices - center
+    radius = float(np.linalg.norm(arms, axis=1).max())
+    tensor = _solid_inertia(body, poses) if inertia is None else _given_inertia(inertia, radius)
+    moments, axes = np.linalg.eigh(tensor)
+    if np.linalg.det(axes) < 0.0:
+        axes = axes * np.array([1.0, 1.0, -1.0])
+    vertices = np.ascontiguousarray(arms @ axes / radius)
+    order = np.argsort(hull.tail, kind="stable")
+    counts = np.bincount(hull.tail, minlength=len(vertices))
+    barriers = np.full(len(poses.facets), np.inf)
+    heights = (morse.saddles @ axes @ vertices.T).max(axis=1, initial=-np.inf)
+    for basins in morse.saddle_basins.T:
+        np.minimum.at(barriers, basins, heights)
+    normals = np.ascontiguousarray(hull.normals @ axes)
+    return RigidBody(
+        name=body.name,
+        radius=radius,
+        axes=axes,
+        moments=moments / radius**2,
+        vertices=vertices,
+        start=np.concatenate([[0], np.cumsum(counts)]),
+        neighbors=hull.head[order],
+        left=hull.facet[order],
+        right=hull.facet[hull.twin[order]],
+        normals=normals,
+        rest_of_facet=morse.basin_of_facet,
+        rest_normals=normals[poses.facets],
+        rest_heights=(normals[poses.facets] @ vertices.T).max(axis=1),
+        barriers=barriers,
+    )
+
+
+def _solid_inertia(body: Body, poses: RestPoses) -> Floats:
+    solid = None if poses.center_of_mass_source == "uniform solid hull" else solid_triangles(body)
+    if solid is None:
+        return solid_inertia(poses.hull.vertices, poses.hull.triangles)
+    return solid_inertia(body.points, solid[0])
+
+
+def _given_inertia(inertia: ArrayLike, radius: float) -> Floats:
+    tensor = np.asarray(inertia, dtype=np.float64)
+    expected = "inertia: expected a symmetric (3, 3) tensor of finite numbers"
+    if tensor.shape != (3, 3) or not np.isfinite(tensor).all():
+        raise InputError(f"{expected}, got {np.asarray(inertia).tolist()}; give xx,yy,zz,xy,xz,yz")
+    size = float(np.abs(tensor).max())
+    if np.abs(tensor - tensor.T).max() > INERTIA_TOLERANCE * size:
+        raise InputError(f"{expected}, got {tensor.tolist()}; make it equal to its transpose")
+    least, middle, most = np.linalg.eigvalsh(tensor).tolist()
+    moments = f"{least:.6g}, {middle:.6g} and {most:.6g}"
+    if not least > INERTIA_TOLERANCE * size:
+        raise InputError(
+            "inertia: expected a positive definite tensor, got principal moments of "
+            f"{moments}; correct it or leave it out"
+        )
+    if most > (least + middle) * (1.0 + INERTIA_TOLERANCE):
+        raise InputError(
+            "inertia: expected no principal moment larger than the two others together, as of "
+            f"every body, got {moments}; correct it or leave it out"
+        )
+    if least + middle + most > 2.0 * radius**2 * (1.0 + INERTIA_TOLERANCE):
+        raise InputError(
+            f"inertia: expected that of a mass of 1 within {radius:.6g} of its center, whose "
+            f"moments sum to at most {2.0 * radius**2:.6g}, got {moments}; divide by the mass and "
+            "use the unit of the mesh"
+        )
+    return 0.5 * (tensor + tensor.T)

@@ -1,0 +1,127 @@
+"""Tables: how dice are thrown, and onto what."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, fields
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final
+
+from dicedesign.errors import InputError
+
+__all__ = ["TABLE_NAMES", "Table", "table_named"]
+
+TABLE_NAMES: Final = ("board-game", "hard-wood", "carpet", "paper")
+"""The tables that come with the package, each in a file of its own."""
+
+_RANGES: Final = {
+    "restitution": (0.0, 0.95, "0 (dead) to 0.95"),
+    "friction": (0.0, 10.0, "0 to 10"),
+    "height": (0.0, 100.0, "0 to 100 m"),
+    "speed": (0.0, 100.0, "0 to 100 m/s"),
+    "spin": (0.0, 1000.0, "0 to 1000 rad/s"),
+    "size": (1e-4, 10.0, "0.0001 to 10 m"),
+    "density": (1.0, 1e5, "1 to 100000 kg/m^3"),
+    "drag": (0.0, 1e4, "0 to 10000 1/s"),
+}
+
+
+@dataclass(frozen=True)
+class Table:
+    """One way to throw dice of one size onto one plane.
+
+    Attributes
+    ----------
+    name: what reports call it.
+    restitution: speed along the normal kept by a point that hits the table, 0 to 0.95.
+    friction: Coulomb's coefficient.
+    height: of the die's lowest point over the table when it is let go, in m; 0 sets it down. Else
+        the die must be no larger.
+    speed: along the table at that moment, in m/s.
+    spin: angular speed at that moment, in rad/s, about an axis of random direction.
+    size: of the die, in m: twice the largest distance of a point from its center of mass.
+    density: of the die, in kg/m^3. It cancels on a table that does not move.
+    drag: rate in 1/s at which spin is lost, by a die with the same moment of inertia about every
+        axis; above 0 for throws without momentum only.
+    source: where the numbers come from.
+
+    Raises InputError: a number is not within its range, or the die is larger than the height.
+    """
+
+    name: str
+    restitution: float
+    friction: float
+    height: float
+    speed: float
+    spin: float
+    size: float = 0.025
+    density: float = 1200.0
+    drag: float = 0.0
+    source: str = "given"
+
+    def __post_init__(self) -> None:
+        for name, (least, most, words) in _RANGES.items():
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise InputError(
+                    f"table {self.name}: expected a number as {name}, got {value!r}; correct it"
+                )
+            if not (math.isfinite(value) and least <= value <= most):
+                raise InputError(
+                    f"table {self.name}: expected a {name} of {words}, got {value:g}; correct it"
+                )
+        if 0.0 < self.height < self.size:
+            raise InputError(
+                f"table {self.name}: expected a die no larger than the drop height of "
+                f"{self.height:g} m, got one of {self.size:g} m; let it fall from higher or make "
+                "it smaller"
+            )
+
+    def as_dict(self) -> dict[str, Any]:
+        """The table as plain data."""
+        return asdict(self)
+
+
+def table_named(name: str) -> Table:
+    """A table by its name, or from a JSON file by its path (ending in .json).
+
+    Raises
+    ------
+    InputError: there is none of that name, the file cannot be read, or it is no table.
+    """
+    if name in TABLE_NAMES:
+        text = resources.files("dicedesign.throws").joinpath(f"named/{name}.json").read_text()
+        return _table(name, text)
+    if not name.endswith(".json"):
+        raise InputError(
+            f"--table {name}: expected {', '.join(TABLE_NAMES)} or the path of a table's .json "
+            "file; take one of them"
+        )
+    try:
+        text = Path(name).read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"--table {name}: expected a JSON file that can be read, but {error}; check the path"
+        ) from error
+    return _table(name, text)
+
+
+def _table(name: str, text: str) -> Table:
+    try:
+        entries = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"--table {name}: expected JSON, but {error}; correct it") from error
+    known = {field.name for field in fields(Table)}
+    needed = known - {"size", "density", "drag", "source"}
+    if not isinstance(entries, dict) or not needed <= set(entries) <= known:
+        raise InputError(
+            f"--table {name}: expected an object with {', '.join(sorted(needed))} and at most size,"
+            f" density, drag and source, got {_described(entries)}; correct it"
+        )
+    return Table(**entries)
+
+
+def _described(entries: object) -> str:
+    return ", ".join(entries) if isinstance(entries, dict) else type(entries).__name__
