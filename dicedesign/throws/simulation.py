@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from typing import Final, Literal, get_args
 
 import numpy as np
@@ -24,6 +25,12 @@ Integers = NDArray[np.int64]
 Engine = Literal["native", "mujoco", "bullet"]
 
 ENGINES: Final[tuple[Engine, ...]] = get_args(Engine)
+
+_MODULES: Final[dict[Engine, str]] = {
+    "native": "dicedesign.throws.native",
+    "mujoco": "dicedesign.throws.mujoco_engine",
+    "bullet": "dicedesign.throws.bullet_engine",
+}
 
 DROPS_PER_TASK: Final = 500
 """Drops that share a generator of random numbers, so that they fall alike whoever runs them."""
@@ -156,10 +163,6 @@ def throw_task(
     rng = np.random.default_rng([seed, first // DROPS_PER_TASK])
     states = released(body, table, np.arange(first, first + count), orientations, rng)
     # Each engine loads a library of its own.
-    if engine == "native":
-        from dicedesign.throws.native import throw_states
-    elif engine == "mujoco":
-        from dicedesign.throws.mujoco_engine import throw_states
-    else:
-        from dicedesign.throws.bullet_engine import throw_states
-    return throw_states(body, table, states, refinement)
+    engine_module = import_module(_MODULES[engine])
+    outcomes: Integers = engine_module.throw_states(body, table, states, refinement)
+    return outcomes
