@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     # Imported here, so that an interrupt during the import ends as plainly as any other.
-    from dicedesign.commands import bench, design, drop, rest, run, search
+    from dicedesign.commands import bench, design, drop, rest, rolls, run, search
 
     parser = argparse.ArgumentParser(
         prog="dicedesign",
@@ -50,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"dicedesign {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for module in (run, design, search, rest, drop, bench):
+    for module in (run, design, search, rest, drop, rolls, bench):
         module.add_parser(commands)
     return parser
 

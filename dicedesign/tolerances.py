@@ -38,6 +38,7 @@ __all__ = [
     "SHARP_TURN",
     "SLIVER",
     "SLIVER_ANGLE",
+    "STANDING_ANGLE",
     "SYMMETRY_TOLERANCE",
     "THIN_VOLUME",
     "TIE_TOLERANCE",
@@ -125,6 +126,10 @@ this, in radians: a surface that was pressed onto a plane keeps to it only to wi
 INERTIA_TOLERANCE: Final = 1e-9
 """A tensor of inertia that was given may miss its laws by this, relative to its largest entry."""
 
+MATCHED_ODDS: Final = 0.02
+"""Outcomes whose odds without momentum are told belong to the rests of a mesh that have these to
+within this: files of printed dice differ from what was published about them."""
+
 PRINT_TOLERANCE: Final = 1e-6
 """Edges and slivers thinner than this, relative to the diagonal of the body's box, are taken out of
 a solid before it is printed."""
@@ -153,6 +158,9 @@ exact arithmetic: rounding would turn it noticeably."""
 SLIVER_ANGLE: Final = math.radians(1.0)
 """A triangle of a surface is reported as a sliver when its smallest angle is below this, in
 radians."""
+
+STANDING_ANGLE: Final = math.radians(1.0)
+"""A body at a stand is on a facet when that facet's normal is within this of down, in radians."""
 
 SHARP_TURN: Final = math.radians(170.0)
 """Two triangles with a common edge count as folded together when the surface turns by more than

@@ -25,14 +25,23 @@ SHORT_ARC: Final = 1e-24
 
 
 def asymmetry(poses: RestPoses) -> float:
-    """The asymmetry rho of a body, 0 to 1/2 times the number of saddles.
+    """The asymmetry rho of a body, 0 to 1/2 times the number of pairs of neighbouring basins.
 
-    A pair of rests whose basins meet at several saddles counts once for each.
+    A pair counts once, at the lowest saddle of its border, over which a body rolls at the least
+    speed. With every saddle counted, a coin would have the more the more corners it is drawn with:
+    0.56 for 40 in place of 0.014.
 
     Source: eq. 20, 21.
     """
-    basins = poses.morse.saddle_basins
-    angles = angle_between(poses.normals[basins], poses.morse.saddles[:, None])
+    morse = poses.morse
+    pairs = np.sort(morse.saddle_basins, axis=1)
+    heights = (morse.equilibria.radii @ morse.saddles.T).max(axis=0)
+    lowest_first = np.argsort(heights, kind="stable")
+    # The first of each pair is kept.
+    _, first = np.unique(pairs[lowest_first], axis=0, return_index=True)
+    saddles = lowest_first[first]
+    basins = pairs[saddles]
+    angles = angle_between(poses.normals[basins], morse.saddles[saddles, None])
     # phi - 1/2
     unequal = angles.max(axis=1) / angles.sum(axis=1) - 0.5
     return float((poses.probabilities[basins].min(axis=1) * unequal).sum())

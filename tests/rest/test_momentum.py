@@ -52,6 +52,43 @@ def test_the_asymmetry_of_a_box() -> None:
     assert asymmetry(poses) == pytest.approx(expected, abs=1e-13)
 
 
+def test_basins_that_meet_at_many_saddles_count_once() -> None:
+    """A coin stands on its two sides only; its rim is as long however many corners it has, and
+    lies lowest at the middles of its edges."""
+    for corners in (12, 40):
+        angles = 2 * np.pi * np.arange(corners) / corners
+        ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(corners)], axis=1)
+        points = np.concatenate([ring, 0.9 * ring + [0.0, 0.0, 0.2]])
+        poses = rest_poses(points)
+        assert len(poses.normals) == 2
+        assert len(poses.morse.saddles) == corners
+        center = poses.center_of_mass[2]
+        # The saddles are the feet of the center on the longer edges.
+        down = np.arctan2(np.cos(np.pi / corners), center)
+        phi = max(down, np.pi - down) / np.pi
+        expected = poses.probabilities.min() * (phi - 0.5)
+        assert asymmetry(poses) == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_lowest_of_several_saddles_counts() -> None:
+    """By the definition, on bodies some of whose basins meet twice."""
+    twice = 0
+    for seed in range(8):
+        poses = random_body(seed, 30)
+        lowest: dict[tuple[int, ...], tuple[float, float]] = {}
+        points = poses.hull.vertices - poses.center_of_mass
+        for saddle, basins in zip(poses.morse.saddles, poses.morse.saddle_basins, strict=True):
+            pair = tuple(sorted(basins.tolist()))
+            twice += pair in lowest
+            angles = [float(angle_between(poses.normals[i], saddle)) for i in pair]
+            term = poses.probabilities[list(pair)].min() * (max(angles) / sum(angles) - 0.5)
+            entry = (float((points @ saddle).max()), float(term))
+            lowest[pair] = min(lowest.get(pair, entry), entry)
+        expected = sum(term for _, term in lowest.values())
+        assert asymmetry(poses) == pytest.approx(expected, abs=1e-13)
+    assert twice
+
+
 def solid_angle(a: float, b: float, height: float) -> float:
     """Of a rectangle with half lengths a, b, seen from above its middle."""
     return 4 * np.arcsin(a * b / np.sqrt((a * a + height**2) * (b * b + height**2)))

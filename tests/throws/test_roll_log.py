@@ -1,0 +1,73 @@
+"""Files of throws, good and bad."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dicedesign.errors import InputError
+from dicedesign.throws.roll_log import read_counts
+
+LABELS = ["1", "2", "heads, or tails"]
+
+
+def written(tmp_path: Path, text: str | bytes) -> Path:
+    path = tmp_path / "throws.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+@pytest.mark.parametrize(
+    ("text", "counts"),
+    [
+        ('label,count\n1,10\n2,3\n"heads, or tails",0\n', [10, 3, 0]),
+        ("label,count\n2,5", [0, 5, 0]),
+        ("\ufeffLabel , Count\r\n\r\n 2 , 5 \r\n,\r\n", [0, 5, 0]),
+        ('label\n1\n2\n\n1\n"heads, or tails"\n', [2, 1, 1]),
+    ],
+)
+def test_good_files(tmp_path: Path, text: str, counts: list[int]) -> None:
+    assert read_counts(written(tmp_path, text), LABELS).tolist() == counts
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", r"throws.csv: expected a first line label,count or label, got ''"),
+        ("1,10\n2,3\n", r"expected a first line label,count or label, got '1,10'"),
+        ("label;count\n1;10\n", r"got 'label;count'"),
+        ("label,count,note\n1,10,x\n", r"got 'label,count,note'"),
+        ("label,count\n", r"expected at least one throw, got none"),
+        ("label,count\n1,0\n2,0\n", r"expected at least one throw, got none"),
+        ("label\n", r"expected at least one throw, got none"),
+        ("label,count\n1,10\n\n7,3\n", r"line 4: expected a label of the die \(1, 2, .*got '7'"),
+        ("label\n1\nx\n", r"line 3: expected a label of the die .* got 'x'"),
+        ("label,count\n1,-2\n", r"line 2: expected a whole number from 0 to 1000000000, got '-2'"),
+        ("label,count\n1,2.5\n", r"got '2.5'"),
+        ("label,count\n1,1_000\n", r"got '1_000'"),
+        ("label,count\n1,²\n", r"got '²'"),
+        ("label,count\n1,\n", r"got ''"),
+        ("label,count\n1,1000000001\n", r"got '1000000001'"),
+        ("label,count\n1," + "9" * 5000 + "\n", r"expected a whole number"),
+        ("label,count\n1\n", r"line 2: expected label,count, got '1'"),
+        ("label\n1,4\n", r"line 2: expected label, got '1,4'"),
+        ("label,count\n1,4\n2,2\n1,3\n", r"line 4: expected each label once, got '1' as on line 2"),
+        (b"label\n\xff\n", r"expected a CSV file of throws in UTF-8, but .*0xff"),
+    ],
+)
+def test_bad_files(tmp_path: Path, text: str | bytes, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read_counts(written(tmp_path, text), LABELS)
+
+
+def test_no_file(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none.csv: expected a CSV file .* No such file"):
+        read_counts(tmp_path / "none.csv", LABELS)
+    with pytest.raises(InputError, match="directory"):
+        read_counts(tmp_path, LABELS)
+
+
+def test_not_all_of_many_labels_are_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"28, 29, \.\.\.\), got 'x'"):
+        read_counts(written(tmp_path, "label\nx\n"), [str(i) for i in range(100)])
