@@ -16,7 +16,7 @@ from dicedesign.errors import DiceError
 
 __all__ = ["main"]
 
-LIST_OPTIONS = ("--com", "--down", "--target", "--labels")
+LIST_OPTIONS = ("--com", "--down", "--inertia", "--target", "--labels")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     # Imported here, so that an interrupt during the import ends as plainly as any other.
-    from dicedesign.commands import bench, design, drop, rest, rolls, run, search
+    from dicedesign.commands import bench, design, drop, rest, rolls, run, search, table, throw
 
     parser = argparse.ArgumentParser(
         prog="dicedesign",
@@ -50,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"dicedesign {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for module in (run, design, search, rest, drop, rolls, bench):
+    for module in (run, design, search, rest, drop, throw, rolls, table, bench):
         module.add_parser(commands)
     return parser
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from dicedesign.design.descent import descend_to_target
 from dicedesign.design.exact import solve_exactly
+from dicedesign.design.refinement import Round
 from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.shape_search import shapes_near
 from dicedesign.design.starts import Start, hendecahedron, mesh_start, prism, repulsion
@@ -27,6 +29,7 @@ from dicedesign.geometry.hull import convex_hull
 from dicedesign.geometry.mesh_file import read_body
 from dicedesign.recipe import Recipe
 from dicedesign.rest.equilibria import classify
+from dicedesign.table_stage import refined, thrown_odds
 from dicedesign.tolerances import EQUAL_ODDS
 
 __all__ = ["DesignedDie", "design_die", "make_start", "resized"]
@@ -48,6 +51,7 @@ class DesignedDie:
     verdict: the die in mm and its odds.
     status: why the design stopped; CONVERGED only if the finished die is within the tolerance.
     message: the same in a sentence, with the error and what is wrong.
+    rounds: of throws and new designs, for a die that was refined.
     """
 
     target: Target
@@ -55,6 +59,7 @@ class DesignedDie:
     verdict: Verdict
     status: Status
     message: str
+    rounds: tuple[Round, ...] = ()
 
 
 def make_start(recipe: Recipe) -> Start | None:
@@ -117,14 +122,19 @@ def _check_orbits(recipe: Recipe, start: Start) -> None:
 
 
 def design_die(
-    recipe: Recipe, start: Start | None, *, on_step: Callable[[DesignStep], None] | None = None
+    recipe: Recipe,
+    start: Start | None,
+    *,
+    on_step: Callable[[DesignStep], None] | None = None,
+    on_round: Callable[[Round], None] | None = None,
 ) -> DesignedDie:
     """Move the start to the recipe's target and judge the finished die; nothing is written.
 
-    Raises InputError if the start does not suit the target.
+    Raises InputError if the start does not suit the target, or the table has no momentum model.
     """
     center, method = _normalised_center(recipe, start), recipe.method
     wanted = recipe.target.target().probabilities[recipe.outcome_of_direction()]
+    rounds: tuple[Round, ...] = ()
     if method.descent is not None:
         # Only the exact method searches.
         assert start is not None
@@ -138,16 +148,35 @@ def design_die(
         )
     else:
         assert method.exact is not None
-        design = solve_exactly(
-            _starts(recipe, start, wanted),
-            wanted,
-            method.exact,
+        solve = partial(
+            solve_exactly,
+            options=method.exact,
             center_of_mass=center,
             group=recipe.group(),
             least_circle=recipe.min_inradius_mm / recipe.size_mm,
+            thrown=thrown_odds(method.exact),
             on_step=on_step,
         )
-    return _judged(recipe, start, design)
+        design = solve(_starts(recipe, start, wanted), wanted)
+        if method.exact.refine is not None and design.status is Status.CONVERGED:
+
+            def again(die: DesignResult, odds: Floats) -> DesignResult | None:
+                found = solve([Start(die.hull.vertices, die.directions)], odds)
+                return found if found.status is Status.CONVERGED else None
+
+            design, rounds = refined(
+                design,
+                wanted,
+                method.exact.refine,
+                method.exact.table,
+                size_mm=recipe.size_mm,
+                seed=recipe.seed,
+                group=recipe.group(),
+                center_of_mass=center,
+                design=again,
+                on_round=on_round,
+            )
+    return _judged(recipe, start, design, rounds)
 
 
 def _starts(recipe: Recipe, start: Start | None, wanted: Floats) -> Iterator[Start | None]:
@@ -163,10 +192,12 @@ def _starts(recipe: Recipe, start: Start | None, wanted: Floats) -> Iterator[Sta
 
 def resized(die: DesignedDie, recipe: Recipe, start: Start | None) -> DesignedDie:
     """A die designed from `start`, as it is at the size of a recipe that differs in that alone."""
-    return _judged(recipe, start, die.design)
+    return _judged(recipe, start, die.design, die.rounds)
 
 
-def _judged(recipe: Recipe, start: Start | None, design: DesignResult) -> DesignedDie:
+def _judged(
+    recipe: Recipe, start: Start | None, design: DesignResult, rounds: tuple[Round, ...]
+) -> DesignedDie:
     target, center = recipe.target.target(), _normalised_center(recipe, start)
     directions = design.directions[np.argsort(recipe.outcome_of_direction())]
     verdict = judge(design.hull, directions, target, recipe.size_mm, center)
@@ -187,9 +218,14 @@ def _given_center(recipe: Recipe) -> Floats | None:
 def _outcome(design: DesignResult, verdict: Verdict, recipe: Recipe) -> tuple[Status, str]:
     """Status and message: the design's, unless the finished die says otherwise."""
     status, tolerance = design.status, recipe.method.tolerance
-    if status is Status.CONVERGED and verdict.max_abs_error > tolerance:
-        status = Status.OFF_TARGET
-    remarks = [f"{status.value}; max |p - q| is {verdict.max_abs_error:.3g}"]
+    if recipe.method.thrown:
+        # Its odds without momentum are not meant to be the target.
+        error = design.history[-1].error
+        remarks = [f"{status.value} by the momentum model; max |p - q| is {error:.3g}"]
+    else:
+        if status is Status.CONVERGED and verdict.max_abs_error > tolerance:
+            status = Status.OFF_TARGET
+        remarks = [f"{status.value}; max |p - q| is {verdict.max_abs_error:.3g}"]
     if status is not Status.CONVERGED:
         remarks += _what_to_change(status, design, verdict, recipe)
     missing = int((verdict.facet_of_outcome < 0).sum())

@@ -72,6 +72,11 @@ class MethodRecipe(Strict):
         return next(key for key, value in self if value is not None)
 
     @property
+    def thrown(self) -> bool:
+        """Whether the target is meant for a die that is thrown onto a table."""
+        return self.exact is not None and self.exact.odds == "thrown"
+
+    @property
     def limits_key(self) -> str:
         """Where a recipe says tolerance and seconds."""
         return "method.descent.stopping" if self.descent is not None else f"method.{self.name}"

@@ -29,6 +29,8 @@ FLOORS = (
         "recipe_parts",
         "recipe",
         "recipe_file",
+        "table_stage",
+        "table_summary",
         "design_stage",
         "concave_stage",
         "summary",

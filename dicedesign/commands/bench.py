@@ -13,6 +13,7 @@ from dicedesign.commands.benches import (
     lean,
     speed,
     stability,
+    table,
 )
 
 __all__ = ["add_parser"]
@@ -26,5 +27,5 @@ def add_parser(commands: Any) -> None:
         description="Measure the product itself.",
     )
     benches = parser.add_subparsers(title="benches", required=True, metavar="BENCH")
-    for module in (accuracy, concave, design, exact, gradients, lean, speed, stability):
+    for module in (accuracy, concave, design, exact, gradients, lean, speed, stability, table):
         module.add_parser(benches)

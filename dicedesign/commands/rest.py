@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dicedesign.batch.analyse import Center
     from dicedesign.rest.poses import RestPoses
 
-__all__ = ["add_body_options", "add_parser", "poses_of", "rest_summary"]
+__all__ = ["add_body_options", "add_parser", "center_of_mass", "poses_of", "rest_summary"]
 
 
 def add_parser(commands: Any) -> None:
@@ -66,7 +66,7 @@ def poses_of(options: argparse.Namespace) -> RestPoses:
     from dicedesign.geometry.mesh_formats import without_solids
     from dicedesign.rest.poses import rest_poses
 
-    center = _center(options.com)
+    center = center_of_mass(options.com)
     with without_solids():
         body = read_body(options.mesh)
     poses = rest_poses(body, center, coplanar_tolerance=options.coplanar_tolerance)
@@ -75,7 +75,8 @@ def poses_of(options: argparse.Namespace) -> RestPoses:
     return poses
 
 
-def _center(text: str | None) -> Center:
+def center_of_mass(text: str | None) -> Center:
+    """The center of mass that `--com` asks for."""
     if text is None or text == "hull":
         return None if text is None else "hull"
     return vector("--com", text)
@@ -103,7 +104,7 @@ def rest_summary(poses: RestPoses) -> dict[str, Any]:
 
 def _rest(options: argparse.Namespace) -> int:
     if options.mesh.is_dir():
-        return rest_folder(options, _center(options.com))
+        return rest_folder(options, center_of_mass(options.com))
     refuse_folder_options(options)
     poses = poses_of(options)
     if options.figure is not None:

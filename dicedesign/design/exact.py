@@ -20,11 +20,13 @@ from dicedesign.design.coordinates import Coordinates, FacetCoordinates, VertexC
 from dicedesign.design.improvement import improve
 from dicedesign.design.levenberg_marquardt import Approach, dice_energy
 from dicedesign.design.preferences import Preferences
+from dicedesign.design.refine_options import RefineOptions
 from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.sobolev import SobolevOptions, check_coordinates
 from dicedesign.design.starts import Start
 from dicedesign.design.stopping import Status
 from dicedesign.design.symmetric_coordinates import SymmetricCoordinates
+from dicedesign.design.thrown_odds import ThrownOdds
 from dicedesign.design.trial import Trial, TrialMaker
 from dicedesign.errors import DegenerateBodyError, DiceError, InputError, NoStartError
 from dicedesign.geometry.hull import convex_hull
@@ -59,6 +61,10 @@ class ExactOptions:
         needs `coordinates` "vertices". None for lengths as they are.
     prefer: what the die is made better by once its odds are met, which are kept; `LEGIBLE` unless
         given. What is given has all other weights at 0.
+    odds: "resting" for a die set down without momentum, "thrown" for one thrown onto a table, by
+        the momentum model.
+    table: of thrown dice, by name or as the path of a .json file.
+    refine: corrects the momentum model by simulated throws, or None to trust it; with thrown odds.
     starts: most starting shapes that are tried, at least 1.
     seconds: wall-clock time after which nothing more is tried, positive; the first shape with the
         wanted rests still is.
@@ -70,6 +76,9 @@ class ExactOptions:
     coordinates: Literal["facets", "vertices"] = "facets"
     sobolev: SobolevOptions | None = None
     prefer: Preferences = LEGIBLE
+    odds: Literal["resting", "thrown"] = "resting"
+    table: str = "board-game"
+    refine: RefineOptions | None = None
     starts: int = 60
     seconds: float = 60.0
 
@@ -80,6 +89,11 @@ class ExactOptions:
                 f"{self.tolerance:g}; leave it out for 1e-12"
             )
         check_coordinates(self.coordinates, self.sobolev)
+        if self.refine is not None and self.odds != "thrown":
+            raise InputError(
+                'refine: expected odds "thrown" with it, got "resting"; leave refine out, or write '
+                "odds: thrown"
+            )
         if self.starts < 1:
             raise InputError(
                 f"starts: expected a whole number above 0, got {self.starts}; leave it out for 60"
@@ -98,6 +112,7 @@ def solve_exactly(
     center_of_mass: Floats | None = None,
     group: Floats | None = None,
     least_circle: float = 0.0,
+    thrown: ThrownOdds | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
 ) -> DesignResult:
     """Move the first of some starting shapes that leads there until its odds are the target.
@@ -116,6 +131,7 @@ def solve_exactly(
         or None. Outcomes whose facets are images of each other are equally probable.
     least_circle: radius, over the largest distance of two vertices, that a circle in the facet of
         each outcome has; starts that do not lead there are passed over. In [0, 0.5).
+    thrown: the model by which the target is met, or None for odds without momentum.
     on_step: called after every accepted step.
 
     Raises
@@ -134,7 +150,7 @@ def solve_exactly(
             "least circle: expected a radius from 0 on and below 0.5 of the largest distance of "
             f"two vertices, got {least_circle:g}; lower it"
         )
-    search = _Search(target, options, center_of_mass, group, least_circle, on_step)
+    search = _Search(target, options, center_of_mass, group, least_circle, thrown, on_step)
     for start in starts:
         if start is not None and (search.solve(start) or search.starts == options.starts):
             break
@@ -161,6 +177,7 @@ class _Search:
     center_of_mass: Floats | None
     group: Floats | None
     least_circle: float
+    thrown: ThrownOdds | None
     on_step: Callable[[DesignStep], None] | None
     first: Start | None = None
     best: _Best | None = None
@@ -169,7 +186,7 @@ class _Search:
 
     def __post_init__(self) -> None:
         self.started = time.perf_counter()
-        self.maker = TrialMaker(self.center_of_mass)
+        self.maker = TrialMaker(self.center_of_mass, self.thrown)
 
     @property
     def aim(self) -> float:

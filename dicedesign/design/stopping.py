@@ -21,6 +21,10 @@ class Status(Enum):
         "reached the tolerance counting all rests near an outcome, but the die also rests "
         "elsewhere; raise weights.stability or weights.coplanar"
     )
+    OFF_TABLE = (
+        "reached the tolerance by the momentum model, but not in simulated throws; allow more with "
+        "method.exact.refine.rounds or .drops"
+    )
     NO_START = (
         "none of the starting shapes led there; try another seed, or allow more with "
         "method.exact.starts"

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from dicedesign.design.coordinates import Coordinates, Shape
 from dicedesign.design.differentiable import RestEvaluation, evaluate_rests
+from dicedesign.design.thrown_odds import ThrownOdds
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hull_reuse import HullMemory
 from dicedesign.rest.equilibria import Tie
@@ -33,6 +34,7 @@ class Trial:
     shape: what they make.
     rests: the die.
     rest_of_outcome: (k,) index into the die's rests of each outcome.
+    thrown: the model of its odds when thrown, or None where they are those without momentum.
     """
 
     coordinates: Coordinates
@@ -40,6 +42,7 @@ class Trial:
     shape: Shape
     rests: RestEvaluation
     rest_of_outcome: Integers
+    thrown: ThrownOdds | None = None
 
     @property
     def outcome_facets(self) -> Integers:
@@ -54,7 +57,8 @@ class Trial:
     @cached_property
     def odds(self) -> Floats:
         """(k,) probabilities of the outcomes."""
-        return self.rests.odds[self.rest_of_outcome]
+        odds = self.rests.odds if self.thrown is None else self.thrown.odds(self.rests)
+        return odds[self.rest_of_outcome]
 
     @cached_property
     def signed_depths(self) -> Tensor:
@@ -71,6 +75,8 @@ class Trial:
     @cached_property
     def odds_jacobian(self) -> Floats:
         """(k, n) derivatives of the odds in the parameters, those of all outcomes in one sweep."""
+        if self.thrown is not None:
+            return self._in_parameters(self.thrown.jacobian(self.rests)[self.rest_of_outcome])
         jacobian = self.rests.jacobian
         if jacobian is None:
             return self.jacobian(self.rests.probabilities[self.rest_of_outcome])
@@ -103,11 +109,13 @@ class TrialMaker:
     Attributes
     ----------
     center_of_mass: (3,) fixed, or None for that of the uniform solid.
+    thrown: the model of odds when thrown, or None for odds without momentum.
     evaluations: how many trials were asked for.
     shapes, polars: memories of the hulls of dice, and of those that coordinates need.
     """
 
     center_of_mass: Floats | None
+    thrown: ThrownOdds | None = None
     evaluations: int = 0
     shapes: HullMemory = field(default_factory=HullMemory)
     polars: HullMemory = field(default_factory=HullMemory)
@@ -131,7 +139,7 @@ class TrialMaker:
             nearest = np.argmax(directions @ stable.T, axis=1)
             if not np.array_equal(np.sort(nearest), np.arange(len(stable))):
                 return None
-            trial = Trial(coordinates, parameters, shape, rests, nearest)
+            trial = Trial(coordinates, parameters, shape, rests, nearest, self.thrown)
             return trial if np.isfinite(trial.odds).all() else None
         except (DiceError, Tie, np.linalg.LinAlgError):
             return None

@@ -14,6 +14,7 @@ __all__ = [
     "page",
     "stages_section",
     "table_section",
+    "text_section",
 ]
 
 _STYLE: Final = """
@@ -27,6 +28,7 @@ p { margin: .5rem 0; }
   border-left: 4px solid #c2571a; }
 .note { color: #52606d; font-size: .9rem; }
 img { display: block; width: 100%; min-width: 36rem; height: auto; }
+img.moving { width: auto; min-width: 0; margin: 0 auto; }
 ul { margin: .5rem 0; padding-left: 1.25rem; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
@@ -47,13 +49,25 @@ def number(value: float | None, digits: int) -> str:
 
 
 def figure_section(title: str, image: bytes, caption: str) -> str:
-    """A section with a PNG and a line below it."""
+    """A section with a picture and a line below it.
+
+    image: a PNG, as wide as the page, or a GIF, in its own size.
+    """
     data = b64encode(image).decode("ascii")
+    moving = image.startswith(b"GIF8")
+    kind, look = ("gif", ' class="moving"') if moving else ("png", "")
     return (
         f"<section><h2>{escape(title)}</h2>"
-        f'<div class="scroll"><img alt="{escape(title)}" src="data:image/png;base64,{data}"></div>'
+        f'<div class="scroll"><img{look} alt="{escape(title)}" '
+        f'src="data:image/{kind};base64,{data}"></div>'
         f'<p class="note">{escape(caption)}</p></section>'
     )
+
+
+def text_section(title: str, paragraphs: Sequence[str]) -> str:
+    """A section with paragraphs of text."""
+    body = "".join(f"<p>{escape(paragraph)}</p>" for paragraph in paragraphs)
+    return f"<section><h2>{escape(title)}</h2>{body}</section>"
 
 
 def list_section(title: str, items: Sequence[str]) -> str:

@@ -28,9 +28,13 @@ _SHARP_DEGREES: Final = 20.0
 
 
 def render_view(
-    vertices: Floats, triangles: Integers, camera: Camera, size: int
+    vertices: Floats,
+    triangles: Integers,
+    camera: Camera,
+    size: int,
+    backdrop: Floats | None = None,
 ) -> NDArray[np.uint8]:
-    """Picture of a triangle mesh on white, lit from the upper left.
+    """Picture of a triangle mesh, lit from the upper left.
 
     Edges sharper than 20 degrees, steps and silhouettes are drawn dark, and recesses darker than
     their surroundings.
@@ -41,6 +45,7 @@ def render_view(
     triangles: (t, 3) indices of vertices; both sides are drawn alike.
     camera: where to look from.
     size: pixels a side, above 0.
+    backdrop: (size, size) brightness from 0 to 1 of the paper behind, or None for white.
 
     Returns
     -------
@@ -57,6 +62,8 @@ def render_view(
     height = sample_means(np.where(covered, depth, 0.0))
     shade *= recess_shade(coverage, height)
     lines = sample_means(line)
-    white = 1.0 - sample_means(covered | line)
-    colors = shade[..., None] * MATERIAL + lines[..., None] * LINE + white[..., None]
+    paper = 1.0 - sample_means(covered | line)
+    if backdrop is not None:
+        paper *= backdrop
+    colors = shade[..., None] * MATERIAL + lines[..., None] * LINE + paper[..., None]
     return np.rint(255.0 * colors).astype(np.uint8)

@@ -13,7 +13,9 @@ from dicedesign.show.html_parts import (
     page,
     stages_section,
     table_section,
+    text_section,
 )
+from dicedesign.show.on_the_table import table_sections, throwing_advice
 
 __all__ = ["report_html"]
 
@@ -32,7 +34,7 @@ _FIGURES: Final = (
         "gauss_map",
         "Where the die ends up",
         "Every point is a direction of the die that points down when it is let go; its colour "
-        "tells on which facet the die comes to rest.",
+        "tells on which facet the die comes to rest if it rolls there without momentum.",
     ),
     ("views", "The die from several sides", "All views have the same scale."),
     ("labels", "Every label", "Each labelled facet seen straight from outside."),
@@ -42,9 +44,10 @@ _PRINTING: Final = (
     "Print the STL file in millimetres with 100 % infill, so that the density is uniform: the odds "
     "hold for a solid of one material. Let it cool, and remove supports without rounding edges. "
     "The outcome of a throw is the label on the facet that the die rests on, i.e. the face down: "
-    "lift the die and read its underside. Roll it gently; the odds are for slow rolling from a "
-    "random orientation."
+    "lift the die and read its underside."
 )
+
+_ROLLING: Final = "Roll it gently; the odds are for slow rolling from a random orientation."
 
 
 def report_html(result: Mapping[str, Any], images: Mapping[str, bytes]) -> str:
@@ -57,30 +60,34 @@ def report_html(result: Mapping[str, Any], images: Mapping[str, bytes]) -> str:
         "center_of_mass" (3,) in mm, "facets" (each with "label" or None, "probability",
         "polygon_area_mm2", "inradius_mm" and "margin_deg"), "unstable_facets", "stages" (each with
         "name", "seconds" and "peak_mb", a number or None), "peak_since" ("stage" or "start", what
-        "peak_mb" counts from) and "files" (kind to path).
-    images: PNG bytes of "bars", "convergence", "gauss_map", "views" and "labels"; sections of those
-        that are absent are left out.
+        "peak_mb" counts from) and "files" (kind to path). For a die that is to be thrown also
+        "thrown", see `dicedesign.show.on_the_table`; its probabilities are those without momentum.
+    images: PNG bytes of "bars" (not shown for a die that is to be thrown), "convergence",
+        "gauss_map", "views" and "labels", and those of `dicedesign.show.on_the_table`; sections of
+        those that are absent are left out.
 
     Returns
     -------
     str, a whole document; the same for the same arguments.
     """
     verdict = f"<strong>{escape(result['status'])}</strong>: {escape(result['message'])}"
-    if "engraved_max_abs_error" in result:
+    thrown = result.get("thrown")
+    if thrown is None and "engraved_max_abs_error" in result:
         verdict += f"; {number(result['engraved_max_abs_error'], 3)} with the labels cut in"
     parts = [
         f"<h1>{escape(result['name'])}</h1>",
         f'<p class="verdict">{verdict}</p>',
     ]
+    if thrown is not None:
+        parts += table_sections(result, images)
     parts += [
         figure_section(title, images[key], caption)
         for key, title, caption in _FIGURES
-        if key in images
+        if key in images and (thrown is None or key != "bars")
     ]
     parts += [_facets(result), _details(result)]
-    parts.append(
-        f"<section><h2>How to print and read the die</h2><p>{escape(_PRINTING)}</p></section>"
-    )
+    advice = _ROLLING if thrown is None else throwing_advice(thrown["table"])
+    parts.append(text_section("How to print and read the die", [f"{_PRINTING} {advice}"]))
     return page(result["name"], parts)
 
 
@@ -99,7 +106,8 @@ def _facets(result: Mapping[str, Any]) -> str:
                 number(facet["margin_deg"], 3),
             ]
         )
-    header = ["label", "probability", "target", "area (mm²)", "inscribed radius (mm)", "margin (°)"]
+    odds = "without momentum" if "thrown" in result else "probability"
+    header = ["label", odds, "target", "area (mm²)", "inscribed radius (mm)", "margin (°)"]
     x, y, z = (f"{round(value, 3) + 0.0:.3f}" for value in result["center_of_mass"])
     note = (
         "Facets that the die can rest on; it cannot rest on its other "

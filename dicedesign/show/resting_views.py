@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from dicedesign.errors import InputError
 from dicedesign.show.cameras import framed
 from dicedesign.show.picture_grid import picture_grid, trimmed
-from dicedesign.show.raster import Camera, rasterize
+from dicedesign.show.raster import Camera
+from dicedesign.show.shadow import shadowed_table
 from dicedesign.show.surface_render import PaintedSurface, Shell, render_surface
 
 __all__ = ["resting_views_figure"]
@@ -26,10 +26,6 @@ _PIXELS: Final = 400
 _PIXELS_OF_MANY: Final = 300
 _RISE: Final = 18.0
 _TURN: Final = 25.0
-_SHADOW_BLUR: Final = 0.012
-_SHADOW: Final = 0.18
-_CONTACT: Final = 0.45
-_FADING: Final = 6.0
 
 
 def resting_views_figure(
@@ -78,7 +74,16 @@ def resting_views_figure(
     cameras = framed([*above, *below], [*seen, *seen])
     lying, undersides = [], []
     for k in range(len(downs)):
-        table = _table(surface.points, surface.triangles, downs[k], cameras[k], size)
+        heights = surface.points @ -downs[k]
+        table = shadowed_table(
+            surface.points,
+            surface.triangles,
+            heights - heights.min(),
+            -downs[k],
+            cameras[k],
+            size,
+            cameras[k].half_width,
+        )
         lying.append(render_surface(surface, cameras[k], size, backdrop=table))
         undersides.append(render_surface(surface, cameras[len(downs) + k], size, shell))
     written = [
@@ -105,14 +110,3 @@ def _level(points: Floats, down: Floats, front: Floats) -> Floats:
     narrow, long = (axis if axis @ front >= 0.0 else -axis for axis in (narrow, long))
     turn = np.radians(_TURN)
     return np.asarray(np.cos(turn) * narrow + np.sin(turn) * long)
-
-
-def _table(points: Floats, triangles: Integers, down: Floats, camera: Camera, size: int) -> Floats:
-    """Brightness (size, size) from 0 to 1 of a white table under points (n, 3), lit from above:
-    the lower the body is above a place, the darker."""
-    heights = (points @ down).max() - points @ down
-    positions = camera.pixel_positions(points + heights[:, None] * down, size)
-    positions[:, 2] = -heights / camera.half_width
-    seen, depth = rasterize(positions, triangles, size)
-    dark = np.where(seen >= 0, _SHADOW + _CONTACT * np.exp(_FADING * depth), 0.0)
-    return np.asarray(1.0 - gaussian_filter(dark, _SHADOW_BLUR * size))

@@ -28,7 +28,7 @@ class Posterior:
     intervals: Floats
 
 
-def exact_intervals(counts: ArrayLike, throws: int, confidence: float) -> Floats:
+def exact_intervals(counts: ArrayLike, throws: float, confidence: float) -> Floats:
     """Lower and upper limits (..., 2) of the probabilities of what came up `counts` (...) times.
 
     Whatever the probability is, its interval holds it in at least the part `confidence`, in (0, 1),
@@ -36,8 +36,8 @@ def exact_intervals(counts: ArrayLike, throws: int, confidence: float) -> Floats
 
     Parameters
     ----------
-    counts: whole numbers from 0 to `throws`.
-    throws: at least 1.
+    counts: from 0 to `throws`; whole numbers, or those of `effective_counts`.
+    throws: how many in all; 0 says nothing about any.
 
     Source: Clopper and Pearson, Biometrika 26(4), 1934.
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +11,21 @@ from numpy.typing import NDArray
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.tables import Table
 
-__all__ = ["PAPER_DIRECTIONS", "Orientations", "drop_weights", "released", "up_directions"]
+__all__ = [
+    "ORIENTATIONS",
+    "PAPER_DIRECTIONS",
+    "Orientations",
+    "drop_weights",
+    "released",
+    "up_directions",
+]
 
 Floats = NDArray[np.float64]
 
 Orientations = Literal["uniform", "icosahedron"]
 """At random, or the paper's: up directions at the vertices of a subdivided icosahedron."""
+
+ORIENTATIONS: Final[tuple[Orientations, ...]] = get_args(Orientations)
 
 PAPER_DIRECTIONS: Final = 1212
 """Vertices of the icosahedron whose edges are cut into `SUBDIVISIONS` parts: 10 times their square

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dicedesign.errors import InputError
+from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.body import Body
 from dicedesign.geometry.center_of_mass import solid_triangles
-from dicedesign.geometry.mass import solid_inertia
+from dicedesign.geometry.mass import solid_inertia, solid_properties
 from dicedesign.rest.poses import RestPoses
-from dicedesign.tolerances import INERTIA_TOLERANCE
+from dicedesign.tolerances import INERTIA_TOLERANCE, VOLUME_TOLERANCE
 
 __all__ = ["RigidBody", "rigid_body"]
 
@@ -74,6 +74,7 @@ def rigid_body(body: Body, poses: RestPoses, inertia: ArrayLike | None = None) -
     ------
     InputError: the tensor is that of no body within the hull: not symmetric, not positive
         definite, with a moment larger than the two others together, or too large.
+    DegenerateBodyError: there is none, and the mesh is closed and encloses no volume.
     """
     hull, center, morse = poses.hull, poses.center_of_mass, poses.morse
     arms = hull.vertices - center
@@ -112,6 +113,13 @@ def _solid_inertia(body: Body, poses: RestPoses) -> Floats:
     solid = None if poses.center_of_mass_source == "uniform solid hull" else solid_triangles(body)
     if solid is None:
         return solid_inertia(poses.hull.vertices, poses.hull.triangles)
+    volume, _ = solid_properties(body.points, solid[0])
+    extent = float(np.ptp(body.points, axis=0).max())
+    if abs(volume) <= VOLUME_TOLERANCE * extent**3:
+        raise DegenerateBodyError(
+            f"{body.name}: expected a closed mesh that encloses a volume, got {volume:.3g} at an "
+            f"extent of {extent:.3g}; give its inertia"
+        )
     return solid_inertia(body.points, solid[0])
 
 

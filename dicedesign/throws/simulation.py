@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import import_module
 from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.errors import InputError
-from dicedesign.throws.orientations import Orientations, drop_weights, released
+from dicedesign.errors import DiceError, InputError
+from dicedesign.executors import is_lost_worker
+from dicedesign.throws.orientations import ORIENTATIONS, Orientations, drop_weights, released
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.tables import Table
 
-__all__ = ["DROPS_PER_TASK", "ENGINES", "Engine", "Throws", "simulate", "throw_task"]
+__all__ = [
+    "DROPS_PER_TASK",
+    "ENGINES",
+    "Engine",
+    "Throws",
+    "check_throws",
+    "simulate",
+    "throw_task",
+]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -34,6 +43,13 @@ _MODULES: Final[dict[Engine, str]] = {
 
 DROPS_PER_TASK: Final = 500
 """Drops that share a generator of random numbers, so that they fall alike whoever runs them."""
+
+QUIET: Final = 10.0
+"""Seconds without a result after which a caller is told so."""
+
+MOST_LOSSES: Final = 5
+"""Times that a worker may be lost while one task runs. Not every such task is to blame: a local
+worker that is lost takes down all that run beside it."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +98,24 @@ class Throws:
         return frequencies
 
 
+def check_throws(drops: int, seed: int, engine: str, orientations: str) -> None:
+    """Raise InputError for a number of drops or a seed that cannot be used, or an engine or kind of
+    orientations that there is not."""
+    for name, value, least in (("drops", drops, 1), ("seed", seed, 0)):
+        if value < least:
+            raise InputError(
+                f"{name}: expected a whole number of at least {least}, got {value}; raise it"
+            )
+    for name, given, known in (
+        ("engine", engine, ENGINES),
+        ("orientations", orientations, ORIENTATIONS),
+    ):
+        if given not in known:
+            raise InputError(
+                f"{name}: expected {', '.join(known)}, got {given!r}; take one of them"
+            )
+
+
 def simulate(
     body: RigidBody,
     table: Table,
@@ -93,46 +127,46 @@ def simulate(
     refinement: float = 1.0,
     workers: Executor | None = None,
     progress: Callable[[int], None] | None = None,
+    on_quiet: Callable[[], None] | None = None,
 ) -> Throws:
-    """Throw a body many times. Neither engine knows of the momentum-free model, except that a drop
-    ends where that says it must.
+    """Throw a body many times. No engine knows of the momentum-free model, except that a drop ends
+    where that says it must.
 
     Parameters
     ----------
     drops: how many, above 0. seed: the same gives the same drops, in whatever number of workers.
     orientations: at which it is let go. refinement: divides the time step.
-    workers: run tasks of `DROPS_PER_TASK` drops; None runs them here.
+    workers: run tasks of `DROPS_PER_TASK` drops; None runs them here. A task whose worker is lost
+        runs again.
     progress: called with the number of drops of each task that ended.
+    on_quiet: called whenever the task that is waited for has not ended for `QUIET` seconds.
 
     Raises
     ------
-    InputError: the number of drops or the seed cannot be used, or the engine is not installed.
+    InputError: as `check_throws`, or the engine is not installed.
+    DiceError: workers are lost again and again, or the executor cannot go on.
     """
-    if drops < 1:
-        raise InputError(f"drops: expected a whole number above 0, got {drops}; raise it")
-    if seed < 0:
-        raise InputError(f"seed: expected a whole number from 0, got {seed}; take another")
-
-    def tasks() -> Iterator[tuple[int, int]]:
-        for first in range(0, drops, DROPS_PER_TASK):
-            yield first, min(DROPS_PER_TASK, drops - first)
-
-    def run(task: tuple[int, int]) -> Integers:
-        return throw_task(body, table, *task, seed, engine, orientations, refinement)
-
+    check_throws(drops, seed, engine, orientations)
+    tasks = [
+        partial(
+            throw_task,
+            body,
+            table,
+            first,
+            min(DROPS_PER_TASK, drops - first),
+            seed,
+            engine,
+            orientations,
+            refinement,
+        )
+        for first in range(0, drops, DROPS_PER_TASK)
+    ]
+    ended = (task() for task in tasks) if workers is None else _results(tasks, workers, on_quiet)
     outcomes = []
-    if workers is None:
-        for task in tasks():
-            outcomes.append(run(task))
-            _tell(progress, task[1])
-    else:
-        futures = [
-            workers.submit(throw_task, body, table, *task, seed, engine, orientations, refinement)
-            for task in tasks()
-        ]
-        for future in futures:
-            outcomes.append(future.result())
-            _tell(progress, len(outcomes[-1]))
+    for outcome in ended:
+        outcomes.append(outcome)
+        if progress is not None:
+            progress(len(outcome))
     return Throws(
         table,
         engine,
@@ -143,9 +177,34 @@ def simulate(
     )
 
 
-def _tell(progress: Callable[[int], None] | None, drops: int) -> None:
-    if progress is not None:
-        progress(drops)
+def _results(
+    tasks: Sequence[Callable[[], Integers]],
+    workers: Executor,
+    on_quiet: Callable[[], None] | None,
+) -> Iterator[Integers]:
+    """What tasks return, in their order."""
+    futures = [workers.submit(task) for task in tasks]
+    for task, first in zip(tasks, futures, strict=True):
+        future, losses = first, 0
+        while True:
+            try:
+                outcome = future.result(QUIET)
+            except TimeoutError:
+                if on_quiet is not None:
+                    on_quiet()
+            except Exception as error:
+                if not is_lost_worker(error):
+                    raise
+                losses += 1
+                if losses == MOST_LOSSES:
+                    raise DiceError(
+                        f"throws: expected workers that stay, but {losses} were lost while one "
+                        "task ran; see whether memory suffices or take fewer --jobs"
+                    ) from error
+                future = workers.submit(task)
+            else:
+                yield outcome
+                break
 
 
 def throw_task(

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from dicedesign.errors import InputError
 
-__all__ = ["TABLE_NAMES", "Table", "table_named"]
+__all__ = ["TABLE_NAMES", "Table", "table_entries", "table_named"]
 
 TABLE_NAMES: Final = ("board-game", "hard-wood", "carpet", "paper")
 """The tables that come with the package, each in a file of its own."""
@@ -91,36 +91,40 @@ def table_named(name: str) -> Table:
     ------
     InputError: there is none of that name, the file cannot be read, or it is no table.
     """
+    entries = table_entries(name)
+    return Table(**{key: value for key, value in entries.items() if key != "momentum"})
+
+
+def table_entries(name: str) -> dict[str, Any]:
+    """What the file of a table holds: the attributes of `Table`, and "momentum" where it has a
+    momentum model. Raises as `table_named`."""
     if name in TABLE_NAMES:
         text = resources.files("dicedesign.throws").joinpath(f"named/{name}.json").read_text()
-        return _table(name, text)
-    if not name.endswith(".json"):
+    elif name.endswith(".json"):
+        try:
+            text = Path(name).read_text()
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(
+                f"--table {name}: expected a JSON file that can be read, but {error}; check the "
+                "path"
+            ) from error
+    else:
         raise InputError(
             f"--table {name}: expected {', '.join(TABLE_NAMES)} or the path of a table's .json "
             "file; take one of them"
         )
-    try:
-        text = Path(name).read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"--table {name}: expected a JSON file that can be read, but {error}; check the path"
-        ) from error
-    return _table(name, text)
-
-
-def _table(name: str, text: str) -> Table:
     try:
         entries = json.loads(text)
     except json.JSONDecodeError as error:
         raise InputError(f"--table {name}: expected JSON, but {error}; correct it") from error
     known = {field.name for field in fields(Table)}
     needed = known - {"size", "density", "drag", "source"}
-    if not isinstance(entries, dict) or not needed <= set(entries) <= known:
+    if not isinstance(entries, dict) or not needed <= set(entries) <= known | {"momentum"}:
         raise InputError(
             f"--table {name}: expected an object with {', '.join(sorted(needed))} and at most size,"
-            f" density, drag and source, got {_described(entries)}; correct it"
+            f" density, drag, source and momentum, got {_described(entries)}; correct it"
         )
-    return Table(**entries)
+    return entries
 
 
 def _described(entries: object) -> str:

@@ -22,6 +22,7 @@ __all__ = [
     "json_text",
     "print_row",
     "progress_bar",
+    "require_figure_folder",
     "require_positive_seconds",
     "write_results",
 ]
@@ -47,6 +48,15 @@ def require_positive_seconds(seconds: float) -> None:
     """Raise InputError unless `--seconds` is above 0."""
     if not seconds > 0.0:
         raise InputError(f"--seconds: expected a positive number, got {seconds:g}; give more")
+
+
+def require_figure_folder(path: Path | None) -> None:
+    """Raise InputError where the file of `--figure` cannot be, if there is to be one."""
+    if path is not None and (path.is_dir() or not path.parent.is_dir()):
+        raise InputError(
+            f"--figure: expected a file in a folder that exists, got {path}; create the folder or "
+            "choose another"
+        )
 
 
 @contextmanager

@@ -13,8 +13,8 @@ from dicedesign.commands.benches.reporting import (
     json_text,
     print_row,
     progress_bar,
+    require_figure_folder,
 )
-from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
     from dicedesign.bench.speed import SpeedRow
@@ -78,7 +78,7 @@ def _run(options: argparse.Namespace) -> int:
 
     # The only library here that would take more threads than one.
     torch.set_num_threads(1)
-    _check_figure(options.figure)
+    require_figure_folder(options.figure)
     cases = _cases(options)
     record: dict[str, Any] = machine_description("numpy", "scipy", "torch", "trimesh")
     with progress_bar("rows") as bar, TrimeshTimer() as time_trimesh:
@@ -119,14 +119,6 @@ class _Report:
         """Lines of a table that are no row, unless JSON is asked for."""
         if self._show:
             print_row(text)
-
-
-def _check_figure(path: Path | None) -> None:
-    if path is not None and (path.is_dir() or not path.parent.is_dir()):
-        raise InputError(
-            f"--figure: expected a file in a folder that exists, got {path}; create the folder or "
-            "choose another"
-        )
 
 
 def _cases(options: argparse.Namespace) -> list[Case]:

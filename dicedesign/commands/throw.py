@@ -1,0 +1,291 @@
+"""`dicedesign throw`: simulated throws of a die onto a table."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from dicedesign.commands.rest import center_of_mass
+from dicedesign.commands.vectors import numbers
+from dicedesign.commands.workers import add_worker_options, check_worker_options, open_workers
+from dicedesign.errors import InputError
+
+if TYPE_CHECKING:
+    from dicedesign.geometry.body import Body
+    from dicedesign.rest.poses import RestPoses
+    from dicedesign.throws.orientations import Orientations
+    from dicedesign.throws.simulation import Throws
+    from dicedesign.throws.tables import Table
+
+__all__ = ["add_parser", "throw_summary"]
+
+DROPS: Final = 10_000
+CONFIDENCE: Final = 0.95
+MM_PER_METRE: Final = 1e3
+
+
+@dataclass(frozen=True)
+class _Die:
+    """A die to throw; labels: of its rests, None where it has none."""
+
+    body: Body
+    poses: RestPoses
+    labels: list[str | None] | None
+
+
+def add_parser(commands: Any) -> None:
+    """Add the subcommand to argparse's `commands`."""
+    parser = commands.add_parser(
+        "throw",
+        help="throw a die onto a simulated table",
+        description="Throw a die many times onto a simulated table, and compare how often each "
+        "rest comes up with its geometric odds, those without momentum.",
+    )
+    parser.add_argument(
+        "die", type=Path, metavar="DIE", help="mesh, or folder that `dicedesign run` left"
+    )
+    parser.add_argument(
+        "--drops",
+        type=int,
+        metavar="N",
+        help=f"how many throws (default: {DROPS}, of the paper's orientations one of each)",
+    )
+    parser.add_argument(
+        "--engine",
+        default="native",
+        metavar="NAME",
+        help="native, the package's own; mujoco, which needs the extra 'throws'; or bullet, which "
+        "needs the extra 'bullet' (default: native)",
+    )
+    parser.add_argument(
+        "--table",
+        default="board-game",
+        metavar="NAME|FILE.json",
+        help="board-game, hard-wood, carpet (no momentum), paper (the paper's drops), or a file "
+        "with the same entries as theirs (default: board-game)",
+    )
+    parser.add_argument(
+        "--orientations",
+        default="uniform",
+        metavar="KIND",
+        help="at which the die is let go: uniform, at random; or icosahedron, the paper's, each "
+        "counted by the area around it (default: uniform)",
+    )
+    parser.add_argument(
+        "--size",
+        type=float,
+        metavar="MM",
+        help="of the die, twice the largest distance of a point from its center of mass (default: "
+        "the table's, 25)",
+    )
+    parser.add_argument(
+        "--com",
+        metavar="x,y,z|hull",
+        help="center of mass, as in `dicedesign rest` (default: of the uniform solid; of a folder, "
+        "that of its design)",
+    )
+    parser.add_argument(
+        "--inertia",
+        metavar="xx,yy,zz,xy,xz,yz",
+        help="tensor of inertia about the center of mass over the mass, in the mesh's unit squared "
+        "(default: of the uniform solid)",
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="S", help="of random numbers (default: 0)"
+    )
+    add_worker_options(
+        parser,
+        "how many tasks at a time (default: one for each core); does not change the results",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser.set_defaults(command=_throw)
+
+
+def _throw(options: argparse.Namespace) -> int:
+    # Imported here, as other commands do without.
+    from dicedesign.throws.orientations import PAPER_DIRECTIONS
+    from dicedesign.throws.rigid_body import rigid_body
+    from dicedesign.throws.simulation import check_throws, simulate
+    from dicedesign.throws.tables import table_named
+
+    drops = options.drops
+    if drops is None:
+        drops = PAPER_DIRECTIONS if options.orientations == "icosahedron" else DROPS
+    check_throws(drops, options.seed, options.engine, options.orientations)
+    check_worker_options(options)
+    table = _sized(table_named(options.table), options.size)
+    die = _finished(options) if options.die.is_dir() else _mesh(options)
+    for note in die.poses.notes:
+        print(f"note: {note}", file=sys.stderr)
+    body = rigid_body(die.body, die.poses, _tensor(options.inertia))
+    started = time.perf_counter()
+    with open_workers(options, "drops", drops, 0) as workers:
+        throws = simulate(
+            body,
+            table,
+            drops,
+            options.seed,
+            engine=options.engine,
+            orientations=options.orientations,
+            workers=workers.executor,
+            progress=workers.advance,
+            on_quiet=workers.on_quiet,
+        )
+    seconds = time.perf_counter() - started
+    summary = throw_summary(throws, die.poses, options.orientations, die.labels)
+    summary["seconds"] = seconds
+    if options.json:
+        print(json.dumps(summary, indent=1, allow_nan=False))
+    else:
+        print(_text(options.die, summary))
+    return 0
+
+
+def _sized(table: Table, size: float | None) -> Table:
+    """The table for a die of another size in millimetres."""
+    if size is None:
+        return table
+    return replace(table, size=size / MM_PER_METRE)
+
+
+def _tensor(text: str | None) -> list[list[float]] | None:
+    if text is None:
+        return None
+    xx, yy, zz, xy, xz, yz = numbers("--inertia", text, "xx,yy,zz,xy,xz,yz")
+    return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+
+
+def _mesh(options: argparse.Namespace) -> _Die:
+    from dicedesign.geometry.mesh_file import read_body
+    from dicedesign.geometry.mesh_formats import without_solids
+    from dicedesign.rest.poses import rest_poses
+
+    with without_solids():
+        body = read_body(options.die)
+    return _Die(body, rest_poses(body, center_of_mass(options.com)), None)
+
+
+def _finished(options: argparse.Namespace) -> _Die:
+    """A die that was designed here, without its marks, and the labels of its rests."""
+    import numpy as np
+
+    from dicedesign.geometry.mesh_file import read_body
+    from dicedesign.geometry.sphere import angle_between
+    from dicedesign.rest.poses import rest_poses
+    from dicedesign.tolerances import SAME_REST_ANGLE
+
+    path = options.die / "result.json"
+    try:
+        result = json.loads(path.read_text(encoding="utf-8"))
+        files = result["files"]
+        mesh = options.die / str(files.get("die_plain") or files["die"])
+        center = [float(x) for x in result["center_of_mass"]]
+        labelled = [
+            (str(facet["label"]), [float(x) for x in facet["normal"]])
+            for facet in result["facets"]
+            if facet["label"] is not None
+        ]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"{path}: expected files, facets and center_of_mass of a finished die, got "
+            f"{type(error).__name__}: {error}; name a folder that `dicedesign run` left, or a mesh"
+        ) from error
+    body = read_body(mesh)
+    poses = rest_poses(body, center if options.com is None else center_of_mass(options.com))
+    labels: list[str | None] = [None] * len(poses.normals)
+    for label, normal in labelled:
+        angles = angle_between(poses.normals, np.array(normal))
+        if angles.min() < SAME_REST_ANGLE:
+            labels[int(angles.argmin())] = label
+    return _Die(body, poses, labels)
+
+
+def throw_summary(
+    throws: Throws,
+    poses: RestPoses,
+    orientations: Orientations,
+    labels: list[str | None] | None = None,
+) -> dict[str, Any]:
+    """The answer as plain data. labels: (k,) of the rests, None for a rest or a die without.
+
+    Frequencies are those among the drops that were resolved; None, as the total variation, if none
+    was.
+    """
+    import numpy as np
+
+    from dicedesign.throws.intervals import exact_intervals
+    from dicedesign.throws.total_variation import effective_counts, measure_variation
+
+    landed = throws.outcomes >= 0
+    variation = None
+    if landed.any():
+        came = effective_counts(throws.outcomes[landed], throws.weights[landed], throws.rests)
+        measured = measure_variation(came, poses.probabilities, CONFIDENCE)
+        variation = {
+            "value": measured.value,
+            "interval": list(measured.interval),
+            "noise_floor": measured.noise_floor,
+        }
+    else:
+        came = np.zeros(throws.rests)
+    intervals = exact_intervals(came, float(came.sum()), CONFIDENCE)
+    rests = [
+        {
+            "normal": poses.normals[i].tolist(),
+            "count": int(throws.counts[i]),
+            "frequency": float(throws.frequencies[i]) if landed.any() else None,
+            "interval": intervals[i].tolist(),
+            "geometric": float(poses.probabilities[i]),
+        }
+        for i in range(throws.rests)
+    ]
+    if labels is not None:
+        rests = [{"label": label, **rest} for label, rest in zip(labels, rests, strict=True)]
+    return {
+        "drops": throws.drops,
+        "unresolved": throws.unresolved,
+        "table": throws.table.as_dict(),
+        "engine": throws.engine,
+        "seed": throws.seed,
+        "orientations": orientations,
+        "rests": rests,
+        "total_variation": variation,
+    }
+
+
+def _text(die: Path, summary: dict[str, Any]) -> str:
+    table, rests, level = summary["table"], summary["rests"], f"{100 * CONFIDENCE:g} %"
+    labelled = "label" in rests[0]
+    lines = [
+        f"{die}: {summary['drops']} drops on {table['name']}, {1e3 * table['size']:g} mm, engine "
+        f"{summary['engine']}, {summary['seconds']:.1f} s",
+        "",
+        f"rest  {'label  ' if labelled else ''}   count  frequency %  {level + ' interval':>16s}  "
+        "geometric %   facet normal (down)",
+    ]
+    for i, rest in enumerate(rests):
+        label = f"{rest['label'] or '-':>5s}  " if labelled else ""
+        frequency = math.nan if rest["frequency"] is None else 100 * rest["frequency"]
+        low, high = (100 * limit for limit in rest["interval"])
+        normal = "  ".join(f"{x + 0.0:8.5f}" for x in rest["normal"])
+        lines.append(
+            f"{i + 1:4d}  {label}{rest['count']:8d}  {frequency:11.3f}  {low:7.3f}  {high:7.3f}  "
+            f"{100 * rest['geometric']:11.3f}   {normal}"
+        )
+    lines.append("")
+    if summary["unresolved"]:
+        lines.append(f"unresolved: {summary['unresolved']} drops ended on no facet in time")
+    variation = summary["total_variation"]
+    if variation is not None:
+        low, high = variation["interval"]
+        lines.append(
+            f"total variation to the geometric odds {variation['value']:.4f}, {level} interval "
+            f"{low:.4f} to {high:.4f}; noise floor {variation['noise_floor']:.4f}"
+        )
+    return "\n".join(lines)

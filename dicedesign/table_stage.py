@@ -1,0 +1,170 @@
+"""The stages of a recipe that throw a die: to correct its design, and to judge it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.design.exact import ExactOptions
+from dicedesign.design.refine_options import RefineOptions
+from dicedesign.design.refinement import Refinement, Round
+from dicedesign.design.result import DesignResult
+from dicedesign.design.symmetric_coordinates import orbits_of_directions
+from dicedesign.design.thrown_odds import ThrownOdds
+from dicedesign.geometry.body import Body, make_body
+from dicedesign.geometry.sphere import angle_between
+from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.throws.momentum import momentum_model, momentum_odds
+from dicedesign.throws.rigid_body import RigidBody, rigid_body
+from dicedesign.throws.simulation import Engine, Throws, simulate
+from dicedesign.throws.tables import Table, table_named
+from dicedesign.tolerances import SAME_REST_ANGLE
+
+__all__ = ["TableVerdict", "judge_on_table", "refined", "thrown_odds"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+SEEDS: Final = 1000
+"""Seeds of throws between those of one recipe's seed and the next."""
+
+
+def thrown_odds(options: ExactOptions) -> ThrownOdds | None:
+    """The momentum model of the table that the options name, or None for dice set down.
+
+    Raises InputError: there is no such table, or it has no momentum model.
+    """
+    return ThrownOdds(momentum_model(options.table)) if options.odds == "thrown" else None
+
+
+def refined(
+    die: DesignResult,
+    target: Floats,
+    options: RefineOptions,
+    table: str,
+    *,
+    size_mm: float,
+    seed: int,
+    group: Floats | None,
+    center_of_mass: Floats | None,
+    design: Callable[[DesignResult, Floats], DesignResult | None],
+    on_round: Callable[[Round], None],
+) -> tuple[DesignResult, tuple[Round, ...]]:
+    """A die corrected by simulated throws at its printed size; see `Refinement`."""
+    orbits = (
+        np.arange(len(target)) if group is None else orbits_of_directions(die.directions, group)
+    )
+    named = table_named(table)
+    with _threads() as workers:
+
+        def throw(tried: DesignResult, drops: int, number: int) -> Integers:
+            scale = size_mm / tried.hull.diameter
+            center = None if center_of_mass is None else scale * center_of_mass
+            solid = make_body(scale * tried.hull.vertices, name="die")
+            thrown = _Thrown.of(solid, center, tried.directions, named)
+            throws = thrown.simulated(drops, SEEDS * seed + number, options.engine, workers)
+            return thrown.by_outcome(throws.counts)
+
+        refinement = Refinement(
+            target, orbits, options.drops, options.rounds, throw, design, on_round
+        )
+        return refinement.refine(die)
+
+
+@dataclass(frozen=True)
+class TableVerdict:
+    """What a finished die does on a table.
+
+    Attributes
+    ----------
+    body: the die in mm, as it was thrown; table: with the die's own size.
+    momentum: (k,) odds of the outcomes by the momentum model.
+    rounds: of the design.
+    throws: the simulated ones, or None where the recipe asks for none.
+    counts: (k,) of the outcomes, all 0 without throws; what is missing to all resolved throws has
+        ended elsewhere.
+    """
+
+    body: RigidBody
+    table: Table
+    momentum: Floats
+    rounds: tuple[Round, ...]
+    throws: Throws | None
+    counts: Integers
+
+
+def judge_on_table(
+    solid: Body,
+    center_of_mass: Floats | None,
+    directions: Floats,
+    options: ExactOptions,
+    rounds: tuple[Round, ...],
+    seed: int,
+) -> TableVerdict:
+    """Throws of a finished die, with random numbers that no round has used.
+
+    solid: in mm; center_of_mass: (3,) given, or None for the uniform solid; directions: (k, 3)
+    normals of the outcomes' facets.
+    """
+    thrown = _Thrown.of(solid, center_of_mass, directions, table_named(options.table))
+    model = momentum_odds(thrown.poses, thrown.body, momentum_model(options.table))
+    throws, counts = None, np.zeros(len(directions), dtype=np.int64)
+    if options.refine is not None:
+        with _threads() as workers:
+            throws = thrown.simulated(
+                options.refine.verdict, SEEDS * seed + SEEDS - 1, options.refine.engine, workers
+            )
+        counts = thrown.by_outcome(throws.counts)
+    return TableVerdict(thrown.body, thrown.table, thrown.by_outcome(model), rounds, throws, counts)
+
+
+@dataclass(frozen=True)
+class _Thrown:
+    """A body in mm, ready to be thrown.
+
+    Attributes
+    ----------
+    poses: its rests. body: of the same. table: with the die's own size.
+    outcome: (r,) of each rest, or -1.
+    outcomes: how many there are.
+    """
+
+    poses: RestPoses
+    body: RigidBody
+    table: Table
+    outcome: Integers
+    outcomes: int
+
+    @classmethod
+    def of(
+        cls, solid: Body, center_of_mass: Floats | None, directions: Floats, table: Table
+    ) -> _Thrown:
+        poses = rest_poses(solid, center_of_mass)
+        body = rigid_body(solid, poses)
+        angles = angle_between(poses.normals[:, None], directions)
+        outcome = np.where(angles.min(axis=1) <= SAME_REST_ANGLE, angles.argmin(axis=1), -1)
+        return cls(poses, body, replace(table, size=2e-3 * body.radius), outcome, len(directions))
+
+    def simulated(self, drops: int, seed: int, engine: Engine, workers: Executor) -> Throws:
+        return simulate(self.body, self.table, drops, seed, engine=engine, workers=workers)
+
+    def by_outcome(self, of_rests: NDArray[Any]) -> NDArray[Any]:
+        """Sums (k,) over the rests of each outcome."""
+        sums = np.zeros(self.outcomes, dtype=of_rests.dtype)
+        labelled = self.outcome >= 0
+        np.add.at(sums, self.outcome[labelled], of_rests[labelled])
+        return sums
+
+
+@contextmanager
+def _threads() -> Iterator[Executor]:
+    """Threads suffice: the simulators run without Python's lock."""
+    with ThreadPoolExecutor(os.cpu_count()) as workers:
+        yield workers

@@ -1,0 +1,76 @@
+"""What result.json says of a die's throws."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from dicedesign.design.refine_options import RefineOptions
+from dicedesign.design.stopping import Status
+from dicedesign.design.targets import Target
+from dicedesign.table_stage import TableVerdict
+from dicedesign.throws.intervals import exact_intervals
+from dicedesign.throws.total_variation import MeasuredVariation, measure_variation
+
+__all__ = ["CONFIDENCE", "measured", "table_outcome", "table_summary"]
+
+CONFIDENCE: Final = 0.95
+"""Of every interval."""
+
+
+def measured(verdict: TableVerdict, target: Target) -> MeasuredVariation | None:
+    """Total variation of the simulated throws from the target; None without throws."""
+    if verdict.throws is None:
+        return None
+    return measure_variation(verdict.counts, target.probabilities, CONFIDENCE)
+
+
+def table_summary(verdict: TableVerdict, target: Target) -> dict[str, Any]:
+    """The table, the momentum model's odds, the rounds of the design, and the simulated throws with
+    their total variation from the target."""
+    summary: dict[str, Any] = {
+        "table": verdict.table.as_dict(),
+        "momentum": verdict.momentum.tolist(),
+        "rounds": [
+            {
+                "drops": thrown.drops,
+                "deviation": thrown.deviation,
+                "noise_floor": thrown.noise_floor,
+                "asked": thrown.asked.tolist(),
+                "frequencies": thrown.frequencies.tolist(),
+            }
+            for thrown in verdict.rounds
+        ],
+    }
+    variation, throws = measured(verdict, target), verdict.throws
+    if variation is None or throws is None:
+        return summary
+    resolved = throws.drops - throws.unresolved
+    intervals = exact_intervals(verdict.counts, resolved, CONFIDENCE)
+    summary["simulated"] = {
+        "engine": throws.engine,
+        "seed": throws.seed,
+        "drops": throws.drops,
+        "unresolved": throws.unresolved,
+        "counts": verdict.counts.tolist(),
+        "frequencies": (verdict.counts / resolved).tolist(),
+        "intervals": intervals.tolist(),
+        "total_variation": variation.value,
+        "interval": list(variation.interval),
+        "noise_floor": variation.noise_floor,
+    }
+    return summary
+
+
+def table_outcome(
+    status: Status, message: str, variation: MeasuredVariation | None, options: RefineOptions
+) -> tuple[Status, str]:
+    """Status and message of a die, once it has been thrown."""
+    if variation is None:
+        return status, message
+    if status is Status.CONVERGED and variation.value > options.within:
+        status = Status.OFF_TABLE
+    told = (
+        f"thrown {options.verdict} times, its total variation from the target is "
+        f"{variation.value:.3g}, where a perfect die shows {variation.noise_floor:.2g}"
+    )
+    return status, f"{told}; {message}"

@@ -1,0 +1,196 @@
+"""The momentum model: odds of a thrown die from its Morse-Smale complex.
+
+A die that hits the table with much energy leaves it in some basin with the odds of its area. From
+then on every impact takes energy, and lets the die leave its basin over one of the saddles around
+it, the less often the higher that is above the rest compared with the energy that is left; the
+latter is a temperature that falls from impact to impact. A die that has gone over a saddle may be
+carried on over the next at once, if it keeps enough of its speed. How often it leaves and is
+carried on depends on the features of `dicedesign.throws.passes`, by two small networks that are
+fitted to simulated throws of random dice, one pair for each table.
+
+Written once, for NumPy and torch alike.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.errors import InputError
+from dicedesign.rest.poses import RestPoses
+from dicedesign.throws.passes import Features, Passes, features
+from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.tables import table_entries
+
+__all__ = [
+    "MomentumModel",
+    "Network",
+    "landing_odds",
+    "model_of",
+    "momentum_model",
+    "momentum_odds",
+]
+
+Floats = NDArray[np.float64]
+
+IMPACTS: Final = 12
+"""Impacts in which a die may leave its basin."""
+
+CARRIES: Final = 3
+"""How often it may be carried on after one of them."""
+
+MOST_RATE: Final = 8.0
+"""Logarithm of the rates of passes and carries, at most; a die as good as certainly goes then."""
+
+MOST_STRETCH: Final = 3.0
+"""Logarithm of the factor that a pass's features may put before its barrier, at most."""
+
+NO_BARRIER: Final = 0.003
+"""Barrier over the radius below which a rest is left the more surely the lower it is."""
+
+PASS_OUTPUTS: Final = 4
+"""Logarithm of the rate of a pass, in three terms of a quadratic in time, and of its stretch."""
+
+CARRY_OUTPUTS: Final = 3
+"""Logarithm of the rate of a carry, in three terms."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """A linear map plus one hidden layer of hyperbolic tangents, of features that are brought to
+    mean 0 and standard deviation 1 first.
+
+    Attributes
+    ----------
+    mean, deviation: (d,); linear: (d, o); bias: (o,); inward: (d, h); shift: (h,);
+    outward: (h, o).
+    """
+
+    mean: Any
+    deviation: Any
+    linear: Any
+    bias: Any
+    inward: Any
+    shift: Any
+    outward: Any
+
+    def __call__(self, table: Any, xp: ModuleType) -> Any:
+        """Outputs (n, o) for features (n, d)."""
+        scaled = (table - self.mean) / self.deviation
+        hidden = xp.tanh(scaled @ self.inward + self.shift)
+        return scaled @ self.linear + self.bias + hidden @ self.outward
+
+
+@dataclass(frozen=True)
+class MomentumModel:
+    """Parameters of the model, NumPy or torch.
+
+    Attributes
+    ----------
+    hot: logarithm of the temperature at first, in radii. cooling: logarithm of its decrease.
+    carry_barrier: weight of the second barrier of a carry.
+    passes, carries: networks of `PASS_OUTPUTS` and `CARRY_OUTPUTS`.
+    """
+
+    hot: Any
+    cooling: Any
+    carry_barrier: Any
+    passes: Network
+    carries: Network
+
+
+def landing_odds(seen: Features, passes: Passes, model: MomentumModel, xp: ModuleType) -> Any:
+    """Odds (k,) of the rests of a thrown body, nonnegative and with the sum of the odds without
+    momentum."""
+    rests, ways = passes.rests, len(passes.source)
+    if ways == 0:
+        return seen.odds
+    source, target = xp.asarray(passes.source), xp.asarray(passes.target)
+    first, second = xp.asarray(passes.first), xp.asarray(passes.second)
+    time = 0.5 - (np.arange(IMPACTS) + 0.5) / IMPACTS
+    terms = xp.asarray(np.stack([np.ones(IMPACTS), time, time**2 - 0.08]))
+    temperature = xp.exp(model.hot + model.cooling * (xp.asarray(time) - 0.5))[:, None]
+    going, going_on = model.passes(seen.passes, xp), model.carries(seen.carries, xp)
+    stretch = xp.exp(MOST_STRETCH * xp.tanh(going[:, 3] / MOST_STRETCH))
+    free = -xp.log(-xp.expm1(-seen.barriers / NO_BARRIER))
+    rates = _bounded((going[:, :3] @ terms).T - stretch * seen.barriers / temperature + free, xp)
+    weights = _bounded((going_on @ terms).T - model.carry_barrier * seen.exits / temperature, xp)
+    odds = seen.odds
+    for rate, weight in zip(rates, weights, strict=True):
+        leaving = _sums(rate, source, rests)
+        # A rest that nothing leads away from is never left.
+        share = -xp.expm1(-leaving) / (leaving + 1e-300)
+        gone = odds * share
+        flow = gone[source] * rate
+        odds = odds - gone * leaving
+        stays = 1.0 / (1.0 + _sums(weight, first, ways))
+        carried = weight * stays[first]
+        for _ in range(CARRIES):
+            odds = odds + _sums(flow * stays, target, rests)
+            flow = _sums(flow[first] * carried, second, ways)
+        odds = odds + _sums(flow, target, rests)
+    return odds
+
+
+def _bounded(logarithm: Any, xp: ModuleType) -> Any:
+    """Exponential of a logarithm that is smoothly kept below `MOST_RATE`."""
+    return xp.exp(-xp.logaddexp(-logarithm, 0.0 * logarithm - MOST_RATE))
+
+
+def _sums(values: Any, index: Any, count: int) -> Any:
+    """(count,) sums of the values of each index."""
+    if isinstance(values, np.ndarray):
+        return np.bincount(index, values, count)
+    return values.new_zeros(count).index_add(0, index, values)
+
+
+def momentum_model(table: str) -> MomentumModel | None:
+    """The model of a table by its name, or from a JSON file by its path; None for tables with drag,
+    on which there is no momentum.
+
+    Raises
+    ------
+    InputError: there is no such table, or none of its momentum model.
+    """
+    entries = table_entries(table)
+    if "momentum" not in entries:
+        if entries.get("drag", 0.0) > 0.0:
+            return None
+        raise InputError(
+            f"--table {table}: expected a table with a momentum model, got one without; make one "
+            "with `dicedesign table learn`"
+        )
+    return model_of(entries["momentum"])
+
+
+def model_of(plain: dict[str, Any]) -> MomentumModel:
+    """A model from plain data, as in a table's file."""
+    networks = {
+        name: Network(**{key: np.array(value) for key, value in plain[name].items()})
+        for name in ("passes", "carries")
+    }
+    return MomentumModel(plain["hot"], plain["cooling"], plain["carry_barrier"], **networks)
+
+
+def momentum_odds(poses: RestPoses, body: RigidBody, model: MomentumModel | None) -> Floats:
+    """Odds (k,) of a thrown body's rests, in the order of `poses`.
+
+    Of a body that balances within rounding they are the mean of both sides, as those of `poses`.
+    """
+    if model is None or len(poses.facets) == 1:
+        return poses.probabilities
+    inertia = (body.axes * body.moments) @ body.axes.T * body.radius**2
+    total = np.zeros(len(poses.hull.normals))
+    for side in poses.basins:
+        hull, paths, center = side.equilibria.hull, side.paths, side.equilibria.center_of_mass
+        passes = Passes.of(hull, paths)
+        odds = side.areas / (4.0 * math.pi)
+        seen = features(passes, hull.vertices, center, inertia, odds, np)
+        total[paths.rests] += landing_odds(seen, passes, model, np)
+    found: Floats = total[poses.facets] / len(poses.basins)
+    return found

@@ -1,0 +1,117 @@
+"""Which rests of a die show which of the outcomes that somebody counted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.sphere import angle_between
+from dicedesign.tolerances import EQUAL_ODDS, MATCHED_ODDS, SAME_REST_ANGLE
+
+__all__ = ["OutcomeGroups", "match_by_normals", "match_by_odds"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class OutcomeGroups:
+    """Outcomes that can be told apart, or groups of those that cannot.
+
+    Attributes
+    ----------
+    members: of each of g groups, the places of its outcomes in the list that was matched.
+    group_of_rest: (k,) group that each rest belongs to; -1 where it shows no outcome.
+    """
+
+    members: tuple[tuple[int, ...], ...]
+    group_of_rest: Integers
+
+
+def match_by_normals(normals: Floats, shown: Floats, outcomes: Sequence[int]) -> OutcomeGroups:
+    """Groups of one outcome each, from the facets that are known to show them.
+
+    A rest shows what the nearest of those facets shows, unless it is farther from it than
+    `SAME_REST_ANGLE`.
+
+    Parameters
+    ----------
+    normals: (k, 3) of the rests; shown: (f, 3) of the facets, f >= 1.
+    outcomes: (f,) place of the outcome that each facet shows, each place at least once.
+    """
+    angles = angle_between(normals[:, None], shown[None])
+    nearest = np.asarray(outcomes, dtype=np.int64)[angles.argmin(axis=1)]
+    group_of_rest = np.where(angles.min(axis=1) <= SAME_REST_ANGLE, nearest, -1)
+    return OutcomeGroups(tuple((i,) for i in range(max(outcomes) + 1)), group_of_rest)
+
+
+def match_by_odds(name: str, normals: Floats, odds: Floats, wanted: ArrayLike) -> OutcomeGroups:
+    """Groups of outcomes of which no more is known than their odds without momentum.
+
+    Rests whose normals are closest are joined until there are as many as outcomes: a facet that
+    broke in two is one to the eye. Then the most probable outcome is the most probable rest, and so
+    on. Outcomes whose odds differ by no more than this match is wrong by cannot be told apart, and
+    come into one group.
+
+    Parameters
+    ----------
+    name: of the die, for messages.
+    normals: (k, 3) of the rests; odds: (k,) of theirs.
+    wanted: (n,) odds of the outcomes, n >= 1.
+
+    Raises
+    ------
+    InputError: the die has fewer rests than outcomes, an outcome's odds are farther from its
+        rests' than `MATCHED_ODDS`, or no two outcomes can be told apart.
+    """
+    given = np.asarray(wanted, dtype=np.float64)
+    if len(odds) < len(given):
+        raise InputError(
+            f"{name}: expected at least as many rests as outcomes, got {len(odds)} rests for "
+            f"{len(given)} outcomes; correct the mesh or join outcomes"
+        )
+    part = _joined(normals, len(given))
+    found = np.bincount(part, weights=odds)
+    parts, places = np.argsort(-found, kind="stable"), np.argsort(-given, kind="stable")
+    off = float(np.abs(found[parts] - given[places]).max())
+    if off > MATCHED_ODDS:
+        worst = int(np.abs(found[parts] - given[places]).argmax())
+        raise InputError(
+            f"{name}: expected rests with the geometric odds of the outcomes to within "
+            f"{MATCHED_ODDS:g}, got {found[parts][worst]:.4f} for {given[places][worst]:.4f}; "
+            "correct the odds, or give the center of mass in a column com, or leave the die out"
+        )
+    apart = -np.diff(given[places]) > max(off, EQUAL_ODDS)
+    group_of_place = np.concatenate([[0], np.cumsum(apart)])
+    if len(given) > 1 and not apart.any():
+        raise InputError(
+            f"{name}: expected outcomes that differ in their geometric odds by more than the "
+            f"{off:.2g} by which the mesh misses them, got {_listed(given)}; name the folder of "
+            "the die's run, which says which facet is which, or leave the die out"
+        )
+    members = tuple(
+        tuple(sorted(places[group_of_place == group].tolist()))
+        for group in range(int(group_of_place[-1]) + 1)
+    )
+    group_of_part = np.empty(len(parts), dtype=np.int64)
+    group_of_part[parts] = group_of_place
+    return OutcomeGroups(members, group_of_part[part])
+
+
+def _joined(normals: Floats, wanted: int) -> Integers:
+    """(k,) the part of each rest when the closest are joined until there are so many parts."""
+    part = np.arange(len(normals))
+    angles = angle_between(normals[:, None], normals[None])
+    for _ in range(len(normals) - wanted):
+        between = np.where(part[:, None] != part[None], angles, np.inf)
+        i, j = np.unravel_index(int(between.argmin()), between.shape)
+        part[part == part[j]] = part[i]
+    return np.unique(part, return_inverse=True)[1]
+
+
+def _listed(values: Floats) -> str:
+    return ", ".join(f"{value:.4f}" for value in values)

@@ -1,0 +1,257 @@
+"""Files of counts of several dice, each with the die that was thrown."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.mesh_file import read_body
+from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.throws.outcome_matching import OutcomeGroups, match_by_normals, match_by_odds
+from dicedesign.throws.rigid_body import RigidBody, rigid_body
+
+__all__ = ["ThrownDie", "read_throw_counts"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+NEEDED: Final = ("die", "mesh", "outcome", "throws")
+GEOMETRIC: Final = "geometric"
+CENTER: Final = "com"
+SIZE: Final = "size_mm"
+"""Columns: those that every file has, and those that it may have."""
+
+MOST: Final = 10**9
+"""No count is larger."""
+
+Rows = list[tuple[int, dict[str, str]]]
+
+
+@dataclass(frozen=True)
+class ThrownDie:
+    """A real die and what came up.
+
+    Attributes
+    ----------
+    name: as in the file.
+    body: the die.
+    size: twice the largest distance of a point from its center of mass, in m; None if unknown.
+    labels: of the g outcomes; those that cannot be told apart are one, such as "2 or 12".
+    counts: (g,) how often each came up.
+    geometric: (g,) their odds without momentum, summing to 1.
+    group_of_rest: (k,) the outcome that each rest shows; -1 for none.
+    """
+
+    name: str
+    body: RigidBody
+    size: float | None
+    labels: tuple[str, ...]
+    counts: Integers
+    geometric: Floats
+    group_of_rest: Integers
+
+    def by_outcome(self, rests: Integers) -> Integers:
+        """Sums (g,) of counts (k,) over the rests of each outcome; those that show none are left
+        out."""
+        shown = self.group_of_rest >= 0
+        sums = np.zeros(len(self.labels), dtype=np.int64)
+        np.add.at(sums, self.group_of_rest[shown], rests[shown])
+        return sums
+
+
+def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[ThrownDie, ...]:
+    """The dice of a CSV file with a line for each outcome.
+
+    Needed columns: `die`, a name; `mesh`, the path of a mesh file or of the folder of a finished
+    run, relative to the CSV file; `outcome`; and `throws`, how often it came up. With a mesh file
+    also `geometric`, the outcome's odds without momentum, by which outcomes are found on the mesh
+    (see `match_by_odds`); perhaps `com`, its center of mass "x y z" where it is not the centroid;
+    and perhaps `size_mm`, the die's largest extent across it. A run's folder tells all three.
+    Other columns are ignored.
+
+    Parameters
+    ----------
+    dice: names of those wanted; None takes all.
+
+    Raises
+    ------
+    InputError: the file cannot be read, lacks a column or a die, has a die twice or an outcome
+        twice, a count that is no whole number, a die without throws, or outcomes that cannot be
+        found on its mesh.
+    """
+    rows = _rows(path)
+    of_die: dict[str, Rows] = {}
+    for line, row in rows:
+        of_die.setdefault(row["die"], []).append((line, row))
+    wanted = list(of_die) if dice is None else list(dict.fromkeys(dice))
+    for name in wanted:
+        if name not in of_die:
+            raise InputError(
+                f"{path}: expected a die {name!r}, got {', '.join(of_die)}; take one of them"
+            )
+    return tuple(_die(path, name, of_die[name]) for name in wanted)
+
+
+def _rows(path: Path) -> Rows:
+    """The lines that are not empty as entries by column, with their numbers."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file)
+            lines = [(reader.line_num, [entry.strip() for entry in row]) for row in reader]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(
+            f"{path}: expected a CSV file of throws in UTF-8, but {reason}; name such a file"
+        ) from error
+    (_, columns), *rest = [(line, row) for line, row in lines if any(row)] or [(1, [])]
+    missing = [name for name in NEEDED if name not in columns]
+    if missing or len(set(columns)) < len(columns):
+        raise InputError(
+            f"{path}: expected the columns {', '.join(NEEDED)}, each once, got "
+            f"{', '.join(columns) or 'none'}; write them on the first line"
+        )
+    for line, row in rest:
+        if len(row) != len(columns):
+            raise InputError(
+                f"{path}, line {line}: expected {len(columns)} entries, got {len(row)}; write as "
+                "many as the first line has"
+            )
+    if not rest:
+        raise InputError(f"{path}: expected a line for each outcome, got none; write some")
+    return [(line, dict(zip(columns, row, strict=True))) for line, row in rest]
+
+
+def _die(path: Path, name: str, rows: Rows) -> ThrownDie:
+    first = rows[0][1]
+    for line, row in rows:
+        for column in ("mesh", CENTER, SIZE):
+            if row.get(column) != first.get(column):
+                raise InputError(
+                    f"{path}, line {line}: expected the {column} of the other lines of {name!r}, "
+                    f"{first[column]!r}, got {row[column]!r}; give the die another name"
+                )
+    outcomes = [row["outcome"] for _, row in rows]
+    for i, (line, _) in enumerate(rows):
+        if outcomes[i] in outcomes[:i]:
+            raise InputError(
+                f"{path}, line {line}: expected each outcome of {name!r} once, got "
+                f"{outcomes[i]!r} again; add the two up"
+            )
+    throws = np.array([_count(path, line, row["throws"]) for line, row in rows], dtype=np.int64)
+    if not throws.any():
+        raise InputError(f"{path}: expected throws of {name!r}, got none; leave the die out")
+    mesh = path.parent / first["mesh"]
+    size = _number(path, rows[0][0], SIZE, first[SIZE]) / 1e3 if first.get(SIZE) else None
+    if mesh.is_dir():
+        body, poses, groups = _designed(mesh, outcomes)
+        size = 2e-3 * body.radius if size is None else size
+    else:
+        body, poses, groups = _measured(path, name, mesh, rows)
+    labels = tuple(" or ".join(outcomes[i] for i in members) for members in groups.members)
+    if len(labels) < 2:
+        raise InputError(
+            f"{path}: expected two outcomes or more of {name!r}, got {', '.join(labels)}; leave "
+            "the die out"
+        )
+    shown = groups.group_of_rest >= 0
+    geometric = np.bincount(
+        groups.group_of_rest[shown], poses.probabilities[shown], minlength=len(labels)
+    )
+    return ThrownDie(
+        name=name,
+        body=body,
+        size=size,
+        labels=labels,
+        counts=np.array([throws[list(members)].sum() for members in groups.members]),
+        geometric=geometric / geometric.sum(),
+        group_of_rest=groups.group_of_rest,
+    )
+
+
+def _measured(
+    path: Path, name: str, mesh: Path, rows: Rows
+) -> tuple[RigidBody, RestPoses, OutcomeGroups]:
+    """The die of a mesh file, whose outcomes are found by their odds."""
+    line, first = rows[0]
+    if GEOMETRIC not in first:
+        raise InputError(
+            f"{path}: expected a column {GEOMETRIC} with the odds of each outcome without "
+            f"momentum, as {name!r} is a mesh; add it, or name the folder of the die's run"
+        )
+    wanted = [_number(path, number, GEOMETRIC, row[GEOMETRIC]) for number, row in rows]
+    center = None
+    if first.get(CENTER):
+        center = [_number(path, line, CENTER, text) for text in first[CENTER].split()]
+    body = read_body(mesh)
+    poses = rest_poses(body, center)
+    groups = match_by_odds(f"{path}, die {name}", poses.normals, poses.probabilities, wanted)
+    return rigid_body(body, poses), poses, groups
+
+
+def _designed(folder: Path, outcomes: Sequence[str]) -> tuple[RigidBody, RestPoses, OutcomeGroups]:
+    """The die that a run left, whose facets have labels."""
+    path = folder / "result.json"
+    try:
+        result = json.loads(path.read_text(encoding="utf-8"))
+        plain = folder / result["files"]["die_plain"]
+        center = [float(x) for x in result["center_of_mass"]]
+        facets = [
+            (str(facet.get("outcome", facet["label"])), [float(x) for x in facet["normal"]])
+            for facet in result["facets"]
+            if facet.get("outcome", facet["label"]) is not None
+        ]
+        known = set(map(str, result["labels"]))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"{path}: expected center of mass, labels and facets of a finished die, got "
+            f"{type(error).__name__}: {error}; name a folder that `dicedesign run` left, or a mesh"
+        ) from error
+    for outcome in outcomes:
+        if outcome not in known:
+            raise InputError(
+                f"{folder}: expected a label of the die ({', '.join(sorted(known))}), got "
+                f"{outcome!r}; correct the outcome"
+            )
+    body = read_body(plain)
+    poses = rest_poses(body, center)
+    counted = [(outcomes.index(label), normal) for label, normal in facets if label in outcomes]
+    for i, outcome in enumerate(outcomes):
+        if i not in dict(counted):
+            raise InputError(
+                f"{folder}: expected a stable facet with the label {outcome!r}, got none; the die "
+                "cannot have shown it"
+            )
+    normals = np.array([normal for _, normal in counted])
+    groups = match_by_normals(poses.normals, normals, [outcome for outcome, _ in counted])
+    return rigid_body(body, poses), poses, groups
+
+
+def _count(path: Path, line: int, text: str) -> int:
+    # int() would take "1_000" as well.
+    if not (text.isascii() and text.isdigit() and int(text[:20]) <= MOST):
+        raise InputError(
+            f"{path}, line {line}: expected a whole number of throws from 0 to {MOST}, got "
+            f"{text!r}; correct the count"
+        )
+    return int(text)
+
+
+def _number(path: Path, line: int, column: str, text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(
+            f"{path}, line {line}: expected a finite number as {column}, got {text!r}; correct it"
+        )
+    return number

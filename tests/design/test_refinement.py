@@ -1,0 +1,130 @@
+"""Rounds of throwing and designing anew, in a world where the model's mistake is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dicedesign.design.refine_options import RefineOptions
+from dicedesign.design.refinement import Refinement
+from dicedesign.design.result import DesignResult
+from dicedesign.design.stopping import Status
+from dicedesign.errors import InputError
+from dicedesign.geometry.hull import convex_hull
+
+TARGET = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1]) / 36.0
+ALONE = np.arange(11)
+CUBE = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T.astype(float)
+
+
+def die_with(odds: np.ndarray) -> DesignResult:
+    """A stand-in that carries its odds in the model where a die has its directions."""
+    return DesignResult(Status.CONVERGED, convex_hull(CUBE), odds, {}, (), 0, 0, 0)
+
+
+class World:
+    """Dice whose true odds are those in the model times fixed factors, and a bit more."""
+
+    def __init__(self, factors: np.ndarray, drift: float = 0.0) -> None:
+        self.factors, self.drift = factors, drift
+        self.drops: list[int] = []
+        self.numbers: list[int] = []
+
+    def true_odds(self, die: DesignResult) -> np.ndarray:
+        odds = die.directions * self.factors * np.exp(self.drift * np.sqrt(die.directions))
+        return odds / odds.sum()
+
+    def throw(self, die: DesignResult, drops: int, number: int) -> np.ndarray:
+        self.drops.append(drops)
+        self.numbers.append(number)
+        return np.random.default_rng(number).multinomial(drops, self.true_odds(die))
+
+    def refined(self, **changes: object) -> tuple[DesignResult, tuple]:
+        refinement = Refinement(
+            TARGET,
+            ALONE,
+            20_000,
+            5,
+            self.throw,
+            lambda die, odds: die_with(odds),
+            lambda thrown: None,
+        )
+        return replace(refinement, **changes).refine(die_with(TARGET))
+
+
+FACTORS = np.exp(np.random.default_rng(3).normal(scale=0.3, size=11))
+
+
+def test_rounds_lead_to_the_target_to_within_the_sampling_error() -> None:
+    world = World(FACTORS, drift=0.5)
+    die, rounds = world.refined()
+    assert rounds[0].deviation > 0.08
+    assert 0.5 * np.abs(world.true_odds(die) - TARGET).sum() < 0.006
+    assert rounds[-1].deviation < rounds[0].deviation / 5.0
+
+
+def test_samples_grow_and_are_fresh() -> None:
+    world = World(FACTORS, drift=0.5)
+    world.refined()
+    assert len(set(world.numbers)) == len(world.numbers)
+    assert (np.diff(world.drops) > 0).all()
+
+
+def test_a_die_without_mistake_is_left_as_it_is() -> None:
+    # Of a perfect die about half of the rounds see less than the mean deviation.
+    world = World(np.ones(11))
+    die, rounds = world.refined()
+    assert rounds[-1].deviation <= rounds[-1].noise_floor
+    assert 0.5 * np.abs(world.true_odds(die) - TARGET).sum() < 0.01
+
+
+def test_outcomes_of_one_orbit_are_corrected_alike() -> None:
+    orbits = np.array([0, 1, 2, 3, 4, 5, 4, 3, 2, 1, 0])
+    world = World(FACTORS[orbits])
+    die, _ = world.refined(orbits=orbits)
+    np.testing.assert_allclose(die.directions, die.directions[::-1], rtol=1e-12)
+
+
+def test_a_correction_without_a_die_is_halved() -> None:
+    world, refused = World(FACTORS), []
+
+    def design(die: DesignResult, odds: np.ndarray) -> DesignResult | None:
+        if 0.5 * np.abs(odds - die.directions).sum() > 0.05:
+            refused.append(odds)
+            return None
+        return die_with(odds)
+
+    die, _ = world.refined(design=design)
+    assert refused
+    assert 0.5 * np.abs(world.true_odds(die) - TARGET).sum() < 0.02
+
+
+def test_an_outcome_that_never_comes_up_is_asked_for_more_often() -> None:
+    factors = np.ones(11)
+    factors[0] = 0.0
+    world = World(factors)
+    die, _ = world.refined(rounds=1)
+    assert die.directions[0] > 10.0 * TARGET[0]
+
+
+def test_the_rounds_end_where_no_die_is_found() -> None:
+    world = World(FACTORS)
+    die, rounds = world.refined(design=lambda die, odds: None)
+    assert len(rounds) == 1
+    np.testing.assert_array_equal(die.directions, TARGET)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"drops": 0}, "refine.drops: expected a whole number above 0, got 0"),
+        ({"rounds": 0}, "refine.rounds: expected a whole number above 0, got 0"),
+        ({"verdict": -1}, "refine.verdict: expected a whole number above 0, got -1"),
+        ({"within": 1.0}, r"refine.within: expected a number in \(0, 1\), got 1"),
+    ],
+)
+def test_impossible_options_are_errors(options: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        RefineOptions(**options)

@@ -1,0 +1,101 @@
+"""The paper's directions, and how bodies are let go."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.special import sph_harm_y
+from thrown import random_body
+
+from dicedesign.throws.orientations import (
+    PAPER_DIRECTIONS,
+    Orientations,
+    drop_weights,
+    released,
+    up_directions,
+)
+from dicedesign.throws.tables import table_named
+
+BOARD = table_named("board-game")
+
+
+def turns(states: np.ndarray) -> np.ndarray:
+    """Matrices (n, 3, 3) from principal axes to the world."""
+    return Rotation.from_quat(np.roll(states[:, 3:7], -1, axis=1)).as_matrix()
+
+
+def test_the_paper_has_1212_directions() -> None:
+    directions, areas = up_directions()
+    assert directions.shape == (PAPER_DIRECTIONS, 3) == (1212, 3)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, rtol=1e-14)
+    assert areas.sum() == pytest.approx(1.0)
+    # Those of the icosahedron's corners have five neighbours and are the smallest.
+    assert np.count_nonzero(areas < 1.01 * areas.min()) == 12
+    assert areas.max() < 2.0 * areas.min()
+    # Neighbours are nearly as far apart as on a regular grid of as many points.
+    cosines = directions @ directions.T - 2.0 * np.eye(PAPER_DIRECTIONS)
+    nearest = np.arccos(cosines.max(axis=1))
+    assert 0.75 < nearest.min() / np.sqrt(8 * np.pi / np.sqrt(3) / PAPER_DIRECTIONS) <= 1.0
+
+
+@pytest.mark.parametrize("degree", range(1, 10))
+def test_they_integrate_spherical_harmonics(degree: int) -> None:
+    """Those that an icosahedron's symmetry leaves have degrees 6, 10, ...; the rest is exact."""
+    directions, areas = up_directions()
+    polar, azimuth = np.arccos(directions[:, 2]), np.arctan2(directions[:, 1], directions[:, 0])
+    for order in range(degree + 1):
+        mean = areas @ sph_harm_y(degree, order, polar, azimuth)
+        assert abs(mean) < (2e-3 if degree == 6 else 1e-12)
+
+
+def test_weights() -> None:
+    np.testing.assert_array_equal(drop_weights(5, "uniform"), 1.0)
+    weights = drop_weights(2 * PAPER_DIRECTIONS + 3, "icosahedron")
+    assert weights[:PAPER_DIRECTIONS].mean() == pytest.approx(1.0)
+    np.testing.assert_array_equal(weights[PAPER_DIRECTIONS:], weights[: PAPER_DIRECTIONS + 3])
+
+
+@pytest.mark.parametrize("orientations", ["uniform", "icosahedron"])
+@pytest.mark.parametrize("table", ["board-game", "carpet"])
+def test_bodies_are_let_go_above_the_table(orientations: Orientations, table: str) -> None:
+    body, how = random_body(2)[0], table_named(table)
+    states = released(body, how, np.arange(400), orientations, np.random.default_rng(0))
+    np.testing.assert_allclose(np.linalg.norm(states[:, 3:7], axis=1), 1.0, rtol=1e-14)
+    np.testing.assert_allclose(np.linalg.norm(states[:, 7:10], axis=1), how.speed)
+    np.testing.assert_array_equal(states[:, 9], 0.0)
+    np.testing.assert_allclose(np.linalg.norm(states[:, 10:], axis=1), how.spin)
+    heights = turns(states)[:, 2] @ body.vertices.T * how.size / 2.0 + states[:, 2:3]
+    np.testing.assert_allclose(heights.min(axis=1), how.height, atol=1e-15)
+
+
+def test_the_papers_directions_point_up() -> None:
+    body = random_body(2)[0]
+    numbers = np.arange(700, 1900)
+    states = released(body, BOARD, numbers, "icosahedron", np.random.default_rng(0))
+    up = up_directions()[0][numbers % PAPER_DIRECTIONS] @ body.axes
+    turned = np.einsum("nij,nj->ni", turns(states), up)
+    np.testing.assert_allclose(turned, np.tile([0.0, 0.0, 1.0], (len(up), 1)), atol=1e-12)
+
+
+def test_a_direction_that_is_up_already_or_upside_down() -> None:
+    body = replace(random_body(2)[0], axes=np.eye(3))
+    directions = up_directions()[0]
+    for aim in (1.0, -1.0):
+        # The whole grid turned so that one direction is vertical.
+        turn = Rotation.align_vectors([[0.0, 0.0, aim]], directions[:1])[0].as_matrix()
+        aimed = replace(body, axes=turn.T)
+        (state,) = released(aimed, BOARD, np.array([0]), "icosahedron", np.random.default_rng(0))
+        turned = turns(state[None])[0] @ (directions[0] @ aimed.axes)
+        np.testing.assert_allclose(turned, [0.0, 0.0, 1.0], atol=1e-7)
+
+
+def test_orientations_are_uniform() -> None:
+    """Rotation matrices have mean 0, and each entry the variance 1/3."""
+    body = random_body(2)[0]
+    states = released(body, BOARD, np.arange(20_000), "uniform", np.random.default_rng(0))
+    found = turns(states)
+    assert np.abs(found.mean(axis=0)).max() < 4.0 * np.sqrt(1.0 / 3.0 / 20_000)
+    np.testing.assert_allclose((found**2).mean(axis=0), 1.0 / 3.0, atol=0.01)

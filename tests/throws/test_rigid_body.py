@@ -1,0 +1,133 @@
+"""Bodies to throw: inertia by closed forms and another library, axes, rests and barriers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+from thrown import OCTAHEDRON, box, random_body, random_points, thrown
+
+from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.geometry.body import make_body
+from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.rigid_body import rigid_body
+
+
+def test_a_box() -> None:
+    a, b, c = 1.0, 1.3, 1.7
+    body, _ = thrown(box(c, a, b))
+    squared = a * a + b * b + c * c
+    assert body.radius == pytest.approx(np.sqrt(squared))
+    expected = np.array([a * a + b * b, a * a + c * c, b * b + c * c]) / 3.0 / squared
+    np.testing.assert_allclose(body.moments, expected, rtol=1e-13)
+    # The most probable rest is on the largest side, and nearest to tipping over its long edges.
+    np.testing.assert_allclose(body.rest_heights * body.radius, [a, a, b, b, c, c])
+    over = np.hypot([a, a, b, b, c, c], [b, b, a, a, a, a])
+    np.testing.assert_allclose(body.barriers * body.radius, over, rtol=1e-13)
+
+
+def test_a_regular_tetrahedron() -> None:
+    corners = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], dtype=float)
+    body, _ = thrown(corners)
+    edge_squared = 8.0
+    np.testing.assert_allclose(body.moments, edge_squared / 20.0 / 3.0, rtol=1e-13)
+
+
+def test_a_hollow_body() -> None:
+    """The hull touches the table, and the cavity weighs nothing."""
+    outer, inner = trimesh.creation.box((2.0, 2.0, 2.0)), trimesh.creation.box((1.0, 1.0, 1.0))
+    inner.invert()
+    both = trimesh.util.concatenate([outer, inner])
+    mesh = make_body(both.vertices, both.faces)
+    body = rigid_body(mesh, rest_poses(mesh))
+    # m s^2 / 6 of each cube, with masses 8 and 1 of 7.
+    np.testing.assert_allclose(body.moments, (8 * 4 - 1) / 6 / 7 / 3, rtol=1e-12)
+    assert len(body.vertices) == 8
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_against_another_library(seed: int) -> None:
+    points = random_points(seed)
+    body, poses = thrown(points)
+    mesh = trimesh.Trimesh(points).convex_hull
+    tensor = mesh.moment_inertia / mesh.volume
+    found = body.axes @ np.diag(body.moments * body.radius**2) @ body.axes.T
+    np.testing.assert_allclose(found, tensor, rtol=0, atol=1e-12 * np.abs(tensor).max())
+    assert np.linalg.det(body.axes) == pytest.approx(1.0)
+    assert (np.diff(body.moments) >= 0.0).all()
+    arms = poses.hull.vertices - mesh.center_mass
+    np.testing.assert_allclose(body.vertices @ body.axes.T * body.radius, arms, atol=1e-12)
+    assert np.linalg.norm(body.vertices, axis=1).max() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_turning_moving_and_scaling_change_nothing(seed: int) -> None:
+    points = random_points(seed)
+    turn = Rotation.random(random_state=seed).as_matrix()
+    first, _ = thrown(points)
+    second, _ = thrown(7.0 * points @ turn.T + 20.0)
+    np.testing.assert_allclose(second.moments, first.moments, rtol=1e-9)
+    np.testing.assert_allclose(second.rest_heights, first.rest_heights, rtol=1e-9)
+    np.testing.assert_allclose(second.barriers, first.barriers, rtol=1e-9)
+    assert second.radius == pytest.approx(7.0 * first.radius)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_rests_and_neighbors(seed: int) -> None:
+    body, poses = random_body(seed)
+    np.testing.assert_allclose(body.rest_normals @ body.axes.T, poses.normals, atol=1e-14)
+    heights = poses.hull.heights(poses.center_of_mass)[poses.facets]
+    np.testing.assert_allclose(body.rest_heights * body.radius, heights, rtol=1e-12)
+    assert (body.barriers > body.rest_heights).all()
+    np.testing.assert_array_equal(body.rest_of_facet[poses.facets], np.arange(len(poses.facets)))
+    tails = np.repeat(np.arange(len(body.vertices)), np.diff(body.start))
+    edges = set(zip(tails.tolist(), body.neighbors.tolist(), strict=True))
+    assert edges == {(head, tail) for tail, head in edges}
+    # Both facets beside an edge hold both of its ends.
+    for facets in (body.left, body.right):
+        for ends in (tails, body.neighbors):
+            depth = (body.vertices[ends] * body.normals[facets]).sum(axis=1)
+            most = (body.vertices @ body.normals[facets].T).max(axis=0)
+            np.testing.assert_allclose(depth, most, atol=1e-12)
+
+
+def test_a_given_inertia() -> None:
+    body = make_body(box(1.0, 2.0, 3.0))
+    poses = rest_poses(body)
+    tensor = np.diag([13.0, 10.0, 5.0]) / 3.0
+    given, solid = rigid_body(body, poses, tensor), rigid_body(body, poses)
+    np.testing.assert_allclose(given.moments, solid.moments, rtol=1e-13)
+    np.testing.assert_allclose(np.abs(given.axes), np.abs(solid.axes), atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("tensor", "message"),
+    [
+        (np.eye(2), "expected a symmetric .3, 3. tensor of finite numbers, got"),
+        (np.diag([0.1, 0.1, np.nan]), "of finite numbers, got .*; give xx,yy,zz,xy,xz,yz"),
+        ([[0.1, 0.1, 0], [0, 0.1, 0], [0, 0, 0.1]], "make it equal to its transpose"),
+        (
+            np.diag([0.1, 0.2, -0.1]),
+            "inertia: expected a positive definite tensor, got principal moments of -0.1, 0.1 and "
+            "0.2; correct it or leave it out",
+        ),
+        (np.diag([0.1, 0.1, 0.0]), "expected a positive definite tensor"),
+        (np.diag([0.1, 0.1, 0.3]), "no principal moment larger than the two others together"),
+        (np.diag([1.0, 1.0, 1.0]), "whose moments sum to at most 2, got 1, 1 and 1; divide by the"),
+    ],
+)
+def test_tensors_of_no_body(tensor: object, message: str) -> None:
+    body = make_body(OCTAHEDRON)
+    with pytest.raises(InputError, match=message):
+        rigid_body(body, rest_poses(body), tensor)
+
+
+def test_a_surface_without_volume() -> None:
+    """Two triangles with a common edge, with both sides each."""
+    points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], dtype=float)
+    body = make_body(points, [(0, 1, 2), (0, 2, 3), (2, 1, 0), (3, 2, 0)])
+    poses = rest_poses(body, (0.2, 0.2, 0.2))
+    with pytest.raises(DegenerateBodyError, match="encloses a volume, got 0 at an extent of 1"):
+        rigid_body(body, poses)
+    assert rigid_body(body, poses, np.eye(3) / 10).radius > 0.0

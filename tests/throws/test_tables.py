@@ -1,0 +1,91 @@
+"""Tables: those that come with the package, those of files, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from dicedesign.errors import InputError
+from dicedesign.throws.tables import TABLE_NAMES, Table, table_named
+
+GOOD = {
+    "name": "lino",
+    "restitution": 0.4,
+    "friction": 0.2,
+    "height": 0.2,
+    "speed": 0.1,
+    "spin": 5.0,
+}
+
+
+@pytest.mark.parametrize("name", TABLE_NAMES)
+def test_tables_that_come_with_the_package(name: str) -> None:
+    table = table_named(name)
+    assert table.name == name
+    assert table.source != "given"
+
+
+def test_no_momentum_is_none() -> None:
+    carpet = table_named("carpet")
+    assert (carpet.restitution, carpet.height, carpet.speed, carpet.spin) == (0.0, 0.0, 0.0, 0.0)
+    assert carpet.drag > 0.0
+
+
+def test_a_table_in_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "lino.json"
+    path.write_text(json.dumps(GOOD))
+    table = table_named(str(path))
+    assert table == Table(**GOOD)
+    assert (table.size, table.density, table.drag) == (0.025, 1200.0, 0.0)
+    path.write_text(json.dumps(table.as_dict()))
+    assert table_named(str(path)) == table
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"restitution": 1.0}, "expected a restitution of 0 .dead. to 0.95, got 1; correct it"),
+        ({"friction": -0.1}, "expected a friction of 0 to 10, got -0.1"),
+        ({"height": float("nan")}, "expected a height of 0 to 100 m, got nan"),
+        ({"spin": "fast"}, "expected a number as spin, got 'fast'"),
+        ({"speed": True}, "expected a number as speed, got True"),
+        ({"density": 0.0}, "expected a density of 1 to 100000 kg/m.3, got 0"),
+        (
+            {"size": 0.21},
+            "table lino: expected a die no larger than the drop height of 0.2 m, got one of 0.21 "
+            "m; let it fall from higher or make it smaller",
+        ),
+    ],
+)
+def test_numbers_out_of_range(changes: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Table(**{**GOOD, **changes})
+
+
+def test_a_die_may_be_set_down_whatever_its_size() -> None:
+    assert Table(**{**GOOD, "height": 0.0, "size": 0.3}).size == 0.3
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "expected JSON, but Expecting property name"),
+        ("[]", "expected an object with friction, height, name, .* got list"),
+        ('{"name": "x"}', "got name; correct it"),
+        (json.dumps({**GOOD, "colour": 1}), "got name, .*, colour; correct it"),
+    ],
+)
+def test_files_that_are_no_tables(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "table.json"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message):
+        table_named(str(path))
+
+
+def test_tables_that_are_not_there(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--table felt: expected board-game, hard-wood, carpet"):
+        table_named("felt")
+    with pytest.raises(InputError, match=r"no\.json: expected a JSON file that can be read, but"):
+        table_named(str(tmp_path / "no.json"))
