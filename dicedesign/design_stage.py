@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,15 +24,19 @@ from dicedesign.design.targets import Target
 from dicedesign.design.variations import shapes_like
 from dicedesign.design.verdict import Verdict, judge
 from dicedesign.errors import InputError
+from dicedesign.geometry.body import make_body
 from dicedesign.geometry.circle import facet_inradius
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.geometry.mesh_file import read_body
 from dicedesign.recipe import Recipe
 from dicedesign.rest.equilibria import classify
-from dicedesign.table_stage import refined, thrown_odds
+from dicedesign.table_stage import TableVerdict, judge_on_table, refined, thrown_odds
 from dicedesign.tolerances import EQUAL_ODDS
 
-__all__ = ["DesignedDie", "design_die", "make_start", "resized"]
+if TYPE_CHECKING:
+    from dicedesign.fabricate.engrave import EngravedDie
+
+__all__ = ["DesignedDie", "design_die", "make_start", "resized", "thrown_die"]
 
 Floats = NDArray[np.float64]
 
@@ -190,6 +194,26 @@ def _starts(recipe: Recipe, start: Start | None, wanted: Floats) -> Iterator[Sta
     return shapes_near(wanted, recipe.seed)
 
 
+def thrown_die(
+    recipe: Recipe, die: DesignedDie, start: Start | None, engraved: EngravedDie | None
+) -> TableVerdict:
+    """What a die does on the table of its recipe. One with labels is thrown as it is printed, but
+    where the center of mass was given nobody knows how they move it."""
+    assert recipe.method.exact is not None
+    verdict = die.verdict
+    solid = make_body(verdict.hull.vertices, verdict.hull.triangles, name="die")
+    if engraved is not None and verdict.uniform:
+        solid = make_body(engraved.vertices, engraved.triangles, name="die")
+    return judge_on_table(
+        solid,
+        None if verdict.uniform else verdict.poses.center_of_mass,
+        verdict.hull.normals[verdict.facet_of_outcome],
+        recipe.method.exact,
+        die.rounds,
+        recipe.seed,
+    )
+
+
 def resized(die: DesignedDie, recipe: Recipe, start: Start | None) -> DesignedDie:
     """A die designed from `start`, as it is at the size of a recipe that differs in that alone."""
     return _judged(recipe, start, die.design, die.rounds)
@@ -202,7 +226,7 @@ def _judged(
     directions = design.directions[np.argsort(recipe.outcome_of_direction())]
     verdict = judge(design.hull, directions, target, recipe.size_mm, center)
     status, message = _outcome(design, verdict, recipe)
-    return DesignedDie(target, design, verdict, status, message)
+    return DesignedDie(target, design, verdict, status, message, rounds)
 
 
 def _normalised_center(recipe: Recipe, start: Start | None) -> Floats | None:

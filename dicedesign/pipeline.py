@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dicedesign.clock import Clock
+from dicedesign.design.refinement import Round
 from dicedesign.design.result import DesignStep
+from dicedesign.design.starts import Start
 from dicedesign.design.stopping import Status
 from dicedesign.design.verdict import Verdict
-from dicedesign.design_stage import DesignedDie, design_die, make_start, resized
+from dicedesign.design_stage import DesignedDie, design_die, make_start, resized, thrown_die
 from dicedesign.errors import EngravingError, LabelRoomError
 from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.stl import stl_bytes
@@ -27,6 +29,7 @@ from dicedesign.summary import (
     size_note,
     target_summary,
 )
+from dicedesign.table_summary import table_outcome, table_summary
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.engrave import EngravedDie
@@ -42,6 +45,7 @@ def run_recipe(
     enlarge: bool = False,
     on_stage: Callable[[str], None] | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
+    on_round: Callable[[Round], None] | None = None,
 ) -> RunResult:
     """Design, check, engrave and report one convex die.
 
@@ -55,7 +59,8 @@ def run_recipe(
     folder: where to write; made if missing, once the start is known to be usable.
     enlarge: where the labels do not fit at the recipe's size, take the smallest whole number of
         millimetres at which they do; the recipe that is written says so.
-    on_stage, on_step: called when a stage begins and after every accepted step.
+    on_stage, on_step, on_round: called when a stage begins, after every accepted step, and after
+        every round of throws.
 
     Raises
     ------
@@ -72,7 +77,7 @@ def run_recipe(
             require_glyphs(recipe.target.target().labels)
     make_writable_folder(folder)
     with clock.stage("design"):
-        die = design_die(recipe, start, on_step=on_step)
+        die = design_die(recipe, start, on_step=on_step, on_round=on_round)
     notes = () if start is None else start.notes
     if enlarge:
         with clock.stage("size"):
@@ -80,7 +85,7 @@ def run_recipe(
             if fitting != recipe:
                 recipe, die = fitting, resized(die, fitting, start)
                 notes += (size_note(recipe.size_mm),)
-    files, summary = _results(recipe, die, clock)
+    files, summary = _results(recipe, die, start, clock)
     write_results(folder, files, summary)
     notes += tuple(engraved_notes(summary))
     return RunResult(summary["status"], summary["message"], notes, folder, summary)
@@ -106,10 +111,10 @@ def _fitting(recipe: Recipe, die: DesignedDie) -> Recipe:
 
 
 def _results(
-    recipe: Recipe, die: DesignedDie, clock: Clock
+    recipe: Recipe, die: DesignedDie, start: Start | None, clock: Clock
 ) -> tuple[dict[str, bytes], dict[str, Any]]:
     """The content of every file but result.json, by name, and that of result.json."""
-    hull, message = die.verdict.hull, die.message
+    hull, status, message = die.verdict.hull, die.status, die.message
     files: dict[str, bytes] = {}
     with clock.stage("export"):
         files["die_plain.stl"] = stl_bytes(hull.vertices, hull.triangles)
@@ -124,18 +129,29 @@ def _results(
                 if die.status is Status.CONVERGED:
                     raise
                 message += f"; not engraved: {error}"
+    on_table = None
+    if recipe.method.thrown:
+        with clock.stage("throws"):
+            on_table = thrown_die(recipe, die, start, engraved)
+            status, message = table_outcome(status, message, on_table, die.target, recipe)
     with clock.stage("summary"):
         summary = {
             "name": recipe.name,
-            "status": _plain_name(die.status),
+            "status": _plain_name(status),
             "message": message,
             **target_summary(die.target),
             **odds_summary(die.verdict, die.target, engraved),
             **design_summary(die.design),
         }
+        if on_table is not None:
+            summary["thrown"] = table_summary(on_table, die.target)
     with clock.stage("figures"):
         tolerance = recipe.method.tolerance
         images = _figures(summary, tolerance, die.verdict, engraved, placements)
+        if on_table is not None:
+            from dicedesign.table_figures import table_figures
+
+            images |= table_figures(summary, on_table)
     add_report(files, summary, images, recipe, clock, _page)
     return files, summary
 

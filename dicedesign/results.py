@@ -37,6 +37,10 @@ OWNED: Final = (
     "displacement.png",
     "crossings.png",
     "energy.png",
+    "table.png",
+    "rounds.png",
+    "film.png",
+    "throw.gif",
 )
 """Files that a run may write besides `RESULT`; those that it does not write are removed."""
 
@@ -89,9 +93,10 @@ def add_report(
     """Complete what a run leaves: add figures, recipe and page to the files, and to the summary
     "files", "stages" and "peak_since".
 
-    images: PNG bytes of the figures by name; page: makes the page of summary and figures.
+    images: bytes of the figures by name, "throw" as GIF and all others as PNG; page: makes the page
+    of summary and figures.
     """
-    files.update({f"{name}.png": data for name, data in images.items()})
+    files.update({_image_file(name): data for name, data in images.items()})
     files["recipe.yaml"] = recipe_text(recipe).encode("utf-8")
     summary["files"] = _files_by_kind(files)
     # The same list as the clock's: the page shows the stages before its own, result.json all.
@@ -99,6 +104,10 @@ def add_report(
     summary["peak_since"] = clock.peak_since
     with clock.stage("report"):
         files["report.html"] = page(summary, images).encode("utf-8")
+
+
+def _image_file(name: str) -> str:
+    return f"{name}.gif" if name == "throw" else f"{name}.png"
 
 
 def write_results(folder: Path, files: Mapping[str, bytes], summary: Mapping[str, Any]) -> None:

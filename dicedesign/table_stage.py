@@ -41,7 +41,7 @@ def thrown_odds(options: ExactOptions) -> ThrownOdds | None:
 
     Raises InputError: there is no such table, or it has no momentum model.
     """
-    return ThrownOdds(momentum_model(options.table)) if options.odds == "thrown" else None
+    return ThrownOdds.on(options.table) if options.odds == "thrown" else None
 
 
 def refined(
@@ -55,7 +55,7 @@ def refined(
     group: Floats | None,
     center_of_mass: Floats | None,
     design: Callable[[DesignResult, Floats], DesignResult | None],
-    on_round: Callable[[Round], None],
+    on_round: Callable[[Round], None] | None,
 ) -> tuple[DesignResult, tuple[Round, ...]]:
     """A die corrected by simulated throws at its printed size; see `Refinement`."""
     orbits = (
@@ -84,7 +84,8 @@ class TableVerdict:
 
     Attributes
     ----------
-    body: the die in mm, as it was thrown; table: with the die's own size.
+    solid: the die in mm, as it was thrown; body: the same about its center of mass (3,).
+    table: with the die's own size.
     momentum: (k,) odds of the outcomes by the momentum model.
     rounds: of the design.
     throws: the simulated ones, or None where the recipe asks for none.
@@ -92,7 +93,9 @@ class TableVerdict:
         ended elsewhere.
     """
 
+    solid: Body
     body: RigidBody
+    center_of_mass: Floats
     table: Table
     momentum: Floats
     rounds: tuple[Round, ...]
@@ -122,7 +125,16 @@ def judge_on_table(
                 options.refine.verdict, SEEDS * seed + SEEDS - 1, options.refine.engine, workers
             )
         counts = thrown.by_outcome(throws.counts)
-    return TableVerdict(thrown.body, thrown.table, thrown.by_outcome(model), rounds, throws, counts)
+    return TableVerdict(
+        solid,
+        thrown.body,
+        thrown.poses.center_of_mass,
+        thrown.table,
+        thrown.by_outcome(model),
+        rounds,
+        throws,
+        counts,
+    )
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from dicedesign.design.refine_options import RefineOptions
 from dicedesign.design.stopping import Status
 from dicedesign.design.targets import Target
+from dicedesign.recipe import Recipe
 from dicedesign.table_stage import TableVerdict
 from dicedesign.throws.intervals import exact_intervals
 from dicedesign.throws.total_variation import MeasuredVariation, measure_variation
@@ -62,15 +62,16 @@ def table_summary(verdict: TableVerdict, target: Target) -> dict[str, Any]:
 
 
 def table_outcome(
-    status: Status, message: str, variation: MeasuredVariation | None, options: RefineOptions
+    status: Status, message: str, verdict: TableVerdict, target: Target, recipe: Recipe
 ) -> tuple[Status, str]:
     """Status and message of a die, once it has been thrown."""
-    if variation is None:
+    variation, exact = measured(verdict, target), recipe.method.exact
+    if variation is None or exact is None or exact.refine is None:
         return status, message
-    if status is Status.CONVERGED and variation.value > options.within:
+    if status is Status.CONVERGED and variation.value > exact.refine.within:
         status = Status.OFF_TABLE
     told = (
-        f"thrown {options.verdict} times, its total variation from the target is "
-        f"{variation.value:.3g}, where a perfect die shows {variation.noise_floor:.2g}"
+        f"thrown {exact.refine.verdict} times, its total variation from the target is "
+        f"{variation.value:.2g}, where a perfect die shows {variation.noise_floor:.2g}"
     )
     return status, f"{told}; {message}"

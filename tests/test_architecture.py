@@ -31,6 +31,7 @@ FLOORS = (
         "recipe_file",
         "table_stage",
         "table_summary",
+        "table_figures",
         "design_stage",
         "concave_stage",
         "summary",

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from tqdm import tqdm
 
     from dicedesign.concave.result import ConcaveStep
+    from dicedesign.design.refinement import Round
     from dicedesign.design.result import DesignStep
     from dicedesign.recipe import Recipe
     from dicedesign.results import RunResult
@@ -64,8 +65,17 @@ def _run_convex(recipe: Recipe, folder: Path, bar: tqdm[Any], enlarge: bool) -> 
         bar.update()
         bar.set_postfix_str(f"max |p - q| {step.error:.2e}")
 
+    def on_round(thrown: Round) -> None:
+        told = f"{thrown.drops} throws, total variation {thrown.deviation:.3f}"
+        bar.set_description_str(f"{told} (perfect {thrown.noise_floor:.3f})")
+
     return run_recipe(
-        recipe, folder, enlarge=enlarge, on_stage=bar.set_description_str, on_step=on_step
+        recipe,
+        folder,
+        enlarge=enlarge,
+        on_stage=bar.set_description_str,
+        on_step=on_step,
+        on_round=on_round,
     )
 
 
@@ -88,10 +98,7 @@ def _run_concave(recipe: Recipe, folder: Path, bar: tqdm[Any], resume: bool) -> 
 def _print(name: str, result: RunResult) -> None:
     summary = result.summary
     print(f"{name}: {result.status} ({result.message})")
-    print("label  target      achieved")
-    rows = zip(summary["labels"], summary["target"], summary["probabilities"], strict=True)
-    for label, wanted, got in rows:
-        print(f"{label:>5s}  {wanted:<#10.5g}  {got:#.5g}")
+    _print_odds(summary)
     if "displacement" in summary:
         print(f"other  {0.0:<#10.5g}  {summary['elsewhere']:#.5g}")
         moved = summary["displacement"]
@@ -99,6 +106,22 @@ def _print(name: str, result: RunResult) -> None:
             f"displacement: mean {100.0 * moved['mean']:.3g} %, largest "
             f"{100.0 * moved['largest']:.3g} % of the diagonal"
         )
-    if "engraved_max_abs_error" in summary:
+    if "engraved_max_abs_error" in summary and "thrown" not in summary:
         print(f"engraved: max |p - q| {summary['engraved_max_abs_error']:.2e}")
     print(f"files in {result.folder}: {', '.join(summary['files'].values())}")
+
+
+def _print_odds(summary: dict[str, Any]) -> None:
+    """Target and odds by label; of a thrown die those that it was designed for and seen with."""
+    columns = {"achieved": summary["probabilities"]}
+    if "thrown" in summary:
+        thrown = summary["thrown"]
+        columns = {"set down": summary["probabilities"], "model": thrown["momentum"]}
+        if "simulated" in thrown:
+            columns["thrown"] = thrown["simulated"]["frequencies"]
+    print("label  target      " + "".join(f"{name:<12s}" for name in columns).rstrip())
+    for label, wanted, *odds in zip(
+        summary["labels"], summary["target"], *columns.values(), strict=True
+    ):
+        cells = "".join(f"{value:<#12.5g}" for value in odds).rstrip()
+        print(f"{label:>5s}  {wanted:<#10.5g}  {cells}")

@@ -77,7 +77,7 @@ class Refinement:
     rounds: int
     throw: Callable[[DesignResult, int, int], Integers]
     design: Callable[[DesignResult, Floats], DesignResult | None]
-    on_round: Callable[[Round], None]
+    on_round: Callable[[Round], None] | None = None
 
     def refine(self, die: DesignResult) -> tuple[DesignResult, tuple[Round, ...]]:
         """The die that the rounds lead to from one whose odds in the model are the target, and the
@@ -89,7 +89,8 @@ class Refinement:
             counts = self.throw(die, round(self.drops * GROWTH**number), number)
             thrown = self._round(asked, counts)
             history.append(thrown)
-            self.on_round(thrown)
+            if self.on_round is not None:
+                self.on_round(thrown)
             if thrown.deviation <= thrown.noise_floor:
                 break
             frequencies = self._softened(counts)

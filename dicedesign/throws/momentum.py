@@ -14,6 +14,7 @@ Written once, for NumPy and torch alike.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, Final
@@ -103,6 +104,15 @@ class MomentumModel:
     passes: Network
     carries: Network
 
+    def converted(self, convert: Callable[[Any], Any]) -> MomentumModel:
+        """The same with other arrays."""
+        numbers = (convert(x) for x in (self.hot, self.cooling, self.carry_barrier))
+        networks = (
+            Network(*(convert(array) for array in vars(network).values()))
+            for network in (self.passes, self.carries)
+        )
+        return MomentumModel(*numbers, *networks)
+
 
 def landing_odds(seen: Features, passes: Passes, model: MomentumModel, xp: ModuleType) -> Any:
     """Odds (k,) of the rests of a thrown body, nonnegative and with the sum of the odds without
@@ -174,7 +184,8 @@ def model_of(plain: dict[str, Any]) -> MomentumModel:
         name: Network(**{key: np.array(value) for key, value in plain[name].items()})
         for name in ("passes", "carries")
     }
-    return MomentumModel(plain["hot"], plain["cooling"], plain["carry_barrier"], **networks)
+    numbers = (np.float64(plain[key]) for key in ("hot", "cooling", "carry_barrier"))
+    return MomentumModel(*numbers, **networks)
 
 
 def momentum_odds(poses: RestPoses, body: RigidBody, model: MomentumModel | None) -> Floats:
