@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dicedesign.design.differentiable import differentiable_rest
+    from dicedesign.design.rest_function import differentiable_rest
     from dicedesign.geometry.body import Body
     from dicedesign.geometry.mesh_file import read_body
     from dicedesign.rest.poses import RestPoses, rest_poses
@@ -28,7 +28,7 @@ _HOME = {
     "Body": "dicedesign.geometry.body",
     "RestPoses": "dicedesign.rest.poses",
     "RollStep": "dicedesign.rest.roll",
-    "differentiable_rest": "dicedesign.design.differentiable",
+    "differentiable_rest": "dicedesign.design.rest_function",
     "read_body": "dicedesign.geometry.mesh_file",
     "rest_poses": "dicedesign.rest.poses",
     "roll": "dicedesign.rest.roll",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -23,7 +24,7 @@ from dicedesign.design.symmetric_shapes import symmetric_shapes_near
 from dicedesign.design.targets import Target
 from dicedesign.design.variations import shapes_like
 from dicedesign.design.verdict import Verdict, judge
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, NoStartError
 from dicedesign.geometry.body import make_body
 from dicedesign.geometry.circle import facet_inradius
 from dicedesign.geometry.hull import convex_hull
@@ -42,6 +43,11 @@ Floats = NDArray[np.float64]
 
 RARE: Final = 1e-5
 """Outcomes below are seldom met exactly: of the shapes that lead there most lose their facets."""
+
+
+CLOSE_STARTS: Final = 12
+"""Variations of a die that are led to corrected odds, until one gets there: the momentum model has
+kinks, at which some get stuck."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +171,13 @@ def design_die(
         if method.exact.refine is not None and design.status is Status.CONVERGED:
 
             def again(die: DesignResult, odds: Floats) -> DesignResult | None:
-                found = solve([Start(die.hull.vertices, die.directions)], odds)
+                near = shapes_like(
+                    Start(die.hull.vertices, die.directions), recipe.seed, recipe.group()
+                )
+                try:
+                    found = solve(islice(near, CLOSE_STARTS), odds)
+                except NoStartError:
+                    return None
                 return found if found.status is Status.CONVERGED else None
 
             design, rounds = refined(

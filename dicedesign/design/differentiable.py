@@ -27,9 +27,9 @@ from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hull_reuse import HullMaker
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import Separatrices, separatrices
-from dicedesign.rest.probabilities import Basins, basin_areas, find_basins, tie_distance
+from dicedesign.rest.probabilities import Basins, basin_areas, tie_distance
 
-__all__ = ["RestEvaluation", "differentiable_rest", "evaluate_rests"]
+__all__ = ["RestEvaluation", "evaluate_rests"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -235,44 +235,3 @@ def evaluate_rests(
         )
     center = center_of_mass.detach().numpy()
     return RestEvaluation(classify(hull, center), vertices, center_of_mass)
-
-
-def differentiable_rest(
-    vertices: Tensor, center_of_mass: Tensor | None = None
-) -> tuple[Tensor, Tensor]:
-    """Rests of the convex hull of points, differentiable in the points and the center of mass.
-
-    Parameters
-    ----------
-    vertices: (n, 3) float64 tensor, any length unit; points inside the hull get zero gradient.
-    center_of_mass: (3,) float64 tensor strictly inside the hull, or None for that of the uniform
-        solid hull, whose own gradient is then included.
-
-    Returns
-    -------
-    normals: (k, 3) outward unit normals of the stable facets, the most probable first.
-    probabilities: (k,) summing to 1.
-
-    Raises
-    ------
-    InputError, DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`.
-
-    Of a body that balances within rounding the mean of both sides is returned, as by `rest_poses`.
-
-    Source: algorithm 3, eq. 9 and 10; section 3.1.
-    """
-    rests = evaluate_rests(vertices, center_of_mass)
-    center = rests.equilibria.center_of_mass
-    sides = find_basins(rests.hull, center)
-    hull = sides[0].equilibria.hull
-    corners = vertices[torch.as_tensor(hull.source)]
-    of_facet = torch.zeros(len(hull.normals), dtype=torch.float64)
-    for side in sides:
-        aside = side.equilibria.center_of_mass - center
-        moved = rests.center + torch.as_tensor(aside) if aside.any() else rests.given_center
-        beside = RestEvaluation(side.equilibria, corners, moved, side)
-        of_facet = of_facet.index_add(0, torch.as_tensor(side.paths.rests), beside.probabilities)
-    # Stable, so that equal rests keep the order of their facets.
-    order = np.argsort(-of_facet.detach().numpy(), kind="stable")
-    facets = order[: len(np.unique(np.concatenate([side.paths.rests for side in sides])))]
-    return beside.facet_normals(facets), of_facet[torch.as_tensor(facets)] / len(sides)

@@ -41,12 +41,12 @@ MARGIN: Final = 1e-5
 """By which Bullet rounds the hull, in radii."""
 
 STANDING_SPEED: Final = 1e-2
-"""A body whose speed stays below this is at a stand; in units of the square root of radius times
-gravity, and by so much less as drag makes it fall more slowly."""
+"""Bodies whose speed stays below this are at a stand; in units of the square root of radius times
+gravity, and by so much less as drag makes them fall more slowly."""
 
 STANDING_TIME: Final = 10.0
-"""How long they do, in units of the square root of radius over gravity: one that balances on an
-edge would have fallen off."""
+"""How long they do, in units of the square root of radius over gravity, and by so much longer as
+drag makes it fall more slowly: one that balances on an edge would have fallen off."""
 
 
 def throw_states(
@@ -96,7 +96,8 @@ class _Scene:
         self, bullet: Any, client: int, body: RigidBody, table: Table, step: float
     ) -> None:
         self._bullet, self._body, self._step = bullet, body, step
-        self._slow = STANDING_SPEED / (1.0 + table.drag * math.sqrt(table.size / 2.0 / GRAVITY))
+        slower = 1.0 + table.drag * math.sqrt(table.size / 2.0 / GRAVITY)
+        self._slow, self._patience = STANDING_SPEED / slower, STANDING_TIME * slower
         self._client = {"physicsClientId": client}
         bullet.setGravity(0.0, 0.0, -1.0, **self._client)
         bullet.setPhysicsEngineParameter(
@@ -162,7 +163,7 @@ class _Scene:
             if rest >= 0:
                 return rest
             stood = stood + STEPS_PER_CHECK if speed < self._slow else 0
-            if stood * self._step > STANDING_TIME:
+            if stood * self._step > self._patience:
                 return self._standing(down)
         return -1
 

@@ -20,7 +20,8 @@ from dicedesign.bench.random_hulls import KINDS, random_hull
 from dicedesign.bench.uniform import PLATONIC
 from dicedesign.cli import main
 from dicedesign.design import differentiable
-from dicedesign.design.differentiable import differentiable_rest, evaluate_rests
+from dicedesign.design.differentiable import evaluate_rests
+from dicedesign.design.rest_function import differentiable_rest
 from dicedesign.geometry.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import angle_between, oblique_projection, unit_vectors
 from dicedesign.rest.equilibria import classify

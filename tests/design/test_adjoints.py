@@ -22,11 +22,11 @@ from dicedesign.design.centroid import centroid_gradient, hull_centroid
 from dicedesign.design.coordinates import FacetCoordinates
 from dicedesign.design.differentiable import (
     RestEvaluation,
-    differentiable_rest,
     evaluate_rests,
 )
 from dicedesign.design.energy import Clusters, Energy, cluster, total_energy
 from dicedesign.design.energy_weights import REGULARIZERS, EnergyWeights
+from dicedesign.design.rest_function import differentiable_rest
 from dicedesign.design.starts import hendecahedron, prism, repulsion
 from dicedesign.geometry.hull import convex_hull
 from dicedesign.rest.equilibria import classify

@@ -13,9 +13,9 @@ from dicedesign.design import rest_formulas
 from dicedesign.design.centroid import hull_centroid
 from dicedesign.design.differentiable import (
     RestEvaluation,
-    differentiable_rest,
     evaluate_rests,
 )
+from dicedesign.design.rest_function import differentiable_rest
 from dicedesign.design.starts import prism, repulsion
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
 from dicedesign.geometry.hull import convex_hull
