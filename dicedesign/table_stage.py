@@ -27,7 +27,7 @@ from dicedesign.throws.simulation import Engine, Throws, simulate
 from dicedesign.throws.tables import Table, table_named
 from dicedesign.tolerances import SAME_REST_ANGLE
 
-__all__ = ["TableVerdict", "judge_on_table", "refined", "thrown_odds"]
+__all__ = ["DieOnTable", "TableVerdict", "judge_on_table", "refined", "thrown_odds"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -68,7 +68,7 @@ def refined(
             scale = size_mm / tried.hull.diameter
             center = None if center_of_mass is None else scale * center_of_mass
             solid = make_body(scale * tried.hull.vertices, name="die")
-            thrown = _Thrown.of(solid, center, tried.directions, named)
+            thrown = DieOnTable.of(solid, center, tried.directions, named)
             throws = thrown.simulated(drops, SEEDS * seed + number, options.engine, workers)
             return thrown.by_outcome(throws.counts)
 
@@ -116,7 +116,7 @@ def judge_on_table(
     solid: in mm; center_of_mass: (3,) given, or None for the uniform solid; directions: (k, 3)
     normals of the outcomes' facets.
     """
-    thrown = _Thrown.of(solid, center_of_mass, directions, table_named(options.table))
+    thrown = DieOnTable.of(solid, center_of_mass, directions, table_named(options.table))
     model = momentum_odds(thrown.poses, thrown.body, momentum_model(options.table))
     throws, counts = None, np.zeros(len(directions), dtype=np.int64)
     if options.refine is not None:
@@ -138,7 +138,7 @@ def judge_on_table(
 
 
 @dataclass(frozen=True)
-class _Thrown:
+class DieOnTable:
     """A body in mm, ready to be thrown.
 
     Attributes
@@ -157,7 +157,7 @@ class _Thrown:
     @classmethod
     def of(
         cls, solid: Body, center_of_mass: Floats | None, directions: Floats, table: Table
-    ) -> _Thrown:
+    ) -> DieOnTable:
         poses = rest_poses(solid, center_of_mass)
         body = rigid_body(solid, poses)
         angles = angle_between(poses.normals[:, None], directions)

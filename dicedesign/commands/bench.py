@@ -11,9 +11,11 @@ from dicedesign.commands.benches import (
     exact,
     gradients,
     lean,
+    momentum,
     speed,
     stability,
     table,
+    thrown,
 )
 
 __all__ = ["add_parser"]
@@ -27,5 +29,17 @@ def add_parser(commands: Any) -> None:
         description="Measure the product itself.",
     )
     benches = parser.add_subparsers(title="benches", required=True, metavar="BENCH")
-    for module in (accuracy, concave, design, exact, gradients, lean, speed, stability, table):
+    for module in (
+        accuracy,
+        concave,
+        design,
+        exact,
+        gradients,
+        lean,
+        momentum,
+        speed,
+        stability,
+        table,
+        thrown,
+    ):
         module.add_parser(benches)

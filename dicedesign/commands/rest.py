@@ -17,8 +17,14 @@ from dicedesign.commands.rest_folder import (
 from dicedesign.commands.vectors import vector
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from dicedesign.batch.analyse import Center
+    from dicedesign.geometry.body import Body
     from dicedesign.rest.poses import RestPoses
+
+    Floats = NDArray[np.float64]
 
 __all__ = ["add_body_options", "add_parser", "center_of_mass", "poses_of", "rest_summary"]
 
@@ -34,6 +40,12 @@ def add_parser(commands: Any) -> None:
     )
     add_body_options(parser)
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser.add_argument(
+        "--table",
+        metavar="NAME|FILE.json",
+        help="of a mesh: also the odds when it is thrown onto a table, by the momentum model: "
+        "board-game, or a file made by `dicedesign table learn`",
+    )
     parser.add_argument(
         "--figure", type=Path, metavar="FILE.png", help="draw the Morse-Smale complex"
     )
@@ -61,6 +73,10 @@ def add_body_options(parser: argparse.ArgumentParser) -> None:
 
 def poses_of(options: argparse.Namespace) -> RestPoses:
     """The rests of the body that the options name; notes go to stderr."""
+    return _body_and_poses(options)[1]
+
+
+def _body_and_poses(options: argparse.Namespace) -> tuple[Body, RestPoses]:
     # Imported here, as a folder is for workers and other commands do without.
     from dicedesign.geometry.mesh_file import read_body
     from dicedesign.geometry.mesh_formats import without_solids
@@ -72,7 +88,7 @@ def poses_of(options: argparse.Namespace) -> RestPoses:
     poses = rest_poses(body, center, coplanar_tolerance=options.coplanar_tolerance)
     for note in poses.notes:
         print(f"note: {note}", file=sys.stderr)
-    return poses
+    return body, poses
 
 
 def center_of_mass(text: str | None) -> Center:
@@ -82,8 +98,8 @@ def center_of_mass(text: str | None) -> Center:
     return vector("--com", text)
 
 
-def rest_summary(poses: RestPoses) -> dict[str, Any]:
-    """The answer as plain data."""
+def rest_summary(poses: RestPoses, thrown: Floats | None = None) -> dict[str, Any]:
+    """The answer as plain data. thrown: (k,) odds of a thrown body, where they were asked for."""
     return {
         "center_of_mass": poses.center_of_mass.tolist(),
         "center_of_mass_source": poses.center_of_mass_source,
@@ -92,6 +108,7 @@ def rest_summary(poses: RestPoses) -> dict[str, Any]:
             {
                 "normal": poses.normals[i].tolist(),
                 "probability": float(poses.probabilities[i]),
+                **({} if thrown is None else {"thrown": float(thrown[i])}),
                 "transform": poses.transforms[i].tolist(),
                 "area": float(poses.areas[i]),
                 "margin_deg": math.degrees(poses.margins[i]),
@@ -106,14 +123,24 @@ def _rest(options: argparse.Namespace) -> int:
     if options.mesh.is_dir():
         return rest_folder(options, center_of_mass(options.com))
     refuse_folder_options(options)
-    poses = poses_of(options)
+    body, poses = _body_and_poses(options)
+    thrown = None if options.table is None else _thrown(body, poses, options.table)
     if options.figure is not None:
         _draw(poses, options.figure)
     if options.json:
-        print(json.dumps(rest_summary(poses), indent=1, allow_nan=False))
+        print(json.dumps(rest_summary(poses, thrown), indent=1, allow_nan=False))
     else:
-        print(_table(options, poses))
+        print(_table(options, poses, thrown))
     return 0
+
+
+def _thrown(body: Body, poses: RestPoses, table: str) -> Floats:
+    """Odds (k,) by the momentum model."""
+    from dicedesign.throws.momentum import momentum_model, momentum_odds
+    from dicedesign.throws.rigid_body import rigid_body
+
+    model = momentum_model(table)
+    return momentum_odds(poses, rigid_body(body, poses), model)
 
 
 def _draw(poses: RestPoses, path: Path) -> None:
@@ -124,7 +151,7 @@ def _draw(poses: RestPoses, path: Path) -> None:
     atomic_write(path, png_bytes(gauss_map_figure(poses)))
 
 
-def _table(options: argparse.Namespace, poses: RestPoses) -> str:
+def _table(options: argparse.Namespace, poses: RestPoses, thrown: Floats | None) -> str:
     center = ", ".join(f"{x:.6g}" for x in poses.center_of_mass)
     milliseconds = 1e3 * sum(poses.seconds.values())
     lines = [
@@ -133,12 +160,18 @@ def _table(options: argparse.Namespace, poses: RestPoses) -> str:
         f"{milliseconds:.1f} ms",
         f"center of mass ({center}), {poses.center_of_mass_source}",
         "",
-        "rest  probability   facet normal (down)            area       margin",
+        "rest  probability   "
+        + ("" if thrown is None else "thrown        ")
+        + "facet normal (down)            area       margin",
     ]
     for i, (p, n) in enumerate(zip(poses.probabilities, poses.normals, strict=True)):
         normal = "  ".join(f"{x + 0.0:8.5f}" for x in n)
         lines.append(
-            f"{i + 1:4d}  {100 * p:9.5f} %   {normal}   {poses.areas[i]:9.4g}  "
-            f"{math.degrees(poses.margins[i]):7.2f} deg"
+            f"{i + 1:4d}  {100 * p:9.5f} %   {_percent(thrown, i)}{normal}   "
+            f"{poses.areas[i]:9.4g}  {math.degrees(poses.margins[i]):7.2f} deg"
         )
     return "\n".join(lines)
+
+
+def _percent(thrown: Floats | None, rest: int) -> str:
+    return "" if thrown is None else f"{100 * thrown[rest]:9.5f} %   "

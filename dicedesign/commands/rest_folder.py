@@ -55,6 +55,11 @@ def rest_folder(options: argparse.Namespace, center_of_mass: Center) -> int:
     from dicedesign.batch.rows import Stamp
     from dicedesign.batch.table import Table
 
+    if options.table is not None:
+        raise InputError(
+            f"--table: expected one mesh, got the folder {options.mesh}; leave --table out, or "
+            "name a mesh"
+        )
     _check(options)
     folder, path, tolerance = options.mesh, options.out, options.coplanar_tolerance
     any_name = table_format(path).any_name

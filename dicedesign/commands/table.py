@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from dicedesign.commands import table_learn
 from dicedesign.commands.workers import add_worker_options, check_worker_options, open_workers
 from dicedesign.errors import InputError
 
@@ -35,7 +36,9 @@ VAGUE: Final = 0.75
 def add_parser(commands: Any) -> None:
     """Add the subcommand and its own subcommands to argparse's `commands`."""
     parser = commands.add_parser(
-        "table", help="fit a table's throw parameters", description="Tables of throw parameters."
+        "table",
+        help="fit a table's throw parameters or its momentum model",
+        description="Tables of throw parameters.",
     )
     actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
     fit = actions.add_parser(
@@ -81,6 +84,7 @@ def add_parser(commands: Any) -> None:
     )
     fit.add_argument("--json", action="store_true", help="print JSON instead of a table")
     fit.set_defaults(command=_fit)
+    table_learn.add_action(actions)
 
 
 def _fit(options: argparse.Namespace) -> int:

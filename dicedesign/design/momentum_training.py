@@ -19,7 +19,8 @@ from dicedesign.throws.momentum import (
     Network,
     landing_odds,
 )
-from dicedesign.throws.passes import Features, Passes
+from dicedesign.throws.pass_features import Features
+from dicedesign.throws.passes import Passes
 
 __all__ = ["TrainingDie", "plain_model", "train"]
 
@@ -155,7 +156,7 @@ def train(
         loss = loss + WEIGHT_DECAY * sum((weight**2).sum() for weight in weights if weight.ndim > 1)
         loss.backward()
         if on_step is not None:
-            on_step(float(loss))
+            on_step(float(loss.detach()))
         return loss
 
     optimizer.step(closure)
@@ -175,9 +176,11 @@ def _network(
 
     first = torch.zeros(outputs, dtype=torch.float64)
     first[0] = bias
+    deviation = table.std(0)
     return Network(
         table.mean(0),
-        table.std(0),
+        # What few dice all have in common tells nothing.
+        torch.where(deviation > 0.0, deviation, 1.0),
         torch.zeros((columns, outputs), dtype=torch.float64),
         first,
         spread(columns, hidden, 1.0),

@@ -1,4 +1,8 @@
-"""Odds of thrown dice as a differentiable function of their vertices."""
+"""Odds of thrown dice as a differentiable function of their vertices.
+
+Values and derivatives come from compiled kernels, or where there are none from the formulas of
+`dicedesign.throws` in NumPy and torch.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +15,23 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from dicedesign import kernels
+from dicedesign.design.centroid import centroid_gradient, hull_centroid
 from dicedesign.design.differentiable import RestEvaluation
 from dicedesign.design.inertia import hull_inertia
+from dicedesign.design.kernel_functions import adjoint_function
+from dicedesign.design.rest_formulas import rest_probabilities
+from dicedesign.geometry.hull import ConvexHull
 from dicedesign.geometry.mass import solid_inertia
-from dicedesign.throws.momentum import MomentumModel, landing_odds, momentum_model
-from dicedesign.throws.passes import Passes, features
+from dicedesign.throws.momentum import (
+    MomentumModel,
+    hull_odds,
+    kernel_arrays,
+    landing_odds,
+    momentum_model,
+)
+from dicedesign.throws.pass_features import features
+from dicedesign.throws.passes import Passes
 
 __all__ = ["ThrownOdds"]
 
@@ -45,24 +61,51 @@ class ThrownOdds:
         """(k,) odds of the rests, in the order of `rests.paths.rests`."""
         if self.model is None or len(rests.odds) == 1:
             return rests.odds
-        hull, passes = rests.hull, Passes.of(rests.hull, rests.paths)
-        inertia = solid_inertia(hull.vertices, hull.triangles)
-        center = rests.equilibria.center_of_mass
-        seen = features(passes, hull.vertices, center, inertia, rests.odds, np)
-        found: Floats = landing_odds(seen, passes, self.model[0], np)
-        return found
+        hull, center = rests.hull, rests.equilibria.center_of_mass
+        return hull_odds(hull, rests.paths, center, _inertia(hull), rests.odds, self.model[0])
 
     def tensor(self, rests: RestEvaluation) -> Tensor:
         """The same, with gradients."""
-        return self._of(rests, rests.vertices, rests.probabilities, rests.given_center)
+        given, resting = rests.given_center, rests.probabilities
+        compiled = kernels.compiled
+        if compiled is None or self.model is None or len(resting) == 1:
+            return self._formula(rests, rests.vertices, resting, given)
+        model = self.model[0]
+
+        def adjoint(gradient: Floats) -> tuple[Floats, ...]:
+            by_vertices, by_center, by_odds = (
+                rows[0] for rows in _gradients(compiled, rests, model, gradient[None])
+            )
+            by_vertices = rests.with_center(by_vertices.reshape(-1, 3), by_center)
+            return (by_vertices, by_odds) if given is None else (by_vertices, by_odds, by_center)
+
+        def formula(vertices: Tensor, resting: Tensor, given: Tensor | None = None) -> Tensor:
+            return self._formula(rests, vertices, resting, given)
+
+        inputs = (rests.vertices, resting) if given is None else (rests.vertices, resting, given)
+        return adjoint_function(self.odds(rests), adjoint, formula, *inputs)
 
     def jacobian(self, rests: RestEvaluation) -> Floats:
         """(k, 3 n) derivatives in the hull's vertices, with which the center of mass of a uniform
         solid moves."""
+        resting, compiled = _resting_jacobian(rests), kernels.compiled
+        if self.model is None or len(resting) == 1:
+            return resting
+        if compiled is None:
+            rows, by_odds = self._formula_rows(rests)
+            return rows + by_odds @ resting
+        rows, by_center, by_odds = _gradients(compiled, rests, self.model[0], np.eye(len(resting)))
+        if rests.given_center is None:
+            by_axis = [centroid_gradient(rests.hull, axis).ravel() for axis in np.eye(3)]
+            rows = rows + by_center @ np.stack(by_axis)
+        return rows + by_odds @ resting
+
+    def _formula_rows(self, rests: RestEvaluation) -> tuple[Floats, Floats]:
+        """Derivatives (k, 3 n) in the vertices and (k, k) in the odds without momentum."""
         vertices = torch.from_numpy(rests.hull.vertices).requires_grad_()
         resting = torch.from_numpy(rests.odds).requires_grad_()
         given = rests.given_center
-        thrown = self._of(rests, vertices, resting, None if given is None else given.detach())
+        thrown = self._formula(rests, vertices, resting, None if given is None else given.detach())
         rows, by_odds = torch.autograd.grad(
             thrown,
             (vertices, resting),
@@ -71,10 +114,9 @@ class ThrownOdds:
             allow_unused=True,
             materialize_grads=True,
         )
-        found: Floats = rows.reshape(len(thrown), -1).numpy()
-        return found + by_odds.numpy() @ _resting_jacobian(rests)
+        return rows.reshape(len(thrown), -1).numpy(), by_odds.numpy()
 
-    def _of(
+    def _formula(
         self, rests: RestEvaluation, vertices: Tensor, resting: Tensor, given: Tensor | None
     ) -> Tensor:
         if self.model is None or len(resting) == 1:
@@ -88,13 +130,36 @@ class ThrownOdds:
         return found
 
 
+def _inertia(hull: ConvexHull) -> Floats:
+    """(3, 3) that of the uniform solid, over its mass."""
+    if kernels.compiled is None:
+        return solid_inertia(hull.vertices, hull.triangles)
+    found: Floats = kernels.compiled.solid_inertia(hull.facet_start, hull.tail, hull.vertices)
+    return found
+
+
+def _gradients(
+    compiled: ModuleType, rests: RestEvaluation, model: MomentumModel, weights: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Gradients (r, 3 n), (r, 3), (r, k) of weighted sums (r, k) of the odds in the vertices, in
+    the center of mass and in the odds without momentum."""
+    arrays = kernel_arrays(rests.hull, rests.paths, model)
+    center = rests.equilibria.center_of_mass
+    found: tuple[Floats, Floats, Floats] = compiled.thrown_gradients(
+        *arrays, rests.hull.vertices, center, rests.odds, weights
+    )
+    return found
+
+
 def _resting_jacobian(rests: RestEvaluation) -> Floats:
     """(k, 3 n) that of the odds without momentum."""
     jacobian = rests.jacobian
     if jacobian is not None:
         return jacobian
+    vertices, given = torch.from_numpy(rests.hull.vertices).requires_grad_(), rests.given_center
+    center = hull_centroid(vertices, rests.hull) if given is None else given.detach()
     rows = [
-        torch.autograd.grad(value, rests.vertices, retain_graph=True)[0].numpy().ravel()
-        for value in rests.probabilities
+        torch.autograd.grad(value, vertices, retain_graph=True)[0].numpy().ravel()
+        for value in rest_probabilities(rests.hull, rests.paths, vertices, center)
     ]
     return np.stack(rows)

@@ -2,12 +2,15 @@
 #include <algorithm>
 
 #include "arrays.hpp"
+#include "momentum.hpp"
 #include "throws.hpp"
 
 namespace dicedesign {
 namespace {
 
 using States = nb::ndarray<double, nb::shape<-1, 13>, nb::c_contig, nb::device::cpu>;
+using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Tensor = nb::ndarray<const double, nb::shape<3, 3>, nb::c_contig, nb::device::cpu>;
 
 Landscape landscape_of(const Points& vertices, const Indices& start, const Indices& neighbor,
                        const Indices& left, const Indices& right, const Points& normals,
@@ -70,11 +73,84 @@ nb::tuple advance_throws(Points vertices, Indices start, Indices neighbor, Indic
     return nb::make_tuple(array(std::move(outcome)), array(std::move(taken)));
 }
 
+Landing landing_of(const Indices& facet_start, const Indices& tail, const Indices& rests,
+                   const IndexPairs& basins, const IndexPairs& saddle_ends,
+                   const Points& vertices) {
+    return {{static_cast<Index>(facet_start.shape(0)) - 1, facet_start.data(), tail.data()},
+            static_cast<Index>(vertices.shape(0)),
+            static_cast<Index>(rests.shape(0)),
+            rests.data(),
+            static_cast<Index>(basins.shape(0)),
+            basins.data(),
+            saddle_ends.data()};
+}
+
+// The parameters in the order of `MomentumModel.flat`, of which the networks' hidden units are as
+// many as `hidden` says.
+Momentum momentum_of(const Floats& parameters, const Indices& hidden) {
+    const double* next = parameters.data() + 3;
+    const auto network = [&](std::size_t inputs, std::size_t outputs, std::size_t units) {
+        const auto take = [&](std::size_t count) {
+            next += count;
+            return next - count;
+        };
+        const double* const linear = take(inputs * outputs);
+        const double* const bias = take(outputs);
+        const double* const inward = take(inputs * units);
+        const double* const shift = take(units);
+        return MomentumNetwork{linear, bias, inward, shift, take(units * outputs), units};
+    };
+    const auto units = [&](std::size_t i) { return static_cast<std::size_t>(hidden(i)); };
+    const MomentumNetwork passes = network(PASS_FEATURES, PASS_OUTPUTS, units(0));
+    const MomentumNetwork carries = network(CARRY_FEATURES, CARRY_OUTPUTS, units(1));
+    return {parameters(0), parameters(1), parameters(2), passes, carries};
+}
+
+// Odds (k,) of the rests of a thrown body with a tensor of inertia over the mass.
+nb::object odds_of_thrown(Indices facet_start, Indices tail, Indices rests, IndexPairs basins,
+                          IndexPairs saddle_ends, Floats parameters, Indices hidden,
+                          Points vertices, Floats center, Tensor inertia, Floats odds) {
+    const Symmetric<double> tensor{inertia(0, 0), inertia(1, 1), inertia(2, 2),
+                                   inertia(0, 1), inertia(1, 2), inertia(2, 0)};
+    return array(thrown_odds(landing_of(facet_start, tail, rests, basins, saddle_ends, vertices),
+                             momentum_of(parameters, hidden), rows(vertices), vector(center),
+                             tensor, odds.data()));
+}
+
+// Gradients (r, 3 n), (r, 3) and (r, k) of weighted sums (r, k) of the odds of a uniform solid, in
+// the vertices, the center of mass and the odds without momentum.
+nb::tuple thrown_gradients(Indices facet_start, Indices tail, Indices rests, IndexPairs basins,
+                           IndexPairs saddle_ends, Floats parameters, Indices hidden,
+                           Points vertices, Floats center, Floats odds, Rows weights) {
+    const std::size_t count = weights.shape(0), coordinates = 3 * vertices.shape(0);
+    std::vector<double> by_vertices(count * coordinates), by_center(count * 3),
+        by_odds(count * odds.shape(0));
+    pull_back_thrown_odds(landing_of(facet_start, tail, rests, basins, saddle_ends, vertices),
+                          momentum_of(parameters, hidden), rows(vertices), vector(center),
+                          odds.data(), weights.data(), count, by_vertices.data(),
+                          by_center.data(), by_odds.data());
+    return nb::make_tuple(array(std::move(by_vertices), coordinates),
+                          array(std::move(by_center), 3),
+                          array(std::move(by_odds), odds.shape(0)));
+}
+
+// Tensor of inertia (3, 3) of the uniform solid over its mass.
+nb::object inertia_of_solid(Indices facet_start, Indices tail, Points vertices) {
+    const Polygons facets{static_cast<Index>(facet_start.shape(0)) - 1, facet_start.data(),
+                          tail.data()};
+    const Symmetric<double> m =
+        solid_inertia(facets, rows(vertices), static_cast<Index>(vertices.shape(0)));
+    return array(std::vector<double>{m[0], m[3], m[5], m[3], m[1], m[4], m[5], m[4], m[2]}, 3);
+}
+
 }  // namespace
 
 void bind_throws(nb::module_& module) {
     module.def("rests_below", &rests_below);
     module.def("advance_throws", &advance_throws);
+    module.def("thrown_odds", &odds_of_thrown);
+    module.def("thrown_gradients", &thrown_gradients);
+    module.def("solid_inertia", &inertia_of_solid);
 }
 
 }  // namespace dicedesign

@@ -5,10 +5,11 @@ then on every impact takes energy, and lets the die leave its basin over one of 
 it, the less often the higher that is above the rest compared with the energy that is left; the
 latter is a temperature that falls from impact to impact. A die that has gone over a saddle may be
 carried on over the next at once, if it keeps enough of its speed. How often it leaves and is
-carried on depends on the features of `dicedesign.throws.passes`, by two small networks that are
-fitted to simulated throws of random dice, one pair for each table.
+carried on depends on the features of `dicedesign.throws.pass_features`, by two small networks that
+are fitted to simulated throws of random dice, one pair for each table.
 
-Written once, for NumPy and torch alike.
+Written once, for NumPy and torch alike; a compiled kernel takes the place of all of it where NumPy
+would be slow.
 """
 
 from __future__ import annotations
@@ -16,21 +17,29 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dicedesign import kernels
 from dicedesign.errors import InputError
+from dicedesign.geometry.hull import ConvexHull
+from dicedesign.rest.morse import Separatrices
 from dicedesign.rest.poses import RestPoses
-from dicedesign.throws.passes import Features, Passes, features
+from dicedesign.throws.pass_features import CARRY_FEATURES, PASS_FEATURES, Features, features
+from dicedesign.throws.passes import Passes
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.tables import table_entries
+from dicedesign.tolerances import ROUNDING
 
 __all__ = [
     "MomentumModel",
     "Network",
+    "hull_odds",
+    "kernel_arrays",
     "landing_odds",
     "model_of",
     "momentum_model",
@@ -38,6 +47,7 @@ __all__ = [
 ]
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 IMPACTS: Final = 12
 """Impacts in which a die may leave its basin."""
@@ -86,6 +96,12 @@ class Network:
         hidden = xp.tanh(scaled @ self.inward + self.shift)
         return scaled @ self.linear + self.bias + hidden @ self.outward
 
+    def unscaled(self) -> tuple[Floats, ...]:
+        """The maps and their constants, of NumPy, that take features as they are."""
+        linear, inward = (part / self.deviation[:, None] for part in (self.linear, self.inward))
+        bias, shift = self.bias - self.mean @ linear, self.shift - self.mean @ inward
+        return linear, bias, inward, shift, self.outward
+
 
 @dataclass(frozen=True)
 class MomentumModel:
@@ -113,6 +129,15 @@ class MomentumModel:
         )
         return MomentumModel(*numbers, *networks)
 
+    @cached_property
+    def flat(self) -> tuple[Floats, Integers]:
+        """All numbers of a model in NumPy in one array, as kernels take them, and (2,) how many
+        hidden units the networks have."""
+        networks = self.passes, self.carries
+        numbers = [np.array([self.hot, self.cooling, self.carry_barrier])]
+        numbers += [part.ravel() for network in networks for part in network.unscaled()]
+        return np.concatenate(numbers), np.array([len(network.shift) for network in networks])
+
 
 def landing_odds(seen: Features, passes: Passes, model: MomentumModel, xp: ModuleType) -> Any:
     """Odds (k,) of the rests of a thrown body, nonnegative and with the sum of the odds without
@@ -127,7 +152,9 @@ def landing_odds(seen: Features, passes: Passes, model: MomentumModel, xp: Modul
     temperature = xp.exp(model.hot + model.cooling * (xp.asarray(time) - 0.5))[:, None]
     going, going_on = model.passes(seen.passes, xp), model.carries(seen.carries, xp)
     stretch = xp.exp(MOST_STRETCH * xp.tanh(going[:, 3] / MOST_STRETCH))
-    free = -xp.log(-xp.expm1(-seen.barriers / NO_BARRIER))
+    # One of no height may come out below 0 by rounding.
+    barriers = xp.where(seen.barriers > ROUNDING, seen.barriers, 0.0 * seen.barriers + ROUNDING)
+    free = -xp.log(-xp.expm1(-barriers / NO_BARRIER))
     rates = _bounded((going[:, :3] @ terms).T - stretch * seen.barriers / temperature + free, xp)
     weights = _bounded((going_on @ terms).T - model.carry_barrier * seen.exits / temperature, xp)
     odds = seen.odds
@@ -179,13 +206,68 @@ def momentum_model(table: str) -> MomentumModel | None:
 
 
 def model_of(plain: dict[str, Any]) -> MomentumModel:
-    """A model from plain data, as in a table's file."""
-    networks = {
-        name: Network(**{key: np.array(value) for key, value in plain[name].items()})
-        for name in ("passes", "carries")
-    }
-    numbers = (np.float64(plain[key]) for key in ("hot", "cooling", "carry_barrier"))
-    return MomentumModel(*numbers, **networks)
+    """A model from plain data, as in a table's file.
+
+    Raises
+    ------
+    InputError: something is missing, is no number, or has another shape than in `Network`.
+    """
+    try:
+        hot, cooling, carry = (
+            np.float64(plain[key]) for key in ("hot", "cooling", "carry_barrier")
+        )
+        passes = _network(plain["passes"], len(PASS_FEATURES), PASS_OUTPUTS)
+        carries = _network(plain["carries"], len(CARRY_FEATURES), CARRY_OUTPUTS)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"momentum model: expected what `dicedesign table learn` writes, but {error!r}; make "
+            "the table's model again"
+        ) from error
+    return MomentumModel(hot, cooling, carry, passes, carries)
+
+
+def _network(plain: dict[str, Any], columns: int, outputs: int) -> Network:
+    arrays = {key: np.array(value, dtype=np.float64) for key, value in plain.items()}
+    network = Network(**arrays)
+    units = network.shift.size
+    expected = [(columns,)] * 2 + [(columns, outputs), (outputs,), (columns, units), (units,)]
+    expected += [(units, outputs)]
+    found = [array.shape for array in vars(network).values()]
+    if found != expected:
+        raise ValueError(f"arrays of shapes {expected} came as {found}")
+    return network
+
+
+def hull_odds(
+    hull: ConvexHull,
+    paths: Separatrices,
+    center: Floats,
+    inertia: Floats,
+    odds: Floats,
+    model: MomentumModel,
+) -> Floats:
+    """Odds (k,) of a thrown body's rests, numbered as in `paths.rests`.
+
+    center: (3,) center of mass; inertia: (3, 3) tensor of inertia about it over the mass, in the
+    squared unit of length; odds: (k,) without momentum; model: in NumPy.
+    """
+    compiled = kernels.compiled
+    if compiled is not None:
+        arrays = kernel_arrays(hull, paths, model)
+        found: Floats = compiled.thrown_odds(*arrays, hull.vertices, center, inertia, odds)
+        return found
+    passes = Passes.of(hull, paths)
+    seen = features(passes, hull.vertices, center, inertia, odds, np)
+    found = landing_odds(seen, passes, model, np)
+    return found
+
+
+def kernel_arrays(
+    hull: ConvexHull, paths: Separatrices, model: MomentumModel
+) -> tuple[NDArray[Any], ...]:
+    """What the kernels of the momentum model are told first."""
+    ways = paths.rests, paths.basins, paths.saddle_ends
+    return hull.facet_start, hull.tail, *ways, *model.flat
 
 
 def momentum_odds(poses: RestPoses, body: RigidBody, model: MomentumModel | None) -> Floats:
@@ -198,10 +280,8 @@ def momentum_odds(poses: RestPoses, body: RigidBody, model: MomentumModel | None
     inertia = (body.axes * body.moments) @ body.axes.T * body.radius**2
     total = np.zeros(len(poses.hull.normals))
     for side in poses.basins:
-        hull, paths, center = side.equilibria.hull, side.paths, side.equilibria.center_of_mass
-        passes = Passes.of(hull, paths)
+        hull, center = side.equilibria.hull, side.equilibria.center_of_mass
         odds = side.areas / (4.0 * math.pi)
-        seen = features(passes, hull.vertices, center, inertia, odds, np)
-        total[paths.rests] += landing_odds(seen, passes, model, np)
+        total[side.paths.rests] += hull_odds(hull, side.paths, center, inertia, odds, model)
     found: Floats = total[poses.facets] / len(poses.basins)
     return found

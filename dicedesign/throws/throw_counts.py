@@ -49,6 +49,7 @@ class ThrownDie:
     counts: (g,) how often each came up.
     geometric: (g,) their odds without momentum, summing to 1.
     group_of_rest: (k,) the outcome that each rest shows; -1 for none.
+    poses: its rests.
     """
 
     name: str
@@ -58,6 +59,7 @@ class ThrownDie:
     counts: Integers
     geometric: Floats
     group_of_rest: Integers
+    poses: RestPoses
 
     def by_outcome(self, rests: Integers) -> Integers:
         """Sums (g,) of counts (k,) over the rests of each outcome; those that show none are left
@@ -174,6 +176,7 @@ def _die(path: Path, name: str, rows: Rows) -> ThrownDie:
         counts=np.array([throws[list(members)].sum() for members in groups.members]),
         geometric=geometric / geometric.sum(),
         group_of_rest=groups.group_of_rest,
+        poses=poses,
     )
 
 

@@ -25,7 +25,8 @@ def die(name: str, counts: Sequence[int], size: float | None = None) -> ThrownDi
     """A box whose three pairs of sides are two outcomes."""
     body, poses = thrown(box(1.0, 1.2, 1.4))
     shows = (np.abs(poses.normals).argmax(axis=1) > 0).astype(np.int64)
-    return ThrownDie(name, body, size, ("a", "b"), np.array(counts), np.array([0.5, 0.5]), shows)
+    even = np.array([0.5, 0.5])
+    return ThrownDie(name, body, size, ("a", "b"), np.array(counts), even, shows, poses)
 
 
 def by_restitution(restitution: np.ndarray) -> np.ndarray:

@@ -26,7 +26,8 @@ def test_a_die_thrown_on_the_same_table() -> None:
     groups = np.where(poses.normals[:, 2] > 0.5, -1, sides)
     seen = simulate(body, DEAD, 600, seed=1).counts
     real = np.array([seen[groups == side].sum() for side in range(3)])
-    die = ThrownDie("box", body, 0.03, ("x", "y", "z"), real, np.array([0.1, 0.2, 0.7]), groups)
+    odds = np.array([0.1, 0.2, 0.7])
+    die = ThrownDie("box", body, 0.03, ("x", "y", "z"), real, odds, groups, poses)
     told: list[int] = []
     (check,) = check_table([die], DEAD, 700, 2, progress=told.append)
     assert sum(told) == 700

@@ -1,0 +1,356 @@
+"""Dice designed for throws: what is thrown how often onto which table, what is counted, and the
+command."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from inline_executor import Inline
+from scipy.stats import binom
+
+from dicedesign.bench import thrown
+from dicedesign.bench.table_speed import die_of_11
+from dicedesign.bench.thrown import (
+    FRESH,
+    PARAMETERS,
+    QUICK,
+    Extent,
+    check_engine,
+    refinement_of,
+    throw_recipe,
+)
+from dicedesign.bench.thrown_figure import thrown_figure
+from dicedesign.bench.thrown_rows import Change, ThrownRow
+from dicedesign.cli import main
+from dicedesign.design.stopping import Status
+from dicedesign.errors import InputError
+from dicedesign.recipe import Recipe
+from dicedesign.recipe_file import checked_recipe
+from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.rigid_body import RigidBody, rigid_body
+from dicedesign.throws.simulation import Throws, simulate
+from dicedesign.throws.tables import Table, table_named
+from dicedesign.throws.total_variation import MeasuredVariation
+
+LOST = 30
+TINY = Extent(300 + LOST, 90 + LOST, 0.2)
+FAIR = {
+    "name": "three",
+    "target": {"fair": 3},
+    "symmetry": "D3h",
+    "seed": 4,
+    "method": {"exact": {"odds": "thrown", "refine": {"drops": 200, "rounds": 2}}},
+}
+
+
+def recipe(**changes: Any) -> Recipe:
+    return checked_recipe({**FAIR, **changes})
+
+
+@dataclass
+class MadeUpThrows:
+    """Takes the place of the simulator of the fresh throws: each rest as often as any, but always
+    the same where restitution is lowered; and always `LOST` drops without a rest."""
+
+    asked: list[tuple[RigidBody, Table, int, int, str]] = field(default_factory=list)
+    lost: int = LOST
+
+    def __call__(
+        self,
+        body: RigidBody,
+        table: Table,
+        drops: int,
+        seed: int,
+        *,
+        engine: str,
+        workers: Executor,
+        progress: Callable[[int], None],
+    ) -> Throws:
+        self.asked.append((body, table, drops, seed, engine))
+        rests = len(body.rest_heights)
+        outcomes = np.arange(drops) % rests
+        if table.restitution < table_named("board-game").restitution:
+            outcomes[:] = 0
+        outcomes[drops - self.lost :] = -1
+        progress(drops)
+        return Throws(table, engine, seed, outcomes, np.ones(drops), rests)  # type: ignore[arg-type]
+
+
+def made_up_row(
+    monkeypatch: pytest.MonkeyPatch, lost: int = LOST, **changes: Any
+) -> tuple[ThrownRow, MadeUpThrows, list[str], int]:
+    throws, stages, counted = MadeUpThrows(lost=lost), [], []
+    monkeypatch.setattr(thrown, "simulate", throws)
+    row = throw_recipe(recipe(**changes), TINY, Inline(), stages.append, counted.append)
+    return row, throws, stages, sum(counted)
+
+
+def test_both_dice_are_thrown_and_the_refined_one_on_changed_tables(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    row, throws, stages, counted = made_up_row(monkeypatch)
+    assert stages == ["design without momentum", "design for throws", "changed tables"]
+    assert counted == TINY.all_drops
+    assert [drops for _, _, drops, _, _ in throws.asked] == [330] * 2 + [120] * 12
+    seeds = [seed for _, _, _, seed, _ in throws.asked]
+    assert len(set(seeds)) == len(seeds)
+    assert min(seeds) >= FRESH
+    bodies = [id(body) for body, *_ in throws.asked]
+    assert len(set(bodies[1:])) == 1
+    assert bodies[0] != bodies[1]
+    as_is = throws.asked[1][1]
+    # Of the recipe, for a die of 30 mm from vertex to vertex.
+    assert replace(as_is, size=0.025) == table_named("board-game")
+    assert 0.030 < as_is.size < 0.036
+    expected = [
+        replace(as_is, **{name: factor * getattr(as_is, name)})
+        for name in PARAMETERS
+        for factor in (0.8, 1.2)
+    ]
+    assert [table for _, table, *_ in throws.asked[2:]] == expected
+    assert [change.value for change in row.changes] == [
+        getattr(table, change.parameter)
+        for change, table in zip(row.changes, expected, strict=True)
+    ]
+
+
+def test_total_variations_are_those_of_the_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    row, _, _, _ = made_up_row(monkeypatch)
+    before, after, worst = row.before, row.after, row.worst
+    assert before is not None
+    assert after is not None
+    assert worst is not None
+    # Mean absolute deviation of three binomial counts.
+    chances = binom.pmf(np.arange(301), 300, 1 / 3)
+    floor = 1.5 * (chances * np.abs(np.arange(301) / 300 - 1 / 3)).sum()
+    for judged in (before, after):
+        assert judged.status is Status.CONVERGED
+        assert (judged.drops, judged.lost) == (330, LOST)
+        assert judged.to_target.value == pytest.approx(0.0, abs=1e-12)
+        assert judged.to_target.noise_floor == pytest.approx(floor, rel=1e-9)
+        assert judged.engraved
+    assert (before.rounds, before.round_drops) == (0, 0)
+    assert 1 <= after.rounds <= 2
+    assert after.round_drops in (200, 500)
+    # Odds without momentum are what the first die was designed for; labels move them a little.
+    assert before.geometric < 0.002
+    assert (worst.parameter, worst.factor) == ("restitution", 0.8)
+    assert worst.to_target.value == pytest.approx(2 / 3)
+    assert worst.lost == LOST
+    floor = worst.to_target.noise_floor
+    assert worst.above_noise == pytest.approx(math.sqrt(4 / 9 - floor**2))
+    assert sum(change.to_target.value > 1e-9 for change in row.changes) == 1
+    assert (row.name, row.table, row.engine, row.within) == ("three", "board-game", "native", 0.01)
+    assert not row.missed
+    assert row.note == ""
+
+
+def test_a_die_is_thrown_as_it_is_printed(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, with_labels, _, _ = made_up_row(monkeypatch)
+    plain, without, _, _ = made_up_row(monkeypatch, engrave=False)
+    assert plain.before is not None
+    assert not plain.before.engraved
+    engraved, whole = (throws.asked[0][0] for throws in (with_labels, without))
+    assert engraved.radius == pytest.approx(whole.radius, rel=5e-3)
+    # Hollows move the center of mass, and the rests of one orbit are no longer alike.
+    assert np.ptp(whole.rest_heights) < 1e-9
+    assert 1e-6 < np.ptp(engraved.rest_heights) < 1e-2
+    # Labels that do not fit are left out.
+    small, _, _, _ = made_up_row(monkeypatch, size_mm=3.0)
+    assert small.before is not None
+    assert not small.before.engraved
+    assert small.note == ""
+
+
+def test_tables_that_cannot_be_are_left_out(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    # As high as the die is large, so that it can be neither lower nor larger.
+    entries = json.loads(_table_text())
+    low = tmp_path / "low.json"
+    low.write_text(json.dumps({**entries, "height": 0.0345, "restitution": 0.9}))
+    exact = {"odds": "thrown", "table": str(low), "refine": {"drops": 200, "rounds": 1}}
+    row, _, _, _ = made_up_row(monkeypatch, method={"exact": exact})
+    assert [reason.split(":")[0] for reason in row.left_out] == [
+        "restitution times 1.2",
+        "height times 0.8",
+        "size times 1.2",
+    ]
+    assert "expected a die no larger than the drop height" in row.left_out[1]
+    assert len(row.changes) == 9
+
+
+def _table_text() -> str:
+    path = Path(thrown.__file__).parents[1] / "throws" / "named" / "board-game.json"
+    return path.read_text()
+
+
+def test_a_design_that_fails_is_a_row_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    row, _, _, _ = made_up_row(monkeypatch, lost=TINY.drops)
+    assert row.before is None
+    assert row.after is None
+    assert row.worst is None
+    assert row.missed
+    assert row.note.startswith("throws: expected drops that end on a facet with a label, got none")
+
+
+def test_density_cancels() -> None:
+    body = die_of_11()
+    die, table = rigid_body(body, rest_poses(body)), table_named("board-game")
+    heavy = replace(table, density=1.2 * table.density)
+    outcomes = [simulate(die, onto, 200, FRESH).outcomes for onto in (table, heavy)]
+    np.testing.assert_array_equal(*outcomes)
+
+
+def change(value: float, floor: float) -> Change:
+    return Change("spin", 1.2, 18.0, 10, 0, MeasuredVariation(value, (0.0, 1.0), floor))
+
+
+def test_noise_is_taken_off_in_the_square() -> None:
+    assert change(0.05, 0.03).above_noise == pytest.approx(0.04)
+    assert change(0.02, 0.03).above_noise == 0.0
+
+
+def test_a_die_is_missed_only_where_chance_is_not_the_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    row, _, _, _ = made_up_row(monkeypatch)
+    assert row.after is not None
+    for low, status, missed in (
+        (0.009, Status.CONVERGED, False),
+        (0.011, Status.CONVERGED, True),
+        (0.0, Status.TIME_LIMIT, True),
+    ):
+        variation = MeasuredVariation(0.02, (low, 0.03), 0.01)
+        other = replace(row, after=replace(row.after, to_target=variation, status=status))
+        assert other.missed is missed
+
+
+def test_the_figure_has_every_die_that_was_thrown(monkeypatch: pytest.MonkeyPatch) -> None:
+    row, _, _, _ = made_up_row(monkeypatch)
+    nothing = replace(row, name="nothing", before=None, after=None, changes=())
+    figure = thrown_figure([row, nothing, replace(row, name="again")], TINY)
+    (axes,) = figure.axes
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["three", "again"]
+    with pytest.raises(InputError, match="expected at least one that was thrown"):
+        thrown_figure([nothing], TINY)
+
+
+@pytest.fixture
+def recipe_file(tmp_path: Path) -> Path:
+    path = tmp_path / "three.yaml"
+    path.write_text(json.dumps(FAIR))
+    return path
+
+
+def test_the_command_prints_tables_or_json_and_draws(
+    recipe_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drawn = tmp_path / "thrown.png"
+    arguments = ["bench", "thrown", str(recipe_file), "--quick", "--jobs", "1"]
+    few = ["--drops", "600", "--variation-drops", "200"]
+    assert main([*arguments, *few, "--figure", str(drawn)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].split()[:4] == ["recipe", "before", "after", "floor"]
+    assert lines[2].split()[0] == "three"
+    assert any("changed by -20 % or +20 %, 200 drops at each" in line for line in lines)
+    assert any("of 1 dice within 0.02 on every changed table" in line for line in lines)
+    assert drawn.read_bytes().startswith(b"\x89PNG")
+    assert main([*arguments, *few, "--variation", "0.1", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["variation"] == 0.1
+    (row,) = record["rows"]
+    assert (row["after"]["drops"], row["after"]["status"]) == (600, "converged")
+    assert row["after"]["to_target"]["value"] < 0.1
+    assert [made["factor"] for made in row["changes"]] == [0.9, 1.1] * len(PARAMETERS)
+    assert {made["drops"] for made in row["changes"]} == {200}
+
+
+def test_the_verdict_can_be_mujocos(recipe_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("mujoco")
+    arguments = ["--quick", "--drops", "100", "--variation-drops", "2", "--jobs", "1", "--json"]
+    main(["bench", "thrown", str(recipe_file), *arguments, "--engine", "mujoco"])
+    (row,) = json.loads(capsys.readouterr().out)["rows"]
+    assert row["engine"] == "mujoco"
+    assert row["after"]["to_target"]["value"] < 0.2
+
+
+def test_quick_takes_two_recipes(
+    recipe_file: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    row, _, _, _ = made_up_row(monkeypatch)
+    extents = []
+
+    def made_up(_: Recipe, extent: Extent, *others: object) -> ThrownRow:
+        extents.append(extent)
+        return replace(row, after=None, note="in the way")
+
+    monkeypatch.setattr(thrown, "throw_recipe", made_up)
+    monkeypatch.setattr(thrown, "check_engine", lambda engine: None)
+    assert main(["bench", "thrown", *[str(recipe_file)] * 3, "--quick"]) == 1
+    assert extents == [QUICK] * 2
+    assert "in the way" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--drops", "0"], "--drops: expected a whole number above 0, got 0"),
+        (["--variation-drops", "-1"], "--variation-drops: expected a whole number above 0"),
+        (["--variation", "1"], "--variation: expected a number in (0, 1), got 1"),
+        (["--engine", "dice"], "engine: expected native, mujoco, bullet, got 'dice'"),
+        (["--jobs", "0"], "--jobs: expected a whole number above 0, got 0"),
+        (["--figure", "no/such/folder.png"], "--figure: expected a file in a folder that exists"),
+        (["nothing.yaml"], "nothing.yaml: expected a readable recipe file"),
+    ],
+)
+def test_bad_input_is_said_plainly(
+    recipe_file: Path, arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["bench", "thrown", str(recipe_file), *arguments]) == 2
+    printed = capsys.readouterr()
+    assert said in printed.err
+    assert printed.out == ""
+
+
+@pytest.mark.parametrize(
+    ("method", "said"),
+    [
+        ("exact", "got exact with odds: resting"),
+        ({"exact": {"odds": "thrown"}}, "got exact with odds: thrown, without refine"),
+        ("descent", "got descent"),
+    ],
+)
+def test_recipes_of_another_method_are_refused(
+    method: Any, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "other.yaml"
+    start = {"prism": {}} if method == "descent" else {"search": {}}
+    content = {"name": "other", "target": {"fair": 6}, "start": start, "method": method}
+    path.write_text(json.dumps(content))
+    assert main(["bench", "thrown", str(path)]) == 2
+    error = capsys.readouterr().err
+    assert f"{path}: other: expected method: {{exact: {{odds: thrown, refine: {{}}}}}}" in error
+    assert said in error
+    with pytest.raises(InputError, match="leave the recipe out"):
+        refinement_of(checked_recipe(content))
+
+
+def test_an_engine_that_is_not_installed_is_told_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(*given: object, **more: object) -> None:
+        raise InputError("engine mujoco: expected the optional extra 'throws'")
+
+    check_engine("native")
+    monkeypatch.setattr(thrown, "simulate", missing)
+    with pytest.raises(InputError, match="expected the optional extra 'throws'"):
+        check_engine("mujoco")

@@ -1,0 +1,298 @@
+"""The compiled momentum model against its formulas in NumPy and torch, and against differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from dicedesign import kernels
+from dicedesign.bench import solids
+from dicedesign.design.differentiable import RestEvaluation
+from dicedesign.design.inertia import hull_inertia
+from dicedesign.design.thrown_odds import ThrownOdds
+from dicedesign.errors import InputError
+from dicedesign.geometry.body import make_body
+from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.mass import solid_inertia
+from dicedesign.rest.equilibria import classify
+from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.momentum import hull_odds, landing_odds, model_of, momentum_odds
+from dicedesign.throws.pass_features import features
+from dicedesign.throws.passes import Passes
+from dicedesign.throws.rigid_body import rigid_body
+from dicedesign.throws.tables import table_entries
+
+Floats = NDArray[np.float64]
+
+compiled_only = pytest.mark.skipif(kernels.compiled is None, reason="kernels were not built")
+
+BOARD_GAME = ThrownOdds.on("board-game")
+
+
+def random_points(seed: int, count: int) -> Floats:
+    """Points between two concentric spheres."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(count, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    return np.asarray(points * rng.uniform(0.85, 1.15, size=(count, 1)))
+
+
+def coin() -> Floats:
+    """A plate with two parallel rests and, on opposite sides, a saddle each between these."""
+    outline = np.array([[1.0, 0.1], [0.1, 0.8], [-0.9, 0.2], [-0.15, -0.7], [0.6, -0.5]])
+    lower = np.column_stack([outline, np.full(5, -0.2)])
+    upper = np.column_stack([0.8 * outline, np.full(5, 0.15)])
+    return np.concatenate([lower, upper])
+
+
+# Corners are as far from something as others: there are derivatives to either side.
+WITH_TIES = ("coin", "box")
+
+BODIES: dict[str, Callable[[], Floats]] = {
+    **{f"random {n}": lambda n=n: random_points(n, n) for n in (6, 8, 13, 18)},
+    "many rests": lambda: random_points(3, 150),
+    "two saddles between two rests": lambda: random_points(5, 10) * [1.0, 1.0, 0.5],
+    "coin": coin,
+    "box": lambda: solids.box(1.0, 1.3, 1.7).points,
+    "elsewhere": lambda: 1e3 * random_points(5, 12) + [2e3, -1e3, 5e2],
+}
+
+
+@pytest.fixture(params=BODIES)
+def points(request: pytest.FixtureRequest) -> Floats:
+    return BODIES[request.param]()
+
+
+@pytest.fixture(params=[name for name in BODIES if name not in WITH_TIES])
+def smooth_points(request: pytest.FixtureRequest) -> Floats:
+    return BODIES[request.param]()
+
+
+@contextmanager
+def without_kernels() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernels, "compiled", None)
+        yield
+
+
+def both_ways(points: Floats) -> list[RestEvaluation]:
+    """The uniform solid, and the body with its center of mass given a bit aside."""
+    hull = convex_hull(points)
+    vertices = torch.tensor(hull.vertices, requires_grad=True)
+    aside = 0.95 * hull.centroid + 0.05 * hull.vertices[:3].mean(axis=0)
+    return [
+        RestEvaluation(classify(hull, hull.centroid), vertices),
+        RestEvaluation(classify(hull, aside), vertices, torch.tensor(aside, requires_grad=True)),
+    ]
+
+
+def leaves(rests: RestEvaluation) -> list[torch.Tensor]:
+    return [rests.vertices] + ([] if rests.given_center is None else [rests.given_center])
+
+
+def gradients(value: torch.Tensor, rests: RestEvaluation, **how: bool) -> list[torch.Tensor]:
+    return list(torch.autograd.grad(value, leaves(rests), retain_graph=True, **how))
+
+
+def assert_near(found: Floats, expected: Floats, tolerance: float) -> None:
+    """Relative to the largest entry."""
+    assert found.shape == expected.shape
+    size = float(np.abs(expected).max())
+    assert float(np.abs(found - expected).max()) <= tolerance * size
+
+
+def test_the_bodies_have_what_is_hard() -> None:
+    counts = {name: len(both_ways(make())[0].odds) for name, make in BODIES.items()}
+    assert counts["many rests"] > 50
+    for name in ("two saddles between two rests", "coin"):
+        pairs = np.sort(both_ways(BODIES[name]())[0].paths.basins, axis=1)
+        assert len(np.unique(pairs, axis=0)) < len(pairs)
+
+
+@compiled_only
+def test_odds_are_those_of_the_formulas(points: Floats) -> None:
+    for rests in both_ways(points):
+        found = BOARD_GAME.odds(rests)
+        with without_kernels():
+            expected = BOARD_GAME.odds(rests)
+        assert np.abs(found - expected).max() < 1e-12
+        assert found.min() >= 0.0
+        assert found.sum() == pytest.approx(1.0, abs=1e-12)
+        assert np.abs(found - rests.odds).max() > 1e-6
+        by_torch = BOARD_GAME._formula(
+            rests, rests.vertices, torch.from_numpy(rests.odds), rests.given_center
+        )
+        assert np.abs(found - by_torch.detach().numpy()).max() < 1e-12
+        assert np.array_equal(BOARD_GAME.tensor(rests).detach().numpy(), found)
+
+
+@compiled_only
+def test_gradients_are_those_of_the_formulas(smooth_points: Floats) -> None:
+    for rests in both_ways(smooth_points):
+        if len(rests.odds) > 50:
+            continue
+        weights = torch.linspace(-1.0, 1.0, len(rests.odds), dtype=torch.float64)
+        found = gradients((BOARD_GAME.tensor(rests) * weights).sum(), rests)
+        formula = BOARD_GAME._formula(
+            rests, rests.vertices, rests.probabilities, rests.given_center
+        )
+        expected = gradients((formula * weights).sum(), rests)
+        for mine, other in zip(found, expected, strict=True):
+            assert_near(mine.numpy(), other.numpy(), 1e-10)
+
+
+@compiled_only
+def test_the_jacobian_is_that_of_the_formulas(smooth_points: Floats) -> None:
+    for rests in both_ways(smooth_points):
+        found = BOARD_GAME.jacobian(rests)
+        weights = np.linspace(-1.0, 1.0, len(found))
+        value = (BOARD_GAME.tensor(rests) * torch.from_numpy(weights)).sum()
+        assert_near(weights @ found, gradients(value, rests)[0].numpy().ravel(), 1e-10)
+        if len(found) <= 12:
+            with without_kernels():
+                assert_near(found, BOARD_GAME.jacobian(rests), 1e-10)
+
+
+@pytest.mark.parametrize("name", ["random 8", "random 13", "two saddles between two rests"])
+def test_the_jacobian_is_that_of_differences(name: str) -> None:
+    hull = convex_hull(BODIES[name]())
+    vertices = torch.tensor(hull.vertices)
+    found = BOARD_GAME.jacobian(RestEvaluation(classify(hull, hull.centroid), vertices))
+    step = 1e-6
+
+    def odds(moved: Floats) -> Floats:
+        after = convex_hull(moved)
+        rests = RestEvaluation(classify(after, after.centroid), torch.tensor(after.vertices))
+        # The facets of a moved hull may come in another order.
+        order = np.lexsort(np.round(after.normals[rests.paths.rests], 3).T)
+        return BOARD_GAME.odds(rests)[order]
+
+    rests = RestEvaluation(classify(hull, hull.centroid), vertices).paths.rests
+    order = np.lexsort(np.round(hull.normals[rests], 3).T)
+    rng = np.random.default_rng(1)
+    for _ in range(4):
+        way = rng.normal(size=hull.vertices.shape)
+        after, before = (odds(hull.vertices + sign * step * way) for sign in (1.0, -1.0))
+        slope = (found @ way.ravel())[order]
+        assert_near((after - before) / (2.0 * step), slope, 1e-6)
+
+
+def test_a_barrier_that_rounds_below_nothing_is_none() -> None:
+    hull = convex_hull(random_points(8, 8))
+    rests = RestEvaluation(classify(hull, hull.centroid), torch.tensor(hull.vertices))
+    assert BOARD_GAME.model is not None
+    model, inertia = BOARD_GAME.model[0], solid_inertia(hull.vertices, hull.triangles)
+    passes = Passes.of(hull, rests.paths)
+    seen = features(passes, hull.vertices, hull.centroid, inertia, rests.odds, np)
+    found = []
+    for height in (-1e-16, 0.0, 1e-16, 1e-12):
+        barriers = np.where(np.arange(len(seen.barriers)) == 0, height, seen.barriers)
+        found.append(landing_odds(replace(seen, barriers=barriers), passes, model, np))
+    assert np.isfinite(found).all()
+    assert np.abs(np.array(found) - found[0]).max() < 1e-6
+
+
+@compiled_only
+def test_a_gradient_can_be_differentiated_again() -> None:
+    rests = both_ways(random_points(8, 8))[0]
+    weights = torch.linspace(-1.0, 1.0, len(rests.odds), dtype=torch.float64)
+
+    def second(value: torch.Tensor) -> Floats:
+        (slope,) = gradients((value * weights).sum(), rests, create_graph=True)
+        return gradients((slope * slope).sum(), rests)[0].numpy()
+
+    found = second(BOARD_GAME.tensor(rests))
+    with without_kernels():
+        again = RestEvaluation(rests.equilibria, rests.vertices)
+        assert_near(found, second(BOARD_GAME.tensor(again)), 1e-9)
+
+
+def test_one_rest_is_always_reached() -> None:
+    # About a ball with its weight near one facet.
+    points = np.random.default_rng(2).normal(size=(20, 3))
+    hull = convex_hull(points / np.linalg.norm(points, axis=1)[:, None])
+    center = 0.9 * hull.vertices[hull.tail[: hull.facet_start[1]]].mean(axis=0)
+    vertices = torch.tensor(hull.vertices, requires_grad=True)
+    rests = RestEvaluation(classify(hull, center), vertices, torch.tensor(center))
+    assert BOARD_GAME.odds(rests) == pytest.approx([1.0])
+    assert BOARD_GAME.tensor(rests).detach().numpy() == pytest.approx([1.0])
+    assert np.abs(BOARD_GAME.jacobian(rests)).max() < 1e-12
+    assert BOARD_GAME.model is not None
+    inertia = solid_inertia(hull.vertices, hull.triangles)
+    found = hull_odds(hull, rests.paths, center, inertia, np.ones(1), BOARD_GAME.model[0])
+    assert found == pytest.approx([1.0])
+
+
+@pytest.mark.parametrize("name", WITH_TIES)
+def test_derivatives_are_finite_where_there_are_none(name: str) -> None:
+    """Between parallel rests the angle, a half turn, has none, and that of ties is one of two."""
+    for rests in both_ways(BODIES[name]()):
+        assert np.isfinite(BOARD_GAME.jacobian(rests)).all()
+        with without_kernels():
+            again = RestEvaluation(rests.equilibria, rests.vertices, rests.given_center)
+            assert np.isfinite(BOARD_GAME.jacobian(again)).all()
+
+
+@compiled_only
+def test_a_tied_body_has_the_odds_of_both_sides() -> None:
+    rng = np.random.default_rng(4)
+    tied = 0
+    assert BOARD_GAME.model is not None
+    while tied < 5:
+        points = rng.integers(-2, 3, size=(8, 3)).astype(np.float64)
+        poses = rest_poses(points)
+        if len(poses.basins) == 1:
+            continue
+        tied += 1
+        body = rigid_body(make_body(points), poses)
+        found = momentum_odds(poses, body, BOARD_GAME.model[0])
+        with without_kernels():
+            expected = momentum_odds(poses, body, BOARD_GAME.model[0])
+        # Barriers as low as the center is moved aside are known to a few digits.
+        assert found == pytest.approx(expected, abs=1e-4)
+        assert found.sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_inertia_is_that_of_the_solid(points: Floats) -> None:
+    hull = convex_hull(points)
+    expected = solid_inertia(hull.vertices, hull.triangles)
+    _, by_torch = hull_inertia(torch.tensor(hull.vertices), hull)
+    assert_near(by_torch.numpy(), expected, 1e-12)
+    if kernels.compiled is not None:
+        found = kernels.compiled.solid_inertia(hull.facet_start, hull.tail, hull.vertices)
+        assert_near(found, expected, 1e-12)
+
+
+def test_carries_are_pairs_of_passes_over_two_saddles() -> None:
+    rests = both_ways(coin())[0]
+    passes = Passes.of(rests.hull, rests.paths)
+    saddles, ways = len(rests.paths.basins), len(passes.source)
+    assert ways == 2 * saddles
+    expected = [
+        (a, b)
+        for a in range(ways)
+        for b in range(ways)
+        if passes.target[a] == passes.source[b] and a % saddles != b % saddles
+    ]
+    assert list(zip(passes.first, passes.second, strict=True)) == expected
+    # Over the other saddle between the same two rests one comes back.
+    assert passes.is_return.max() == 1.0
+
+
+@pytest.mark.parametrize("change", ["missing", "shape", "text"])
+def test_a_model_that_is_none_is_refused(change: str) -> None:
+    plain = table_entries("board-game")["momentum"]
+    if change == "missing":
+        del plain["passes"]["bias"]
+    elif change == "shape":
+        plain["carries"]["linear"].pop()
+    else:
+        plain["hot"] = "very"
+    with pytest.raises(InputError, match="momentum model: expected what `dicedesign table learn`"):
+        model_of(plain)
