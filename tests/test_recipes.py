@@ -10,11 +10,13 @@ from check_outputs import check
 
 from dicedesign.concave_pipeline import run_concave_recipe
 from dicedesign.design.stopping import Status
-from dicedesign.design_stage import DesignedDie, design_die, make_start
+from dicedesign.design_stage import DesignedDie, design_die, make_start, thrown_die
 from dicedesign.fabricate.stl import stl_bytes
 from dicedesign.geometry.mesh_file import read_body
 from dicedesign.recipe_file import read_recipe
 from dicedesign.rest.poses import rest_poses
+from dicedesign.table_summary import table_outcome
+from dicedesign.throws.total_variation import total_variation
 
 RECIPES = sorted((Path(__file__).resolve().parents[1] / "recipes").glob("*.yaml"))
 LARGEST_ERROR = {"fair_d3_descent": 1e-6, "2d6_descent": 1e-3, "binomial_4_descent": 1e-3}
@@ -25,8 +27,9 @@ SINGLE, DOUBLE = 1e-5, 1e-11
 LARGEST_SECONDS = 60.0
 
 
-CONVEX = [path for path in RECIPES if "concave" not in path.read_text()]
-CONCAVE = [path for path in RECIPES if path not in CONVEX]
+CONCAVE = [path for path in RECIPES if "concave" in path.read_text()]
+THROWN = [path for path in RECIPES if "thrown" in path.read_text()]
+CONVEX = [path for path in RECIPES if path not in [*CONCAVE, *THROWN]]
 LARGEST_DISPLACEMENT = 0.05
 """Mean, over the diagonal, of the recipes of concave dice."""
 
@@ -47,6 +50,24 @@ def test_a_recipe_gives_its_die_in_time(path: Path, tmp_path: Path) -> None:
     obj.write_text(obj_text(verdict.hull.vertices, verdict.hull.triangles))
     assert error_of_file(stl, die) <= allowed + SINGLE
     assert error_of_file(obj, die) <= allowed + DOUBLE
+
+
+FEW = {"drops": 2000, "rounds": 3, "verdict": 5000, "within": 0.04}
+"""Throws of a test; the recipes' own take minutes."""
+
+
+@pytest.mark.parametrize("path", THROWN, ids=lambda path: path.stem)
+def test_a_recipe_gives_its_die_for_the_table(path: Path) -> None:
+    changes = [f"method.exact.refine.{key}={value}" for key, value in FEW.items()]
+    recipe = read_recipe(path, changes)
+    start = make_start(recipe)
+    die = design_die(recipe, start)
+    assert die.status is Status.CONVERGED
+    assert sorted(die.verdict.outcome_of_rest) == list(range(len(die.target.labels)))
+    on_table = thrown_die(recipe, die, start, None)
+    status, _ = table_outcome(die.status, "", on_table, die.target, recipe)
+    assert status is Status.CONVERGED
+    assert total_variation(on_table.momentum, die.target.probabilities) < 0.1
 
 
 @pytest.mark.parametrize("path", CONCAVE, ids=lambda path: path.stem)

@@ -109,11 +109,13 @@ def throw_recipe(
     workers: Executor,
     on_stage: Callable[[str], None],
     on_drops: Callable[[int], None],
+    on_quiet: Callable[[], None] | None = None,
 ) -> ThrownRow:
     """Design the die of a recipe and one for odds without momentum, and throw both.
 
     workers: run the throws that judge. on_stage: called with what begins; on_drops: with the drops
-    of each of their tasks that ended. Raises InputError: as `refinement_of`.
+    of each of their tasks that ended; on_quiet: as in `simulate`. Raises InputError: as
+    `refinement_of`.
     """
     exact, refine = refinement_of(recipe)
     if extent.round_drops is not None and extent.rounds is not None:
@@ -122,7 +124,7 @@ def throw_recipe(
             drops=min(refine.drops, extent.round_drops),
             rounds=min(refine.rounds, extent.rounds),
         )
-    fresh = _Fresh(extent.engine, FRESH + SEEDS * recipe.seed, workers, on_drops)
+    fresh = _Fresh(extent.engine, FRESH + SEEDS * recipe.seed, workers, on_drops, on_quiet)
     before: DieThrows | None = None
     after: DieThrows | None = None
     changes: list[Change] = []
@@ -222,6 +224,7 @@ class _Fresh:
     seed: int
     workers: Executor
     on_drops: Callable[[int], None]
+    on_quiet: Callable[[], None] | None
 
     def counts(self, thrown: DieOnTable, table: Table, drops: int) -> Integers:
         """(k,) of the outcomes. Raises DiceError: no drop ended on any."""
@@ -233,6 +236,7 @@ class _Fresh:
             engine=self.engine,
             workers=self.workers,
             progress=self.on_drops,
+            on_quiet=self.on_quiet,
         )
         self.seed += 1
         counts: Integers = thrown.by_outcome(throws.counts)

@@ -81,7 +81,7 @@ class Refinement:
 
     def refine(self, die: DesignResult) -> tuple[DesignResult, tuple[Round, ...]]:
         """The die that the rounds lead to from one whose odds in the model are the target, and the
-        rounds. They end where a deviation is no larger than a perfect die's."""
+        rounds. They end where no orbit's frequency deviates by more than chance makes it."""
         asked = self.target
         bias, weight = np.zeros(len(asked)), 0.0
         history: list[Round] = []
@@ -91,7 +91,7 @@ class Refinement:
             history.append(thrown)
             if self.on_round is not None:
                 self.on_round(thrown)
-            if thrown.deviation <= thrown.noise_floor:
+            if self._is_met(counts):
                 break
             frequencies = self._softened(counts)
             weight *= MEMORY
@@ -115,6 +115,12 @@ class Refinement:
             total_variation(frequencies, self.target),
             noise_floor(self.target, drops),
         )
+
+    def _is_met(self, counts: Integers) -> bool:
+        """Whether the orbits deviate no more from the target than those of a perfect die would."""
+        seen, wanted = np.bincount(self.orbits, counts), np.bincount(self.orbits, self.target)
+        deviation = total_variation(seen / max(int(counts.sum()), 1), wanted)
+        return deviation <= noise_floor(wanted, int(counts.sum()))
 
     def _softened(self, counts: Integers) -> Floats:
         """Positive frequencies (k,), equal within each orbit."""

@@ -246,10 +246,12 @@ def test_the_command_runs_recipes_after_the_targets(
     first, second = json.loads(capsys.readouterr().out)["recipes"]
     assert (first["name"], first["solved"], first["border_deg"]) == ("cubic", True, 45.0)
     asked.clear()
-    concave = str(repository / "recipes" / "fair_d3_duck.yaml")
-    assert main(["bench", "exact", concave, paths[0]]) == 0
+    others = [
+        str(repository / "recipes" / f"{name}.yaml") for name in ("fair_d3_duck", "2d6_table")
+    ]
+    assert main(["bench", "exact", *others, paths[0]]) == 0
     assert asked == ["targets", "fair_d5"]
-    assert capsys.readouterr().err == "note: 1 recipes of concave dice are left out\n"
+    assert capsys.readouterr().err == "note: 2 recipes of concave or thrown dice are left out\n"
     assert (second["solved"], second["error"], second["odds_seconds"]) == (False, None, None)
 
 

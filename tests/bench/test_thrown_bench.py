@@ -73,6 +73,7 @@ class MadeUpThrows:
         engine: str,
         workers: Executor,
         progress: Callable[[int], None],
+        on_quiet: None,
     ) -> Throws:
         self.asked.append((body, table, drops, seed, engine))
         rests = len(body.rest_heights)
@@ -84,21 +85,34 @@ class MadeUpThrows:
         return Throws(table, engine, seed, outcomes, np.ones(drops), rests)  # type: ignore[arg-type]
 
 
-def made_up_row(
-    monkeypatch: pytest.MonkeyPatch, lost: int = LOST, **changes: Any
-) -> tuple[ThrownRow, MadeUpThrows, list[str], int]:
+@dataclass(frozen=True)
+class MadeUpRun:
+    """A row, what was thrown for it, and what was said meanwhile."""
+
+    row: ThrownRow
+    throws: MadeUpThrows
+    stages: list[str]
+    drops: int
+
+
+def made_up_run(patch: pytest.MonkeyPatch, lost: int = LOST, **changes: Any) -> MadeUpRun:
     throws, stages, counted = MadeUpThrows(lost=lost), [], []
-    monkeypatch.setattr(thrown, "simulate", throws)
+    patch.setattr(thrown, "simulate", throws)
     row = throw_recipe(recipe(**changes), TINY, Inline(), stages.append, counted.append)
-    return row, throws, stages, sum(counted)
+    return MadeUpRun(row, throws, stages, sum(counted))
 
 
-def test_both_dice_are_thrown_and_the_refined_one_on_changed_tables(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    row, throws, stages, counted = made_up_row(monkeypatch)
-    assert stages == ["design without momentum", "design for throws", "changed tables"]
-    assert counted == TINY.all_drops
+@pytest.fixture(scope="module")
+def run() -> MadeUpRun:
+    """Of the recipe as it is."""
+    with pytest.MonkeyPatch.context() as patch:
+        return made_up_run(patch)
+
+
+def test_both_dice_are_thrown_and_the_refined_one_on_changed_tables(run: MadeUpRun) -> None:
+    row, throws = run.row, run.throws
+    assert run.stages == ["design without momentum", "design for throws", "changed tables"]
+    assert run.drops == TINY.all_drops
     assert [drops for _, _, drops, _, _ in throws.asked] == [330] * 2 + [120] * 12
     seeds = [seed for _, _, _, seed, _ in throws.asked]
     assert len(set(seeds)) == len(seeds)
@@ -122,8 +136,8 @@ def test_both_dice_are_thrown_and_the_refined_one_on_changed_tables(
     ]
 
 
-def test_total_variations_are_those_of_the_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    row, _, _, _ = made_up_row(monkeypatch)
+def test_total_variations_are_those_of_the_counts(run: MadeUpRun) -> None:
+    row = run.row
     before, after, worst = row.before, row.after, row.worst
     assert before is not None
     assert after is not None
@@ -153,18 +167,17 @@ def test_total_variations_are_those_of_the_counts(monkeypatch: pytest.MonkeyPatc
     assert row.note == ""
 
 
-def test_a_die_is_thrown_as_it_is_printed(monkeypatch: pytest.MonkeyPatch) -> None:
-    _, with_labels, _, _ = made_up_row(monkeypatch)
-    plain, without, _, _ = made_up_row(monkeypatch, engrave=False)
-    assert plain.before is not None
-    assert not plain.before.engraved
-    engraved, whole = (throws.asked[0][0] for throws in (with_labels, without))
+def test_a_die_is_thrown_as_it_is_printed(run: MadeUpRun, monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = made_up_run(monkeypatch, engrave=False)
+    assert plain.row.before is not None
+    assert not plain.row.before.engraved
+    engraved, whole = (made.throws.asked[0][0] for made in (run, plain))
     assert engraved.radius == pytest.approx(whole.radius, rel=5e-3)
     # Hollows move the center of mass, and the rests of one orbit are no longer alike.
     assert np.ptp(whole.rest_heights) < 1e-9
     assert 1e-6 < np.ptp(engraved.rest_heights) < 1e-2
     # Labels that do not fit are left out.
-    small, _, _, _ = made_up_row(monkeypatch, size_mm=3.0)
+    small = made_up_run(monkeypatch, size_mm=3.0).row
     assert small.before is not None
     assert not small.before.engraved
     assert small.note == ""
@@ -178,7 +191,7 @@ def test_tables_that_cannot_be_are_left_out(
     low = tmp_path / "low.json"
     low.write_text(json.dumps({**entries, "height": 0.0345, "restitution": 0.9}))
     exact = {"odds": "thrown", "table": str(low), "refine": {"drops": 200, "rounds": 1}}
-    row, _, _, _ = made_up_row(monkeypatch, method={"exact": exact})
+    row = made_up_run(monkeypatch, method={"exact": exact}).row
     assert [reason.split(":")[0] for reason in row.left_out] == [
         "restitution times 1.2",
         "height times 0.8",
@@ -194,7 +207,7 @@ def _table_text() -> str:
 
 
 def test_a_design_that_fails_is_a_row_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    row, _, _, _ = made_up_row(monkeypatch, lost=TINY.drops)
+    row = made_up_run(monkeypatch, lost=TINY.drops).row
     assert row.before is None
     assert row.after is None
     assert row.worst is None
@@ -219,10 +232,8 @@ def test_noise_is_taken_off_in_the_square() -> None:
     assert change(0.02, 0.03).above_noise == 0.0
 
 
-def test_a_die_is_missed_only_where_chance_is_not_the_reason(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    row, _, _, _ = made_up_row(monkeypatch)
+def test_a_die_is_missed_only_where_chance_is_not_the_reason(run: MadeUpRun) -> None:
+    row = run.row
     assert row.after is not None
     for low, status, missed in (
         (0.009, Status.CONVERGED, False),
@@ -234,8 +245,8 @@ def test_a_die_is_missed_only_where_chance_is_not_the_reason(
         assert other.missed is missed
 
 
-def test_the_figure_has_every_die_that_was_thrown(monkeypatch: pytest.MonkeyPatch) -> None:
-    row, _, _, _ = made_up_row(monkeypatch)
+def test_the_figure_has_every_die_that_was_thrown(run: MadeUpRun) -> None:
+    row = run.row
     nothing = replace(row, name="nothing", before=None, after=None, changes=())
     figure = thrown_figure([row, nothing, replace(row, name="again")], TINY)
     (axes,) = figure.axes
@@ -284,16 +295,16 @@ def test_the_verdict_can_be_mujocos(recipe_file: Path, capsys: pytest.CaptureFix
 
 
 def test_quick_takes_two_recipes(
+    run: MadeUpRun,
     recipe_file: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    row, _, _, _ = made_up_row(monkeypatch)
     extents = []
 
     def made_up(_: Recipe, extent: Extent, *others: object) -> ThrownRow:
         extents.append(extent)
-        return replace(row, after=None, note="in the way")
+        return replace(run.row, after=None, note="in the way")
 
     monkeypatch.setattr(thrown, "throw_recipe", made_up)
     monkeypatch.setattr(thrown, "check_engine", lambda engine: None)

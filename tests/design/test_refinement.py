@@ -128,3 +128,12 @@ def test_the_rounds_end_where_no_die_is_found() -> None:
 def test_impossible_options_are_errors(options: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
         RefineOptions(**options)
+
+
+def test_a_die_that_its_symmetry_makes_right_is_left_alone() -> None:
+    world, fair = World(np.ones(11)), np.full(11, 1 / 11)
+    die, rounds = Refinement(
+        fair, np.zeros(11, dtype=np.int64), 100, 5, world.throw, lambda die, odds: None
+    ).refine(die_with(fair))
+    assert len(rounds) == 1
+    np.testing.assert_array_equal(die.directions, fair)

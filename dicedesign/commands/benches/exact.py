@@ -79,10 +79,12 @@ def _run(options: argparse.Namespace) -> int:
     # As `dicedesign run` does.
     torch.set_num_threads(1)
     given = [read_recipe(path) for path in options.recipes]
-    recipes = [recipe for recipe in given if recipe.method.concave is None]
+    recipes = [
+        recipe for recipe in given if recipe.method.concave is None and not recipe.method.thrown
+    ]
     if len(recipes) < len(given):
         left_out = len(given) - len(recipes)
-        print(f"note: {left_out} recipes of concave dice are left out", file=sys.stderr)
+        print(f"note: {left_out} recipes of concave or thrown dice are left out", file=sys.stderr)
     starts = [make_start(recipe) for recipe in recipes]
     attempts = []
     with progress_bar("targets") as bar:

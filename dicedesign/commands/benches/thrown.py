@@ -127,7 +127,11 @@ def _run(options: argparse.Namespace) -> int:
     with open_workers(options, "drops", len(recipes) * extent.all_drops, 0) as workers:
         for number, recipe in enumerate(recipes, start=1):
             on_stage = _Stages(workers, f"{number} of {len(recipes)}: {recipe.name}")
-            rows.append(throw_recipe(recipe, extent, workers.executor, on_stage, workers.advance))
+            rows.append(
+                throw_recipe(
+                    recipe, extent, workers.executor, on_stage, workers.advance, workers.on_quiet
+                )
+            )
             if not options.json:
                 print_row(_row(rows[-1]))
     if options.json:
