@@ -15,7 +15,19 @@ import pytest
 
 from dicedesign.recipe_file import read_recipe
 
-BENCHES = ("stability", "gradients", "accuracy", "design", "exact", "lean", "speed", "concave")
+BENCHES = (
+    "stability",
+    "gradients",
+    "accuracy",
+    "design",
+    "exact",
+    "lean",
+    "speed",
+    "concave",
+    "table",
+    "momentum",
+    "thrown",
+)
 
 NIGHTLY = "pytest tests/fuzz --hypothesis-profile=nightly"
 """Takes a quarter of an hour, and is started by hand."""
@@ -31,6 +43,7 @@ def workplace(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
     """A folder in which the first command of the README has been run."""
     folder = tmp_path_factory.mktemp("readme")
     shutil.copytree(repository / "recipes", folder / "recipes")
+    (folder / "rolls.csv").write_text(blocks(repository, "csv")[0])
     command = next(block for block in blocks(repository, "sh") if "dicedesign run" in block)
     run_dicedesign(command.split("dicedesign", 1)[1], folder)
     return folder
@@ -47,7 +60,7 @@ def test_shell_commands_run(repository: Path, workplace: Path) -> None:
     lines = [line for block in blocks(repository, "sh") for line in block.splitlines()]
     benches = [line for line in lines if line.startswith("dicedesign bench ")]
     plain = [line for line in lines if line.startswith("dicedesign ") and line not in benches]
-    assert len(plain) == 9
+    assert len(plain) == 13
     for line in plain:
         assert run_dicedesign(line.removeprefix("dicedesign "), workplace)
     assert (workplace / "map.png").exists()
@@ -98,7 +111,7 @@ def test_every_recipe_is_in_the_table_within_its_tolerance(repository: Path) -> 
     shipped = [
         path
         for path in sorted((repository / "recipes").glob("*.yaml"))
-        if read_recipe(path).method.concave is None
+        if read_recipe(path).method.concave is None and not read_recipe(path).method.thrown
     ]
     assert [row[0] for row in rows] == [path.stem for path in shipped]
     for path, (_, outcomes, labelled, stray, error) in zip(shipped, rows, strict=True):
@@ -120,3 +133,21 @@ def test_every_concave_recipe_is_in_its_table_within_its_tolerance(repository: P
         assert int(outcomes) == len(recipe.target.target().labels)
         assert max(float(error), float(elsewhere)) <= recipe.method.tolerance
         assert float(displacement) <= 5.0
+
+
+def test_every_recipe_for_a_table_is_in_its_table_within_what_it_asks_for(
+    repository: Path,
+) -> None:
+    text = (repository / "README.md").read_text()
+    rows = re.findall(
+        r"^\| `(\w+)` \| (\d+) \| [\d. →]+ \| (0\.\d+) \| [\d.]+ to [\d.]+ \|", text, re.MULTILINE
+    )
+    recipes = [read_recipe(path) for path in sorted((repository / "recipes").glob("*.yaml"))]
+    thrown = [recipe for recipe in recipes if recipe.method.thrown]
+    assert [row[0] for row in rows] == [recipe.name for recipe in thrown]
+    for recipe, (_, outcomes, deviation) in zip(thrown, rows, strict=True):
+        exact = recipe.method.exact
+        assert exact is not None
+        assert exact.refine is not None
+        assert int(outcomes) == len(recipe.target.target().labels)
+        assert float(deviation) <= exact.refine.within
