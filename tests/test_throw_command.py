@@ -35,11 +35,11 @@ def box(tmp_path: Path) -> Path:
 @pytest.fixture
 def folder(tmp_path: Path, box: Path) -> Path:
     """What a run leaves of a die that shows its larger sides alone; its center is low."""
-    trimesh.load(box).export(tmp_path / "die_plain.stl")
+    trimesh.load(box).apply_scale(10.0).export(tmp_path / "die_plain.stl")
     normals = {"one": [1.0, 0.0, 0.0], "two": [-1.0, 0.001, 0.0], "three": [0.0, 1.0, 0.0]}
     result = {
         "files": {"die": "die.stl", "die_plain": "die_plain.stl"},
-        "center_of_mass": [0.05, 0.0, 0.0],
+        "center_of_mass": [0.5, 0.0, 0.0],
         "facets": [{"label": label, "normal": normal} for label, normal in normals.items()],
     }
     result["facets"].append({"label": None, "normal": [0.0, -1.0, 0.0]})
@@ -129,6 +129,8 @@ def test_a_folder_of_a_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
     # Its center of mass is that of the design, nearer to the side of "one".
     odds = {rest["label"]: rest["geometric"] for rest in found["rests"]}
     assert odds["one"] > 1.1 * odds["two"]
+    # It is thrown at its own size, in mm.
+    assert found["table"]["size"] == pytest.approx(2e-3 * np.linalg.norm([5.5, 6.0, 7.5]))
     assert main(["throw", str(folder), *FEW]) == 0
     assert "  three  " in capsys.readouterr().out
 

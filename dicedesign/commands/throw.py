@@ -82,7 +82,7 @@ def add_parser(commands: Any) -> None:
         type=float,
         metavar="MM",
         help="of the die, twice the largest distance of a point from its center of mass (default: "
-        "the table's, 25)",
+        "of a folder, the die's own; of a mesh, the table's, 25)",
     )
     parser.add_argument(
         "--com",
@@ -120,10 +120,14 @@ def _throw(options: argparse.Namespace) -> int:
     check_throws(drops, options.seed, options.engine, options.orientations)
     check_worker_options(options)
     table = _sized(table_named(options.table), options.size)
-    die = _finished(options) if options.die.is_dir() else _mesh(options)
+    is_finished = options.die.is_dir()
+    die = _finished(options) if is_finished else _mesh(options)
     for note in die.poses.notes:
         print(f"note: {note}", file=sys.stderr)
     body = rigid_body(die.body, die.poses, _tensor(options.inertia))
+    if is_finished and options.size is None:
+        # Its files are in millimetres.
+        table = _sized(table, 2.0 * body.radius)
     started = time.perf_counter()
     with open_workers(options, "drops", drops, 0) as workers:
         throws = simulate(
