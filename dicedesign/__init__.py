@@ -11,15 +11,26 @@ if TYPE_CHECKING:
     from dicedesign.geometry.mesh_file import read_body
     from dicedesign.rest.poses import RestPoses, rest_poses
     from dicedesign.rest.roll import RollStep, roll
+    from dicedesign.throws.momentum import thrown_odds
+    from dicedesign.throws.rigid_body import RigidBody, rigid_body
+    from dicedesign.throws.simulation import Throws, simulate
+    from dicedesign.throws.tables import Table, table_named
 
 __all__ = [
     "Body",
     "RestPoses",
+    "RigidBody",
     "RollStep",
+    "Table",
+    "Throws",
     "differentiable_rest",
     "read_body",
     "rest_poses",
+    "rigid_body",
     "roll",
+    "simulate",
+    "table_named",
+    "thrown_odds",
 ]
 
 __version__ = "0.1.0"
@@ -27,11 +38,18 @@ __version__ = "0.1.0"
 _HOME = {
     "Body": "dicedesign.geometry.body",
     "RestPoses": "dicedesign.rest.poses",
+    "RigidBody": "dicedesign.throws.rigid_body",
     "RollStep": "dicedesign.rest.roll",
+    "Table": "dicedesign.throws.tables",
+    "Throws": "dicedesign.throws.simulation",
     "differentiable_rest": "dicedesign.design.rest_function",
     "read_body": "dicedesign.geometry.mesh_file",
     "rest_poses": "dicedesign.rest.poses",
+    "rigid_body": "dicedesign.throws.rigid_body",
     "roll": "dicedesign.rest.roll",
+    "simulate": "dicedesign.throws.simulation",
+    "table_named": "dicedesign.throws.tables",
+    "thrown_odds": "dicedesign.throws.momentum",
 }
 
 

@@ -31,7 +31,7 @@ from dicedesign.geometry.hull import convex_hull
 from dicedesign.geometry.mesh_file import read_body
 from dicedesign.recipe import Recipe
 from dicedesign.rest.equilibria import classify
-from dicedesign.table_stage import TableVerdict, judge_on_table, refined, thrown_odds
+from dicedesign.table_stage import TableVerdict, judge_on_table, odds_model, refined
 from dicedesign.tolerances import EQUAL_ODDS
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ def design_die(
             center_of_mass=center,
             group=recipe.group(),
             least_circle=recipe.min_inradius_mm / recipe.size_mm,
-            thrown=thrown_odds(method.exact),
+            thrown=odds_model(method.exact),
             on_step=on_step,
         )
         design = solve(_starts(recipe, start, wanted), wanted)

@@ -27,7 +27,7 @@ from dicedesign.throws.simulation import Engine, Throws, simulate
 from dicedesign.throws.tables import Table, table_named
 from dicedesign.tolerances import SAME_REST_ANGLE
 
-__all__ = ["DieOnTable", "TableVerdict", "judge_on_table", "refined", "thrown_odds"]
+__all__ = ["DieOnTable", "TableVerdict", "judge_on_table", "odds_model", "refined"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -36,7 +36,7 @@ SEEDS: Final = 1000
 """Seeds of throws between those of one recipe's seed and the next."""
 
 
-def thrown_odds(options: ExactOptions) -> ThrownOdds | None:
+def odds_model(options: ExactOptions) -> ThrownOdds | None:
     """The momentum model of the table that the options name, or None for dice set down.
 
     Raises InputError: there is no such table, or it has no momentum model.

@@ -227,3 +227,25 @@ def test_an_unknown_command_is_bad_usage(capsys: pytest.CaptureFixture[str]) -> 
         main(["roll"])
     assert caught.value.code == 2
     capsys.readouterr()
+
+
+def test_rest_with_a_table_adds_thrown_odds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mesh = tmp_path / "box.obj"
+    trimesh.creation.box((1.0, 1.3, 1.6)).export(mesh)
+    assert main(["rest", str(mesh), "--table", "board-game", "--json"]) == 0
+    rests = json.loads(capsys.readouterr().out)["rests"]
+    assert sum(rest["thrown"] for rest in rests) == pytest.approx(1.0)
+    # Momentum favours what is probable already.
+    assert rests[0]["thrown"] > rests[0]["probability"]
+    assert rests[-1]["thrown"] < rests[-1]["probability"]
+    assert main(["rest", str(mesh), "--table", "carpet", "--json"]) == 0
+    rests = json.loads(capsys.readouterr().out)["rests"]
+    assert all(rest["thrown"] == rest["probability"] for rest in rests)
+    assert main(["rest", str(mesh), "--table", "board-game"]) == 0
+    assert "rest  probability   thrown        facet normal" in capsys.readouterr().out
+    assert main(["rest", str(mesh), "--table", "glass"]) == 2
+    assert "--table glass: expected board-game, hard-wood, carpet" in capsys.readouterr().err
+    assert main(["rest", str(tmp_path), "--table", "board-game", "--out", "a.csv"]) == 2
+    assert "--table: expected one mesh, got the folder" in capsys.readouterr().err

@@ -74,7 +74,7 @@ def test_shell_commands_run(repository: Path, workplace: Path) -> None:
 
 def test_python_blocks_run(repository: Path, workplace: Path) -> None:
     found = blocks(repository, "python")
-    assert len(found) == 2
+    assert len(found) == 3
     environment = {**os.environ, "PYTHONPATH": str(repository)}
     for block in found:
         done = subprocess.run(

@@ -124,7 +124,11 @@ def _rest(options: argparse.Namespace) -> int:
         return rest_folder(options, center_of_mass(options.com))
     refuse_folder_options(options)
     body, poses = _body_and_poses(options)
-    thrown = None if options.table is None else _thrown(body, poses, options.table)
+    thrown = None
+    if options.table is not None:
+        from dicedesign.throws.momentum import thrown_odds
+
+        thrown = thrown_odds(body, poses, options.table)
     if options.figure is not None:
         _draw(poses, options.figure)
     if options.json:
@@ -132,15 +136,6 @@ def _rest(options: argparse.Namespace) -> int:
     else:
         print(_table(options, poses, thrown))
     return 0
-
-
-def _thrown(body: Body, poses: RestPoses, table: str) -> Floats:
-    """Odds (k,) by the momentum model."""
-    from dicedesign.throws.momentum import momentum_model, momentum_odds
-    from dicedesign.throws.rigid_body import rigid_body
-
-    model = momentum_model(table)
-    return momentum_odds(poses, rigid_body(body, poses), model)
 
 
 def _draw(poses: RestPoses, path: Path) -> None:

@@ -26,12 +26,13 @@ from numpy.typing import NDArray
 
 from dicedesign import kernels
 from dicedesign.errors import InputError
+from dicedesign.geometry.body import Body
 from dicedesign.geometry.hull import ConvexHull
 from dicedesign.rest.morse import Separatrices
 from dicedesign.rest.poses import RestPoses
 from dicedesign.throws.pass_features import CARRY_FEATURES, PASS_FEATURES, Features, features
 from dicedesign.throws.passes import Passes
-from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.tables import table_entries
 from dicedesign.tolerances import ROUNDING
 
@@ -44,6 +45,7 @@ __all__ = [
     "model_of",
     "momentum_model",
     "momentum_odds",
+    "thrown_odds",
 ]
 
 Floats = NDArray[np.float64]
@@ -268,6 +270,15 @@ def kernel_arrays(
     """What the kernels of the momentum model are told first."""
     ways = paths.rests, paths.basins, paths.saddle_ends
     return hull.facet_start, hull.tail, *ways, *model.flat
+
+
+def thrown_odds(body: Body, poses: RestPoses, table: str = "board-game") -> Floats:
+    """Odds (k,) of the rests of a body that is thrown onto a table, in the order of `poses`, by the
+    momentum model. The body has the inertia that `rigid_body` gives it.
+
+    table: its name, or the path of its .json file. Raises InputError: as `momentum_model`.
+    """
+    return momentum_odds(poses, rigid_body(body, poses), momentum_model(table))
 
 
 def momentum_odds(poses: RestPoses, body: RigidBody, model: MomentumModel | None) -> Floats:

@@ -1,0 +1,77 @@
+"""Odds of thrown bodies with gradients, and dice led to them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from dicedesign.design.exact import ExactOptions, solve_exactly
+from dicedesign.design.preferences import Preferences
+from dicedesign.design.rest_function import differentiable_rest
+from dicedesign.design.starts import repulsion
+from dicedesign.design.stopping import Status
+from dicedesign.design.thrown_odds import ThrownOdds
+from dicedesign.design.variations import shapes_like
+from dicedesign.errors import InputError
+from dicedesign.geometry.body import make_body
+from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.momentum import thrown_odds
+
+POINTS = np.random.default_rng(5).normal(size=(9, 3))
+
+
+def test_odds_are_those_of_the_forward_model() -> None:
+    _, odds = differentiable_rest(torch.tensor(POINTS), table="board-game")
+    poses = rest_poses(POINTS, "hull")
+    expected = thrown_odds(make_body(POINTS), poses)
+    np.testing.assert_allclose(np.sort(odds.numpy()), np.sort(expected), atol=1e-12)
+    assert np.abs(np.sort(poses.probabilities) - np.sort(expected)).max() > 0.01
+    assert (np.diff(odds.numpy()) <= 0.0).all()
+
+
+def test_without_momentum_they_are_the_resting_odds() -> None:
+    normals, odds = differentiable_rest(torch.tensor(POINTS), table="carpet")
+    plain_normals, plain = differentiable_rest(torch.tensor(POINTS))
+    np.testing.assert_array_equal(odds.numpy(), plain.numpy())
+    np.testing.assert_array_equal(normals.numpy(), plain_normals.numpy())
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_gradients_are_those_of_differences(given: bool) -> None:
+    center = POINTS.mean(0) if given else None
+
+    def odds(points: np.ndarray) -> np.ndarray:
+        at = None if center is None else torch.tensor(center)
+        return differentiable_rest(torch.tensor(points), at, table="board-game")[1].numpy()
+
+    leaf = torch.tensor(POINTS, requires_grad=True)
+    at = None if center is None else torch.tensor(center)
+    value = differentiable_rest(leaf, at, table="board-game")[1]
+    weights = np.linspace(-1.0, 1.0, len(value))
+    (gradient,) = torch.autograd.grad(value @ torch.tensor(weights), leaf)
+    direction = np.random.default_rng(1).normal(size=POINTS.shape)
+    step = 1e-6
+    difference = (odds(POINTS + step * direction) - odds(POINTS - step * direction)) @ weights
+    expected = float((gradient.numpy() * direction).sum())
+    assert difference / (2.0 * step) == pytest.approx(expected, rel=1e-6)
+
+
+def test_an_unknown_table_is_an_error() -> None:
+    with pytest.raises(InputError, match="--table glass: expected board-game"):
+        differentiable_rest(torch.tensor(POINTS), table="glass")
+
+
+def test_the_exact_method_meets_thrown_odds() -> None:
+    target = np.array([0.1, 0.12, 0.14, 0.16, 0.15, 0.17, 0.16])
+    found = solve_exactly(
+        shapes_like(repulsion(7, 1), 1),
+        target,
+        ExactOptions(prefer=Preferences()),
+        thrown=ThrownOdds.on("board-game"),
+    )
+    assert found.status is Status.CONVERGED
+    poses = rest_poses(found.hull.vertices, "hull")
+    odds = thrown_odds(make_body(found.hull.vertices), poses)
+    outcome = np.argmax(poses.normals @ found.directions.T, axis=1)
+    np.testing.assert_allclose(odds, target[outcome], atol=1e-11)

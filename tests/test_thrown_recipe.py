@@ -1,0 +1,110 @@
+"""Recipes for a table, from the file to the folder of results."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dicedesign import kernels
+from dicedesign.cli import main
+from dicedesign.errors import RecipeError
+from dicedesign.geometry.mesh_file import read_body
+from dicedesign.recipe_file import read_recipe
+from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.momentum import thrown_odds
+
+pytestmark = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
+
+RECIPE = """\
+name: coin
+target: {fair: 5}
+start: {prism: {}}
+symmetry: D5h
+method: {exact: {odds: thrown, refine: {drops: 500, rounds: 2, verdict: 1000, within: 0.1}}}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("thrown")
+    (folder / "recipe.yaml").write_text(RECIPE)
+    assert main(["run", str(folder / "recipe.yaml"), "--out", str(folder / "out")]) == 0
+    return folder / "out"
+
+
+def test_a_run_leaves_what_the_die_does_on_the_table(folder: Path) -> None:
+    result = json.loads((folder / "result.json").read_text())
+    thrown = result["thrown"]
+    assert list(thrown) == ["table", "momentum", "rounds", "simulated"]
+    simulated = thrown["simulated"]
+    assert (simulated["drops"], simulated["unresolved"]) == (1000, 0)
+    assert sum(simulated["counts"]) == 1000
+    np.testing.assert_allclose(simulated["frequencies"], np.array(simulated["counts"]) / 1000)
+    for (low, high), seen in zip(simulated["intervals"], simulated["frequencies"], strict=True):
+        assert low < seen < high
+    deviation = 0.5 * np.abs(np.array(simulated["frequencies"]) - 0.2).sum()
+    assert simulated["total_variation"] == pytest.approx(deviation)
+    assert [part["drops"] for part in thrown["rounds"]] == [500]
+    assert "thrown 1000 times" in result["message"]
+
+
+def test_it_is_thrown_at_its_printed_size(folder: Path) -> None:
+    body = read_body(folder / "die.stl")
+    poses = rest_poses(body)
+    radius = np.linalg.norm(poses.hull.vertices - poses.center_of_mass, axis=1).max()
+    result = json.loads((folder / "result.json").read_text())
+    assert result["thrown"]["table"]["size"] == pytest.approx(2e-3 * radius, rel=1e-5)
+    odds = np.sort(thrown_odds(body, poses))
+    np.testing.assert_allclose(odds, np.sort(result["thrown"]["momentum"]), atol=1e-5)
+
+
+def test_pictures_and_report_are_there(folder: Path) -> None:
+    files = json.loads((folder / "result.json").read_text())["files"]
+    for kind, name in (("table", "table.png"), ("film", "film.png"), ("throw", "throw.gif")):
+        assert files[kind] == name
+        assert (folder / name).stat().st_size > 5000
+    assert (folder / "rounds.png").exists()
+    assert "On the table" in (folder / "report.html").read_text()
+
+
+def test_a_die_that_misses_says_so(
+    tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = tmp_path / "recipe.yaml"
+    again.write_text(RECIPE.replace("within: 0.1", "within: 1e-9") + "engrave: false\n")
+    assert main(["run", str(again), "--out", str(tmp_path / "out")]) == 1
+    out = capsys.readouterr().out
+    assert "coin: off_table (thrown 1000 times" in out
+    assert out.splitlines()[1].split() == ["label", "target", "set", "down", "model", "thrown"]
+
+
+def test_odds_by_the_model_alone_take_no_simulation(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text(
+        "name: loaded\ntarget: {probabilities: [1/8, 1/8, 1/4, 1/4, 1/4]}\nsymmetry: C2v\n"
+        "method: {exact: {odds: thrown}}\nengrave: false\n"
+    )
+    assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 0
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert "simulated" not in result["thrown"]
+    np.testing.assert_allclose(result["thrown"]["momentum"], result["target"], atol=1e-11)
+    assert np.abs(np.array(result["probabilities"]) - result["target"]).max() > 0.01
+
+
+def test_refinement_needs_thrown_odds(tmp_path: Path) -> None:
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text("name: a\ntarget: {fair: 4}\nmethod: {exact: {refine: {drops: 10}}}\n")
+    with pytest.raises(RecipeError, match='refine: expected odds "thrown" with it, got "resting"'):
+        read_recipe(recipe)
+
+
+def test_an_unknown_table_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text(RECIPE.replace("odds: thrown", "odds: thrown, table: marble"))
+    assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 2
+    assert "--table marble: expected board-game, hard-wood" in capsys.readouterr().err
