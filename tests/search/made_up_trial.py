@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+CUBE = [[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]
+
 
 def made_up_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
     """What it finds is drawn at random, by its recipe."""
@@ -19,4 +21,9 @@ def made_up_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
         "max_abs_error": 1e-15 if solved else float(measures[0]),
         "inradius_mm": float(measures[1]),
         "margin_deg": float(measures[2]),
+        "asymmetry": 0.0,
+        "message": "made up",
+        "vertices": CUBE,
+        "down": [0.0, 0.0, -1.0],
+        "seconds": 0.0,
     }
