@@ -31,7 +31,13 @@ from dicedesign.geometry.hull import convex_hull
 from dicedesign.geometry.mesh_file import read_body
 from dicedesign.recipe import Recipe
 from dicedesign.rest.equilibria import classify
-from dicedesign.table_stage import TableVerdict, judge_on_table, odds_model, refined
+from dicedesign.table_stage import (
+    TableVerdict,
+    check_throws_of,
+    judge_on_table,
+    odds_model,
+    refined,
+)
 from dicedesign.tolerances import EQUAL_ODDS
 
 if TYPE_CHECKING:
@@ -77,13 +83,15 @@ def make_start(recipe: Recipe) -> Start | None:
 
     Raises InputError if a mesh cannot be read or has too few rests, the center of mass is not
     inside the shape, a symmetry does not permute its facets or carries labels to less probable
-    ones, or the method is concave.
+    ones, the method is concave, or the die cannot be thrown as it says.
     """
     if recipe.method.concave is not None:
         raise InputError(
             "method: expected exact or descent, got concave; such a recipe is for dicedesign run "
             "alone"
         )
+    if recipe.method.exact is not None and recipe.method.thrown:
+        check_throws_of(recipe.method.exact, recipe.size_mm)
     start = _chosen_start(recipe)
     if start is None or recipe.symmetry is None:
         return start
@@ -219,7 +227,7 @@ def thrown_die(
     return judge_on_table(
         solid,
         None if verdict.uniform else verdict.poses.center_of_mass,
-        verdict.hull.normals[verdict.facet_of_outcome],
+        _outcome_directions(recipe, die.design),
         recipe.method.exact,
         die.rounds,
         recipe.seed,
@@ -235,10 +243,15 @@ def _judged(
     recipe: Recipe, start: Start | None, design: DesignResult, rounds: tuple[Round, ...]
 ) -> DesignedDie:
     target, center = recipe.target.target(), _normalised_center(recipe, start)
-    directions = design.directions[np.argsort(recipe.outcome_of_direction())]
+    directions = _outcome_directions(recipe, design)
     verdict = judge(design.hull, directions, target, recipe.size_mm, center)
     status, message = _outcome(design, verdict, recipe)
     return DesignedDie(target, design, verdict, status, message, rounds)
+
+
+def _outcome_directions(recipe: Recipe, design: DesignResult) -> Floats:
+    """(k, 3) where the outcomes are, in the order of the target."""
+    return design.directions[np.argsort(recipe.outcome_of_direction())]
 
 
 def _normalised_center(recipe: Recipe, start: Start | None) -> Floats | None:
@@ -257,7 +270,10 @@ def _outcome(design: DesignResult, verdict: Verdict, recipe: Recipe) -> tuple[St
     if recipe.method.thrown:
         # Its odds without momentum are not meant to be the target.
         error = design.history[-1].error
-        remarks = [f"{status.value} by the momentum model; max |p - q| is {error:.3g}"]
+        remarks = [
+            f"{status.value} by the momentum model; max |p - q| is {error:.3g} of the odds that it "
+            "was asked for"
+        ]
     else:
         if status is Status.CONVERGED and verdict.max_abs_error > tolerance:
             status = Status.OFF_TARGET

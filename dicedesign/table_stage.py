@@ -18,22 +18,44 @@ from dicedesign.design.refinement import Refinement, Round
 from dicedesign.design.result import DesignResult
 from dicedesign.design.symmetric_coordinates import orbits_of_directions
 from dicedesign.design.thrown_odds import ThrownOdds
+from dicedesign.errors import InputError
 from dicedesign.geometry.body import Body, make_body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.throws.momentum import momentum_model, momentum_odds
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
-from dicedesign.throws.simulation import Engine, Throws, simulate
+from dicedesign.throws.simulation import Engine, Throws, require_engine, simulate
 from dicedesign.throws.tables import Table, table_named
 from dicedesign.tolerances import SAME_REST_ANGLE
 
-__all__ = ["DieOnTable", "TableVerdict", "judge_on_table", "odds_model", "refined"]
+__all__ = [
+    "DieOnTable",
+    "TableVerdict",
+    "check_throws_of",
+    "judge_on_table",
+    "odds_model",
+    "refined",
+]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 SEEDS: Final = 1000
 """Seeds of throws between those of one recipe's seed and the next."""
+
+
+def check_throws_of(options: ExactOptions, size_mm: float) -> None:
+    """Raise InputError where a die cannot be thrown as the options say: there is no such table, it
+    has no momentum model, the die is too large for it, or the engine is missing.
+
+    size_mm: largest distance between two vertices of the die.
+    """
+    table = table_named(options.table)
+    odds_model(options)
+    # The radius is at least half of that distance.
+    replace(table, size=1e-3 * size_mm)
+    if options.refine is not None:
+        require_engine(options.refine.engine)
 
 
 def odds_model(options: ExactOptions) -> ThrownOdds | None:
@@ -70,7 +92,7 @@ def refined(
             solid = make_body(scale * tried.hull.vertices, name="die")
             thrown = DieOnTable.of(solid, center, tried.directions, named)
             throws = thrown.simulated(drops, SEEDS * seed + number, options.engine, workers)
-            return thrown.by_outcome(throws.counts)
+            return thrown.counts(throws)
 
         refinement = Refinement(
             target, orbits, options.drops, options.rounds, throw, design, on_round
@@ -89,8 +111,8 @@ class TableVerdict:
     momentum: (k,) odds of the outcomes by the momentum model.
     rounds: of the design.
     throws: the simulated ones, or None where the recipe asks for none.
-    counts: (k,) of the outcomes, all 0 without throws; what is missing to all resolved throws has
-        ended elsewhere.
+    counts: (k + 1,) of the outcomes, and of throws that came to rest elsewhere; all 0 without
+        throws.
     """
 
     solid: Body
@@ -118,13 +140,13 @@ def judge_on_table(
     """
     thrown = DieOnTable.of(solid, center_of_mass, directions, table_named(options.table))
     model = momentum_odds(thrown.poses, thrown.body, momentum_model(options.table))
-    throws, counts = None, np.zeros(len(directions), dtype=np.int64)
+    throws, counts = None, np.zeros(len(directions) + 1, dtype=np.int64)
     if options.refine is not None:
         with _threads() as workers:
             throws = thrown.simulated(
                 options.refine.verdict, SEEDS * seed + SEEDS - 1, options.refine.engine, workers
             )
-        counts = thrown.by_outcome(throws.counts)
+        counts = thrown.counts(throws)
     return TableVerdict(
         solid,
         thrown.body,
@@ -165,7 +187,19 @@ class DieOnTable:
         return cls(poses, body, replace(table, size=2e-3 * body.radius), outcome, len(directions))
 
     def simulated(self, drops: int, seed: int, engine: Engine, workers: Executor) -> Throws:
-        return simulate(self.body, self.table, drops, seed, engine=engine, workers=workers)
+        """So many throws. Raises InputError: none of them came to rest."""
+        throws = simulate(self.body, self.table, drops, seed, engine=engine, workers=workers)
+        if throws.unresolved == drops:
+            raise InputError(
+                f"table {self.table.name}: expected throws that come to rest, got none of {drops}; "
+                "raise its friction, or lower its restitution"
+            )
+        return throws
+
+    def counts(self, throws: Throws) -> Integers:
+        """(k + 1,) of the outcomes, and of throws that came to rest elsewhere."""
+        found = self.by_outcome(throws.counts)
+        return np.append(found, int(throws.counts.sum()) - int(found.sum()))
 
     def by_outcome(self, of_rests: NDArray[Any]) -> NDArray[Any]:
         """Sums (k,) over the rests of each outcome."""
@@ -177,6 +211,10 @@ class DieOnTable:
 
 @contextmanager
 def _threads() -> Iterator[Executor]:
-    """Threads suffice: the simulators run without Python's lock."""
-    with ThreadPoolExecutor(os.cpu_count()) as workers:
+    """Threads suffice where an engine runs without Python's lock, as all but Bullet do."""
+    workers = ThreadPoolExecutor(os.cpu_count())
+    try:
         yield workers
+    finally:
+        # An interrupt does not wait for throws that have not begun.
+        workers.shutdown(wait=True, cancel_futures=True)

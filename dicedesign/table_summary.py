@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+import numpy as np
+
 from dicedesign.design.stopping import Status
 from dicedesign.design.targets import Target
 from dicedesign.recipe import Recipe
@@ -21,7 +23,9 @@ def measured(verdict: TableVerdict, target: Target) -> MeasuredVariation | None:
     """Total variation of the simulated throws from the target; None without throws."""
     if verdict.throws is None:
         return None
-    return measure_variation(verdict.counts, target.probabilities, CONFIDENCE)
+    # None of the target is elsewhere.
+    wanted = np.append(target.probabilities, 0.0)
+    return measure_variation(verdict.counts, wanted, CONFIDENCE)
 
 
 def table_summary(verdict: TableVerdict, target: Target) -> dict[str, Any]:
@@ -44,15 +48,15 @@ def table_summary(verdict: TableVerdict, target: Target) -> dict[str, Any]:
     variation, throws = measured(verdict, target), verdict.throws
     if variation is None or throws is None:
         return summary
-    resolved = throws.drops - throws.unresolved
-    intervals = exact_intervals(verdict.counts, resolved, CONFIDENCE)
+    resolved, counts = throws.drops - throws.unresolved, verdict.counts[:-1]
+    intervals = exact_intervals(counts, resolved, CONFIDENCE)
     summary["simulated"] = {
         "engine": throws.engine,
         "seed": throws.seed,
         "drops": throws.drops,
         "unresolved": throws.unresolved,
-        "counts": verdict.counts.tolist(),
-        "frequencies": (verdict.counts / resolved).tolist(),
+        "counts": counts.tolist(),
+        "frequencies": (counts / resolved).tolist(),
         "intervals": intervals.tolist(),
         "total_variation": variation.value,
         "interval": list(variation.interval),
@@ -74,4 +78,6 @@ def table_outcome(
         f"thrown {exact.refine.verdict} times, its total variation from the target is "
         f"{variation.value:.2g}, where a perfect die shows {variation.noise_floor:.2g}"
     )
+    if status is Status.OFF_TABLE:
+        return status, f"{status.value}; {told}"
     return status, f"{told}; {message}"

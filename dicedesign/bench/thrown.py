@@ -227,7 +227,7 @@ class _Fresh:
     on_quiet: Callable[[], None] | None
 
     def counts(self, thrown: DieOnTable, table: Table, drops: int) -> Integers:
-        """(k,) of the outcomes. Raises DiceError: no drop ended on any."""
+        """(k + 1,) of the outcomes, and of drops that ended on none. Raises DiceError: all did."""
         throws = simulate(
             thrown.body,
             table,
@@ -239,8 +239,8 @@ class _Fresh:
             on_quiet=self.on_quiet,
         )
         self.seed += 1
-        counts: Integers = thrown.by_outcome(throws.counts)
-        if not counts.any():
+        counts: Integers = thrown.counts(throws)
+        if not counts[:-1].any():
             raise DiceError(
                 f"throws: expected drops that end on a facet with a label, got none of {drops}; "
                 "see whether the table makes sense for such a die"
@@ -251,7 +251,7 @@ class _Fresh:
 def _judged(designed: _Designed, fresh: _Fresh, drops: int) -> DieThrows:
     die, thrown = designed.die, designed.thrown
     counts = fresh.counts(thrown, thrown.table, drops)
-    frequencies = counts / counts.sum()
+    frequencies = counts[:-1] / counts.sum()
     return DieThrows(
         status=die.status,
         seconds=designed.seconds,
@@ -259,8 +259,8 @@ def _judged(designed: _Designed, fresh: _Fresh, drops: int) -> DieThrows:
         round_drops=sum(thrown.drops for thrown in die.rounds),
         engraved=designed.engraved,
         drops=drops,
-        lost=drops - int(counts.sum()),
-        to_target=measure_variation(counts, die.target.probabilities, CONFIDENCE),
+        lost=drops - int(counts[:-1].sum()),
+        to_target=measure_variation(counts, np.append(die.target.probabilities, 0.0), CONFIDENCE),
         geometric=total_variation(thrown.by_outcome(thrown.poses.probabilities), frequencies),
         momentum=total_variation(designed.momentum, frequencies),
     )
@@ -293,6 +293,8 @@ def _changed_throws(
         factor=factor,
         value=getattr(table, parameter),
         drops=drops,
-        lost=drops - int(counts.sum()),
-        to_target=measure_variation(counts, designed.die.target.probabilities, CONFIDENCE),
+        lost=drops - int(counts[:-1].sum()),
+        to_target=measure_variation(
+            counts, np.append(designed.die.target.probabilities, 0.0), CONFIDENCE
+        ),
     )

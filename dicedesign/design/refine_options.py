@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from dicedesign.errors import InputError
 from dicedesign.options import STRICT
 from dicedesign.throws.simulation import Engine
 
-__all__ = ["RefineOptions"]
+__all__ = ["MOST_DROPS", "MOST_ROUNDS", "RefineOptions"]
+
+MOST_DROPS: Final = 10_000_000
+MOST_ROUNDS: Final = 50
 
 
 @dataclass(frozen=True)
@@ -17,9 +21,10 @@ class RefineOptions:
 
     Attributes
     ----------
-    drops: simulated throws of the first round, above 0; each later round has half as many again.
-    rounds: most rounds of throwing a die and designing it anew, above 0.
-    verdict: throws that judge the last die, above 0.
+    drops: simulated throws of the first round, 1 to `MOST_DROPS`; each later round has half as many
+        again, but not more than those.
+    rounds: most rounds of throwing a die and designing it anew, 1 to `MOST_ROUNDS`.
+    verdict: throws that judge the last die, 1 to `MOST_DROPS`.
     within: largest total variation from the target, by the verdict, that counts as reached; above 0
         and below 1.
     engine: the simulator.
@@ -34,11 +39,12 @@ class RefineOptions:
     engine: Engine = "native"
 
     def __post_init__(self) -> None:
-        for name in ("drops", "rounds", "verdict"):
+        for name, most in (("drops", MOST_DROPS), ("rounds", MOST_ROUNDS), ("verdict", MOST_DROPS)):
             value = getattr(self, name)
-            if value < 1:
+            if not 1 <= value <= most:
                 raise InputError(
-                    f"refine.{name}: expected a whole number above 0, got {value}; raise it"
+                    f"refine.{name}: expected a whole number from 1 to {most}, got {value}; "
+                    "correct it"
                 )
         if not 0.0 < self.within < 1.0:
             raise InputError(

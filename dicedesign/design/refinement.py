@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from dicedesign.design.refine_options import MOST_DROPS
 from dicedesign.design.result import DesignResult
 from dicedesign.throws.total_variation import noise_floor, total_variation
 
@@ -43,7 +44,8 @@ class Round:
     Attributes
     ----------
     asked: (k,) its odds in the model.
-    drops: throws that came to rest; frequencies: (k,) of the outcomes among them.
+    drops: throws that came to rest; frequencies: (k,) of the outcomes among them, which sum to less
+        than 1 where some came to rest on no outcome.
     deviation: total variation of the frequencies from the target.
     noise_floor: what a perfect die would show on the mean in as many throws.
     """
@@ -65,8 +67,8 @@ class Refinement:
     orbits: (k,) a number for each outcome, the same for those whose facets are images of each other
         by a symmetry of the die: they are equally frequent but for chance.
     drops: throws of the first round. rounds: most rounds.
-    throw: simulated counts (k,) of a die, for so many throws and the round's number, each with
-        random numbers of its own.
+    throw: simulated counts (k + 1,) of a die, the last of throws that ended on no outcome, for so
+        many throws and the round's number, each with random numbers of its own.
     design: from a die to one near it with other odds (k,) in the model, or None.
     on_round: called after every round of throws.
     """
@@ -81,12 +83,13 @@ class Refinement:
 
     def refine(self, die: DesignResult) -> tuple[DesignResult, tuple[Round, ...]]:
         """The die that the rounds lead to from one whose odds in the model are the target, and the
-        rounds. They end where no orbit's frequency deviates by more than chance makes it."""
+        rounds. They end where the orbits deviate no more than those of a perfect die would on the
+        mean. The last die has not been thrown."""
         asked = self.target
         bias, weight = np.zeros(len(asked)), 0.0
         history: list[Round] = []
         for number in range(self.rounds):
-            counts = self.throw(die, round(self.drops * GROWTH**number), number)
+            counts = self.throw(die, min(round(self.drops * GROWTH**number), MOST_DROPS), number)
             thrown = self._round(asked, counts)
             history.append(thrown)
             if self.on_round is not None:
@@ -107,24 +110,27 @@ class Refinement:
 
     def _round(self, asked: Floats, counts: Integers) -> Round:
         drops = int(counts.sum())
-        frequencies = counts / max(drops, 1)
+        frequencies = counts / drops
         return Round(
             asked,
             drops,
-            frequencies,
-            total_variation(frequencies, self.target),
+            frequencies[:-1],
+            total_variation(frequencies, np.append(self.target, 0.0)),
             noise_floor(self.target, drops),
         )
 
     def _is_met(self, counts: Integers) -> bool:
-        """Whether the orbits deviate no more from the target than those of a perfect die would."""
-        seen, wanted = np.bincount(self.orbits, counts), np.bincount(self.orbits, self.target)
-        deviation = total_variation(seen / max(int(counts.sum()), 1), wanted)
-        return deviation <= noise_floor(wanted, int(counts.sum()))
+        """Whether the orbits deviate no more from the target than those of a perfect die would on
+        the mean."""
+        elsewhere = int(self.orbits.max()) + 1
+        seen = np.bincount(np.append(self.orbits, elsewhere), counts)
+        wanted = np.bincount(self.orbits, self.target)
+        deviation = total_variation(seen / seen.sum(), np.append(wanted, 0.0))
+        return deviation <= noise_floor(wanted, int(seen.sum()))
 
     def _softened(self, counts: Integers) -> Floats:
         """Positive frequencies (k,), equal within each orbit."""
-        soft = counts + SOFTENING
+        soft = counts[:-1] + SOFTENING
         pooled = np.bincount(self.orbits, soft) / np.bincount(self.orbits)
         frequencies: Floats = pooled[self.orbits] / soft.sum()
         return frequencies

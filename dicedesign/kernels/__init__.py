@@ -3,7 +3,8 @@
 They are the inner loops of hull, rest model and gradients in C++, built when the package is
 installed. A kernel answers only what rounding cannot change and returns None otherwise; the NumPy
 code that called it then decides, in exact arithmetic where it has to. So the kernels change speed
-only, and a machine without a C++ compiler does without them.
+only, and a machine without a C++ compiler does without them, but for the package's own simulator of
+throws.
 """
 
 from __future__ import annotations

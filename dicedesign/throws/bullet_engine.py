@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
@@ -22,7 +23,7 @@ from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.tables import Table
 from dicedesign.tolerances import STANDING_ANGLE
 
-__all__ = ["throw_states"]
+__all__ = ["require", "throw_states"]
 
 Floats = NDArray[np.float64]
 
@@ -47,6 +48,16 @@ gravity, and by so much less as drag makes them fall more slowly."""
 STANDING_TIME: Final = 10.0
 """How long they do, in units of the square root of radius over gravity, and by so much longer as
 drag makes it fall more slowly: one that balances on an edge would have fallen off."""
+
+
+def require() -> ModuleType:
+    """PyBullet. Raises InputError: it is not installed."""
+    try:
+        import pybullet
+    except ImportError as error:
+        raise missing_extra("bullet", "engine bullet", error) from error
+    found: ModuleType = pybullet
+    return found
 
 
 def throw_states(
@@ -78,10 +89,7 @@ def throw_states(
 @contextmanager
 def _scene(body: RigidBody, table: Table, step: float) -> Iterator[_Scene]:
     """A table and a die in a world of their own."""
-    try:
-        import pybullet
-    except ImportError as error:
-        raise missing_extra("bullet", "engine bullet", error) from error
+    pybullet = require()
     client = pybullet.connect(pybullet.DIRECT)
     try:
         yield _Scene(pybullet, client, body, table, step)

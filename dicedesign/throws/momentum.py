@@ -33,7 +33,7 @@ from dicedesign.rest.poses import RestPoses
 from dicedesign.throws.pass_features import CARRY_FEATURES, PASS_FEATURES, Features, features
 from dicedesign.throws.passes import Passes
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
-from dicedesign.throws.tables import table_entries
+from dicedesign.throws.tables import table_entries, table_named
 from dicedesign.tolerances import ROUNDING
 
 __all__ = [
@@ -196,9 +196,9 @@ def momentum_model(table: str) -> MomentumModel | None:
     ------
     InputError: there is no such table, or none of its momentum model.
     """
-    entries = table_entries(table)
+    entries, drag = table_entries(table), table_named(table).drag
     if "momentum" not in entries:
-        if entries.get("drag", 0.0) > 0.0:
+        if drag > 0.0:
             return None
         raise InputError(
             f"--table {table}: expected a table with a momentum model, got one without; make one "
@@ -212,7 +212,7 @@ def model_of(plain: dict[str, Any]) -> MomentumModel:
 
     Raises
     ------
-    InputError: something is missing, is no number, or has another shape than in `Network`.
+    InputError: something is missing, is no finite number, or has another shape than in `Network`.
     """
     try:
         hot, cooling, carry = (
@@ -220,7 +220,7 @@ def model_of(plain: dict[str, Any]) -> MomentumModel:
         )
         passes = _network(plain["passes"], len(PASS_FEATURES), PASS_OUTPUTS)
         carries = _network(plain["carries"], len(CARRY_FEATURES), CARRY_OUTPUTS)
-    except (KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"momentum model: expected what `dicedesign table learn` writes, but {error!r}; make "
             "the table's model again"
@@ -237,6 +237,8 @@ def _network(plain: dict[str, Any], columns: int, outputs: int) -> Network:
     found = [array.shape for array in vars(network).values()]
     if found != expected:
         raise ValueError(f"arrays of shapes {expected} came as {found}")
+    if not all(np.isfinite(array).all() for array in arrays.values()):
+        raise ValueError("not all numbers are finite")
     return network
 
 

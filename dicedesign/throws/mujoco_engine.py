@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
@@ -13,7 +14,7 @@ from dicedesign.throws.landing import final_rest
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.tables import Table
 
-__all__ = ["throw_states"]
+__all__ = ["require", "throw_states"]
 
 Floats = NDArray[np.float64]
 
@@ -34,6 +35,16 @@ frame of its hull: MuJoCo turns it back within the body. Restitution is a spring
 which negative numbers of `solref` stand for."""
 
 
+def require() -> ModuleType:
+    """MuJoCo. Raises InputError: it is not installed."""
+    try:
+        import mujoco
+    except ImportError as error:
+        raise missing_extra("throws", "engine mujoco", error) from error
+    found: ModuleType = mujoco
+    return found
+
+
 def throw_states(
     body: RigidBody, table: Table, states: Floats, refinement: float = 1.0
 ) -> NDArray[np.int64]:
@@ -41,10 +52,7 @@ def throw_states(
 
     Raises InputError: MuJoCo is not installed.
     """
-    try:
-        import mujoco
-    except ImportError as error:
-        raise missing_extra("throws", "engine mujoco", error) from error
+    mujoco = require()
     contact = contact_of(table, refinement)
     model = mujoco.MjModel.from_xml_string(_scene(body, table, contact))
     # Of the spin alone: a brake of the fall would not make a die stand otherwise, only later.

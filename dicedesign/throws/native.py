@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import ModuleType
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,10 +13,20 @@ from dicedesign.throws.contact import GRAVITY, IMPEDANCE, contact_of
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.tables import Table
 
-__all__ = ["advance", "throw_states"]
+__all__ = ["advance", "require", "throw_states"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+
+def require() -> ModuleType:
+    """The compiled kernels. Raises InputError: they are missing."""
+    if kernels.compiled is None:
+        raise InputError(
+            "engine native: expected the compiled kernels, but they were not built; install the "
+            "package where there is a C++ compiler, or take the engine mujoco"
+        )
+    return kernels.compiled
 
 
 def throw_states(
@@ -22,9 +34,10 @@ def throw_states(
 ) -> Integers:
     """The rests (n,) of bodies let go in states (n, 13); -1 for those that found none in time.
 
-    The equations of motion and of soft contact are those of MuJoCo, with all vertices below the
-    table in contact. A throw ends as soon as its energy is below every saddle on the border of the
-    basin that it is in: it can leave it no more.
+    The equations of motion and of soft contact are those of MuJoCo, with the lowest eight of the
+    vertices below the table in contact. A throw ends as soon as its energy is below every saddle on
+    the border of the basin that it is in: it can leave it no more. That is exact but for how deep
+    a contact is at rest, some 1e-4 radii.
 
     Raises InputError: the compiled kernels are missing.
     """
@@ -38,11 +51,6 @@ def advance(
 ) -> tuple[Integers, Integers]:
     """Advance states (n, 13), in place, by at most so many time steps. Returns for each the rest
     that it cannot miss any more, or -1, and (n,) how many steps it took."""
-    if kernels.compiled is None:
-        raise InputError(
-            "engine native: expected the compiled kernels, but they were not built; install the "
-            "package where there is a C++ compiler, or take --engine mujoco"
-        )
     contact = contact_of(table, refinement)
     how = (
         contact.step,
@@ -55,7 +63,7 @@ def advance(
         IMPEDANCE,
     )
     scale = table.size / 2.0
-    found: tuple[Integers, Integers] = kernels.compiled.advance_throws(
+    found: tuple[Integers, Integers] = require().advance_throws(
         *_landscape(body, scale), body.moments * scale**2, np.array(how), states, steps
     )
     return found

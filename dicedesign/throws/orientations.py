@@ -81,7 +81,8 @@ def released(
     turns = rng.normal(size=(count, 4))
     turns /= np.linalg.norm(turns, axis=1)[:, None]
     if orientations == "icosahedron":
-        turns = _standing(up_directions()[0][numbers % PAPER_DIRECTIONS] @ body.axes, turns[:, 0])
+        yaw = np.arctan2(turns[:, 1], turns[:, 0])
+        turns = _standing(up_directions()[0][numbers % PAPER_DIRECTIONS] @ body.axes, yaw)
     axes = rng.normal(size=(count, 3))
     states[:, 3:7] = turns
     states[:, 10:13] = table.spin * axes / np.linalg.norm(axes, axis=1)[:, None]
@@ -93,15 +94,15 @@ def released(
     return states
 
 
-def _standing(up: Floats, random: Floats) -> Floats:
-    """Quaternions (n, 4) that turn directions (n, 3) of the body up, and then by random amounts
-    about the vertical; random: (n,) from -1 to 1."""
+def _standing(up: Floats, yaw: Floats) -> Floats:
+    """Quaternions (n, 4) that turn directions (n, 3) of the body up, and then by angles (n,) about
+    the vertical, in radians."""
     # The shortest turn from u to z has the axis u x z; near its antipode that is any across it.
     real = 1.0 + up[:, 2]
     turn = np.stack([real, up[:, 1], -up[:, 0], np.zeros(len(up))], axis=1)
     turn[real < 1e-12] = (0.0, 1.0, 0.0, 0.0)
     turn /= np.linalg.norm(turn, axis=1)[:, None]
-    cosine, sine = np.cos(np.pi * random), np.sin(np.pi * random)
+    cosine, sine = np.cos(yaw / 2.0), np.sin(yaw / 2.0)
     w, x, y, z = turn.T
     return np.stack(
         [

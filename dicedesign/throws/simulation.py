@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 
 from dicedesign.errors import DiceError, InputError
 from dicedesign.executors import is_lost_worker
-from dicedesign.throws.orientations import ORIENTATIONS, Orientations, drop_weights, released
+from dicedesign.throws.orientations import (
+    ORIENTATIONS,
+    PAPER_DIRECTIONS,
+    Orientations,
+    drop_weights,
+    released,
+)
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.tables import Table
 
@@ -24,6 +30,7 @@ __all__ = [
     "Engine",
     "Throws",
     "check_throws",
+    "require_engine",
     "simulate",
     "throw_task",
 ]
@@ -114,6 +121,17 @@ def check_throws(drops: int, seed: int, engine: str, orientations: str) -> None:
             raise InputError(
                 f"{name}: expected {', '.join(known)}, got {given!r}; take one of them"
             )
+    if orientations == "icosahedron" and drops % PAPER_DIRECTIONS != 0:
+        raise InputError(
+            f"drops: expected a multiple of {PAPER_DIRECTIONS} with orientations icosahedron, "
+            f"whose directions count only together, got {drops}; take "
+            f"{PAPER_DIRECTIONS * max(1, round(drops / PAPER_DIRECTIONS))}"
+        )
+
+
+def require_engine(engine: Engine) -> None:
+    """Raise InputError where an engine is not installed."""
+    import_module(_MODULES[engine]).require()
 
 
 def simulate(
@@ -143,10 +161,16 @@ def simulate(
 
     Raises
     ------
-    InputError: as `check_throws`, or the engine is not installed.
+    InputError: as `check_throws`, the engine is not installed, or a table without friction would
+        let the die slide or spin for ever.
     DiceError: workers are lost again and again, or the executor cannot go on.
     """
     check_throws(drops, seed, engine, orientations)
+    if table.friction == 0.0 and (table.speed > 0.0 or table.spin > 0.0):
+        raise InputError(
+            f"table {table.name}: expected friction above 0 with a speed or a spin, which nothing "
+            "would take from the die, got 0; raise it"
+        )
     tasks = [
         partial(
             throw_task,

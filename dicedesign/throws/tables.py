@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import asdict, dataclass, fields
 from importlib import resources
 from pathlib import Path
@@ -62,15 +61,20 @@ class Table:
     source: str = "given"
 
     def __post_init__(self) -> None:
+        for text in (self.name, self.source):
+            if not isinstance(text, str):
+                raise InputError(
+                    f"table: expected texts as name and source, got {text!r}; correct it"
+                )
         for name, (least, most, words) in _RANGES.items():
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | float):
                 raise InputError(
                     f"table {self.name}: expected a number as {name}, got {value!r}; correct it"
                 )
-            if not (math.isfinite(value) and least <= value <= most):
+            if not least <= value <= most:
                 raise InputError(
-                    f"table {self.name}: expected a {name} of {words}, got {value:g}; correct it"
+                    f"table {self.name}: expected a {name} of {words}, got {value}; correct it"
                 )
         if 0.0 < self.height < self.size:
             raise InputError(

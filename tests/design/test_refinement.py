@@ -39,7 +39,8 @@ class World:
     def throw(self, die: DesignResult, drops: int, number: int) -> np.ndarray:
         self.drops.append(drops)
         self.numbers.append(number)
-        return np.random.default_rng(number).multinomial(drops, self.true_odds(die))
+        odds = np.append(self.true_odds(die), 0.0)
+        return np.random.default_rng(number).multinomial(drops, odds)
 
     def refined(self, **changes: object) -> tuple[DesignResult, tuple]:
         refinement = Refinement(
@@ -119,9 +120,9 @@ def test_the_rounds_end_where_no_die_is_found() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"drops": 0}, "refine.drops: expected a whole number above 0, got 0"),
-        ({"rounds": 0}, "refine.rounds: expected a whole number above 0, got 0"),
-        ({"verdict": -1}, "refine.verdict: expected a whole number above 0, got -1"),
+        ({"drops": 0}, "refine.drops: expected a whole number from 1 to 10000000, got 0"),
+        ({"rounds": 0}, "refine.rounds: expected a whole number from 1 to 50, got 0"),
+        ({"verdict": -1}, "refine.verdict: expected a whole number from 1 to 10000000, got -1"),
         ({"within": 1.0}, r"refine.within: expected a number in \(0, 1\), got 1"),
     ],
 )

@@ -46,7 +46,7 @@ def test_a_table_in_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"restitution": 1.0}, "expected a restitution of 0 .dead. to 0.95, got 1; correct it"),
+        ({"restitution": 1.0}, "expected a restitution of 0 .dead. to 0.95, got 1.0; correct it"),
         ({"friction": -0.1}, "expected a friction of 0 to 10, got -0.1"),
         ({"height": float("nan")}, "expected a height of 0 to 100 m, got nan"),
         ({"spin": "fast"}, "expected a number as spin, got 'fast'"),
