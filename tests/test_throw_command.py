@@ -16,7 +16,9 @@ from dicedesign import kernels
 from dicedesign.cli import main
 from dicedesign.commands.throw import throw_summary
 from dicedesign.geometry.mesh_file import read_body
+from dicedesign.rest.momentum import asymmetry
 from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.momentum import thrown_odds
 from dicedesign.throws.simulation import Throws
 from dicedesign.throws.tables import Table, table_named
 
@@ -64,6 +66,9 @@ def test_the_answer(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
         "orientations",
         "rests",
         "total_variation",
+        "wasserstein",
+        "chi_square",
+        "asymmetry",
         "seconds",
     ]
     assert (found["drops"], found["unresolved"], found["seed"]) == (300, 0, 3)
@@ -83,6 +88,36 @@ def test_the_answer(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
     low, high = variation["interval"]
     assert low <= variation["value"] <= high
     assert 0.0 < variation["noise_floor"] < 0.1
+    counts = [rest["count"] for rest in found["rests"]]
+    expected = stats.chisquare(counts, 300 * poses.probabilities)
+    assert found["chi_square"]["statistic"] == pytest.approx(expected.statistic)
+    assert found["chi_square"]["p_value"] == pytest.approx(expected.pvalue)
+    assert found["chi_square"]["degrees"] == 5
+    assert found["asymmetry"] == asymmetry(poses)
+    # To move a part of the odds takes at most pi, and at least the least angle of two rests.
+    moved = found["wasserstein"]["value"] / variation["value"]
+    assert 0.5 * np.pi <= moved <= np.pi
+
+
+@compiled_only
+def test_a_table_with_a_momentum_model_adds_its_odds(
+    box: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = ("--drops", "300", "--jobs", "1")
+    found = answer(capsys, box, *few)
+    body = read_body(box)
+    odds = [rest["momentum"] for rest in found["rests"]]
+    np.testing.assert_allclose(odds, thrown_odds(body, rest_poses(body)), rtol=1e-12)
+    assert main(["throw", str(box), *few]) == 0
+    assert "geometric %   momentum %   facet normal" in capsys.readouterr().out
+
+
+@compiled_only
+def test_part_of_the_papers_orientations_is_refused(
+    box: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["throw", str(box), "--table", "paper", "--drops", "300"]) == 2
+    assert "drops: expected a multiple of 1212 with" in capsys.readouterr().err
 
 
 @compiled_only
@@ -114,7 +149,9 @@ def test_a_table_for_people(box: Path, capsys: pytest.CaptureFixture[str]) -> No
     heading = "rest count frequency % 95 % interval geometric % facet normal (down)"
     assert " ".join(lines[2].split()) == heading
     assert len({len(line) for line in lines[3:9]}) == 1
-    assert lines[-1].startswith("total variation to the geometric odds 0.0")
+    assert lines[-3].startswith("total variation from the odds without momentum 0.0")
+    assert lines[-2].startswith("Wasserstein distance from them, in radians, 0.")
+    assert lines[-1].startswith("chi-square against them ")
     assert len(lines) == 11
 
 

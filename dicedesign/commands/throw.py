@@ -7,7 +7,7 @@ import json
 import math
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,11 +17,16 @@ from dicedesign.commands.workers import add_worker_options, check_worker_options
 from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from dicedesign.geometry.body import Body
     from dicedesign.rest.poses import RestPoses
     from dicedesign.throws.orientations import Orientations
     from dicedesign.throws.simulation import Throws
     from dicedesign.throws.tables import Table
+    from dicedesign.throws.total_variation import MeasuredVariation
+    from dicedesign.throws.transport import MeasuredTransport
 
 __all__ = ["add_parser", "throw_summary"]
 
@@ -72,10 +77,9 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument(
         "--orientations",
-        default="uniform",
         metavar="KIND",
         help="at which the die is let go: uniform, at random; or icosahedron, the paper's, each "
-        "counted by the area around it (default: uniform)",
+        "counted by the area around it (default: uniform; on the table paper icosahedron)",
     )
     parser.add_argument(
         "--size",
@@ -109,17 +113,21 @@ def add_parser(commands: Any) -> None:
 
 def _throw(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
+    from dicedesign.throws.momentum import momentum_model, momentum_odds
     from dicedesign.throws.orientations import PAPER_DIRECTIONS
     from dicedesign.throws.rigid_body import rigid_body
     from dicedesign.throws.simulation import check_throws, simulate
-    from dicedesign.throws.tables import table_named
+    from dicedesign.throws.tables import table_entries, table_named
 
+    table = _sized(table_named(options.table), options.size)
+    orientations = options.orientations
+    if orientations is None:
+        orientations = "icosahedron" if options.table == "paper" else "uniform"
     drops = options.drops
     if drops is None:
-        drops = PAPER_DIRECTIONS if options.orientations == "icosahedron" else DROPS
-    check_throws(drops, options.seed, options.engine, options.orientations)
+        drops = PAPER_DIRECTIONS if orientations == "icosahedron" else DROPS
+    check_throws(drops, options.seed, options.engine, orientations)
     check_worker_options(options)
-    table = _sized(table_named(options.table), options.size)
     is_finished = options.die.is_dir()
     die = _finished(options) if is_finished else _mesh(options)
     for note in die.poses.notes:
@@ -129,6 +137,9 @@ def _throw(options: argparse.Namespace) -> int:
         # Its files are in millimetres.
         table = _sized(table, 2.0 * body.radius)
     started = time.perf_counter()
+    momentum = None
+    if "momentum" in table_entries(options.table):
+        momentum = momentum_odds(die.poses, body, momentum_model(options.table))
     with open_workers(options, "drops", drops, 0) as workers:
         throws = simulate(
             body,
@@ -136,13 +147,13 @@ def _throw(options: argparse.Namespace) -> int:
             drops,
             options.seed,
             engine=options.engine,
-            orientations=options.orientations,
+            orientations=orientations,
             workers=workers.executor,
             progress=workers.advance,
             on_quiet=workers.on_quiet,
         )
     seconds = time.perf_counter() - started
-    summary = throw_summary(throws, die.poses, options.orientations, die.labels)
+    summary = throw_summary(throws, die.poses, orientations, die.labels, momentum)
     summary["seconds"] = seconds
     if options.json:
         print(json.dumps(summary, indent=1, allow_nan=False))
@@ -215,27 +226,30 @@ def throw_summary(
     poses: RestPoses,
     orientations: Orientations,
     labels: list[str | None] | None = None,
+    momentum: NDArray[np.float64] | None = None,
 ) -> dict[str, Any]:
-    """The answer as plain data. labels: (k,) of the rests, None for a rest or a die without.
+    """The answer as plain data. labels: (k,) of the rests, None for a rest or a die without;
+    momentum: (k,) odds by the momentum model, where the table has one.
 
-    Frequencies are those among the drops that were resolved; None, as the total variation, if none
-    was.
+    Frequencies are those among the drops that were resolved; None, as the distances, if none was.
     """
     import numpy as np
 
+    from dicedesign.rest.momentum import asymmetry
+    from dicedesign.throws.goodness_of_fit import chi_square
     from dicedesign.throws.intervals import exact_intervals
     from dicedesign.throws.total_variation import effective_counts, measure_variation
+    from dicedesign.throws.transport import measure_transport
 
     landed = throws.outcomes >= 0
-    variation = None
+    variation = transport = test = None
     if landed.any():
         came = effective_counts(throws.outcomes[landed], throws.weights[landed], throws.rests)
-        measured = measure_variation(came, poses.probabilities, CONFIDENCE)
-        variation = {
-            "value": measured.value,
-            "interval": list(measured.interval),
-            "noise_floor": measured.noise_floor,
-        }
+        odds = poses.probabilities
+        variation = _distance(measure_variation(came, odds, CONFIDENCE))
+        transport = _distance(measure_transport(poses.normals, came, odds, CONFIDENCE))
+        if throws.rests > 1:
+            test = asdict(chi_square(came, odds))
     else:
         came = np.zeros(throws.rests)
     intervals = exact_intervals(came, float(came.sum()), CONFIDENCE)
@@ -246,6 +260,7 @@ def throw_summary(
             "frequency": float(throws.frequencies[i]) if landed.any() else None,
             "interval": intervals[i].tolist(),
             "geometric": float(poses.probabilities[i]),
+            **({} if momentum is None else {"momentum": float(momentum[i])}),
         }
         for i in range(throws.rests)
     ]
@@ -260,36 +275,58 @@ def throw_summary(
         "orientations": orientations,
         "rests": rests,
         "total_variation": variation,
+        "wasserstein": transport,
+        "chi_square": test,
+        "asymmetry": asymmetry(poses),
+    }
+
+
+def _distance(measured: MeasuredVariation | MeasuredTransport) -> dict[str, Any]:
+    return {
+        "value": measured.value,
+        "interval": list(measured.interval),
+        "noise_floor": measured.noise_floor,
     }
 
 
 def _text(die: Path, summary: dict[str, Any]) -> str:
     table, rests, level = summary["table"], summary["rests"], f"{100 * CONFIDENCE:g} %"
-    labelled = "label" in rests[0]
+    labelled, modelled = "label" in rests[0], "momentum" in rests[0]
     lines = [
         f"{die}: {summary['drops']} drops on {table['name']}, {1e3 * table['size']:g} mm, engine "
         f"{summary['engine']}, {summary['seconds']:.1f} s",
         "",
         f"rest  {'label  ' if labelled else ''}   count  frequency %  {level + ' interval':>16s}  "
-        "geometric %   facet normal (down)",
+        f"geometric %   {'momentum %   ' if modelled else ''}facet normal (down)",
     ]
     for i, rest in enumerate(rests):
         label = f"{rest['label'] or '-':>5s}  " if labelled else ""
         frequency = math.nan if rest["frequency"] is None else 100 * rest["frequency"]
         low, high = (100 * limit for limit in rest["interval"])
+        model = f"{100 * rest['momentum']:10.3f}   " if modelled else ""
         normal = "  ".join(f"{x + 0.0:8.5f}" for x in rest["normal"])
         lines.append(
             f"{i + 1:4d}  {label}{rest['count']:8d}  {frequency:11.3f}  {low:7.3f}  {high:7.3f}  "
-            f"{100 * rest['geometric']:11.3f}   {normal}"
+            f"{100 * rest['geometric']:11.3f}   {model}{normal}"
         )
     lines.append("")
     if summary["unresolved"]:
         lines.append(f"unresolved: {summary['unresolved']} drops ended on no facet in time")
-    variation = summary["total_variation"]
-    if variation is not None:
-        low, high = variation["interval"]
+    for name, what in (
+        ("total_variation", "total variation from the odds without momentum"),
+        ("wasserstein", "Wasserstein distance from them, in radians,"),
+    ):
+        distance = summary[name]
+        if distance is not None:
+            low, high = distance["interval"]
+            lines.append(
+                f"{what} {distance['value']:.4f}, {level} interval {low:.4f} to {high:.4f}; noise "
+                f"floor {distance['noise_floor']:.4f}"
+            )
+    test = summary["chi_square"]
+    if test is not None:
         lines.append(
-            f"total variation to the geometric odds {variation['value']:.4f}, {level} interval "
-            f"{low:.4f} to {high:.4f}; noise floor {variation['noise_floor']:.4f}"
+            f"chi-square against them {test['statistic']:.4g} on {test['degrees']} degrees of "
+            f"freedom, p = {test['p_value']:.2g}; asymmetry rho {summary['asymmetry']:.3g}"
         )
     return "\n".join(lines)
