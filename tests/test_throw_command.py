@@ -152,7 +152,7 @@ def test_a_table_for_people(box: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert lines[-3].startswith("total variation from the odds without momentum 0.0")
     assert lines[-2].startswith("Wasserstein distance from them, in radians, 0.")
     assert lines[-1].startswith("chi-square against them ")
-    assert len(lines) == 11
+    assert len(lines) == 13
 
 
 @compiled_only
