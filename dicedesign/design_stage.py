@@ -269,10 +269,9 @@ def _outcome(design: DesignResult, verdict: Verdict, recipe: Recipe) -> tuple[St
     status, tolerance = design.status, recipe.method.tolerance
     if recipe.method.thrown:
         # Its odds without momentum are not meant to be the target.
-        error = design.history[-1].error
         remarks = [
-            f"{status.value} by the momentum model; max |p - q| is {error:.3g} of the odds that it "
-            "was asked for"
+            f"{status.value} by the momentum model; max |p - q| is {design.error:.3g} of the odds "
+            "that it was asked for"
         ]
     else:
         if status is Status.CONVERGED and verdict.max_abs_error > tolerance:

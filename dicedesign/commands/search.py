@@ -62,6 +62,11 @@ def _search(options: argparse.Namespace) -> int:
         )
     check_worker_options(options)
     recipe = read_recipe(options.recipe)
+    if recipe.method.exact is not None and recipe.method.exact.refine is not None:
+        raise InputError(
+            f"{options.recipe}: expected no method.exact.refine in a search, whose trials take "
+            "seconds, got one; leave it out, and add it to the best recipe found"
+        )
     # A start that does not suit the target suits it in no trial.
     make_start(recipe)
     folder = options.out or Path("outputs") / f"{recipe.name}_search"

@@ -52,3 +52,8 @@ class DesignResult:
     hulls_built: int
     hulls_reused: int
     starts: int = 1
+
+    @property
+    def error(self) -> float:
+        """Largest |p - q| at the end, by the odds that the method is about."""
+        return self.history[-1].error

@@ -59,7 +59,7 @@ def run_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
         result = {
             "status": (die.status.name if usable else NO_DIE).lower(),
             "message": die.message,
-            "max_abs_error": verdict.max_abs_error,
+            "max_abs_error": die.design.error if recipe.method.thrown else verdict.max_abs_error,
             "inradius_mm": min(radii) if complete else None,
             "margin_deg": _margin(verdict) if complete else None,
             "asymmetry": asymmetry(verdict.poses),

@@ -101,6 +101,15 @@ def test_bad_input_is_one_line(
     assert [path.name for path in tmp_path.iterdir()] == ["four.yaml"]
 
 
+def test_a_search_of_refined_dice_is_refused(
+    tmp_path: Path, repository: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recipe = str(repository / "recipes" / "2d6_table.yaml")
+    assert main(["search", recipe, "--trials", "1", "--out", str(tmp_path / "out")]) == 2
+    assert "expected no method.exact.refine in a search" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.usefixtures("made_up")
 def test_a_cluster_without_workers_is_told_of_once(
     tmp_path: Path,

@@ -108,3 +108,11 @@ def test_a_missing_file_is_an_error() -> None:
     }
     with pytest.raises(MeshFileError, match="nowhere"):
         run_trial(entries)
+
+
+def test_the_error_of_a_thrown_die_is_that_of_its_thrown_odds() -> None:
+    target = {"probabilities": [0.3, 0.3, 0.2, 0.2]}
+    entries = {"name": "thrown", "target": target, "method": {"exact": {"odds": "thrown"}}}
+    result = run_trial(entries)
+    assert result["status"] == "converged"
+    assert result["max_abs_error"] < 1e-12
