@@ -9,19 +9,27 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from dicedesign import __version__
 from dicedesign.errors import DiceError, InputError
 from dicedesign.extras import missing_extra
 
-__all__ = ["cluster_workers", "is_lost_worker", "local_workers", "no_worker_left"]
+__all__ = ["cluster_workers", "in_order", "is_lost_worker", "local_workers", "no_worker_left"]
 
 PATIENCE: Final = 30.0
 """Seconds that a cluster may take to answer."""
+
+QUIET: Final = 10.0
+"""Seconds without a result after which a caller is told so."""
+
+MOST_LOSSES: Final = 5
+"""How often the worker of one task may be lost."""
+
+Result = TypeVar("Result")
 
 
 class _LocalWorkers(Executor):
@@ -172,3 +180,38 @@ def is_lost_worker(error: BaseException) -> bool:
 
         lost += (Cancelled, KilledWorker, CommClosedError)
     return isinstance(error, lost)
+
+
+def in_order(
+    tasks: Sequence[Callable[[], Result]],
+    workers: Executor,
+    on_quiet: Callable[[], None] | None = None,
+) -> Iterator[Result]:
+    """What tasks return, in their order. One whose worker is lost runs again.
+
+    on_quiet: called whenever the task that is waited for has not ended for `QUIET` seconds.
+
+    Raises DiceError: workers are lost again and again, or the executor cannot go on.
+    """
+    futures = [workers.submit(task) for task in tasks]
+    for task, first in zip(tasks, futures, strict=True):
+        future, losses = first, 0
+        while True:
+            try:
+                result = future.result(QUIET)
+            except TimeoutError:
+                if on_quiet is not None:
+                    on_quiet()
+            except Exception as error:
+                if not is_lost_worker(error):
+                    raise
+                losses += 1
+                if losses == MOST_LOSSES:
+                    raise DiceError(
+                        f"workers: expected some that stay, but {losses} were lost while one task "
+                        "ran; see whether memory suffices or take fewer --jobs"
+                    ) from error
+                future = workers.submit(task)
+            else:
+                yield result
+                break

@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from typing import Final
 
@@ -15,6 +16,7 @@ from dicedesign.bench.cut_shapes import cut_shapes, made_models
 from dicedesign.bench.odds_comparison import OddsComparison, Prediction, compare_odds
 from dicedesign.concave.surface import Surface
 from dicedesign.errors import InputError
+from dicedesign.executors import in_order
 from dicedesign.geometry.body import Body, make_body
 from dicedesign.rest.momentum import asymmetry
 from dicedesign.rest.poses import RestPoses, rest_poses
@@ -158,12 +160,11 @@ def compare_shapes(
     bodies: Sequence[Body], engines: Sequence[Engine], extent: Extent, workers: Executor
 ) -> Iterator[ShapeOdds]:
     """`compare_shape` of each, in order, numbered from 0."""
-    futures = [
-        workers.submit(compare_shape, body, number, tuple(engines), extent.drops, extent.draws)
+    tasks = [
+        partial(compare_shape, body, number, tuple(engines), extent.drops, extent.draws)
         for number, body in enumerate(bodies)
     ]
-    for future in futures:
-        yield future.result()
+    return in_order(tasks, workers)
 
 
 def compare_shape(

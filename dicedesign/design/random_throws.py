@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from dicedesign.design.momentum_training import TrainingDie
 from dicedesign.design.random_dice import RESTS, RandomDie, random_die
 from dicedesign.errors import InputError
+from dicedesign.executors import in_order
 from dicedesign.throws.momentum import MomentumModel, momentum_odds
 from dicedesign.throws.pass_features import features
 from dicedesign.throws.passes import Passes
@@ -94,12 +96,11 @@ def throw_random_dice(
 
     drops: for each die.
     """
-    futures = [
-        workers.submit(throw_random_die, number, seed, table, count, rests, engine)
+    tasks = [
+        partial(throw_random_die, number, seed, table, count, rests, engine)
         for number, count in enumerate(drops)
     ]
-    for future in futures:
-        yield future.result()
+    return in_order(tasks, workers)
 
 
 def throw_random_die(

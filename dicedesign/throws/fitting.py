@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, Future, wait
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from dicedesign.errors import InputError
+from dicedesign.executors import in_order
 from dicedesign.throws.odds_surrogate import OddsSurrogate
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table
@@ -249,29 +251,22 @@ def _simulated(
 
     first: number of the first of the points among all, which makes their seeds.
     """
-    futures: list[list[Future[Integers]]] = []
+    tasks = []
     for number, point in enumerate(points.tolist(), start=first):
         values = {
             name: least + (most - least) * x
             for (name, (least, most)), x in zip(limits.items(), point, strict=True)
         }
         table = _table(start, values)
-        futures.append(
-            [
-                workers.submit(_thrown, die, table, drops, (seed, number, i))
-                for i, die in enumerate(dice)
-            ]
-        )
-    waiting = {future for row in futures for future in row}
-    while waiting:
-        done, waiting = wait(waiting, return_when="FIRST_COMPLETED")
-        for future in done:
-            future.result()
-            if progress is not None:
-                progress(drops)
-    return [
-        np.array([row[i].result() for row in futures], dtype=np.int64) for i in range(len(dice))
-    ]
+        tasks += [
+            partial(_thrown, die, table, drops, (seed, number, i)) for i, die in enumerate(dice)
+        ]
+    counts: list[list[Integers]] = [[] for _ in dice]
+    for place, found in enumerate(in_order(tasks, workers)):
+        counts[place % len(dice)].append(found)
+        if progress is not None:
+            progress(drops)
+    return [np.array(rows, dtype=np.int64) for rows in counts]
 
 
 def _table(start: Table, values: Mapping[str, float]) -> Table:

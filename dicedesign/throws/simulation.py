@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -12,8 +12,8 @@ from typing import Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.errors import DiceError, InputError
-from dicedesign.executors import is_lost_worker
+from dicedesign.errors import InputError
+from dicedesign.executors import in_order
 from dicedesign.throws.orientations import (
     ORIENTATIONS,
     PAPER_DIRECTIONS,
@@ -50,13 +50,6 @@ _MODULES: Final[dict[Engine, str]] = {
 
 DROPS_PER_TASK: Final = 500
 """Drops that share a generator of random numbers, so that they fall alike whoever runs them."""
-
-QUIET: Final = 10.0
-"""Seconds without a result after which a caller is told so."""
-
-MOST_LOSSES: Final = 5
-"""Times that a worker may be lost while one task runs. Not every such task is to blame: a local
-worker that is lost takes down all that run beside it."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +150,7 @@ def simulate(
     workers: run tasks of `DROPS_PER_TASK` drops; None runs them here. A task whose worker is lost
         runs again.
     progress: called with the number of drops of each task that ended.
-    on_quiet: called whenever the task that is waited for has not ended for `QUIET` seconds.
+    on_quiet: called whenever the task that is waited for has not ended for some seconds.
 
     Raises
     ------
@@ -185,7 +178,7 @@ def simulate(
         )
         for first in range(0, drops, DROPS_PER_TASK)
     ]
-    ended = (task() for task in tasks) if workers is None else _results(tasks, workers, on_quiet)
+    ended = (task() for task in tasks) if workers is None else in_order(tasks, workers, on_quiet)
     outcomes = []
     for outcome in ended:
         outcomes.append(outcome)
@@ -199,36 +192,6 @@ def simulate(
         drop_weights(drops, orientations),
         len(body.rest_heights),
     )
-
-
-def _results(
-    tasks: Sequence[Callable[[], Integers]],
-    workers: Executor,
-    on_quiet: Callable[[], None] | None,
-) -> Iterator[Integers]:
-    """What tasks return, in their order."""
-    futures = [workers.submit(task) for task in tasks]
-    for task, first in zip(tasks, futures, strict=True):
-        future, losses = first, 0
-        while True:
-            try:
-                outcome = future.result(QUIET)
-            except TimeoutError:
-                if on_quiet is not None:
-                    on_quiet()
-            except Exception as error:
-                if not is_lost_worker(error):
-                    raise
-                losses += 1
-                if losses == MOST_LOSSES:
-                    raise DiceError(
-                        f"throws: expected workers that stay, but {losses} were lost while one "
-                        "task ran; see whether memory suffices or take fewer --jobs"
-                    ) from error
-                future = workers.submit(task)
-            else:
-                yield outcome
-                break
 
 
 def throw_task(

@@ -12,9 +12,9 @@ import pytest
 from inline_executor import Inline
 from thrown import compiled_only, random_body
 
+from dicedesign import executors
 from dicedesign.errors import DiceError, InputError
 from dicedesign.executors import local_workers
-from dicedesign.throws import simulation
 from dicedesign.throws.orientations import PAPER_DIRECTIONS
 from dicedesign.throws.simulation import DROPS_PER_TASK, Throws, simulate
 from dicedesign.throws.tables import table_named
@@ -93,13 +93,15 @@ def test_lost_workers() -> None:
     expected = simulate(body, CARPET, 600).outcomes
     found = simulate(body, CARPET, 600, workers=Unlucky(3)).outcomes
     np.testing.assert_array_equal(found, expected)
-    with pytest.raises(DiceError, match=r"expected workers that stay, but 5 were lost while one"):
+    with pytest.raises(
+        DiceError, match=r"workers: expected some that stay, but 5 were lost while one"
+    ):
         simulate(body, CARPET, 600, workers=Unlucky(99))
 
 
 @compiled_only
 def test_a_worker_that_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulation, "QUIET", 1e-4)
+    monkeypatch.setattr(executors, "QUIET", 1e-4)
     body, _ = random_body(1)
     told: list[int] = []
     with ThreadPoolExecutor(1) as workers:
