@@ -17,12 +17,12 @@ from dicedesign.bench.odds_comparison import OddsComparison, Prediction, compare
 from dicedesign.concave.surface import Surface
 from dicedesign.errors import InputError
 from dicedesign.executors import in_order
-from dicedesign.geometry.body import Body, make_body
+from dicedesign.geometry.body import Body
 from dicedesign.rest.momentum import asymmetry
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.throws.orientations import PAPER_DIRECTIONS
 from dicedesign.throws.rigid_body import rigid_body
-from dicedesign.throws.simulation import ENGINES, Engine, Throws, simulate
+from dicedesign.throws.simulation import ENGINES, Engine, Throws, require_engine, simulate
 from dicedesign.throws.tables import Table, table_named
 from dicedesign.throws.total_variation import effective_counts
 
@@ -139,14 +139,11 @@ def installed_engines() -> tuple[tuple[Engine, ...], tuple[str, ...]]:
 
     Raises InputError: none can.
     """
-    corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
-    body = make_body(corners)
-    probe = rigid_body(body, rest_poses(body))
     found: list[Engine] = []
     notes = []
     for engine in ENGINES:
         try:
-            simulate(probe, table_named(TABLES[0]), 1, engine=engine)
+            require_engine(engine)
         except InputError as error:
             notes.append(str(error))
         else:

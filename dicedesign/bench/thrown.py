@@ -11,7 +11,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.bench.table_speed import die_of_11
 from dicedesign.bench.thrown_rows import Change, DieThrows, ThrownRow
 from dicedesign.design.exact import ExactOptions
 from dicedesign.design.refine_options import RefineOptions
@@ -19,10 +18,8 @@ from dicedesign.design_stage import DesignedDie, design_die, make_start, thrown_
 from dicedesign.errors import DiceError, EngravingError, InputError
 from dicedesign.pipeline import engrave_die
 from dicedesign.recipe import Recipe
-from dicedesign.rest.poses import rest_poses
 from dicedesign.table_stage import DieOnTable
 from dicedesign.table_summary import CONFIDENCE
-from dicedesign.throws.rigid_body import rigid_body
 from dicedesign.throws.simulation import Engine, simulate
 from dicedesign.throws.tables import Table, table_named
 from dicedesign.throws.total_variation import measure_variation, total_variation
@@ -33,7 +30,6 @@ __all__ = [
     "QUICK",
     "ROBUST",
     "Extent",
-    "check_engine",
     "refinement_of",
     "throw_recipe",
 ]
@@ -95,12 +91,6 @@ def refinement_of(recipe: Recipe) -> tuple[ExactOptions, RefineOptions]:
             f"{method}; change the method, or leave the recipe out"
         )
     return exact, exact.refine
-
-
-def check_engine(engine: Engine) -> None:
-    """Throw a die once. Raises InputError: the engine cannot, as it is not installed."""
-    body = die_of_11()
-    simulate(rigid_body(body, rest_poses(body)), table_named("board-game"), 1, engine=engine)
 
 
 def throw_recipe(

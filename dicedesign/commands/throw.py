@@ -13,7 +13,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.commands.rest import center_of_mass
 from dicedesign.commands.vectors import numbers
-from dicedesign.commands.workers import add_worker_options, check_worker_options, open_workers
+from dicedesign.commands.workers import (
+    add_engine_option,
+    add_worker_options,
+    check_worker_options,
+    open_workers,
+)
 from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
@@ -61,13 +66,7 @@ def add_parser(commands: Any) -> None:
         metavar="N",
         help=f"how many throws (default: {DROPS}, of the paper's orientations one of each)",
     )
-    parser.add_argument(
-        "--engine",
-        default="native",
-        metavar="NAME",
-        help="native, the package's own; mujoco, which needs the extra 'throws'; or bullet, which "
-        "needs the extra 'bullet' (default: native)",
-    )
+    add_engine_option(parser)
     parser.add_argument(
         "--table",
         default="board-game",

@@ -14,7 +14,13 @@ from typing import Any
 
 from dicedesign.errors import InputError
 
-__all__ = ["Workers", "add_worker_options", "check_worker_options", "open_workers"]
+__all__ = [
+    "Workers",
+    "add_engine_option",
+    "add_worker_options",
+    "check_worker_options",
+    "open_workers",
+]
 
 
 def add_worker_options(parser: argparse.ArgumentParser, jobs_help: str, where: str = "") -> None:
@@ -25,6 +31,17 @@ def add_worker_options(parser: argparse.ArgumentParser, jobs_help: str, where: s
         metavar="tcp://HOST:PORT",
         help=f"{where}run on the Dask cluster of this address; needs the extra 'cluster' (default: "
         "on this machine)",
+    )
+
+
+def add_engine_option(parser: argparse.ArgumentParser) -> None:
+    """Add `--engine`, the simulator of throws."""
+    parser.add_argument(
+        "--engine",
+        default="native",
+        metavar="NAME",
+        help="native, the package's own; mujoco, which needs the extra 'throws'; or bullet, which "
+        "needs the extra 'bullet' (default: native)",
     )
 
 

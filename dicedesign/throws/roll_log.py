@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -11,15 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.errors import InputError
+from dicedesign.throws.csv_rows import MOST, csv_rows, whole_count
 
 __all__ = ["read_counts"]
 
 COUNTED: Final = ["label", "count"]
 ONE_BY_ONE: Final = ["label"]
 """The two headers that a file may have."""
-
-MOST: Final = 10**9
-"""No count is larger."""
 
 MOST_NAMED: Final = 30
 """Labels that an error names."""
@@ -39,7 +36,7 @@ def read_counts(path: Path, labels: Sequence[str]) -> NDArray[np.int64]:
     InputError: the file cannot be read or has other columns, an unknown label, a label twice, a
         count that is not a whole number of at least 0, or no throw.
     """
-    (_, first), *rows = _rows(path) or [(1, [])]
+    (_, first), *rows = csv_rows(path) or [(1, [])]
     header = [entry.lower() for entry in first]
     if header not in (COUNTED, ONE_BY_ONE):
         raise InputError(
@@ -68,20 +65,6 @@ def read_counts(path: Path, labels: Sequence[str]) -> NDArray[np.int64]:
     return np.array(list(sums.values()), dtype=np.int64)
 
 
-def _rows(path: Path) -> Rows:
-    """The lines that are not empty, with their numbers."""
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file)
-            rows = [(reader.line_num, [entry.strip() for entry in row]) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(
-            f"{path}: expected a CSV file of throws in UTF-8, but {reason}; name such a file"
-        ) from error
-    return [(line, row) for line, row in rows if any(row)]
-
-
 def _counts(path: Path, rows: Rows) -> list[tuple[str, int]]:
     lines: dict[str, int] = {}
     counts = []
@@ -92,11 +75,11 @@ def _counts(path: Path, rows: Rows) -> list[tuple[str, int]]:
                 f"{lines[label]}; add the two up"
             )
         lines[label] = line
-        # int() would take "1_000" as well.
-        if not (text.isascii() and text.isdigit() and int(text[:20]) <= MOST):
+        count = whole_count(text)
+        if count is None:
             raise InputError(
                 f"{path}, line {line}: expected a whole number from 0 to {MOST}, got {text!r}; "
                 "correct the count"
             )
-        counts.append((label, int(text)))
+        counts.append((label, count))
     return counts

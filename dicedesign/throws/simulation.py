@@ -123,7 +123,8 @@ def check_throws(drops: int, seed: int, engine: str, orientations: str) -> None:
 
 
 def require_engine(engine: Engine) -> None:
-    """Raise InputError where an engine is not installed."""
+    """Raise InputError where there is no such engine, or it is not installed."""
+    check_throws(1, 0, engine, "uniform")
     import_module(_MODULES[engine]).require()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Sequence
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from dicedesign.errors import InputError
 from dicedesign.geometry.mesh_file import read_body
 from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.throws.csv_rows import MOST, csv_rows, whole_count
 from dicedesign.throws.outcome_matching import OutcomeGroups, match_by_normals, match_by_odds
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 
@@ -29,9 +29,6 @@ GEOMETRIC: Final = "geometric"
 CENTER: Final = "com"
 SIZE: Final = "size_mm"
 """Columns: those that every file has, and those that it may have."""
-
-MOST: Final = 10**9
-"""No count is larger."""
 
 Rows = list[tuple[int, dict[str, str]]]
 
@@ -105,16 +102,7 @@ def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[Th
 
 def _rows(path: Path) -> Rows:
     """The lines that are not empty as entries by column, with their numbers."""
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file)
-            lines = [(reader.line_num, [entry.strip() for entry in row]) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(
-            f"{path}: expected a CSV file of throws in UTF-8, but {reason}; name such a file"
-        ) from error
-    (_, columns), *rest = [(line, row) for line, row in lines if any(row)] or [(1, [])]
+    (_, columns), *rest = csv_rows(path) or [(1, [])]
     missing = [name for name in NEEDED if name not in columns]
     if missing or len(set(columns)) < len(columns):
         raise InputError(
@@ -239,13 +227,13 @@ def _designed(folder: Path, outcomes: Sequence[str]) -> tuple[RigidBody, RestPos
 
 
 def _count(path: Path, line: int, text: str) -> int:
-    # int() would take "1_000" as well.
-    if not (text.isascii() and text.isdigit() and int(text[:20]) <= MOST):
+    count = whole_count(text)
+    if count is None:
         raise InputError(
             f"{path}, line {line}: expected a whole number of throws from 0 to {MOST}, got "
             f"{text!r}; correct the count"
         )
-    return int(text)
+    return count
 
 
 def _number(path: Path, line: int, column: str, text: str) -> float:

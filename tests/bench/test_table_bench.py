@@ -212,11 +212,11 @@ def test_shapes_are_the_cut_ones() -> None:
 def test_simulators_that_are_missing_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     missing: set[Engine] = {"bullet"}
 
-    def throw(*arguments: object, engine: Engine) -> None:
+    def require(engine: Engine) -> None:
         if engine in missing:
             raise missing_extra(engine, f"engine {engine}", ImportError("no module"))
 
-    monkeypatch.setattr(table_bench, "simulate", throw)
+    monkeypatch.setattr(table_bench, "require_engine", require)
     engines, notes = installed_engines()
     assert engines == ("native", "mujoco")
     assert notes == (

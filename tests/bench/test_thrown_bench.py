@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -23,7 +24,6 @@ from dicedesign.bench.thrown import (
     PARAMETERS,
     QUICK,
     Extent,
-    check_engine,
     refinement_of,
     throw_recipe,
 )
@@ -35,8 +35,9 @@ from dicedesign.errors import InputError
 from dicedesign.recipe import Recipe
 from dicedesign.recipe_file import checked_recipe
 from dicedesign.rest.poses import rest_poses
+from dicedesign.throws import simulation
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
-from dicedesign.throws.simulation import Throws, simulate
+from dicedesign.throws.simulation import Throws, require_engine, simulate
 from dicedesign.throws.tables import Table, table_named
 from dicedesign.throws.total_variation import MeasuredVariation
 
@@ -307,7 +308,7 @@ def test_quick_takes_two_recipes(
         return replace(run.row, after=None, note="in the way")
 
     monkeypatch.setattr(thrown, "throw_recipe", made_up)
-    monkeypatch.setattr(thrown, "check_engine", lambda engine: None)
+    monkeypatch.setattr(simulation, "require_engine", lambda engine: None)
     assert main(["bench", "thrown", *[str(recipe_file)] * 3, "--quick"]) == 1
     assert extents == [QUICK] * 2
     assert "in the way" in capsys.readouterr().out
@@ -358,10 +359,7 @@ def test_recipes_of_another_method_are_refused(
 
 
 def test_an_engine_that_is_not_installed_is_told_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(*given: object, **more: object) -> None:
-        raise InputError("engine mujoco: expected the optional extra 'throws'")
-
-    check_engine("native")
-    monkeypatch.setattr(thrown, "simulate", missing)
+    require_engine("native")
+    monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(InputError, match="expected the optional extra 'throws'"):
-        check_engine("mujoco")
+        require_engine("mujoco")

@@ -16,6 +16,7 @@ from dicedesign.commands.benches.reporting import (
     require_figure_folder,
 )
 from dicedesign.commands.workers import (
+    add_engine_option,
     add_worker_options,
     check_worker_options,
     open_workers,
@@ -64,13 +65,7 @@ def add_parser(benches: Any) -> None:
         metavar="N",
         help="of each random and each printed die (default: 20000, or 1000 with --quick)",
     )
-    parser.add_argument(
-        "--engine",
-        default="native",
-        metavar="NAME",
-        help="native, the package's own; mujoco, which needs the extra 'throws'; or bullet, which "
-        "needs the extra 'bullet' (default: native)",
-    )
+    add_engine_option(parser)
     parser.add_argument(
         "--throws",
         type=Path,

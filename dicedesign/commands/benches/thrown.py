@@ -114,13 +114,14 @@ def _run(options: argparse.Namespace) -> int:
     import torch
 
     from dicedesign.bench.machine import machine_description
-    from dicedesign.bench.thrown import check_engine, throw_recipe
+    from dicedesign.bench.thrown import throw_recipe
+    from dicedesign.throws.simulation import require_engine
 
     # As `dicedesign run` does.
     torch.set_num_threads(1)
     extent = _extent(options)
     recipes = _recipes(options.recipes[:QUICK_RECIPES] if options.quick else options.recipes)
-    check_engine(extent.engine)
+    require_engine(extent.engine)
     rows: list[ThrownRow] = []
     if not options.json:
         print_row(_heading())
