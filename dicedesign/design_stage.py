@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -34,8 +34,8 @@ from dicedesign.rest.equilibria import classify
 from dicedesign.table_stage import (
     TableVerdict,
     check_throws_of,
+    first_swing,
     judge_on_table,
-    odds_model,
     refined,
 )
 from dicedesign.tolerances import EQUAL_ODDS
@@ -172,18 +172,21 @@ def design_die(
             center_of_mass=center,
             group=recipe.group(),
             least_circle=recipe.min_inradius_mm / recipe.size_mm,
-            thrown=odds_model(method.exact),
             on_step=on_step,
         )
-        design = solve(_starts(recipe, start, wanted), wanted)
+        swing = first_swing(method.exact, wanted)
+        design = solve(_starts(recipe, start, wanted), wanted, swing=swing)
         if method.exact.refine is not None and design.status is Status.CONVERGED:
+            assert swing is not None
+            known = swing
 
-            def again(die: DesignResult, odds: Floats) -> DesignResult | None:
+            def again(die: DesignResult, odds: Floats, bias: Floats) -> DesignResult | None:
                 near = shapes_like(
                     Start(die.hull.vertices, die.directions), recipe.seed, recipe.group()
                 )
                 try:
-                    found = solve(islice(near, CLOSE_STARTS), odds)
+                    close = islice(near, CLOSE_STARTS)
+                    found = solve(close, odds, swing=replace(known, bias=bias))
                 except NoStartError:
                     return None
                 return found if found.status is Status.CONVERGED else None
@@ -197,6 +200,7 @@ def design_die(
                 seed=recipe.seed,
                 group=recipe.group(),
                 center_of_mass=center,
+                robust=method.exact.prefer.robustness > 0.0,
                 design=again,
                 on_round=on_round,
             )

@@ -13,27 +13,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.design.exact import ExactOptions
-from dicedesign.design.refine_options import RefineOptions
+from dicedesign.design.refine_options import MOST_ROUNDS, RefineOptions
 from dicedesign.design.refinement import Refinement, Round
 from dicedesign.design.result import DesignResult
+from dicedesign.design.robustness import CHANGES, Swing
 from dicedesign.design.symmetric_coordinates import orbits_of_directions
 from dicedesign.design.thrown_odds import ThrownOdds
 from dicedesign.errors import InputError
 from dicedesign.geometry.body import Body, make_body
-from dicedesign.geometry.sphere import angle_between
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.throws.momentum import momentum_model, momentum_odds
+from dicedesign.throws.momentum import momentum_odds
+from dicedesign.throws.momentum_model import momentum_model
+from dicedesign.throws.outcome_matching import facet_of_rest, sums_by_outcome
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.simulation import Engine, Throws, require_engine, simulate
-from dicedesign.throws.tables import Table, table_named
-from dicedesign.tolerances import SAME_REST_ANGLE
+from dicedesign.throws.tables import MOST_RESTITUTION, Table, table_named
 
 __all__ = [
     "DieOnTable",
     "TableVerdict",
     "check_throws_of",
+    "first_swing",
     "judge_on_table",
-    "odds_model",
     "refined",
 ]
 
@@ -51,19 +52,24 @@ def check_throws_of(options: ExactOptions, size_mm: float) -> None:
     size_mm: largest distance between two vertices of the die.
     """
     table = table_named(options.table)
-    odds_model(options)
+    if options.odds == "thrown":
+        momentum_model(options.table)
     # The radius is at least half of that distance.
     replace(table, size=1e-3 * size_mm)
     if options.refine is not None:
         require_engine(options.refine.engine)
 
 
-def odds_model(options: ExactOptions) -> ThrownOdds | None:
-    """The momentum model of the table that the options name, or None for dice set down.
+def first_swing(options: ExactOptions, wanted: Floats) -> Swing | None:
+    """What the momentum model of the options' table knows of dice that are yet to be thrown, or
+    None for dice set down.
 
-    Raises InputError: there is no such table, or it has no momentum model.
+    wanted: (k,) odds. Raises InputError: there is no such table, or it has no momentum model.
     """
-    return ThrownOdds.on(options.table) if options.odds == "thrown" else None
+    if options.odds != "thrown":
+        return None
+    thrown = ThrownOdds.on(options.table)
+    return Swing(thrown, wanted, np.zeros((len(CHANGES), len(wanted))))
 
 
 def refined(
@@ -76,26 +82,43 @@ def refined(
     seed: int,
     group: Floats | None,
     center_of_mass: Floats | None,
-    design: Callable[[DesignResult, Floats], DesignResult | None],
+    robust: bool,
+    design: Callable[[DesignResult, Floats, Floats], DesignResult | None],
     on_round: Callable[[Round], None] | None,
 ) -> tuple[DesignResult, tuple[Round, ...]]:
     """A die corrected by simulated throws at its printed size; see `Refinement`."""
     orbits = (
         np.arange(len(target)) if group is None else orbits_of_directions(die.directions, group)
     )
-    named = table_named(table)
+    named, model = table_named(table), momentum_model(table)
     with _threads() as workers:
 
-        def throw(tried: DesignResult, drops: int, number: int) -> Integers:
+        def throw(
+            tried: DesignResult, drops: int, number: int, change: float
+        ) -> tuple[Integers, Floats]:
             scale = size_mm / tried.hull.diameter
             center = None if center_of_mass is None else scale * center_of_mass
             solid = make_body(scale * tried.hull.vertices, name="die")
-            thrown = DieOnTable.of(solid, center, tried.directions, named)
-            throws = thrown.simulated(drops, SEEDS * seed + number, options.engine, workers)
-            return thrown.counts(throws)
+            restitution = min((1.0 + change) * named.restitution, MOST_RESTITUTION)
+            changed = replace(named, restitution=restitution)
+            thrown = DieOnTable.of(solid, center, tried.directions, changed)
+            # Each change has a series of its own.
+            own = SEEDS * seed + number + MOST_ROUNDS * [0.0, *CHANGES].index(change)
+            throws = thrown.simulated(drops, own, options.engine, workers)
+            there = None if model is None else model.at(change)
+            odds = momentum_odds(thrown.poses, thrown.body, there)
+            return thrown.counts(throws), thrown.by_outcome(odds)
 
         refinement = Refinement(
-            target, orbits, options.drops, options.rounds, throw, design, on_round
+            target,
+            orbits,
+            options.drops,
+            options.rounds,
+            # Symmetry keeps equal odds equal on every table.
+            robust and model is not None and named.restitution > 0.0 and len(np.unique(orbits)) > 1,
+            throw,
+            design,
+            on_round,
         )
         return refinement.refine(die)
 
@@ -182,8 +205,7 @@ class DieOnTable:
     ) -> DieOnTable:
         poses = rest_poses(solid, center_of_mass)
         body = rigid_body(solid, poses)
-        angles = angle_between(poses.normals[:, None], directions)
-        outcome = np.where(angles.min(axis=1) <= SAME_REST_ANGLE, angles.argmin(axis=1), -1)
+        outcome = facet_of_rest(poses.normals, directions)
         return cls(poses, body, replace(table, size=2e-3 * body.radius), outcome, len(directions))
 
     def simulated(self, drops: int, seed: int, engine: Engine, workers: Executor) -> Throws:
@@ -203,10 +225,7 @@ class DieOnTable:
 
     def by_outcome(self, of_rests: NDArray[Any]) -> NDArray[Any]:
         """Sums (k,) over the rests of each outcome."""
-        sums = np.zeros(self.outcomes, dtype=of_rests.dtype)
-        labelled = self.outcome >= 0
-        np.add.at(sums, self.outcome[labelled], of_rests[labelled])
-        return sums
+        return sums_by_outcome(of_rests, self.outcome, self.outcomes)
 
 
 @contextmanager

@@ -39,6 +39,7 @@ def table_summary(verdict: TableVerdict, target: Target) -> dict[str, Any]:
                 "drops": thrown.drops,
                 "deviation": thrown.deviation,
                 "noise_floor": thrown.noise_floor,
+                "changed": list(thrown.changed),
                 "asked": thrown.asked.tolist(),
                 "frequencies": thrown.frequencies.tolist(),
             }

@@ -102,9 +102,10 @@ PROBABILITY_SUM_TOLERANCE: Final = 1e-9
 EQUAL_ODDS: Final = 1e-12
 """Relative difference up to which two outcomes of a target count as equally probable."""
 
-EQUAL_LIKELIHOOD: Final = 1e-9
+EQUAL_LIKELIHOOD: Final = 1e-14
 """Difference between the logarithms of the likelihoods of two tables of counts up to which they
-count as equally likely: logarithms of factorials of up to 1e5 are rounded by less."""
+count as equally likely, relative to the sum of the absolute values of the terms that make up such a
+logarithm: what rounding them adds up to, and some more."""
 
 SYMMETRY_TOLERANCE: Final = 1e-5
 """A shape is symmetric when each facet's image differs from another facet by no more than this: in

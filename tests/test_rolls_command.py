@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -20,16 +19,25 @@ from dicedesign.rest.poses import rest_poses
 PUBLISHED = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "published"
 
 
-@pytest.fixture
-def die(tmp_path: Path) -> Path:
+def finished(folder: Path, labels: list[str], target: list[float], status: str) -> Path:
     """What a run leaves of a die."""
-    folder = tmp_path / "2d4"
     folder.mkdir()
-    target = [1 / 16, 2 / 16, 3 / 16, 4 / 16, 3 / 16, 2 / 16, 1 / 16]
-    labels = ["2", "3", "4", "5", "6", "7", "8"]
-    result = {"status": "converged", "labels": labels, "target": target}
+    result = {
+        "status": status,
+        "labels": labels,
+        "target": target,
+        "files": {"die_plain": "die_plain.stl"},
+        "center_of_mass": [0.0, 0.0, 0.0],
+        "facets": [],
+    }
     (folder / "result.json").write_text(json.dumps(result))
     return folder
+
+
+@pytest.fixture
+def die(tmp_path: Path) -> Path:
+    target = [1 / 16, 2 / 16, 3 / 16, 4 / 16, 3 / 16, 2 / 16, 1 / 16]
+    return finished(tmp_path / "2d4", ["2", "3", "4", "5", "6", "7", "8"], target, "converged")
 
 
 @pytest.fixture
@@ -134,15 +142,9 @@ def test_published_throws_of_a_published_mesh(
         rows = list(csv.DictReader(file))
     for name, rejected in (("2d6_hendecahedron", True), ("binomial2", False)):
         mine = [row for row in rows if row["die"] == name]
-        folder = tmp_path / name
-        folder.mkdir()
         odds = np.array([float(row["geometric"]) for row in mine])
-        result = {
-            "status": "off_target",
-            "labels": [row["outcome"] for row in mine],
-            "target": (odds / odds.sum()).tolist(),
-        }
-        (folder / "result.json").write_text(json.dumps(result))
+        labels = [row["outcome"] for row in mine]
+        folder = finished(tmp_path / name, labels, (odds / odds.sum()).tolist(), "off_target")
         throws = counts(tmp_path, {row["outcome"]: int(row["throws"]) for row in mine})
         assert main(["rolls", str(folder), str(throws), "--json"]) == 0
         captured = capsys.readouterr()
@@ -152,32 +154,28 @@ def test_published_throws_of_a_published_mesh(
         assert "does not meet its target (off_target)" in captured.err
 
 
-@pytest.mark.parametrize(
-    ("result", "message"),
-    [
-        (None, r"result.json: expected labels, target and status of a finished die, got FileNotF"),
-        ("{", r"got JSONDecodeError"),
-        ("[1]", r"got TypeError"),
-        ('{"labels": ["1"], "target": [1.0]}', r"got KeyError: 'status'"),
-        ('{"status": "x", "labels": [], "target": []}', r"name a folder that"),
-        ('{"status": "x", "labels": ["1"], "target": [0.5, 0.5]}', r"do not fit"),
-        ('{"status": "x", "labels": ["1", "2"], "target": [0.0, 1.0]}', r"do not fit"),
-        ('{"status": "x", "labels": ["1", "2"], "target": [NaN, 1.0]}', r"do not fit"),
-        ('{"status": "x", "labels": ["1", "2"], "target": [0.5, 0.6]}', r"do not fit"),
-        ('{"status": "x", "labels": ["1", "1"], "target": [0.5, 0.5]}', r"do not fit"),
-        ('{"status": "converged", "labels": ["1"], "target": [1.0]}', r"at least 2 outcomes"),
-    ],
-)
-def test_a_folder_without_a_die(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], result: str | None, message: str
-) -> None:
-    if result is not None:
-        (tmp_path / "result.json").write_text(result)
+def test_a_folder_without_a_die(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     throws = counts(tmp_path, {"1": 3})
-    assert main(["rolls", str(tmp_path), str(throws)]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert re.search(message, error)
+    one = finished(tmp_path / "one", ["1"], [1.0], "converged")
+    for folder, message in (
+        (tmp_path, "result.json: expected status, labels, target"),
+        (one, "expected a die with at least 2 outcomes, got 1"),
+    ):
+        assert main(["rolls", str(folder), str(throws)]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert message in error
+
+
+def test_the_confidence_next_to_1(
+    die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = answer(
+        capsys, die, counts(tmp_path, {"5": 30, "4": 20}), "--confidence", "0.9999999999999999"
+    )
+    assert found["confidence"] == 1.0 - 2.0**-53
+    assert found["throws_to_confirm"] > found["throws_to_reject"] > 0
+    assert all(outcome["posterior_interval"][1] < 1.0 for outcome in found["outcomes"])
 
 
 @pytest.mark.parametrize("confidence", ["0", "1", "0.49", "nan", "95"])

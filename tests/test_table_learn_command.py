@@ -15,7 +15,8 @@ from throws.thrown import compiled_only, random_body
 
 from dicedesign import executors
 from dicedesign.cli import main
-from dicedesign.throws.momentum import momentum_model, momentum_odds
+from dicedesign.throws.momentum import momentum_odds
+from dicedesign.throws.momentum_model import momentum_model
 from dicedesign.throws.tables import table_entries, table_named
 
 
@@ -32,7 +33,9 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_table_gets_its_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mine = tmp_path / "mine.json"
     entries = {**table_named("board-game").as_dict(), "name": "mine", "spin": 3.0}
-    mine.write_text(json.dumps(entries))
+    # A model that was learned on another table does not matter.
+    model = table_entries("board-game")["momentum"]
+    mine.write_text(json.dumps({**entries, "momentum": model}))
     out = tmp_path / "new" / "learned.json"
     effort = ["--dice", "8", "--drops", "30", "--steps", "2", "--jobs", "1"]
     assert main(["table", "learn", str(mine), *effort, "--out", str(out)]) == 0
@@ -43,6 +46,7 @@ def test_a_table_gets_its_model(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert 0.0 < float(fitted[5]) < 0.5
     found = table_entries(str(out))
     assert {key: found[key] for key in entries} == entries
+    assert found["momentum"]["table"]["spin"] == 3.0
     model = momentum_model(str(out))
     body, poses = random_body(3)
     odds = momentum_odds(poses, body, model)

@@ -40,6 +40,9 @@ def folder(tmp_path: Path, box: Path) -> Path:
     trimesh.load(box).apply_scale(10.0).export(tmp_path / "die_plain.stl")
     normals = {"one": [1.0, 0.0, 0.0], "two": [-1.0, 0.001, 0.0], "three": [0.0, 1.0, 0.0]}
     result = {
+        "status": "converged",
+        "labels": list(normals),
+        "target": [0.25, 0.25, 0.5],
         "files": {"die": "die.stl", "die_plain": "die_plain.stl"},
         "center_of_mass": [0.5, 0.0, 0.0],
         "facets": [{"label": label, "normal": normal} for label, normal in normals.items()],
@@ -223,16 +226,17 @@ def test_a_mesh_without_volume(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "expected a closed mesh that encloses a volume, got 0" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    "text", [None, "{", "[]", '{"files": {}}', '{"files": {"die": "d"}, "center_of_mass": 1}']
-)
-def test_a_folder_that_no_run_left(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | None
-) -> None:
-    if text is not None:
-        (tmp_path / "result.json").write_text(text)
+@compiled_only
+def test_a_run_without_a_labelled_facet(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = folder / "result.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "facets": []}))
+    found = answer(capsys, folder, *FEW)
+    assert [rest["label"] for rest in found["rests"]] == [None] * 6
+
+
+def test_a_folder_that_no_run_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["throw", str(tmp_path)]) == 2
-    message = "result.json: expected files, facets and center_of_mass of a finished die, got"
+    message = "result.json: expected status, labels, target, facets, files and center of mass of a"
     assert message in capsys.readouterr().err
 
 

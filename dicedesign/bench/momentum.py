@@ -26,7 +26,8 @@ from dicedesign.design.random_throws import (
 )
 from dicedesign.design.thrown_odds import ThrownOdds
 from dicedesign.throws.goodness_of_fit import ChiSquareTest, chi_square, two_sample_chi_square
-from dicedesign.throws.momentum import MomentumModel, momentum_odds
+from dicedesign.throws.momentum import momentum_odds
+from dicedesign.throws.momentum_model import MomentumModel
 from dicedesign.throws.simulation import Engine, simulate
 from dicedesign.throws.tables import Table
 from dicedesign.throws.throw_counts import ThrownDie
@@ -138,8 +139,9 @@ def throw_unseen_dice(
     extent: Extent, table: Table, engine: Engine, workers: Executor
 ) -> Iterator[ThrownRandomDie]:
     """Random dice of `RESTS` rests, thrown. Raises InputError: as `throw_random_die`."""
-    drops = [extent.drops] * extent.dice
-    return throw_random_dice(drops, SEED, table, workers, rests=RESTS, engine=engine)
+    throws = [[(table, extent.drops)]] * extent.dice
+    for (thrown,) in throw_random_dice(throws, SEED, workers, rests=RESTS, engine=engine):
+        yield thrown
 
 
 def by_kind(found: Sequence[Deviation]) -> Iterator[tuple[str, Deviations]]:

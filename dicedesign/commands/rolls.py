@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.errors import InputError
-from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
 
 if TYPE_CHECKING:
     from dicedesign.throws.roll_verdict import RollVerdict
@@ -96,23 +95,12 @@ def _rolls(options: argparse.Namespace) -> int:
 
 def _finished(folder: Path) -> _Die:
     """The labels and the target of a die that was designed here."""
-    path = folder / "result.json"
-    try:
-        result = json.loads(path.read_text(encoding="utf-8"))
-        labels = [str(label) for label in result["labels"]]
-        odds = [float(probability) for probability in result["target"]]
-        status = str(result["status"])
-        whole = abs(sum(odds) - 1.0) <= PROBABILITY_SUM_TOLERANCE and min(odds) > 0.0
-        if not whole or len(set(labels)) != len(odds) or len(labels) != len(odds):
-            raise ValueError("labels and target do not fit")
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            f"{path}: expected labels, target and status of a finished die, got "
-            f"{type(error).__name__}: {error}; name a folder that `dicedesign run` left, or a mesh"
-        ) from error
-    if status != "converged":
-        print(f"note: {path}: this die does not meet its target ({status})", file=sys.stderr)
-    return _Die(labels, odds, "target of its design")
+    from dicedesign.throws.finished_die import finished_die
+
+    die = finished_die(folder)
+    if die.status != "converged":
+        print(f"note: {folder}: this die does not meet its target ({die.status})", file=sys.stderr)
+    return _Die(list(die.labels), die.target.tolist(), "target of its design")
 
 
 def _mesh(path: Path) -> _Die:

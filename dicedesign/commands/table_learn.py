@@ -65,11 +65,11 @@ def _learn(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.design.momentum_learning import check_learning, learn_momentum
     from dicedesign.files import atomic_write, make_writable_folder
-    from dicedesign.throws.tables import table_entries, table_named
+    from dicedesign.throws.tables import learned_on, table_named
 
     check_worker_options(options)
     check_learning(options.dice, options.drops, options.seed, options.steps)
-    entries, table = table_entries(options.table), table_named(options.table)
+    table = table_named(options.table)
     _require_momentum(table)
     out = _out(options)
     # Better known before the simulations than after.
@@ -87,7 +87,8 @@ def _learn(options: argparse.Namespace) -> int:
             on_loss=losses.tell,
         )
     losses.close()
-    text = json.dumps({**entries, "momentum": found.plain}, indent=1, allow_nan=False)
+    entries = {**table.as_dict(), "momentum": {"table": learned_on(table), **found.plain}}
+    text = json.dumps(entries, indent=1, allow_nan=False)
     atomic_write(out, (text + "\n").encode())
     print(f"note: wrote {out}", file=sys.stderr)
     print("\n".join(_lines(found)))

@@ -19,7 +19,6 @@ from dicedesign.commands.workers import (
     check_worker_options,
     open_workers,
 )
-from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -112,7 +111,8 @@ def add_parser(commands: Any) -> None:
 
 def _throw(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
-    from dicedesign.throws.momentum import momentum_model, momentum_odds
+    from dicedesign.throws.momentum import momentum_odds
+    from dicedesign.throws.momentum_model import momentum_model
     from dicedesign.throws.orientations import PAPER_DIRECTIONS
     from dicedesign.throws.rigid_body import rigid_body
     from dicedesign.throws.simulation import check_throws, simulate
@@ -187,37 +187,17 @@ def _mesh(options: argparse.Namespace) -> _Die:
 
 def _finished(options: argparse.Namespace) -> _Die:
     """A die that was designed here, without its marks, and the labels of its rests."""
-    import numpy as np
-
     from dicedesign.geometry.mesh_file import read_body
-    from dicedesign.geometry.sphere import angle_between
     from dicedesign.rest.poses import rest_poses
-    from dicedesign.tolerances import SAME_REST_ANGLE
+    from dicedesign.throws.finished_die import finished_die
+    from dicedesign.throws.outcome_matching import facet_of_rest
 
-    path = options.die / "result.json"
-    try:
-        result = json.loads(path.read_text(encoding="utf-8"))
-        files = result["files"]
-        mesh = options.die / str(files.get("die_plain") or files["die"])
-        center = [float(x) for x in result["center_of_mass"]]
-        labelled = [
-            (str(facet["label"]), [float(x) for x in facet["normal"]])
-            for facet in result["facets"]
-            if facet["label"] is not None
-        ]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(
-            f"{path}: expected files, facets and center_of_mass of a finished die, got "
-            f"{type(error).__name__}: {error}; name a folder that `dicedesign run` left, or a mesh"
-        ) from error
-    body = read_body(mesh)
-    poses = rest_poses(body, center if options.com is None else center_of_mass(options.com))
-    labels: list[str | None] = [None] * len(poses.normals)
-    for label, normal in labelled:
-        angles = angle_between(poses.normals, np.array(normal))
-        if angles.min() < SAME_REST_ANGLE:
-            labels[int(angles.argmin())] = label
-    return _Die(body, poses, labels)
+    die = finished_die(options.die)
+    body = read_body(die.mesh)
+    center = die.center_of_mass if options.com is None else center_of_mass(options.com)
+    poses = rest_poses(body, center)
+    facets = facet_of_rest(poses.normals, die.normals).tolist()
+    return _Die(body, poses, [None if facet < 0 else die.shown[facet] for facet in facets])
 
 
 def throw_summary(

@@ -22,11 +22,11 @@ from dicedesign.design.levenberg_marquardt import Approach, dice_energy
 from dicedesign.design.preferences import Preferences
 from dicedesign.design.refine_options import RefineOptions
 from dicedesign.design.result import DesignResult, DesignStep
+from dicedesign.design.robustness import Swing
 from dicedesign.design.sobolev import SobolevOptions, check_coordinates
 from dicedesign.design.starts import Start
 from dicedesign.design.stopping import Status
 from dicedesign.design.symmetric_coordinates import SymmetricCoordinates
-from dicedesign.design.thrown_odds import ThrownOdds
 from dicedesign.design.trial import Trial, TrialMaker
 from dicedesign.errors import DegenerateBodyError, DiceError, InputError, NoStartError
 from dicedesign.geometry.hull import convex_hull
@@ -41,7 +41,7 @@ Integers = NDArray[np.int64]
 FINEST_TOLERANCE: Final = 1e-15
 """Rounding alone leaves errors of a few 1e-16."""
 
-LEGIBLE: Final = Preferences(circles=1.0, margin=0.1, asymmetry=0.1, roundness=0.2)
+LEGIBLE: Final = Preferences(circles=1.0, margin=0.1, asymmetry=0.1, roundness=0.2, robustness=1.0)
 """Room for labels first; then rests that are not left at a nudge, and no needles or plates."""
 
 MOST_IMPROVEMENTS: Final = 100
@@ -112,7 +112,7 @@ def solve_exactly(
     center_of_mass: Floats | None = None,
     group: Floats | None = None,
     least_circle: float = 0.0,
-    thrown: ThrownOdds | None = None,
+    swing: Swing | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
 ) -> DesignResult:
     """Move the first of some starting shapes that leads there until its odds are the target.
@@ -131,7 +131,8 @@ def solve_exactly(
         or None. Outcomes whose facets are images of each other are equally probable.
     least_circle: radius, over the largest distance of two vertices, that a circle in the facet of
         each outcome has; starts that do not lead there are passed over. In [0, 0.5).
-    thrown: the model by which the target is met, or None for odds without momentum.
+    swing: has the model of thrown dice by which the target is met, and is what `prefer.robustness`
+        lowers; None for odds without momentum.
     on_step: called after every accepted step.
 
     Raises
@@ -150,7 +151,7 @@ def solve_exactly(
             "least circle: expected a radius from 0 on and below 0.5 of the largest distance of "
             f"two vertices, got {least_circle:g}; lower it"
         )
-    search = _Search(target, options, center_of_mass, group, least_circle, thrown, on_step)
+    search = _Search(target, options, center_of_mass, group, least_circle, swing, on_step)
     for start in starts:
         if start is not None and (search.solve(start) or search.starts == options.starts):
             break
@@ -177,7 +178,7 @@ class _Search:
     center_of_mass: Floats | None
     group: Floats | None
     least_circle: float
-    thrown: ThrownOdds | None
+    swing: Swing | None
     on_step: Callable[[DesignStep], None] | None
     first: Start | None = None
     best: _Best | None = None
@@ -186,7 +187,8 @@ class _Search:
 
     def __post_init__(self) -> None:
         self.started = time.perf_counter()
-        self.maker = TrialMaker(self.center_of_mass, self.thrown)
+        thrown = None if self.swing is None else self.swing.thrown
+        self.maker = TrialMaker(self.center_of_mass, thrown)
 
     @property
     def aim(self) -> float:
@@ -226,6 +228,7 @@ class _Search:
             self.target,
             self.maker,
             options.prefer,
+            swing=self.swing,
             least_circle=self.least_circle,
             tolerance=self.aim,
             steps=MOST_IMPROVEMENTS,

@@ -21,6 +21,7 @@ from torch import Tensor
 from dicedesign.design.barrier import barrier_residuals
 from dicedesign.design.circles import circle_radii
 from dicedesign.design.preferences import Preferences, preference_residuals
+from dicedesign.design.robustness import Swing
 from dicedesign.design.trial import Trial, TrialMaker
 
 __all__ = ["improve"]
@@ -80,6 +81,7 @@ def improve(
     maker: TrialMaker,
     preferences: Preferences,
     *,
+    swing: Swing | None = None,
     least_circle: float,
     tolerance: float,
     steps: int,
@@ -97,6 +99,7 @@ def improve(
     target: (k,) the odds.
     maker: makes the dice that are tried.
     preferences: what is made better.
+    swing: of the odds when thrown, or None for odds without momentum.
     least_circle: radius, over the hull's diameter, that the largest circle in each facet of an
         outcome shall have, 0 for any. While one has less, steps are towards that alone; once all
         have it they keep it.
@@ -106,7 +109,7 @@ def improve(
     on_step: called with every die that a step leads to, and the sum of squares that falls: weighted
         preferences, and what keeps facets from the verge of tipping and circles from being small.
     """
-    goal = _Goal(target, maker, preferences, least_circle, tolerance, trial.parameters)
+    goal = _Goal(target, maker, preferences, swing, least_circle, tolerance, trial.parameters)
     if least_circle > 0.0:
         # A circle that is too small comes first, and alone.
         bare = replace(goal, preferences=Preferences())
@@ -155,6 +158,7 @@ class _Goal:
     target: Floats
     maker: TrialMaker
     preferences: Preferences
+    swing: Swing | None
     least_circle: float
     tolerance: float
     first: Floats
@@ -163,7 +167,7 @@ class _Goal:
         """Vectors whose squares are summed, but for `away`."""
         facets = trial.outcome_facets
         parts = [
-            *preference_residuals(trial.rests, facets, self.preferences),
+            *preference_residuals(trial.rests, facets, self.preferences, self.swing),
             np.sqrt(self.preferences.largest or 1.0) * barrier_residuals(trial.rests),
         ]
         if self.least_circle > 0.0:

@@ -3,9 +3,10 @@ judged by."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import torch
@@ -13,16 +14,17 @@ import torch
 from dicedesign.design.momentum_training import plain_model, train
 from dicedesign.design.random_throws import (
     Deviations,
+    ThrownRandomDie,
     deviation,
     mean_deviations,
     throw_random_dice,
     training_die,
 )
 from dicedesign.errors import InputError
-from dicedesign.throws.momentum import model_of
-from dicedesign.throws.tables import Table
+from dicedesign.throws.momentum_model import model_of
+from dicedesign.throws.tables import MOST_RESTITUTION, Table
 
-__all__ = ["LearnedModel", "check_learning", "drops_of_dice", "learn_momentum"]
+__all__ = ["LearnedModel", "check_learning", "learn_momentum", "throws_of_die"]
 
 HELD_OUT: Final = 8
 """One of so many dice is held out."""
@@ -30,6 +32,10 @@ HELD_OUT: Final = 8
 HELD_OUT_DROPS: Final = 4
 """Drops of a die that is held out over those of one that is not: fewer would hide the model's own
 error behind that of sampling."""
+
+CHANGES: Final = (-0.2, 0.0, 0.2)
+"""Parts by which the restitution is higher than the table's for an equal share of the drops that
+the model is fitted to, so that it learns what a duller or a livelier table does."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +69,16 @@ def check_learning(dice: int, drops: int, seed: int, steps: int) -> None:
             )
 
 
-def drops_of_dice(dice: int, drops: int) -> list[int]:
-    """How often each die is thrown: every `HELD_OUT`-th, which is held out, more often."""
-    return [drops * HELD_OUT_DROPS if _is_held_out(n) else drops for n in range(dice)]
+def throws_of_die(table: Table, number: int, drops: int) -> list[tuple[float, int]]:
+    """Parts by which the restitution is higher than that of the table, and how often a die is
+    thrown there. Every `HELD_OUT`-th die is held out: it is thrown onto the table as it is, and
+    more often."""
+    if _is_held_out(number):
+        return [(0.0, drops * HELD_OUT_DROPS)]
+    if table.restitution == 0.0:
+        return [(0.0, drops)]
+    highest = MOST_RESTITUTION / table.restitution - 1.0
+    return [(min(change, highest), math.ceil(drops / len(CHANGES))) for change in CHANGES]
 
 
 def learn_momentum(
@@ -94,22 +107,36 @@ def learn_momentum(
     Raises InputError: as `check_learning` and `throw_random_die`.
     """
     check_learning(dice, drops, seed, steps)
-    thrown = []
-    for one in throw_random_dice(drops_of_dice(dice, drops), seed, table, workers):
-        thrown.append(one)
+    plan = [throws_of_die(table, number, drops) for number in range(dice)]
+    throws = [
+        [
+            (replace(table, restitution=table.restitution * (1.0 + change)), count)
+            for change, count in of_die
+        ]
+        for of_die in plan
+    ]
+    # With the changes that each die was thrown at.
+    thrown: list[tuple[ThrownRandomDie, float]] = []
+    for of_die, found in zip(plan, throw_random_dice(throws, seed, workers), strict=True):
+        thrown += [(one, change) for one, (change, _) in zip(found, of_die, strict=True)]
         if on_die is not None:
             on_die(1)
     torch.set_num_threads(1)
-    seen = [training_die(one) for one in thrown if not _is_held_out(one.number)]
+    seen = [training_die(one, change) for one, change in thrown if not _is_held_out(one.number)]
     plain = plain_model(train(seen, steps=steps, seed=seed, on_step=on_loss))
     model = model_of(plain)
     fitted, held_out = (
         mean_deviations(
-            [deviation(one, model) for one in thrown if _is_held_out(one.number) == out]
+            [
+                deviation(one, model)
+                for one, change in thrown
+                if _is_held_out(one.number) == out and change == 0.0
+            ]
         )
         for out in (False, True)
     )
-    return LearnedModel(plain, fitted, held_out, sum(one.unresolved for one in thrown))
+    unresolved = sum(one.unresolved for one, _ in thrown)
+    return LearnedModel(plain, fitted, held_out, unresolved)
 
 
 def _is_held_out(number: int) -> bool:

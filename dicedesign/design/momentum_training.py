@@ -11,13 +11,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dicedesign.throws.momentum import (
+from dicedesign.throws.momentum import IMPACTS, landing_odds
+from dicedesign.throws.momentum_model import (
     CARRY_OUTPUTS,
-    IMPACTS,
     PASS_OUTPUTS,
     MomentumModel,
     Network,
-    landing_odds,
+    Slopes,
 )
 from dicedesign.throws.pass_features import Features
 from dicedesign.throws.passes import Passes
@@ -55,21 +55,23 @@ class TrainingDie:
     Attributes
     ----------
     passes, seen: what the model knows of it. frequencies: (k,) of its rests in the order of them.
+    change: part by which the table's restitution was higher.
     """
 
     passes: Passes
     seen: Features
     frequencies: Floats
+    change: float = 0.0
 
 
 @dataclass(frozen=True)
 class _Union:
-    """Dice as one body whose parts know nothing of each other."""
+    """Dice as one body whose parts know nothing of each other, on tables of one restitution."""
 
     passes: Passes
     seen: Features
     frequencies: Tensor
-    dice: int
+    change: float
 
     @classmethod
     def of(cls, dice: Sequence[TrainingDie]) -> _Union:
@@ -98,13 +100,14 @@ class _Union:
             for name in ("odds", "barriers", "passes", "exits", "carries")
         }
         frequencies = torch.as_tensor(np.concatenate([die.frequencies for die in dice]))
-        return cls(passes, Features(**columns), frequencies, len(dice))
+        return cls(passes, Features(**columns), frequencies, dice[0].change)
 
     def loss(self, model: MomentumModel) -> Tensor:
-        """Mean Kullback-Leibler divergence of the model's odds from the frequencies."""
+        """Sum of the Kullback-Leibler divergences of the model's odds from the frequencies."""
+        model = model.at(self.change)
         odds = landing_odds(self.seen, self.passes, model, torch).clamp(min=1e-6)
         seen = self.frequencies
-        return (seen * (seen.clamp(min=1e-9) / odds).log()).sum() / self.dice
+        return (seen * (seen.clamp(min=1e-9) / odds).log()).sum()
 
 
 def train(
@@ -119,26 +122,43 @@ def train(
     steps: most iterations of L-BFGS; seed: of the hidden layers at first; on_step: called with the
     loss of each evaluation.
     """
-    union = _Union.of(dice)
+    unions = [
+        _Union.of([die for die in dice if die.change == change])
+        for change in sorted({die.change for die in dice})
+    ]
+    pass_table, carry_table = (
+        torch.cat([getattr(union.seen, name) for union in unions]) for name in ("passes", "carries")
+    )
     generator = torch.Generator().manual_seed(seed)
     hot, cooling, carry = (
         torch.tensor(value, dtype=torch.float64)
         for value in (np.log(FIRST_TEMPERATURE), FIRST_COOLING, 0.5)
+    )
+    slopes = Slopes(
+        *(
+            torch.zeros(shape, dtype=torch.float64)
+            for shape in (
+                (3,),
+                (1 + pass_table.shape[1], PASS_OUTPUTS),
+                (1 + carry_table.shape[1], CARRY_OUTPUTS),
+            )
+        )
     )
     model = MomentumModel(
         hot,
         cooling,
         carry,
         _network(
-            union.seen.passes,
+            pass_table,
             PASS_HIDDEN,
             PASS_OUTPUTS,
             float(np.log(FIRST_RATE / IMPACTS)),
             generator,
         ),
-        _network(union.seen.carries, CARRY_HIDDEN, CARRY_OUTPUTS, FIRST_CARRY, generator),
+        _network(carry_table, CARRY_HIDDEN, CARRY_OUTPUTS, FIRST_CARRY, generator),
+        slopes,
     )
-    weights = _trained(model.passes) + _trained(model.carries)
+    weights = [*_trained(model.passes), *_trained(model.carries), *vars(slopes).values()]
     parameters = [hot, cooling, carry, *weights]
     for parameter in parameters:
         parameter.requires_grad_()
@@ -152,7 +172,7 @@ def train(
 
     def closure() -> Tensor:
         optimizer.zero_grad()
-        loss = union.loss(model)
+        loss = torch.stack([union.loss(model) for union in unions]).sum() / len(dice)
         loss = loss + WEIGHT_DECAY * sum((weight**2).sum() for weight in weights if weight.ndim > 1)
         loss.backward()
         if on_step is not None:
@@ -204,7 +224,7 @@ def plain_model(model: MomentumModel) -> dict[str, Any]:
     plain: dict[str, Any] = {
         name: rounded(getattr(model, name).tolist()) for name in ("hot", "cooling", "carry_barrier")
     }
-    for name in ("passes", "carries"):
-        network = getattr(model, name)
-        plain[name] = {key: rounded(value.tolist()) for key, value in vars(network).items()}
+    for name in ("passes", "carries", "slopes"):
+        part = getattr(model, name)
+        plain[name] = {key: rounded(value.tolist()) for key, value in vars(part).items()}
     return plain

@@ -15,6 +15,7 @@ from torch import Tensor
 from dicedesign.design.circles import soft_circle_radii
 from dicedesign.design.differentiable import RestEvaluation
 from dicedesign.design.energy import SMALLEST_MEAN
+from dicedesign.design.robustness import Swing
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import foot_on_line
 from dicedesign.options import STRICT
@@ -70,6 +71,8 @@ class Preferences:
     roundness: all facets equally far from the center of mass, and all vertices.
     areas: equal areas of the outcomes' facets.
     small_helpers: little area on facets without an outcome.
+    robustness: thrown odds that are the same on a table that is a little livelier or duller; those
+        without momentum always are.
     nearness: parameters near those of the die that is made better.
     """
 
@@ -81,6 +84,7 @@ class Preferences:
     roundness: float = 0.0
     areas: float = 0.0
     small_helpers: float = 0.0
+    robustness: float = 0.0
     nearness: float = 0.0
 
     def __post_init__(self) -> None:
@@ -104,18 +108,25 @@ class Preferences:
 
 
 def preference_residuals(
-    rests: RestEvaluation, facets: Integers, preferences: Preferences
+    rests: RestEvaluation,
+    facets: Integers,
+    preferences: Preferences,
+    swing: Swing | None = None,
 ) -> list[Tensor]:
     """Residuals of each term, whose sum of squares is the weighted sum of all but `nearness`.
 
     They do not depend on the die's size. Derivatives of the odds themselves are left out: they are
     meant for directions that change no odds.
 
-    rests: the die; facets: (k,) facet of each outcome; preferences: the weights.
+    rests: the die; facets: (k,) facet of each outcome; preferences: the weights; swing: of its odds
+    when thrown, or None for odds without momentum.
     """
-    weights = {name: getattr(preferences, name) for name in _TERMS}
+    terms = dict(_TERMS)
+    if swing is not None:
+        terms["robustness"] = swing.residuals
+    weights = {name: getattr(preferences, name) for name in terms}
     return [
-        np.sqrt(weight) * _TERMS[name](rests, facets)
+        np.sqrt(weight) * terms[name](rests, facets)
         for name, weight in weights.items()
         if weight > 0.0
     ]

@@ -16,7 +16,8 @@ from dicedesign.design.momentum_training import TrainingDie
 from dicedesign.design.random_dice import RESTS, RandomDie, random_die
 from dicedesign.errors import InputError
 from dicedesign.executors import in_order
-from dicedesign.throws.momentum import MomentumModel, momentum_odds
+from dicedesign.throws.momentum import momentum_odds
+from dicedesign.throws.momentum_model import MomentumModel
 from dicedesign.throws.pass_features import features
 from dicedesign.throws.passes import Passes
 from dicedesign.throws.simulation import Engine, simulate
@@ -84,21 +85,20 @@ class Deviations:
 
 
 def throw_random_dice(
-    drops: Sequence[int],
+    throws: Sequence[Sequence[tuple[Table, int]]],
     seed: int,
-    table: Table,
     workers: Executor,
     *,
     rests: tuple[int, int] = RESTS,
     engine: Engine = "native",
-) -> Iterator[ThrownRandomDie]:
+) -> Iterator[tuple[ThrownRandomDie, ...]]:
     """`throw_random_die` of the numbers from 0 on, in order.
 
-    drops: for each die.
+    throws: of each die.
     """
     tasks = [
-        partial(throw_random_die, number, seed, table, count, rests, engine)
-        for number, count in enumerate(drops)
+        partial(throw_random_die, number, seed, of_die, rests, engine)
+        for number, of_die in enumerate(throws)
     ]
     return in_order(tasks, workers)
 
@@ -106,32 +106,35 @@ def throw_random_dice(
 def throw_random_die(
     number: int,
     seed: int,
-    table: Table,
-    drops: int,
+    throws: Sequence[tuple[Table, int]],
     rests: tuple[int, int] = RESTS,
     engine: Engine = "native",
-) -> ThrownRandomDie:
+) -> tuple[ThrownRandomDie, ...]:
     """Make a random die and throw it; the same, whoever does.
 
-    number, seed, rests: as in `random_die`; no two dice of a seed share random numbers.
+    number, seed, rests: as in `random_die`; no two dice of a seed share random numbers, but as many
+    throws of one die onto several tables do. throws: tables, and how often it is thrown onto each.
 
     Raises InputError: no drop came to rest, or as `simulate`.
     """
     # Dice are made side by side, one on each core.
     torch.set_num_threads(1)
-    die = random_die(number, seed, rests)
-    own = int(np.random.SeedSequence([seed, number, drops]).generate_state(1)[0])
-    throws = simulate(die.body, table, drops, own, engine=engine)
-    if throws.unresolved == drops:
-        raise InputError(
-            f"table {table.name}: expected drops that come to rest, but none of {drops} of "
-            f"{die.body.name} did; take more drops or another table"
-        )
-    return ThrownRandomDie(number, die, throws.counts, throws.unresolved)
+    die, found = random_die(number, seed, rests), []
+    for table, drops in throws:
+        own = int(np.random.SeedSequence([seed, number, drops]).generate_state(1)[0])
+        outcome = simulate(die.body, table, drops, own, engine=engine)
+        if outcome.unresolved == drops:
+            raise InputError(
+                f"table {table.name}: expected drops that come to rest, but none of {drops} of "
+                f"{die.body.name} did; take more drops or another table"
+            )
+        found.append(ThrownRandomDie(number, die, outcome.counts, outcome.unresolved))
+    return tuple(found)
 
 
-def training_die(thrown: ThrownRandomDie) -> TrainingDie:
-    """What the momentum model is fitted to."""
+def training_die(thrown: ThrownRandomDie, change: float = 0.0) -> TrainingDie:
+    """What the momentum model is fitted to; change: part by which the restitution was higher than
+    that of the model's table."""
     poses, body = thrown.die.poses, thrown.die.body
     side = poses.basins[0]
     hull, center = side.equilibria.hull, side.equilibria.center_of_mass
@@ -141,7 +144,7 @@ def training_die(thrown: ThrownRandomDie) -> TrainingDie:
     seen = features(passes, hull.vertices, center, inertia, odds, np)
     of_facet = np.zeros(len(hull.normals))
     of_facet[poses.facets] = thrown.counts / thrown.counts.sum()
-    return TrainingDie(passes, seen, of_facet[side.paths.rests])
+    return TrainingDie(passes, seen, of_facet[side.paths.rests], change)
 
 
 def deviation(thrown: ThrownRandomDie, model: MomentumModel | None) -> Deviation:

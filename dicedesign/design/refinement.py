@@ -4,11 +4,15 @@ die designed anew for odds that make up for it.
 The model's odds m of a die and its simulated frequencies f differ by a factor that changes little
 from one die to the next. So the model is asked for `q exp(-b)` in place of the target q, with b the
 mean of `log(f / m)` over the dice so far, in which later dice and larger samples count for more.
+
+Where the die shall be robust it is thrown onto changed tables as well, and what the model gets
+wrong there is measured likewise, for the preference that makes it so.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,6 +21,7 @@ from numpy.typing import NDArray
 
 from dicedesign.design.refine_options import MOST_DROPS
 from dicedesign.design.result import DesignResult
+from dicedesign.design.robustness import CHANGES
 from dicedesign.throws.total_variation import noise_floor, total_variation
 
 __all__ = ["Refinement", "Round"]
@@ -48,6 +53,7 @@ class Round:
         than 1 where some came to rest on no outcome.
     deviation: total variation of the frequencies from the target.
     noise_floor: what a perfect die would show on the mean in as many throws.
+    changed: () or (2,) the deviation on each changed table, by half as many throws.
     """
 
     asked: Floats
@@ -55,6 +61,7 @@ class Round:
     frequencies: Floats
     deviation: float
     noise_floor: float
+    changed: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -67,9 +74,12 @@ class Refinement:
     orbits: (k,) a number for each outcome, the same for those whose facets are images of each other
         by a symmetry of the die: they are equally frequent but for chance.
     drops: throws of the first round. rounds: most rounds.
-    throw: simulated counts (k + 1,) of a die, the last of throws that ended on no outcome, for so
-        many throws and the round's number, each with random numbers of its own.
-    design: from a die to one near it with other odds (k,) in the model, or None.
+    robust: whether the die is thrown onto changed tables too.
+    throw: simulated counts (k + 1,) of a die, the last of throws that ended on no outcome, and its
+        odds (k,) in the model; for so many throws, the round's number, and the part by which the
+        table's restitution is higher. All have random numbers of their own.
+    design: from a die to one near it with other odds (k,) in the model, or None; also told the
+        logarithms (2, k) of the odds on the changed tables over those in the model.
     on_round: called after every round of throws.
     """
 
@@ -77,46 +87,53 @@ class Refinement:
     orbits: Integers
     drops: int
     rounds: int
-    throw: Callable[[DesignResult, int, int], Integers]
-    design: Callable[[DesignResult, Floats], DesignResult | None]
+    robust: bool
+    throw: Callable[[DesignResult, int, int, float], tuple[Integers, Floats]]
+    design: Callable[[DesignResult, Floats, Floats], DesignResult | None]
     on_round: Callable[[Round], None] | None = None
 
     def refine(self, die: DesignResult) -> tuple[DesignResult, tuple[Round, ...]]:
         """The die that the rounds lead to from one whose odds in the model are the target, and the
         rounds. They end where the orbits deviate no more than those of a perfect die would on the
         mean. The last die has not been thrown."""
-        asked = self.target
-        bias, weight = np.zeros(len(asked)), 0.0
-        history: list[Round] = []
+        asked, history = self.target, list[Round]()
+        biases = [_Bias(len(asked)) for _ in (0.0, *CHANGES)]
         for number in range(self.rounds):
-            counts = self.throw(die, min(round(self.drops * GROWTH**number), MOST_DROPS), number)
-            thrown = self._round(asked, counts)
-            history.append(thrown)
+            drops = min(round(self.drops * GROWTH**number), MOST_DROPS)
+            counts, odds = self.throw(die, drops, number, 0.0)
+            biases[0].learn(self._softened(counts), odds, drops)
+            changed = []
+            if self.robust:
+                drops = math.ceil(drops / 2)
+                for change, bias in zip(CHANGES, biases[1:], strict=True):
+                    seen, odds = self.throw(die, drops, number, change)
+                    bias.learn(self._softened(seen), odds, drops)
+                    changed.append(self._deviation(seen))
+            history.append(self._round(asked, counts, changed))
             if self.on_round is not None:
-                self.on_round(thrown)
-            if self._is_met(counts):
+                self.on_round(history[-1])
+            # The first die does not know what the changed tables do.
+            if self._is_met(counts) and not (self.robust and number == 0):
                 break
-            frequencies = self._softened(counts)
-            weight *= MEMORY
-            bias = (weight * bias + thrown.drops * np.log(frequencies / asked)) / (
-                weight + thrown.drops
-            )
-            weight += thrown.drops
-            found = self._corrected(die, asked, bias)
+            found = self._corrected(die, asked, [bias.value for bias in biases])
             if found is None:
                 break
             die, asked = found
         return die, tuple(history)
 
-    def _round(self, asked: Floats, counts: Integers) -> Round:
+    def _deviation(self, counts: Integers) -> float:
+        """Total variation of counts (k + 1,) from the target."""
+        return total_variation(counts / counts.sum(), np.append(self.target, 0.0))
+
+    def _round(self, asked: Floats, counts: Integers, changed: Sequence[float]) -> Round:
         drops = int(counts.sum())
-        frequencies = counts / drops
         return Round(
             asked,
             drops,
-            frequencies[:-1],
-            total_variation(frequencies, np.append(self.target, 0.0)),
+            counts[:-1] / drops,
+            self._deviation(counts),
             noise_floor(self.target, drops),
+            tuple(changed),
         )
 
     def _is_met(self, counts: Integers) -> bool:
@@ -136,16 +153,35 @@ class Refinement:
         return frequencies
 
     def _corrected(
-        self, die: DesignResult, asked: Floats, bias: Floats
+        self, die: DesignResult, asked: Floats, biases: Sequence[Floats]
     ) -> tuple[DesignResult, Floats] | None:
-        """A die that makes up for a bias (k,), and its odds in the model; where none is found,
+        """A die that makes up for biases (3, k), and its odds in the model; where none is found,
         one that goes a part of the way from what was asked last."""
-        wanted = np.log(self.target) - bias
+        wanted = np.log(self.target) - biases[0]
         for halving in range(MOST_HALVINGS):
             part = 0.5**halving
             odds = np.exp(part * wanted + (1.0 - part) * np.log(asked))
             odds /= odds.sum()
-            found = self.design(die, odds)
+            found = self.design(die, odds, np.stack(biases[1:]))
             if found is not None:
                 return found, odds
         return None
+
+
+class _Bias:
+    """Logarithm of a die's frequencies over its odds in the model, on one table.
+
+    Attributes
+    ----------
+    value: (k,) mean over the dice so far, 0 before the first.
+    weight: throws that it rests on, the older for less.
+    """
+
+    def __init__(self, outcomes: int) -> None:
+        self.value, self.weight = np.zeros(outcomes), 0.0
+
+    def learn(self, frequencies: Floats, odds: Floats, drops: int) -> None:
+        """Take note of positive frequencies (k,), odds (k,) in the model, and of how many drops."""
+        old = MEMORY * self.weight
+        self.weight = old + drops
+        self.value = (old * self.value + drops * np.log(frequencies / odds)) / self.weight

@@ -23,13 +23,8 @@ from dicedesign.design.kernel_functions import adjoint_function
 from dicedesign.design.rest_formulas import rest_probabilities
 from dicedesign.geometry.hull import ConvexHull
 from dicedesign.geometry.mass import solid_inertia
-from dicedesign.throws.momentum import (
-    MomentumModel,
-    hull_odds,
-    kernel_arrays,
-    landing_odds,
-    momentum_model,
-)
+from dicedesign.throws.momentum import hull_odds, kernel_arrays, landing_odds
+from dicedesign.throws.momentum_model import MomentumModel, momentum_model
 from dicedesign.throws.pass_features import features
 from dicedesign.throws.passes import Passes
 
@@ -54,8 +49,15 @@ class ThrownOdds:
     @classmethod
     def on(cls, table: str) -> ThrownOdds:
         """That of a table by its name or file; raises as `momentum_model`."""
-        model = momentum_model(table)
+        return cls._of(momentum_model(table))
+
+    @classmethod
+    def _of(cls, model: MomentumModel | None) -> ThrownOdds:
         return cls(None if model is None else (model, model.converted(torch.as_tensor)))
+
+    def at(self, change: float) -> ThrownOdds:
+        """That of a table whose restitution is higher by this part, which is small."""
+        return self._of(None if self.model is None else self.model[0].at(change))
 
     def odds(self, rests: RestEvaluation) -> Floats:
         """(k,) odds of the rests, in the order of `rests.paths.rests`."""

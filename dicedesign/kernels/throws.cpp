@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "near_table.hpp"
+
 namespace dicedesign {
 namespace {
 
@@ -42,15 +44,6 @@ struct Touching {
     }
 };
 
-Touching touching(const Landscape& land, const Vec& up, double height) {
-    Touching found;
-    for (Index v = 0; v < land.vertices; ++v) {
-        const double z = height + dot(up, land.vertex[v]);
-        if (z < 0.0) found.add(v, z);
-    }
-    return found;
-}
-
 void set_contact(Contact& c, const Axes& axes, const Vec& arm, double height, const Motion& motion,
                  const ContactModel& model) {
     // Halfway between the vertex and the table.
@@ -71,6 +64,23 @@ void set_contact(Contact& c, const Axes& axes, const Vec& arm, double height, co
     }
 }
 
+// Set the contacts of a body, and return how many there are.
+int set_contacts(const Landscape& land, NearTable& near, const Motion& motion,
+                 const ContactModel& model, Contact* contacts) {
+    const Axes axes(motion.turn);
+    const double height = motion.position.z;
+    Touching found;
+    for (const Index v : near.at(axes.row[2], height)) {
+        const double z = height + dot(axes.row[2], land.vertex[v]);
+        if (z < 0.0) found.add(v, z);
+    }
+    for (int k = 0; k < found.count; ++k) {
+        set_contact(contacts[k], axes, land.vertex[found.vertex[k]], found.height[k], motion,
+                    model);
+    }
+    return found.count;
+}
+
 void turn(double* q, const Vec& spin, double step) {
     const double rate = norm(spin), half = 0.5 * step * rate;
     const double s = rate > 0.0 ? std::sin(half) / rate : 0.5 * step;
@@ -87,13 +97,13 @@ void turn(double* q, const Vec& spin, double step) {
 
 // Height to which all energy would lift the center of mass. What is stored in contacts counts as if
 // all of the body's mass had been stopped there, which is at least as much as it is.
-double energy_height(const Landscape& land, const Vec& moments, const Throw& how,
+double energy_height(const Landscape& land, NearTable& near, const Vec& moments, const Throw& how,
                      const Motion& motion, const Vec& up) {
     const Vec& u = motion.velocity;
     const Vec& w = motion.spin;
     double twice = dot(u, u) + moments.x * w.x * w.x + moments.y * w.y * w.y +
                    moments.z * w.z * w.z;
-    for (Index v = 0; v < land.vertices; ++v) {
+    for (const Index v : near.at(up, motion.position.z)) {
         const double z = motion.position.z + dot(up, land.vertex[v]);
         if (z < 0.0) twice += how.contact.stiffness * z * z;
     }
@@ -104,15 +114,13 @@ double energy_height(const Landscape& land, const Vec& moments, const Throw& how
 
 Index advance(const Landscape& land, const Vec& moments, const Throw& how, Index steps,
               Motion& motion, Index& taken) {
-    double reach = 0.0;
-    for (Index v = 0; v < land.vertices; ++v) reach = larger(reach, norm(land.vertex[v]));
+    NearTable near(land);
     const Acceleration masses = {1.0, 1.0, 1.0, moments.x, moments.y, moments.z};
     const double brake = how.drag * sum(moments) / 3.0;
     const double h = how.step;
     Acceleration acceleration = {0.0, 0.0, -how.gravity, 0.0, 0.0, 0.0};
     Contact contacts[MOST_CONTACTS];
     for (taken = 0; taken < steps; ++taken) {
-        const Axes axes(motion.turn);
         Vec& w = motion.spin;
         const Acceleration free = {0.0,
                                    0.0,
@@ -120,17 +128,14 @@ Index advance(const Landscape& land, const Vec& moments, const Throw& how, Index
                                    ((moments.y - moments.z) * w.y * w.z - brake * w.x) / moments.x,
                                    ((moments.z - moments.x) * w.z * w.x - brake * w.y) / moments.y,
                                    ((moments.x - moments.y) * w.x * w.y - brake * w.z) / moments.z};
-        Touching found;
-        if (motion.position.z < reach) found = touching(land, axes.row[2], motion.position.z);
-        if (found.count == 0) {
+        const int count = motion.position.z < near.reach()
+                              ? set_contacts(land, near, motion, how.contact, contacts)
+                              : 0;
+        if (count == 0) {
             std::copy(free, free + COORDINATES, acceleration);
         } else {
-            for (int k = 0; k < found.count; ++k) {
-                set_contact(contacts[k], axes, land.vertex[found.vertex[k]], found.height[k],
-                            motion, how.contact);
-            }
             // The last step's acceleration is a good first guess.
-            solve_contacts(masses, free, acceleration, contacts, found.count, how.contact);
+            solve_contacts(masses, free, acceleration, contacts, count, how.contact);
         }
         const double* a = acceleration;
         motion.velocity += h * Vec{a[0], a[1], a[2]};
@@ -141,7 +146,7 @@ Index advance(const Landscape& land, const Vec& moments, const Throw& how, Index
         turn(motion.turn, w, h);
         if ((taken + 1) % STEPS_PER_CHECK != 0) continue;
         const Vec up = Axes(motion.turn).row[2];
-        const double height = energy_height(land, moments, how, motion, up);
+        const double height = energy_height(land, near, moments, how, motion, up);
         if (height >= land.highest_barrier) continue;
         const Index rest = rest_below(land, -up);
         if (rest >= 0 && height < land.barrier[rest]) {

@@ -14,6 +14,7 @@ from dicedesign.show.html_parts import (
     stages_section,
     table_section,
 )
+from dicedesign.show.on_the_table import ROLLING
 
 __all__ = ["concave_report_html"]
 
@@ -59,8 +60,7 @@ _PRINTING: Final = (
     "Print the STL file in millimetres with 100 % infill, so that the density is uniform: the odds "
     "hold for a solid of one material. Let it cool, and remove supports without rounding the "
     "places that it rests on. The outcome of a throw is the side that the die lies on: compare it "
-    "with the pictures at the top. Roll it gently; the odds are for slow rolling from a random "
-    "orientation."
+    f"with the pictures at the top. {ROLLING}"
 )
 
 _MARKED: Final = (

@@ -8,7 +8,13 @@ from typing import Any, Final
 
 from dicedesign.show.html_parts import figure_section, table_section, text_section
 
-__all__ = ["table_sections", "throwing_advice"]
+__all__ = ["ROLLING", "table_sections", "throwing_advice"]
+
+ROLLING: Final = (
+    "Set it down gently, each time in another orientation: the odds are those of rolling without "
+    "momentum. Thrown it has others; the command dicedesign throw shows by how much."
+)
+"""How to roll a die that was designed for no table."""
 
 _FIGURES: Final = (
     (

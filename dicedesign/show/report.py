@@ -15,7 +15,7 @@ from dicedesign.show.html_parts import (
     table_section,
     text_section,
 )
-from dicedesign.show.on_the_table import table_sections, throwing_advice
+from dicedesign.show.on_the_table import ROLLING, table_sections, throwing_advice
 
 __all__ = ["report_html"]
 
@@ -46,8 +46,6 @@ _PRINTING: Final = (
     "The outcome of a throw is the label on the facet that the die rests on, i.e. the face down: "
     "lift the die and read its underside."
 )
-
-_ROLLING: Final = "Roll it gently; the odds are for slow rolling from a random orientation."
 
 
 def report_html(result: Mapping[str, Any], images: Mapping[str, bytes]) -> str:
@@ -86,7 +84,7 @@ def report_html(result: Mapping[str, Any], images: Mapping[str, bytes]) -> str:
         if key in images and (thrown is None or key != "bars")
     ]
     parts += [_facets(result), _details(result)]
-    advice = _ROLLING if thrown is None else throwing_advice(thrown["table"])
+    advice = ROLLING if thrown is None else throwing_advice(thrown["table"])
     parts.append(text_section("How to print and read the die", [f"{_PRINTING} {advice}"]))
     return page(result["name"], parts)
 

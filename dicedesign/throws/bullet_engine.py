@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from dicedesign.extras import missing_extra
 from dicedesign.geometry.sphere import angle_between
-from dicedesign.throws.contact import GRAVITY, SETTLING
+from dicedesign.throws.contact import GRAVITY, longest_throw
 from dicedesign.throws.landing import final_rest
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.tables import Table
@@ -73,7 +73,7 @@ def throw_states(
     length = table.size / 2.0
     time = math.sqrt(length / GRAVITY)
     step = STEP / refinement
-    steps = math.ceil((SETTLING + math.sqrt(2.0 * table.height / length)) / step)
+    steps = math.ceil(longest_throw(table) / time / step)
     # Of torque over angular velocity, as the other engines have it.
     kept = 1.0 / (1.0 + step * time * table.drag * body.moments.mean() / body.moments)
     with _scene(body, table, step) as scene:

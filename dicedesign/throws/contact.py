@@ -8,7 +8,7 @@ from typing import Final
 
 from dicedesign.throws.tables import Table
 
-__all__ = ["Contact", "contact_of", "damping_ratio", "restitution_of"]
+__all__ = ["Contact", "contact_of", "damping_ratio", "longest_throw", "restitution_of"]
 
 GRAVITY: Final = 9.81
 """In m/s^2."""
@@ -25,8 +25,8 @@ IMPEDANCE: Final = 0.99
 problem without a unique answer."""
 
 SETTLING: Final = 400.0
-"""How long a throw is followed, in units of the square root of radius over gravity: some 14 seconds
-for a die of 25 mm."""
+"""How long a throw is followed after its bounces, in units of the square root of radius over
+gravity: some 14 seconds for a die of 25 mm."""
 
 LARGEST_RATIO: Final = 100.0
 """Damping ratio that stands for no restitution at all."""
@@ -66,14 +66,25 @@ def contact_of(table: Table, refinement: float = 1.0) -> Contact:
     # More damping than would stop a point within one step makes it bounce again. So a restitution
     # below 0.1 is one that steps of this length cannot tell from 0.
     most = 1.0 / (2.0 * frequency * step)
-    settling = SETTLING * math.sqrt(radius / GRAVITY)
     return Contact(
         stiffness=frequency**2,
         damping=2.0 * min(damping_ratio(table.restitution), most) * frequency,
         sliding_damping=2.0 * frequency,
         step=step / refinement,
-        seconds=math.sqrt(2.0 * table.height / GRAVITY) + settling,
+        seconds=longest_throw(table),
     )
+
+
+def longest_throw(table: Table) -> float:
+    """Seconds after which a throw is given up.
+
+    A ball that falls for a time t bounces for 2 e t, then for 2 e^2 t and so on, where e is the
+    restitution: until it lies, t (1 + e) / (1 - e) in all. `SETTLING` is for what a die does
+    besides, as tumbling, sliding and rolling.
+    """
+    fall = math.sqrt(2.0 * table.height / GRAVITY)
+    bounces = (1.0 + table.restitution) / (1.0 - table.restitution)
+    return fall * bounces + SETTLING * math.sqrt(table.size / 2.0 / GRAVITY)
 
 
 def restitution_of(ratio: float) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtrc, gammaln, xlogy
 
+from dicedesign.throws.multinomial_draws import drawn_counts
 from dicedesign.tolerances import EQUAL_LIKELIHOOD
 
 __all__ = [
@@ -26,9 +27,8 @@ Integers = NDArray[np.int64]
 MOST_TABLES: Final = 1_000_000
 """Tables of counts that are listed; where there are more, some are drawn at random."""
 
-BLOCKS: Final = 20
-BLOCK_TABLES: Final = 5_000
-"""So many are drawn at a time."""
+DRAWS: Final = 100_000
+"""How many are drawn then."""
 
 SEED: Final = 0
 
@@ -110,17 +110,18 @@ def exact_multinomial(counts: ArrayLike, odds: ArrayLike) -> MultinomialTest:
     """
     came, p = np.asarray(counts, dtype=np.int64), np.asarray(odds, dtype=np.float64)
     throws, kinds = int(came.sum()), len(p)
-    seen = _log_likelihood(came, p) + EQUAL_LIKELIHOOD
+    seen = _log_likelihood(came, p)
+    # Each term but the first is taken off.
+    terms = 2.0 * gammaln(throws + 1.0) - seen
+    seen = seen + EQUAL_LIKELIHOOD * terms
     tables = math.comb(throws + kinds - 1, kinds - 1)
     if tables <= MOST_TABLES:
         every = _all_log_likelihoods(throws, p)
         return MultinomialTest(min(1.0, float(np.exp(every[every <= seen]).sum())), tables, 0.0)
-    random = np.random.default_rng(SEED)
     hits = 1
-    for _ in range(BLOCKS):
-        drawn = random.multinomial(throws, p, size=BLOCK_TABLES)
+    for drawn in drawn_counts(p, throws, DRAWS, SEED):
         hits += int((_log_likelihood(drawn, p) <= seen).sum())
-    looked_at = 1 + BLOCKS * BLOCK_TABLES
+    looked_at = 1 + DRAWS
     p_value = hits / looked_at
     return MultinomialTest(p_value, looked_at, math.sqrt(p_value * (1.0 - p_value) / looked_at))
 

@@ -60,6 +60,7 @@ def jeffreys_posterior(counts: ArrayLike, confidence: float) -> Posterior:
     """
     weights = np.asarray(counts, dtype=np.float64) + 0.5
     others = weights.sum() - weights
+    # What lies above, too, by its own small part: 1 less a very small one is rounded to 1.
     tail = (1.0 - confidence) / 2.0
-    limits = [betaincinv(weights, others, tail), betaincinv(weights, others, 1.0 - tail)]
+    limits = [betaincinv(weights, others, tail), 1.0 - betaincinv(others, weights, tail)]
     return Posterior(weights / weights.sum(), np.stack(limits, axis=-1))

@@ -6,7 +6,8 @@ it, the less often the higher that is above the rest compared with the energy th
 latter is a temperature that falls from impact to impact. A die that has gone over a saddle may be
 carried on over the next at once, if it keeps enough of its speed. How often it leaves and is
 carried on depends on the features of `dicedesign.throws.pass_features`, by two small networks that
-are fitted to simulated throws of random dice, one pair for each table.
+are fitted to simulated throws of random dice, one pair for each table. A table on which dice bounce
+a little more or less changes the temperature, and the networks' linear parts.
 
 Written once, for NumPy and torch alike; a compiled kernel takes the place of all of it where NumPy
 would be slow.
@@ -15,9 +16,6 @@ would be slow.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 from types import ModuleType
 from typing import Any, Final
 
@@ -25,25 +23,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign import kernels
-from dicedesign.errors import InputError
 from dicedesign.geometry.body import Body
 from dicedesign.geometry.hull import ConvexHull
 from dicedesign.rest.morse import Separatrices
 from dicedesign.rest.poses import RestPoses
-from dicedesign.throws.pass_features import CARRY_FEATURES, PASS_FEATURES, Features, features
+from dicedesign.throws.momentum_model import MomentumModel, momentum_model
+from dicedesign.throws.pass_features import Features, features
 from dicedesign.throws.passes import Passes
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
-from dicedesign.throws.tables import table_entries, table_named
 from dicedesign.tolerances import ROUNDING
 
 __all__ = [
-    "MomentumModel",
-    "Network",
     "hull_odds",
     "kernel_arrays",
     "landing_odds",
-    "model_of",
-    "momentum_model",
     "momentum_odds",
     "thrown_odds",
 ]
@@ -65,80 +58,6 @@ MOST_STRETCH: Final = 3.0
 
 NO_BARRIER: Final = 0.003
 """Barrier over the radius below which a rest is left the more surely the lower it is."""
-
-PASS_OUTPUTS: Final = 4
-"""Logarithm of the rate of a pass, in three terms of a quadratic in time, and of its stretch."""
-
-CARRY_OUTPUTS: Final = 3
-"""Logarithm of the rate of a carry, in three terms."""
-
-
-@dataclass(frozen=True)
-class Network:
-    """A linear map plus one hidden layer of hyperbolic tangents, of features that are brought to
-    mean 0 and standard deviation 1 first.
-
-    Attributes
-    ----------
-    mean, deviation: (d,); linear: (d, o); bias: (o,); inward: (d, h); shift: (h,);
-    outward: (h, o).
-    """
-
-    mean: Any
-    deviation: Any
-    linear: Any
-    bias: Any
-    inward: Any
-    shift: Any
-    outward: Any
-
-    def __call__(self, table: Any, xp: ModuleType) -> Any:
-        """Outputs (n, o) for features (n, d)."""
-        scaled = (table - self.mean) / self.deviation
-        hidden = xp.tanh(scaled @ self.inward + self.shift)
-        return scaled @ self.linear + self.bias + hidden @ self.outward
-
-    def unscaled(self) -> tuple[Floats, ...]:
-        """The maps and their constants, of NumPy, that take features as they are."""
-        linear, inward = (part / self.deviation[:, None] for part in (self.linear, self.inward))
-        bias, shift = self.bias - self.mean @ linear, self.shift - self.mean @ inward
-        return linear, bias, inward, shift, self.outward
-
-
-@dataclass(frozen=True)
-class MomentumModel:
-    """Parameters of the model, NumPy or torch.
-
-    Attributes
-    ----------
-    hot: logarithm of the temperature at first, in radii. cooling: logarithm of its decrease.
-    carry_barrier: weight of the second barrier of a carry.
-    passes, carries: networks of `PASS_OUTPUTS` and `CARRY_OUTPUTS`.
-    """
-
-    hot: Any
-    cooling: Any
-    carry_barrier: Any
-    passes: Network
-    carries: Network
-
-    def converted(self, convert: Callable[[Any], Any]) -> MomentumModel:
-        """The same with other arrays."""
-        numbers = (convert(x) for x in (self.hot, self.cooling, self.carry_barrier))
-        networks = (
-            Network(*(convert(array) for array in vars(network).values()))
-            for network in (self.passes, self.carries)
-        )
-        return MomentumModel(*numbers, *networks)
-
-    @cached_property
-    def flat(self) -> tuple[Floats, Integers]:
-        """All numbers of a model in NumPy in one array, as kernels take them, and (2,) how many
-        hidden units the networks have."""
-        networks = self.passes, self.carries
-        numbers = [np.array([self.hot, self.cooling, self.carry_barrier])]
-        numbers += [part.ravel() for network in networks for part in network.unscaled()]
-        return np.concatenate(numbers), np.array([len(network.shift) for network in networks])
 
 
 def landing_odds(seen: Features, passes: Passes, model: MomentumModel, xp: ModuleType) -> Any:
@@ -186,60 +105,6 @@ def _sums(values: Any, index: Any, count: int) -> Any:
     if isinstance(values, np.ndarray):
         return np.bincount(index, values, count)
     return values.new_zeros(count).index_add(0, index, values)
-
-
-def momentum_model(table: str) -> MomentumModel | None:
-    """The model of a table by its name, or from a JSON file by its path; None for tables with drag,
-    on which there is no momentum.
-
-    Raises
-    ------
-    InputError: there is no such table, or none of its momentum model.
-    """
-    entries, drag = table_entries(table), table_named(table).drag
-    if "momentum" not in entries:
-        if drag > 0.0:
-            return None
-        raise InputError(
-            f"--table {table}: expected a table with a momentum model, got one without; make one "
-            "with `dicedesign table learn`"
-        )
-    return model_of(entries["momentum"])
-
-
-def model_of(plain: dict[str, Any]) -> MomentumModel:
-    """A model from plain data, as in a table's file.
-
-    Raises
-    ------
-    InputError: something is missing, is no finite number, or has another shape than in `Network`.
-    """
-    try:
-        hot, cooling, carry = (
-            np.float64(plain[key]) for key in ("hot", "cooling", "carry_barrier")
-        )
-        passes = _network(plain["passes"], len(PASS_FEATURES), PASS_OUTPUTS)
-        carries = _network(plain["carries"], len(CARRY_FEATURES), CARRY_OUTPUTS)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            f"momentum model: expected what `dicedesign table learn` writes, but {error!r}; make "
-            "the table's model again"
-        ) from error
-    return MomentumModel(hot, cooling, carry, passes, carries)
-
-
-def _network(plain: dict[str, Any], columns: int, outputs: int) -> Network:
-    arrays = {key: np.array(value, dtype=np.float64) for key, value in plain.items()}
-    network = Network(**arrays)
-    units = network.shift.size
-    expected = [(columns,)] * 2 + [(columns, outputs), (outputs,), (columns, units), (units,)]
-    expected += [(units, outputs)]
-    found = [array.shape for array in vars(network).values()]
-    if found != expected:
-        raise ValueError(f"arrays of shapes {expected} came as {found}")
-    if not all(np.isfinite(array).all() for array in arrays.values()):
-        raise ValueError("not all numbers are finite")
-    return network
 
 
 def hull_odds(

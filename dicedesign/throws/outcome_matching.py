@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,13 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.tolerances import EQUAL_ODDS, MATCHED_ODDS, SAME_REST_ANGLE
 
-__all__ = ["OutcomeGroups", "match_by_normals", "match_by_odds"]
+__all__ = [
+    "OutcomeGroups",
+    "facet_of_rest",
+    "match_by_normals",
+    "match_by_odds",
+    "sums_by_outcome",
+]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -32,20 +39,37 @@ class OutcomeGroups:
     group_of_rest: Integers
 
 
-def match_by_normals(normals: Floats, shown: Floats, outcomes: Sequence[int]) -> OutcomeGroups:
-    """Groups of one outcome each, from the facets that are known to show them.
+def facet_of_rest(normals: Floats, shown: Floats) -> Integers:
+    """(k,) the facet that each rest is on: the nearest, unless it is farther from the rest than
+    `SAME_REST_ANGLE`, then -1. normals: (k, 3) of the rests; shown: (f, 3) of the facets."""
+    if len(shown) == 0:
+        return np.full(len(normals), -1)
+    angles = angle_between(normals[:, None], shown[None])
+    return np.where(angles.min(axis=1) <= SAME_REST_ANGLE, angles.argmin(axis=1), -1)
 
-    A rest shows what the nearest of those facets shows, unless it is farther from it than
-    `SAME_REST_ANGLE`.
+
+def sums_by_outcome(
+    of_rests: NDArray[Any], outcome_of_rest: Integers, outcomes: int
+) -> NDArray[Any]:
+    """Sums (g,) of numbers of rests (k,) over those of each outcome; those of none, -1, are left
+    out."""
+    sums = np.zeros(outcomes, dtype=of_rests.dtype)
+    shown = outcome_of_rest >= 0
+    np.add.at(sums, outcome_of_rest[shown], of_rests[shown])
+    return sums
+
+
+def match_by_normals(normals: Floats, shown: Floats, outcomes: Sequence[int]) -> OutcomeGroups:
+    """Groups of one outcome each, from the facets that are known to show them; see
+    `facet_of_rest`.
 
     Parameters
     ----------
     normals: (k, 3) of the rests; shown: (f, 3) of the facets, f >= 1.
     outcomes: (f,) place of the outcome that each facet shows, each place at least once.
     """
-    angles = angle_between(normals[:, None], shown[None])
-    nearest = np.asarray(outcomes, dtype=np.int64)[angles.argmin(axis=1)]
-    group_of_rest = np.where(angles.min(axis=1) <= SAME_REST_ANGLE, nearest, -1)
+    facets = facet_of_rest(normals, shown)
+    group_of_rest = np.where(facets >= 0, np.asarray(outcomes, dtype=np.int64)[facets], -1)
     return OutcomeGroups(tuple((i,) for i in range(max(outcomes) + 1)), group_of_rest)
 
 

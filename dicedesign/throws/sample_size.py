@@ -41,5 +41,5 @@ def throws_to_confirm(odds: ArrayLike, within: float, confidence: float) -> int:
     q = np.asarray(odds, dtype=np.float64)
     floor = float(np.sqrt(q * (1.0 - q) * 2.0 / math.pi).sum()) / 2.0
     most = max(0.5, float(q.max()))
-    chance = float(ndtri((1.0 + confidence) / 2.0)) * math.sqrt(most * (1.0 - most))
+    chance = -float(ndtri((1.0 - confidence) / 2.0)) * math.sqrt(most * (1.0 - most))
     return math.ceil(((floor + chance) / within) ** 2)

@@ -10,21 +10,39 @@ from typing import Any, Final
 
 from dicedesign.errors import InputError
 
-__all__ = ["TABLE_NAMES", "Table", "table_entries", "table_named"]
+__all__ = [
+    "LEAST_SIZE",
+    "MOST_RESTITUTION",
+    "MOST_SIZE",
+    "TABLE_NAMES",
+    "Table",
+    "learned_on",
+    "table_entries",
+    "table_named",
+]
 
 TABLE_NAMES: Final = ("board-game", "hard-wood", "carpet", "paper")
 """The tables that come with the package, each in a file of its own."""
 
+MOST_RESTITUTION: Final = 0.95
+
+LEAST_SIZE: Final = 1e-4
+MOST_SIZE: Final = 10.0
+"""Of dice, in m."""
+
 _RANGES: Final = {
-    "restitution": (0.0, 0.95, "0 (dead) to 0.95"),
+    "restitution": (0.0, MOST_RESTITUTION, "0 (dead) to 0.95"),
     "friction": (0.0, 10.0, "0 to 10"),
     "height": (0.0, 100.0, "0 to 100 m"),
     "speed": (0.0, 100.0, "0 to 100 m/s"),
     "spin": (0.0, 1000.0, "0 to 1000 rad/s"),
-    "size": (1e-4, 10.0, "0.0001 to 10 m"),
+    "size": (LEAST_SIZE, MOST_SIZE, "0.0001 to 10 m"),
     "density": (1.0, 1e5, "1 to 100000 kg/m^3"),
     "drag": (0.0, 1e4, "0 to 10000 1/s"),
 }
+
+_LEARNED_ON: Final = ("restitution", "friction", "height", "speed", "spin", "size")
+"""What a momentum model depends on."""
 
 
 @dataclass(frozen=True)
@@ -95,13 +113,49 @@ def table_named(name: str) -> Table:
     ------
     InputError: there is none of that name, the file cannot be read, or it is no table.
     """
-    entries = table_entries(name)
-    return Table(**{key: value for key, value in entries.items() if key != "momentum"})
+    return _table(_entries(name))
 
 
 def table_entries(name: str) -> dict[str, Any]:
     """What the file of a table holds: the attributes of `Table`, and "momentum" where it has a
-    momentum model. Raises as `table_named`."""
+    momentum model.
+
+    Raises
+    ------
+    InputError: as `table_named`, or the model was learned on a table with other parameters.
+    """
+    entries = _entries(name)
+    if "momentum" in entries:
+        _check_model(name, entries["momentum"], learned_on(_table(entries)))
+    return entries
+
+
+def learned_on(table: Table) -> dict[str, float]:
+    """The parameters of a table that its momentum model depends on, which are kept with it as
+    "table"."""
+    return {key: getattr(table, key) for key in _LEARNED_ON}
+
+
+def _check_model(name: str, model: object, parameters: dict[str, float]) -> None:
+    known = model.get("table") if isinstance(model, dict) else None
+    if not isinstance(known, dict) or set(known) != set(parameters):
+        raise InputError(
+            f"--table {name}: expected a momentum model with the parameters of the table that it "
+            "was learned on, got one without; make it again with `dicedesign table learn`"
+        )
+    for key, value in parameters.items():
+        if known[key] != value:
+            raise InputError(
+                f"--table {name}: expected the {key} that its momentum model was learned with, "
+                f"{known[key]}, got {value}; make the model again with `dicedesign table learn`"
+            )
+
+
+def _table(entries: dict[str, Any]) -> Table:
+    return Table(**{key: value for key, value in entries.items() if key != "momentum"})
+
+
+def _entries(name: str) -> dict[str, Any]:
     if name in TABLE_NAMES:
         text = resources.files("dicedesign.throws").joinpath(f"named/{name}.json").read_text()
     elif name.endswith(".json"):

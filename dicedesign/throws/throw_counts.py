@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,14 +9,22 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, OutsideHullError
+from dicedesign.geometry.body import Body
 from dicedesign.geometry.mesh_file import read_body
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.throws.csv_rows import MOST, csv_rows, whole_count
-from dicedesign.throws.outcome_matching import OutcomeGroups, match_by_normals, match_by_odds
+from dicedesign.throws.finished_die import finished_die
+from dicedesign.throws.outcome_matching import (
+    OutcomeGroups,
+    match_by_normals,
+    match_by_odds,
+    sums_by_outcome,
+)
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
+from dicedesign.throws.tables import LEAST_SIZE, MOST_SIZE
 
 __all__ = ["ThrownDie", "read_throw_counts"]
 
@@ -61,10 +68,7 @@ class ThrownDie:
     def by_outcome(self, rests: Integers) -> Integers:
         """Sums (g,) of counts (k,) over the rests of each outcome; those that show none are left
         out."""
-        shown = self.group_of_rest >= 0
-        sums = np.zeros(len(self.labels), dtype=np.int64)
-        np.add.at(sums, self.group_of_rest[shown], rests[shown])
-        return sums
+        return sums_by_outcome(rests, self.group_of_rest, len(self.labels))
 
 
 def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[ThrownDie, ...]:
@@ -84,8 +88,8 @@ def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[Th
     Raises
     ------
     InputError: the file cannot be read, lacks a column or a die, has a die twice or an outcome
-        twice, a count that is no whole number, a die without throws, or outcomes that cannot be
-        found on its mesh.
+        twice, a count that is no whole number, a size or a center of mass that no die has, a die
+        without throws, or outcomes that cannot be found on its mesh.
     """
     rows = _rows(path)
     of_die: dict[str, Rows] = {}
@@ -140,7 +144,7 @@ def _die(path: Path, name: str, rows: Rows) -> ThrownDie:
     if not throws.any():
         raise InputError(f"{path}: expected throws of {name!r}, got none; leave the die out")
     mesh = path.parent / first["mesh"]
-    size = _number(path, rows[0][0], SIZE, first[SIZE]) / 1e3 if first.get(SIZE) else None
+    size = _size(path, rows[0][0], first[SIZE]) if first.get(SIZE) else None
     if mesh.is_dir():
         body, poses, groups = _designed(mesh, outcomes)
         size = 2e-3 * body.radius if size is None else size
@@ -152,10 +156,7 @@ def _die(path: Path, name: str, rows: Rows) -> ThrownDie:
             f"{path}: expected two outcomes or more of {name!r}, got {', '.join(labels)}; leave "
             "the die out"
         )
-    shown = groups.group_of_rest >= 0
-    geometric = np.bincount(
-        groups.group_of_rest[shown], poses.probabilities[shown], minlength=len(labels)
-    )
+    geometric = sums_by_outcome(poses.probabilities, groups.group_of_rest, len(labels))
     return ThrownDie(
         name=name,
         body=body,
@@ -182,38 +183,29 @@ def _measured(
     center = None
     if first.get(CENTER):
         center = [_number(path, line, CENTER, text) for text in first[CENTER].split()]
+        if len(center) != 3:
+            raise InputError(
+                f"{path}, line {line}: expected three numbers x y z as {CENTER}, got "
+                f"{first[CENTER]!r}; correct it"
+            )
     body = read_body(mesh)
-    poses = rest_poses(body, center)
+    poses = _poses(f"{path}, line {line}", body, center)
     groups = match_by_odds(f"{path}, die {name}", poses.normals, poses.probabilities, wanted)
     return rigid_body(body, poses), poses, groups
 
 
 def _designed(folder: Path, outcomes: Sequence[str]) -> tuple[RigidBody, RestPoses, OutcomeGroups]:
     """The die that a run left, whose facets have labels."""
-    path = folder / "result.json"
-    try:
-        result = json.loads(path.read_text(encoding="utf-8"))
-        plain = folder / result["files"]["die_plain"]
-        center = [float(x) for x in result["center_of_mass"]]
-        facets = [
-            (str(facet.get("outcome", facet["label"])), [float(x) for x in facet["normal"]])
-            for facet in result["facets"]
-            if facet.get("outcome", facet["label"]) is not None
-        ]
-        known = set(map(str, result["labels"]))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(
-            f"{path}: expected center of mass, labels and facets of a finished die, got "
-            f"{type(error).__name__}: {error}; name a folder that `dicedesign run` left, or a mesh"
-        ) from error
+    die = finished_die(folder)
     for outcome in outcomes:
-        if outcome not in known:
+        if outcome not in die.labels:
             raise InputError(
-                f"{folder}: expected a label of the die ({', '.join(sorted(known))}), got "
+                f"{folder}: expected a label of the die ({', '.join(die.labels)}), got "
                 f"{outcome!r}; correct the outcome"
             )
-    body = read_body(plain)
-    poses = rest_poses(body, center)
+    body = read_body(die.mesh)
+    poses = _poses(str(folder), body, die.center_of_mass)
+    facets = zip(die.shown, die.normals, strict=True)
     counted = [(outcomes.index(label), normal) for label, normal in facets if label in outcomes]
     for i, outcome in enumerate(outcomes):
         if i not in dict(counted):
@@ -224,6 +216,25 @@ def _designed(folder: Path, outcomes: Sequence[str]) -> tuple[RigidBody, RestPos
     normals = np.array([normal for _, normal in counted])
     groups = match_by_normals(poses.normals, normals, [outcome for outcome, _ in counted])
     return rigid_body(body, poses), poses, groups
+
+
+def _poses(name: str, body: Body, center: ArrayLike | None) -> RestPoses:
+    """The rests of a body; name: of where its center of mass is written, for messages."""
+    try:
+        return rest_poses(body, center)
+    except OutsideHullError as error:
+        raise OutsideHullError(f"{name}: {error}") from error
+
+
+def _size(path: Path, line: int, text: str) -> float:
+    """In m."""
+    size = _number(path, line, SIZE, text) / 1e3
+    if not LEAST_SIZE <= size <= MOST_SIZE:
+        raise InputError(
+            f"{path}, line {line}: expected a {SIZE} of {1e3 * LEAST_SIZE:g} to "
+            f"{1e3 * MOST_SIZE:g}, got {text!r}; correct it"
+        )
+    return size
 
 
 def _count(path: Path, line: int, text: str) -> int:

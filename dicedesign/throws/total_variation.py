@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaln, ndtri, xlog1py, xlogy
 
+from dicedesign.throws.multinomial_draws import drawn_counts
+
 __all__ = [
     "MeasuredVariation",
     "effective_counts",
@@ -115,7 +117,7 @@ def measure_variation(counts: ArrayLike, odds: ArrayLike, confidence: float) -> 
     value = total_variation(came / throws, odds)
     estimate = (came + 0.5) / (came + 0.5).sum()
     most = max(0.5, float(estimate.max()))
-    chance = float(ndtri((1.0 + confidence) / 2.0)) * math.sqrt(most * (1.0 - most) / throws)
+    chance = -float(ndtri((1.0 - confidence) / 2.0)) * math.sqrt(most * (1.0 - most) / throws)
     scatter = _scatter(estimate, math.floor(throws), (1.0 + confidence) / 2.0)
     limits = (max(0.0, value - scatter), min(1.0, value + chance))
     return MeasuredVariation(value, limits, noise_floor(odds, throws))
@@ -123,5 +125,8 @@ def measure_variation(counts: ArrayLike, odds: ArrayLike, confidence: float) -> 
 
 def _scatter(odds: Floats, throws: int, level: float) -> float:
     """Quantile of the total variation between odds (k,) and frequencies."""
-    drawn = np.random.default_rng(SEED).multinomial(throws, odds, size=DRAWS) / throws
-    return float(np.quantile(np.abs(drawn - odds).sum(axis=1) / 2.0, level))
+    found = [
+        np.abs(counts / throws - odds).sum(axis=1) / 2.0
+        for counts in drawn_counts(odds, throws, DRAWS, SEED)
+    ]
+    return float(np.quantile(np.concatenate(found), level))

@@ -31,7 +31,8 @@ from dicedesign.design.random_throws import Deviation
 from dicedesign.design.thrown_odds import ThrownOdds
 from dicedesign.geometry.mesh_file import read_body
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum import momentum_model, momentum_odds
+from dicedesign.throws.momentum import momentum_odds
+from dicedesign.throws.momentum_model import momentum_model
 from dicedesign.throws.tables import table_named
 from dicedesign.throws.throw_counts import read_throw_counts
 

@@ -190,7 +190,9 @@ def test_tables_that_cannot_be_are_left_out(
     # As high as the die is large, so that it can be neither lower nor larger.
     entries = json.loads(_table_text())
     low = tmp_path / "low.json"
-    low.write_text(json.dumps({**entries, "height": 0.0345, "restitution": 0.9}))
+    changes = {"height": 0.0345, "restitution": 0.9}
+    entries["momentum"]["table"] |= changes
+    low.write_text(json.dumps({**entries, **changes}))
     exact = {"odds": "thrown", "table": str(low), "refine": {"drops": 200, "rounds": 1}}
     row = made_up_run(monkeypatch, method={"exact": exact}).row
     assert [reason.split(":")[0] for reason in row.left_out] == [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from inline_executor import Inline
 from throws.thrown import compiled_only
 
 from dicedesign.design import random_throws
-from dicedesign.design.momentum_learning import drops_of_dice, learn_momentum
+from dicedesign.design.momentum_learning import learn_momentum, throws_of_die
 from dicedesign.design.random_dice import random_die
 from dicedesign.design.random_throws import (
     ThrownRandomDie,
@@ -22,7 +23,8 @@ from dicedesign.design.random_throws import (
 )
 from dicedesign.errors import InputError
 from dicedesign.executors import local_workers
-from dicedesign.throws.momentum import MomentumModel, Network, landing_odds, momentum_odds
+from dicedesign.throws.momentum import landing_odds, momentum_odds
+from dicedesign.throws.momentum_model import MomentumModel, Network, Slopes, model_of
 from dicedesign.throws.orientations import drop_weights
 from dicedesign.throws.pass_features import CARRY_FEATURES, PASS_FEATURES
 from dicedesign.throws.rigid_body import RigidBody
@@ -47,12 +49,20 @@ def network(features: int, outputs: int, bias: float) -> Network:
     )
 
 
+def slope(features: int, outputs: int) -> np.ndarray:
+    """A livelier table is one of more passes, and of more that the first feature makes few."""
+    array = np.zeros((1 + features, outputs))
+    array[0, 0], array[1, 0] = 1.5, 0.5
+    return array
+
+
 TRUTH = MomentumModel(
     np.log(0.12),
     np.float64(2.0),
     np.float64(1.0),
     network(len(PASS_FEATURES), 4, -0.6),
     network(len(CARRY_FEATURES), 3, -2.0),
+    Slopes(np.array([0.5, 0.0, 0.0]), slope(len(PASS_FEATURES), 4), slope(len(CARRY_FEATURES), 3)),
 )
 
 
@@ -67,7 +77,8 @@ def known_world(monkeypatch: pytest.MonkeyPatch) -> None:
         return die
 
     def throw(body: RigidBody, table: Table, drops: int, seed: int, *, engine: Engine) -> Throws:
-        odds = momentum_odds(makers[body.name], body, TRUTH)
+        model = TRUTH.at(table.restitution / TABLE.restitution - 1.0)
+        odds = momentum_odds(makers[body.name], body, model)
         ends = np.round(np.cumsum(odds) * drops).astype(np.int64)
         outcomes = np.repeat(np.arange(len(odds)), np.diff(ends, prepend=0))
         return Throws(table, engine, seed, outcomes, drop_weights(drops, "uniform"), len(odds))
@@ -101,8 +112,30 @@ def test_the_same_numbers_give_the_same_model_on_two_processes() -> None:
         assert learned(workers) == learned(Inline())
 
 
+def test_the_slopes_are_learned_too(known_world: None) -> None:
+    found = learn_momentum(TABLE, 32, 300_000, 0, 60, workers=Inline())
+    model, dice = model_of(found.plain), [random_die(number, 7) for number in range(5)]
+    for die in dice:
+        seen, true = (
+            momentum_odds(die.poses, die.body, one.at(0.2))
+            - momentum_odds(die.poses, die.body, one.at(-0.2))
+            for one in (model, TRUTH)
+        )
+        assert np.abs(true).sum() > 0.01
+        assert np.abs(seen - true).sum() < 0.3 * np.abs(true).sum()
+
+
 def test_every_eighth_die_is_held_out_and_thrown_more() -> None:
-    assert drops_of_dice(17, 10) == (7 * [10] + [40]) * 2 + [10]
+    shared = [(-0.2, 4), (0.0, 4), (0.2, 4)]
+    found = [throws_of_die(TABLE, number, 10) for number in range(17)]
+    assert found == ([shared] * 7 + [[(0.0, 40)]]) * 2 + [shared]
+
+
+def test_a_table_changes_no_further_than_there_are_tables() -> None:
+    dead, lively = (replace(TABLE, restitution=value) for value in (0.0, 0.9))
+    assert throws_of_die(dead, 0, 10) == [(0.0, 10)]
+    changes = [change for change, _ in throws_of_die(lively, 0, 10)]
+    assert changes == pytest.approx([-0.2, 0.0, 0.95 / 0.9 - 1.0])
 
 
 def test_a_training_die_has_its_frequencies_in_the_order_of_its_basins() -> None:
@@ -135,10 +168,14 @@ def test_deviations() -> None:
 
 @compiled_only
 def test_dice_are_thrown_alike_by_whoever_does() -> None:
-    dice = list(throw_random_dice([30, 60], 4, TABLE, Inline(), rests=(7, 13)))
-    assert [one.counts.sum() + one.unresolved for one in dice] == [30, 60]
-    alone = throw_random_die(1, 4, TABLE, 60, (7, 13))
-    np.testing.assert_array_equal(alone.counts, dice[1].counts)
+    livelier = replace(TABLE, restitution=0.78)
+    plan = [[(TABLE, 30)], [(livelier, 60), (TABLE, 60)]]
+    dice = list(throw_random_dice(plan, 4, Inline(), rests=(7, 13)))
+    drops = [[one.counts.sum() + one.unresolved for one in of_die] for of_die in dice]
+    assert drops == [[30], [60, 60]]
+    (alone,) = throw_random_die(1, 4, [(TABLE, 60)], (7, 13))
+    np.testing.assert_array_equal(alone.counts, dice[1][1].counts)
+    assert (dice[1][0].counts != alone.counts).any()
 
 
 def test_drops_that_never_rest(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,4 +185,4 @@ def test_drops_that_never_rest(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(random_throws, "simulate", throw)
     with pytest.raises(InputError, match=r"^table board-game: expected drops that come to rest"):
-        throw_random_die(0, 0, TABLE, 5)
+        throw_random_die(0, 0, [(TABLE, 5)])

@@ -23,7 +23,9 @@ from dicedesign.design.preferences import (
     Preferences,
     preference_residuals,
 )
+from dicedesign.design.robustness import USUAL_SWING, Swing
 from dicedesign.design.starts import repulsion
+from dicedesign.design.thrown_odds import ThrownOdds
 from dicedesign.design.trial import Trial, TrialMaker
 from dicedesign.errors import InputError
 from dicedesign.geometry.halfspaces import polyhedron_corners
@@ -186,3 +188,53 @@ def test_gradients_are_differences_along_the_manifold(name: str, seed: int) -> N
     differences = (values(step) - values(-step)) / (2 * step)
     assert np.abs(slopes).max() > 1e-3
     np.testing.assert_allclose(slopes, differences, rtol=1e-5, atol=1e-6)
+
+
+BOARD_GAME = ThrownOdds.on("board-game")
+
+
+def swing(trial: Trial, wanted: np.ndarray, bias: np.ndarray | None = None) -> Swing:
+    known = np.zeros((2, len(wanted))) if bias is None else bias
+    return Swing(BOARD_GAME, wanted, known)
+
+
+def test_robust_is_who_has_the_wanted_odds_on_changed_tables() -> None:
+    trial = die(0)
+    facets, where = trial.outcome_facets, trial.rest_of_outcome
+    there = [BOARD_GAME.at(change).odds(trial.rests)[where] for change in (0.2, -0.2)]
+    wanted = BOARD_GAME.odds(trial.rests)[where]
+    known = swing(trial, wanted)
+    (residuals,) = preference_residuals(trial.rests, facets, only("robustness"), known)
+    expected = np.concatenate([odds - wanted for odds in there]) / USUAL_SWING
+    np.testing.assert_allclose(residuals.detach(), expected, atol=1e-12)
+    assert np.abs(expected).max() > 0.05
+    # A bias that makes up for the change leaves nothing to wish for.
+    known = swing(trial, wanted, np.log(wanted / np.array(there)))
+    (residuals,) = preference_residuals(trial.rests, facets, only("robustness"), known)
+    np.testing.assert_allclose(residuals.detach(), 0.0, atol=1e-12)
+
+
+def test_dice_without_momentum_are_as_robust_as_can_be() -> None:
+    trial = die(0)
+    assert preference_residuals(trial.rests, trial.outcome_facets, only("robustness")) == []
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_gradients_of_robustness_are_differences(seed: int) -> None:
+    trial = die(seed)
+    maker, facets = TrialMaker(None, BOARD_GAME), trial.outcome_facets
+    wanted = np.full(len(facets), 1.0 / len(facets))
+    known = swing(trial, wanted, np.random.default_rng(seed).normal(0.0, 0.1, (2, len(facets))))
+    along = np.random.default_rng(seed).normal(size=len(trial.parameters))
+    step = 1e-6
+
+    def values(moved: float) -> np.ndarray:
+        parameters = trial.parameters + moved * along
+        there = maker.attempt(trial.coordinates, parameters, trial.directions)
+        assert there is not None
+        return known.residuals(there.rests, there.outcome_facets).detach().numpy()
+
+    slopes = trial.jacobian(known.residuals(trial.rests, facets)) @ along
+    differences = (values(step) - values(-step)) / (2 * step)
+    assert np.abs(slopes).max() > 0.1
+    np.testing.assert_allclose(slopes, differences, rtol=1e-4, atol=1e-4)

@@ -24,6 +24,12 @@ def die_with(odds: np.ndarray) -> DesignResult:
     return DesignResult(Status.CONVERGED, convex_hull(CUBE), odds, {}, (), 0, 0, 0)
 
 
+def tilted(odds: np.ndarray, change: float) -> np.ndarray:
+    """Odds of which the first ones are larger the more, the larger the change is."""
+    found = odds * np.exp(change * np.linspace(0.5, -0.5, len(odds)))
+    return found / found.sum()
+
+
 class World:
     """Dice whose true odds are those in the model times fixed factors, and a bit more."""
 
@@ -31,16 +37,24 @@ class World:
         self.factors, self.drift = factors, drift
         self.drops: list[int] = []
         self.numbers: list[int] = []
+        self.changes: list[float] = []
 
     def true_odds(self, die: DesignResult) -> np.ndarray:
         odds = die.directions * self.factors * np.exp(self.drift * np.sqrt(die.directions))
         return odds / odds.sum()
 
-    def throw(self, die: DesignResult, drops: int, number: int) -> np.ndarray:
+    def throw(
+        self, die: DesignResult, drops: int, number: int, change: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         self.drops.append(drops)
         self.numbers.append(number)
-        odds = np.append(self.true_odds(die), 0.0)
-        return np.random.default_rng(number).multinomial(drops, odds)
+        self.changes.append(change)
+        true, known = self.true_odds(die), die.directions
+        if change:
+            known = tilted(known, change)
+            true = tilted(true, -3.0 * change)
+        series = np.random.default_rng(number if change == 0.0 else [number, int(change > 0.0)])
+        return series.multinomial(drops, np.append(true, 0.0)), known
 
     def refined(self, **changes: object) -> tuple[DesignResult, tuple]:
         refinement = Refinement(
@@ -48,8 +62,9 @@ class World:
             ALONE,
             20_000,
             5,
+            False,
             self.throw,
-            lambda die, odds: die_with(odds),
+            lambda die, odds, bias: die_with(odds),
             lambda thrown: None,
         )
         return replace(refinement, **changes).refine(die_with(TARGET))
@@ -91,7 +106,7 @@ def test_outcomes_of_one_orbit_are_corrected_alike() -> None:
 def test_a_correction_without_a_die_is_halved() -> None:
     world, refused = World(FACTORS), []
 
-    def design(die: DesignResult, odds: np.ndarray) -> DesignResult | None:
+    def design(die: DesignResult, odds: np.ndarray, bias: np.ndarray) -> DesignResult | None:
         if 0.5 * np.abs(odds - die.directions).sum() > 0.05:
             refused.append(odds)
             return None
@@ -110,9 +125,34 @@ def test_an_outcome_that_never_comes_up_is_asked_for_more_often() -> None:
     assert die.directions[0] > 10.0 * TARGET[0]
 
 
+def test_what_changed_tables_do_is_learned() -> None:
+    world, told = World(FACTORS), []
+
+    def design(die: DesignResult, odds: np.ndarray, bias: np.ndarray) -> DesignResult:
+        told.append(bias)
+        return die_with(odds)
+
+    die, rounds = world.refined(robust=True, design=design)
+    assert world.changes == [0.0, 0.2, -0.2] * len(rounds)
+    assert world.drops[:3] == [20_000, 10_000, 10_000]
+    true, known = world.true_odds(die), die.directions
+    for change, bias in zip((0.2, -0.2), told[-1], strict=True):
+        expected = np.log(tilted(true, -3.0 * change) / tilted(known, change))
+        np.testing.assert_allclose(bias, expected, atol=0.1)
+    assert np.abs(told[-1][0] - told[-1][1]).max() > 0.5
+    seen = [0.5 * np.abs(tilted(TARGET, 3.0 * change) - TARGET).sum() for change in (0.2, -0.2)]
+    np.testing.assert_allclose(rounds[-1].changed, seen, atol=0.02)
+
+
+def test_a_robust_die_is_designed_anew_at_least_once() -> None:
+    world = World(np.ones(11))
+    _, rounds = world.refined(robust=True)
+    assert len(rounds) > 1
+
+
 def test_the_rounds_end_where_no_die_is_found() -> None:
     world = World(FACTORS)
-    die, rounds = world.refined(design=lambda die, odds: None)
+    die, rounds = world.refined(design=lambda die, odds, bias: None)
     assert len(rounds) == 1
     np.testing.assert_array_equal(die.directions, TARGET)
 
@@ -134,7 +174,7 @@ def test_impossible_options_are_errors(options: dict, message: str) -> None:
 def test_a_die_that_its_symmetry_makes_right_is_left_alone() -> None:
     world, fair = World(np.ones(11)), np.full(11, 1 / 11)
     die, rounds = Refinement(
-        fair, np.zeros(11, dtype=np.int64), 100, 5, world.throw, lambda die, odds: None
+        fair, np.zeros(11, dtype=np.int64), 100, 5, False, world.throw, lambda die, odds, bias: None
     ).refine(die_with(fair))
     assert len(rounds) == 1
     np.testing.assert_array_equal(die.directions, fair)

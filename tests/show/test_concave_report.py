@@ -81,6 +81,7 @@ def test_report_is_well_formed_and_complete(summary: dict[str, Any], images: dic
         "Largest difference from the target: 0.0025.",
         "held from its start to the end of the stage,",
         "100 % infill",
+        "Thrown it has others; the command dicedesign throw shows by how much.",
         *TITLES.values(),
     ):
         assert text in page.text

@@ -123,12 +123,13 @@ def test_the_report_of_a_die_to_be_thrown(result) -> None:
     assert "Target and achieved odds" not in page.text
     assert "with the labels cut in" not in page.text
     assert "On the table" in page.text
-    assert "Roll it gently" not in page.text
+    assert "Set it down gently" not in page.text
     assert "let it fall from about 10 cm above the table, with a little push and spin" in page.text
     del result["thrown"]
     page = parsed(report_html(result, {"bars": b"\x89PNG"}))
     assert "On the table" not in page.text
-    assert "Roll it gently" in page.text
+    assert "Set it down gently" in page.text
+    assert "Thrown it has others; the command dicedesign throw shows" in page.text
     assert "Target and achieved odds" in page.text
 
 

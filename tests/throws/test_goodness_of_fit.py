@@ -145,3 +145,11 @@ def test_with_many_throws_it_agrees_with_the_chi_square_test() -> None:
     assert exact_multinomial(counts, odds).p_value == pytest.approx(
         chi_square(counts, odds).p_value, abs=0.01
     )
+
+
+@pytest.mark.parametrize("off", [0, 3, 100, 700])
+def test_tables_that_are_equally_likely_are_told_of_many_throws_too(off: int) -> None:
+    """The one seen, and that with its two counts exchanged: logarithms near 1e7 are rounded."""
+    few, many = 499_999 - off, 499_999 + off
+    found = exact_multinomial([few, many], [0.5, 0.5])
+    assert found.p_value == pytest.approx(stats.binomtest(few, 999_998, 0.5).pvalue, rel=1e-7)

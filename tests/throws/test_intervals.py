@@ -50,3 +50,11 @@ def test_the_posterior_is_that_of_a_dirichlet_distribution() -> None:
     )
     within = (posterior.intervals[:, 0] < posterior.means).all()
     assert within
+
+
+def test_a_confidence_next_to_1_leaves_limits_below_it() -> None:
+    """The part above is 5.6e-17, which no difference from 1 has room for."""
+    intervals = jeffreys_posterior([0, 5, 5], 1.0 - 2.0**-53).intervals
+    weights = np.array([0.5, 5.5, 5.5])
+    above = stats.beta.sf(intervals[:, 1], weights, 11.5 - weights)
+    np.testing.assert_allclose(above, 2.0**-54, rtol=1e-6)

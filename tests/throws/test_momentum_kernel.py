@@ -22,7 +22,8 @@ from dicedesign.geometry.hull import convex_hull
 from dicedesign.geometry.mass import solid_inertia
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum import hull_odds, landing_odds, model_of, momentum_odds
+from dicedesign.throws.momentum import hull_odds, landing_odds, momentum_odds
+from dicedesign.throws.momentum_model import model_of
 from dicedesign.throws.pass_features import features
 from dicedesign.throws.passes import Passes
 from dicedesign.throws.rigid_body import rigid_body

@@ -27,7 +27,7 @@ from dicedesign.throws.native import advance, throw_states
 from dicedesign.throws.orientations import released
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.tables import Table, table_named
+from dicedesign.throws.tables import TABLE_NAMES, Table, table_named
 
 BOARD, WOOD, CARPET = (table_named(name) for name in ("board-game", "hard-wood", "carpet"))
 
@@ -145,6 +145,26 @@ def test_a_throw_in_parts_is_the_same_throw() -> None:
         advance(body, BOARD, parts, 500)
     going = np.abs(whole - parts).max(axis=1)
     assert np.median(going) < 1e-6
+
+
+@compiled_only
+@pytest.mark.parametrize("name", TABLE_NAMES)
+def test_vertices_far_from_the_table_are_safely_left_out(name: str) -> None:
+    """Of 400 vertices most are looked at once in many steps. A throw that is taken up anew at every
+    step, and so looks at all of them, is the same throw."""
+    points = np.random.default_rng(6).normal(size=(400, 3))
+    body, _ = thrown(points / np.linalg.norm(points, axis=1)[:, None] * [1.0, 0.9, 0.8])
+    assert len(body.vertices) == 400
+    table = table_named(name)
+    listed = let_go(body, table, 20)
+    fall = np.sqrt(2.0 * table.height / GRAVITY)
+    advance(body, table, listed, round(0.97 * fall / contact_of(table).step))
+    anew = listed.copy()
+    rests, _ = advance(body, table, listed, 600)
+    assert (rests == -1).all()
+    for _ in range(600):
+        advance(body, table, anew, 1)
+    np.testing.assert_allclose(listed, anew, atol=1e-6)
 
 
 @compiled_only

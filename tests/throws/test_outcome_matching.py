@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.throws.outcome_matching import match_by_normals, match_by_odds
+from dicedesign.throws.outcome_matching import (
+    facet_of_rest,
+    match_by_normals,
+    match_by_odds,
+    sums_by_outcome,
+)
 
 AXES = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [-1.0, 0, 0]])
 
@@ -63,3 +68,13 @@ def test_by_normals() -> None:
     groups = match_by_normals(np.vstack([AXES, tilted]), shown, [0, 1, 0])
     assert groups.members == ((0,), (1,))
     assert groups.group_of_rest.tolist() == [0, 1, -1, 0, 0]
+
+
+def test_without_a_facet_no_rest_is_on_one() -> None:
+    assert facet_of_rest(AXES, np.empty((0, 3))).tolist() == [-1] * 4
+
+
+def test_sums_leave_out_rests_that_show_nothing() -> None:
+    outcomes = np.array([1, -1, 1, 0])
+    assert sums_by_outcome(np.array([1, 2, 4, 8]), outcomes, 3).tolist() == [8, 5, 0]
+    assert sums_by_outcome(np.array([0.5, 0.25, 0.125, 0.0]), outcomes, 2).tolist() == [0, 0.625]

@@ -48,3 +48,10 @@ def test_a_perfect_die_shows_to_be_one() -> None:
     limit = noise_floor(FAIR, throws) + 1.96 * 0.5 / np.sqrt(throws)
     assert limit == pytest.approx(0.02, rel=1e-3)
     assert throws_to_confirm(FAIR, 0.01, 0.95) == pytest.approx(4 * throws, abs=4)
+
+
+def test_a_confidence_next_to_1_takes_more_throws_and_not_infinitely_many() -> None:
+    """5.6e-17 of a normal distribution are beyond 8.29 standard deviations."""
+    throws = throws_to_confirm(FAIR, 0.02, 1.0 - 2.0**-53)
+    limit = noise_floor(FAIR, throws) + 8.2924 * 0.5 / np.sqrt(throws)
+    assert limit == pytest.approx(0.02, rel=1e-3)

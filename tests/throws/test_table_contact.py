@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from throws.thrown import box, compiled_only, thrown
 
 from dicedesign.throws.contact import (
     DEEPEST,
@@ -15,8 +16,10 @@ from dicedesign.throws.contact import (
     STEPS_PER_CONTACT,
     contact_of,
     damping_ratio,
+    longest_throw,
     restitution_of,
 )
+from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import table_named
 
 BOARD = table_named("board-game")
@@ -99,3 +102,22 @@ def test_contacts_scale_with_the_die() -> None:
     assert two.seconds == pytest.approx(root * one.seconds)
     assert two.stiffness == pytest.approx(one.stiffness / 2.0)
     assert two.damping == pytest.approx(one.damping / root)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.95])
+def test_a_throw_is_followed_while_a_ball_bounces(restitution: float) -> None:
+    table = replace(BOARD, height=30.0, restitution=restitution)
+    speed = np.sqrt(2.0 * GRAVITY * 30.0)
+    bounces = 2.0 * speed * restitution ** np.arange(1, 1000) / GRAVITY
+    ball = speed / GRAVITY + bounces.sum()
+    set_down = longest_throw(replace(table, height=0.0))
+    assert longest_throw(table) == pytest.approx(ball + set_down, rel=1e-12)
+    assert 14.0 < set_down < 15.0
+
+
+@compiled_only
+def test_throws_that_bounce_long_come_to_rest_in_time() -> None:
+    """For which the time that dice need without bouncing is too short."""
+    table = replace(BOARD, height=1.0, restitution=0.95, friction=1.0)
+    body, _ = thrown(box(1.0, 1.0, 1.0))
+    assert simulate(body, table, 30).unresolved == 0

@@ -38,7 +38,9 @@ def run(tmp_path: Path) -> Path:
     labels = ["x", "x", "y", "y", None, "z"]
     facets = [{"label": a, "normal": n} for a, n in zip(labels, normals, strict=True)]
     result = {
+        "status": "converged",
         "labels": ["x", "y", "z", "w"],
+        "target": [0.25] * 4,
         "files": {"die_plain": "plain.stl"},
         "center_of_mass": [0.0, 0.0, 1.0],
         "facets": facets,
@@ -142,16 +144,45 @@ def test_a_run(run: Path, tmp_path: Path) -> None:
         (HEADER + "b,box.obj,1,2,often\n", "line 2: expected a finite number as geometric"),
         (HEADER + "b,box.obj,1,2,0.9\nb,box.obj,2,3,0.1\n", "expected rests with the geometric"),
         ("die,mesh,outcome,throws\nb,box.obj,1,2\n", "expected a column geometric"),
-        ("die,mesh,outcome,throws\nb,run,q,2\n", r"expected a label of the die \(w, x, y, z\)"),
+        ("die,mesh,outcome,throws\nb,run,q,2\n", r"expected a label of the die \(x, y, z, w\)"),
         ("die,mesh,outcome,throws\nb,run,x,2\n", "expected two outcomes or more of 'b', got x"),
         ("die,mesh,outcome,throws\nb,run,x,2\nb,run,w,1\n", "expected a stable facet with the"),
-        ("die,mesh,outcome,throws\nb,.,x,2\n", "result.json: expected center of mass, labels"),
+        ("die,mesh,outcome,throws\nb,.,x,2\n", "result.json: expected status, labels"),
     ],
 )
 def test_files_that_cannot_be_used(
     box: Path, run: Path, tmp_path: Path, text: str, message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
+        read_throw_counts(written(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("com", "size", "message"),
+    [
+        ("", "0", "line 2: expected a size_mm of 0.1 to 10000, got '0'; correct it"),
+        ("", "-16", "line 2: expected a size_mm of 0.1 to 10000, got '-16'"),
+        ("", "1e9", "line 2: expected a size_mm of 0.1 to 10000, got '1e9'"),
+        ("", "nan", "line 2: expected a finite number as size_mm, got 'nan'"),
+        ("0 0", "", "line 2: expected three numbers x y z as com, got '0 0'; correct it"),
+        ("0 0 0 0", "", "line 2: expected three numbers x y z as com, got '0 0 0 0'"),
+        ("0 inf 0", "", "line 2: expected a finite number as com, got 'inf'"),
+        ("9 0 0", "", r"throws.csv, line 2: center of mass: expected a point strictly inside"),
+    ],
+)
+def test_sizes_and_centers_that_cannot_be(
+    box: Path, tmp_path: Path, com: str, size: str, message: str
+) -> None:
+    rows = [f"b,{box.name},{i},2,{p},{com},{size}\n" for i, p in enumerate(_odds(box))]
+    with pytest.raises(InputError, match=message):
+        read_throw_counts(written(tmp_path, HEADER.strip() + ",com,size_mm\n" + "".join(rows)))
+
+
+def test_a_run_whose_center_is_outside(run: Path, tmp_path: Path) -> None:
+    path = run / "result.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "center_of_mass": [0, 0, 8]}))
+    text = "die,mesh,outcome,throws\nb,run,z,5\nb,run,x,7\n"
+    with pytest.raises(InputError, match=r"run: center of mass: expected a point strictly inside"):
         read_throw_counts(written(tmp_path, text))
 
 

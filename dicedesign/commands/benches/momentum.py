@@ -26,7 +26,7 @@ from dicedesign.errors import InputError
 if TYPE_CHECKING:
     from dicedesign.bench.momentum import Extent, ModelTimes, PrintedDie
     from dicedesign.design.random_throws import Deviation, Deviations
-    from dicedesign.throws.momentum import MomentumModel
+    from dicedesign.throws.momentum_model import MomentumModel
     from dicedesign.throws.tables import Table
     from dicedesign.throws.throw_counts import ThrownDie
 
@@ -179,7 +179,7 @@ def _printed(options: argparse.Namespace) -> tuple[ThrownDie, ...]:
 
 
 def _model(table: str) -> MomentumModel:
-    from dicedesign.throws.momentum import momentum_model
+    from dicedesign.throws.momentum_model import momentum_model
 
     model = momentum_model(table)
     if model is None:

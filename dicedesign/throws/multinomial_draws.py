@@ -1,0 +1,26 @@
+"""Drawn counts of what comes up in many series of throws, in blocks that fit into memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["drawn_counts"]
+
+BLOCK: Final = 1_000_000
+"""Counts of a block, at most, unless one series has more."""
+
+
+def drawn_counts(
+    odds: NDArray[np.float64], throws: int, series: int, seed: int
+) -> Iterator[NDArray[np.int64]]:
+    """Counts (b, k) of so many series of throws in all, drawn with odds (k,).
+
+    How many come at a time does not change them.
+    """
+    random, at_once = np.random.default_rng(seed), max(1, BLOCK // len(odds))
+    for first in range(0, series, at_once):
+        yield random.multinomial(throws, odds, size=min(at_once, series - first))
