@@ -20,6 +20,7 @@ from dicedesign.design.random_throws import (
     throw_random_dice,
     training_die,
 )
+from dicedesign.design.robustness import CHANGES
 from dicedesign.errors import InputError
 from dicedesign.throws.momentum_model import model_of
 from dicedesign.throws.tables import MOST_RESTITUTION, Table
@@ -32,10 +33,6 @@ HELD_OUT: Final = 8
 HELD_OUT_DROPS: Final = 4
 """Drops of a die that is held out over those of one that is not: fewer would hide the model's own
 error behind that of sampling."""
-
-CHANGES: Final = (-0.2, 0.0, 0.2)
-"""Parts by which the restitution is higher than the table's for an equal share of the drops that
-the model is fitted to, so that it learns what a duller or a livelier table does."""
 
 
 @dataclass(frozen=True)
@@ -71,14 +68,16 @@ def check_learning(dice: int, drops: int, seed: int, steps: int) -> None:
 
 def throws_of_die(table: Table, number: int, drops: int) -> list[tuple[float, int]]:
     """Parts by which the restitution is higher than that of the table, and how often a die is
-    thrown there. Every `HELD_OUT`-th die is held out: it is thrown onto the table as it is, and
+    thrown there: an equal share of the drops onto the table itself and onto each that robust dice
+    are made for. Every `HELD_OUT`-th die is held out: it is thrown onto the table as it is, and
     more often."""
     if _is_held_out(number):
         return [(0.0, drops * HELD_OUT_DROPS)]
     if table.restitution == 0.0:
         return [(0.0, drops)]
     highest = MOST_RESTITUTION / table.restitution - 1.0
-    return [(min(change, highest), math.ceil(drops / len(CHANGES))) for change in CHANGES]
+    changes = (0.0, *CHANGES)
+    return [(min(change, highest), math.ceil(drops / len(changes))) for change in changes]
 
 
 def learn_momentum(
