@@ -246,7 +246,7 @@ def _judged(designed: _Designed, fresh: _Fresh, drops: int) -> DieThrows:
         status=die.status,
         seconds=designed.seconds,
         rounds=len(die.rounds),
-        round_drops=sum(thrown.drops for thrown in die.rounds),
+        round_drops=sum(thrown.all_drops for thrown in die.rounds),
         engraved=designed.engraved,
         drops=drops,
         lost=drops - int(counts[:-1].sum()),

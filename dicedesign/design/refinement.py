@@ -63,6 +63,11 @@ class Round:
     noise_floor: float
     changed: tuple[float, ...] = ()
 
+    @property
+    def all_drops(self) -> int:
+        """Throws on all tables."""
+        return self.drops + len(self.changed) * math.ceil(self.drops / 2)
+
 
 @dataclass(frozen=True)
 class Refinement:
