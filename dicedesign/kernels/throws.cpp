@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "free_rotation.hpp"
 #include "near_table.hpp"
 
 namespace dicedesign {
@@ -120,14 +121,20 @@ Index advance(const Landscape& land, const Vec& moments, const Throw& how, Index
     const double h = how.step;
     Acceleration acceleration = {0.0, 0.0, -how.gravity, 0.0, 0.0, 0.0};
     Contact contacts[MOST_CONTACTS];
+    bool as_mujoco = true;
     for (taken = 0; taken < steps; ++taken) {
         Vec& w = motion.spin;
+        if (taken % STEPS_PER_CHECK == 0) {
+            as_mujoco = 0.5 * twice_spin_energy(moments, w) < how.explicit_energy;
+        }
+        const Vec torque =
+            (as_mujoco ? gyroscopic_torque(moments, w) : Vec{0.0, 0.0, 0.0}) - brake * w;
         const Acceleration free = {0.0,
                                    0.0,
                                    -how.gravity,
-                                   ((moments.y - moments.z) * w.y * w.z - brake * w.x) / moments.x,
-                                   ((moments.z - moments.x) * w.z * w.x - brake * w.y) / moments.y,
-                                   ((moments.x - moments.y) * w.x * w.y - brake * w.z) / moments.z};
+                                   torque.x / moments.x,
+                                   torque.y / moments.y,
+                                   torque.z / moments.z};
         const int count = motion.position.z < near.reach()
                               ? set_contacts(land, near, motion, how.contact, contacts)
                               : 0;
@@ -143,10 +150,18 @@ Index advance(const Landscape& land, const Vec& moments, const Throw& how, Index
         w += Vec{h * a[3] / (1.0 + h * brake / moments.x), h * a[4] / (1.0 + h * brake / moments.y),
                  h * a[5] / (1.0 + h * brake / moments.z)};
         motion.position += h * motion.velocity;
-        turn(motion.turn, w, h);
+        if (as_mujoco) {
+            turn(motion.turn, w, h);
+        } else {
+            rotate_freely(motion.turn, w, moments, h);
+        }
         if ((taken + 1) % STEPS_PER_CHECK != 0) continue;
         const Vec up = Axes(motion.turn).row[2];
         const double height = energy_height(land, near, moments, how, motion, up);
+        if (!std::isfinite(height + sum(up))) {
+            ++taken;
+            return STILL_MOVING;
+        }
         if (height >= land.highest_barrier) continue;
         const Index rest = rest_below(land, -up);
         if (rest >= 0 && height < land.barrier[rest]) {

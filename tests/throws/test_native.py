@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from thrown import (
     OCTAHEDRON,
@@ -30,6 +31,9 @@ from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import TABLE_NAMES, Table, table_named
 
 BOARD, WOOD, CARPET = (table_named(name) for name in ("board-game", "hard-wood", "carpet"))
+
+TALL = replace(BOARD, height=10.0, restitution=0.95)
+"""On which spin is integrated so that its energy stays."""
 
 
 def turn_of(states: np.ndarray) -> np.ndarray:
@@ -95,6 +99,122 @@ def test_energy_and_angular_momentum_in_flight() -> None:
         )
     assert max(drifts[0]) < 1e-2
     assert max(drifts[1]) < 0.3 * max(drifts[0])
+
+
+def spin_energies(body: RigidBody, states: np.ndarray) -> np.ndarray:
+    """Twice those of a body of unit radius and mass, (n,)."""
+    return states[:, 10:] ** 2 @ body.moments
+
+
+@compiled_only
+@pytest.mark.parametrize("points", [box(1.0, 1.2, 1.5), box(0.3, 1.0, 2.0), random_points(1)])
+def test_a_fast_spin_in_a_long_flight(points: np.ndarray) -> None:
+    """300 rad against Euler's equations by another method, whose solution is approached with the
+    square of the step."""
+    body, _ = thrown(points)
+    a, b, c = body.moments
+    table = replace(TALL, spin=1000.0)
+    errors = []
+    for refinement in (1.0, 4.0):
+        before, after, seconds = flown(body, table, 0.3, refinement)
+        np.testing.assert_allclose(
+            spin_energies(body, after), spin_energies(body, before), rtol=1e-4
+        )
+        first, last = (
+            np.einsum("nij,nj->ni", turn_of(state), state[:, 10:] * body.moments)
+            for state in (before, after)
+        )
+        np.testing.assert_allclose(last, first, rtol=1e-9, atol=1e-9 * table.spin)
+        found = [
+            solve_ivp(
+                lambda _, w: (
+                    (b - c) / a * w[1] * w[2],
+                    (c - a) / b * w[2] * w[0],
+                    (a - b) / c * w[0] * w[1],
+                ),
+                (0.0, seconds),
+                state[10:],
+                method="DOP853",
+                rtol=1e-11,
+                atol=1e-8,
+            ).y[:, -1]
+            for state in before[:4]
+        ]
+        errors.append(np.abs(after[:4, 10:] - found).max() / table.spin)
+    assert errors[0] < 5e-3
+    assert errors[1] < 0.08 * errors[0]
+
+
+@compiled_only
+def test_spin_keeps_its_energy_between_bounces() -> None:
+    """Throughout throws, in which it is thrown from one axis to another."""
+    body, _ = thrown(box(1.0, 1.2, 1.5))
+    states = let_go(body, TALL, 3)
+    contact = contact_of(TALL)
+    steps = 64
+    # Of a die that is as high before and after so many steps, and did not touch the table between.
+    safe = TALL.size / 2.0 + np.sqrt(2.0 * GRAVITY * TALL.height) * steps * contact.step
+    begun = np.full(len(states), np.nan)
+    rests = np.full(len(states), -1)
+    flights, drift = 0, 0.0
+    while (rests < 0).any():
+        rests, _ = advance(body, TALL, states, steps)
+        energies = spin_energies(body, states)
+        flies = states[:, 2] > safe
+        starts = flies & np.isnan(begun)
+        flights += int(np.count_nonzero(starts))
+        begun[starts] = energies[starts]
+        begun[~flies] = np.nan
+        drift = max(drift, np.abs(energies[flies] / begun[flies] - 1.0).max(initial=0.0))
+    assert flights > 30
+    assert drift < 1e-3
+
+
+@compiled_only
+@pytest.mark.parametrize(
+    ("body", "table", "drops"),
+    [
+        (thrown(box(1.0, 1.2, 1.5))[0], TALL, 12),
+        (thrown(box(1.0, 1.2, 1.5))[0], replace(BOARD, height=100.0, restitution=0.8), 4),
+        (random_body(1)[0], replace(BOARD, height=1.0, restitution=0.95, friction=1.0), 24),
+        (thrown(box(1.0, 1.3, 6.0))[0], WOOD, 200),
+    ],
+    ids=["lively", "tall", "rough", "slender"],
+)
+def test_throws_that_fly_long_or_spin_fast_come_to_rest(
+    body: RigidBody, table: Table, drops: int
+) -> None:
+    """With MuJoCo's steps alone most of these would spin without end."""
+    states = let_go(body, table, drops)
+    contact = contact_of(table)
+    rests, taken = advance(body, table, states, round(contact.seconds / contact.step))
+    assert np.isfinite(states).all()
+    assert (rests >= 0).all()
+    assert taken.max() * contact.step < 0.9 * contact.seconds
+
+
+@compiled_only
+@pytest.mark.parametrize("entry", [2, 3, 9, 12])
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_a_motion_that_is_not_finite_ends(entry: int, number: float) -> None:
+    body, _ = random_body(1)
+    states = let_go(body, BOARD, 3)
+    states[1, entry] = number
+    rests, taken = advance(body, BOARD, states, 400)
+    assert rests.tolist() == [-1, -1, -1]
+    assert taken.tolist() == [400, 16, 400]
+
+
+@pytest.mark.parametrize("name", TABLE_NAMES)
+def test_tables_that_come_with_the_package_have_the_steps_of_mujoco(name: str) -> None:
+    """As do those with a restitution higher by a fifth, onto which dice are thrown as well: for all
+    spin that a throw can have."""
+    table = table_named(name)
+    for changed in (table, replace(table, restitution=1.2 * table.restitution)):
+        radius = table.size / 2.0
+        total = GRAVITY * (table.height + 2.0 * radius) + table.speed**2 / 2.0
+        assert contact_of(changed).explicit_energy > total + (table.spin * radius) ** 2 / 2.0
+    assert contact_of(TALL).explicit_energy == 0.0
 
 
 @compiled_only
