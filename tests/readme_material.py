@@ -54,24 +54,6 @@ def concave_row(result: dict) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def thrown_row(result: dict) -> str:
-    """One line of the table of dice for a table."""
-    thrown = result["thrown"]
-    simulated = thrown["simulated"]
-    low, high = simulated["interval"]
-    deviations = " → ".join(f"{part['deviation']:.4f}" for part in thrown["rounds"])
-    cells = [
-        f"`{result['name']}`",
-        str(len(result["labels"])),
-        deviations,
-        f"{simulated['total_variation']:.4f}",
-        f"{low:.4f} to {high:.4f}",
-        f"{simulated['noise_floor']:.4f}",
-        f"{sum(stage['seconds'] for stage in result['stages']):.0f}",
-    ]
-    return "| " + " | ".join(cells) + " |"
-
-
 def view(folder: Path, column: int, line: int, size: int) -> Image.Image:
     """One picture out of the grid of a die's views."""
     sheet = Image.open(folder / "views.png").convert("RGB")
@@ -119,6 +101,5 @@ if __name__ == "__main__":
     results = [json.loads(path.read_text()) for path in sorted(root.glob("*/result.json"))]
     resting = [result for result in results if "elsewhere" not in result and "thrown" not in result]
     print("\n".join(map(row, resting)))
-    print("\n".join(thrown_row(result) for result in results if "thrown" in result))
     print("\n".join(concave_row(result) for result in results if "elsewhere" in result))
     gallery(root, root / "gallery")

@@ -105,14 +105,17 @@ def _measured(simulated: Mapping[str, Any]) -> str:
 
 def refinement_figure(thrown: Mapping[str, Any]) -> Figure:
     """Total variation between simulated frequencies and the target, round by round, against the
-    throws so far, with what a perfect die would show in as many throws as the round has.
+    throws onto the table so far, with what a perfect die would show in as many as the round has.
+
+    Where each round has throws onto a livelier and a duller table, so many again in all, theirs too.
 
     The verdict over the finished die, where there is one, comes last, with its interval of 95 %.
 
     Parameters
     ----------
-    thrown: with "rounds", at least one, each with "drops", "deviation" and "noise_floor", and
-        perhaps with "simulated", see `table_odds_figure`.
+    thrown: with "rounds", at least one, each with "drops", "deviation", "noise_floor" and "changed"
+        (a deviation on each changed table, or none), and perhaps with "simulated", see
+        `table_odds_figure`.
 
     Raises
     ------
@@ -127,6 +130,18 @@ def refinement_figure(thrown: Mapping[str, Any]) -> Figure:
     figure = agg_figure(8.4, 3.8)
     axes = figure.add_axes((0.10, 0.15, 0.87, 0.74))
     axes.plot(drops, deviations, color=ACCENT, marker="o", markersize=5, label="die of the round")
+    for change, marker, table in zip(range(2), ("^", "v"), ("livelier", "duller"), strict=True):
+        if rounds[0]["changed"]:
+            axes.plot(
+                drops,
+                [entry["changed"][change] for entry in rounds],
+                color=ACCENT,
+                alpha=0.55,
+                linewidth=0.8,
+                marker=marker,
+                markersize=5,
+                label=f"on a {table} table",
+            )
     if simulated is not None:
         drops = np.append(drops, drops[-1] + simulated["drops"])
         floors.append(simulated["noise_floor"])
@@ -146,7 +161,7 @@ def refinement_figure(thrown: Mapping[str, Any]) -> Figure:
     axes.set_xlim(0.0, 1.05 * drops[-1])
     axes.set_ylim(0.0, 1.1 * axes.dataLim.ymax)
     axes.xaxis.set_major_formatter("{x:,.0f}")
-    axes.set_xlabel("simulated throws so far")
+    axes.set_xlabel("simulated throws onto the table so far")
     axes.set_ylabel("total variation to the target")
     axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)

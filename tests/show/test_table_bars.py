@@ -110,8 +110,8 @@ def test_one_of_each_for_each_outcome(labels) -> None:
 
 def rounds() -> list[dict[str, Any]]:
     return [
-        {"drops": 1000, "deviation": 0.1, "noise_floor": 0.02},
-        {"drops": 1500, "deviation": 0.04, "noise_floor": 0.016},
+        {"drops": 1000, "deviation": 0.1, "noise_floor": 0.02, "changed": []},
+        {"drops": 1500, "deviation": 0.04, "noise_floor": 0.016, "changed": []},
     ]
 
 
@@ -129,6 +129,14 @@ def test_rounds_against_all_throws_so_far(simulated) -> None:
     assert axes.get_ylim()[1] > 0.1
     again = refinement_figure({"rounds": rounds(), "simulated": simulated})
     assert png_bytes(figure) == png_bytes(again)
+
+
+def test_rounds_on_changed_tables() -> None:
+    both = [entry | {"changed": [0.2 - 0.1 * i, 0.3]} for i, entry in enumerate(rounds())]
+    (axes,) = refinement_figure({"rounds": both}).axes
+    curves = {line.get_label(): line.get_xydata() for line in axes.lines}
+    np.testing.assert_allclose(curves["on a livelier table"], [[1000, 0.2], [2500, 0.1]])
+    np.testing.assert_allclose(curves["on a duller table"], [[1000, 0.3], [2500, 0.3]])
 
 
 def test_rounds_without_a_verdict() -> None:
