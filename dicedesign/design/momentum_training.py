@@ -26,8 +26,8 @@ __all__ = ["TrainingDie", "plain_model", "train"]
 
 Floats = NDArray[np.float64]
 
-PASS_HIDDEN: Final = 16
-CARRY_HIDDEN: Final = 8
+PASS_HIDDEN: Final = 24
+CARRY_HIDDEN: Final = 12
 """Hidden units of the networks."""
 
 FIRST_TEMPERATURE: Final = 0.17
@@ -41,7 +41,7 @@ FIRST_RATE: Final = 4.0
 FIRST_CARRY: Final = -3.0
 """Logarithm of the rate of carries, to begin with."""
 
-WEIGHT_DECAY: Final = 2e-4
+WEIGHT_DECAY: Final = 1e-4
 """Weight of the squared parameters of the networks in the loss."""
 
 DIGITS: Final = 6

@@ -107,7 +107,7 @@ def refinement_figure(thrown: Mapping[str, Any]) -> Figure:
     """Total variation between simulated frequencies and the target, round by round, against the
     throws onto the table so far, with what a perfect die would show in as many as the round has.
 
-    Where each round has throws onto a livelier and a duller table, so many again in all, theirs too.
+    Where each round has as many throws onto a livelier and a duller table, their deviations too.
 
     The verdict over the finished die, where there is one, comes last, with its interval of 95 %.
 
