@@ -113,7 +113,7 @@ def test_the_same_numbers_give_the_same_model_on_two_processes() -> None:
 
 
 def test_the_slopes_are_learned_too(known_world: None) -> None:
-    found = learn_momentum(TABLE, 32, 300_000, 0, 60, workers=Inline())
+    found = learn_momentum(TABLE, 32, 300_000, 0, 150, workers=Inline())
     model, dice = model_of(found.plain), [random_die(number, 7) for number in range(5)]
     for die in dice:
         seen, true = (
