@@ -14,7 +14,7 @@ from typing import Final
 
 __all__ = ["compiled"]
 
-INTERFACE: Final = 2
+INTERFACE: Final = 3
 """Counts changes of what the kernels take and return; those of another number are not used."""
 
 compiled: ModuleType | None
