@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dicedesign.design.descent import descend_to_target
 from dicedesign.design.exact import solve_exactly
+from dicedesign.design.preferences import Preferences
 from dicedesign.design.refinement import Round
 from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.shape_search import shapes_near
@@ -177,16 +178,20 @@ def design_die(
         swing = first_swing(method.exact, wanted)
         design = solve(_starts(recipe, start, wanted), wanted, swing=swing)
         if method.exact.refine is not None and design.status is Status.CONVERGED:
-            assert swing is not None
-            known = swing
+            exact, known = method.exact, swing
+            assert known is not None
 
-            def again(die: DesignResult, odds: Floats, bias: Floats) -> DesignResult | None:
+            def again(die: DesignResult, odds: Floats, bias: Floats | None) -> DesignResult | None:
                 near = shapes_like(
                     Start(die.hull.vertices, die.directions), recipe.seed, recipe.group()
                 )
+                close = islice(near, CLOSE_STARTS)
                 try:
-                    close = islice(near, CLOSE_STARTS)
-                    found = solve(close, odds, swing=replace(known, bias=bias))
+                    if bias is None:
+                        nearest = replace(exact, prefer=Preferences())
+                        found = solve(close, odds, swing=known, options=nearest)
+                    else:
+                        found = solve(close, odds, swing=replace(known, bias=bias))
                 except NoStartError:
                     return None
                 return found if found.status is Status.CONVERGED else None

@@ -83,7 +83,7 @@ def refined(
     group: Floats | None,
     center_of_mass: Floats | None,
     robust: bool,
-    design: Callable[[DesignResult, Floats, Floats], DesignResult | None],
+    design: Callable[[DesignResult, Floats, Floats | None], DesignResult | None],
     on_round: Callable[[Round], None] | None,
 ) -> tuple[DesignResult, tuple[Round, ...]]:
     """A die corrected by simulated throws at its printed size; see `Refinement`."""

@@ -6,7 +6,8 @@ from one die to the next. So the model is asked for `q exp(-b)` in place of the 
 mean of `log(f / m)` over the dice so far, in which later dice and larger samples count for more.
 
 Where the die shall be robust it is thrown onto changed tables as well, and what the model gets
-wrong there is measured likewise, for the preference that makes it so.
+wrong there is measured likewise, for the preference that makes it so. In the last rounds the die
+is no more made better by preference: one that hardly moves keeps what was measured of it.
 """
 
 from __future__ import annotations
@@ -38,6 +39,9 @@ MEMORY: Final = 0.5
 SOFTENING: Final = 0.5
 """Throws added to each outcome, so that one that never came up has a logarithm."""
 
+SETTLING: Final = 2
+"""Last rounds, after which the odds alone are corrected; the first round is none of them."""
+
 MOST_HALVINGS: Final = 4
 """How often a correction for which no die is found is halved."""
 
@@ -53,7 +57,8 @@ class Round:
         than 1 where some came to rest on no outcome.
     deviation: total variation of the frequencies from the target.
     noise_floor: what a perfect die would show on the mean in as many throws.
-    changed: () or (2,) the deviation on each changed table, by half as many throws.
+    changed: () or (2,) the deviation on each changed table, by half as many throws; () in the last
+        rounds.
     """
 
     asked: Floats
@@ -84,7 +89,8 @@ class Refinement:
         odds (k,) in the model; for so many throws, the round's number, and the part by which the
         table's restitution is higher. All have random numbers of their own.
     design: from a die to one near it with other odds (k,) in the model, or None; also told the
-        logarithms (2, k) of the odds on the changed tables over those in the model.
+        logarithms (2, k) of the odds on the changed tables over those in the model, or None where
+        it shall be nearest and no better by preference.
     on_round: called after every round of throws.
     """
 
@@ -94,7 +100,7 @@ class Refinement:
     rounds: int
     robust: bool
     throw: Callable[[DesignResult, int, int, float], tuple[Integers, Floats]]
-    design: Callable[[DesignResult, Floats, Floats], DesignResult | None]
+    design: Callable[[DesignResult, Floats, Floats | None], DesignResult | None]
     on_round: Callable[[Round], None] | None = None
 
     def refine(self, die: DesignResult) -> tuple[DesignResult, tuple[Round, ...]]:
@@ -107,8 +113,8 @@ class Refinement:
             drops = min(round(self.drops * GROWTH**number), MOST_DROPS)
             counts, odds = self.throw(die, drops, number, 0.0)
             biases[0].learn(self._softened(counts), odds, drops)
-            changed = []
-            if self.robust:
+            changed, settling = [], 0 < self.rounds - SETTLING <= number
+            if self.robust and not settling:
                 drops = math.ceil(drops / 2)
                 for change, bias in zip(CHANGES, biases[1:], strict=True):
                     seen, odds = self.throw(die, drops, number, change)
@@ -120,7 +126,8 @@ class Refinement:
             # The first die does not know what the changed tables do.
             if self._is_met(counts) and not (self.robust and number == 0):
                 break
-            found = self._corrected(die, asked, [bias.value for bias in biases])
+            swing = None if settling else np.stack([bias.value for bias in biases[1:]])
+            found = self._corrected(die, asked, biases[0].value, swing)
             if found is None:
                 break
             die, asked = found
@@ -158,16 +165,16 @@ class Refinement:
         return frequencies
 
     def _corrected(
-        self, die: DesignResult, asked: Floats, biases: Sequence[Floats]
+        self, die: DesignResult, asked: Floats, bias: Floats, swing: Floats | None
     ) -> tuple[DesignResult, Floats] | None:
-        """A die that makes up for biases (3, k), and its odds in the model; where none is found,
-        one that goes a part of the way from what was asked last."""
-        wanted = np.log(self.target) - biases[0]
+        """A die that makes up for a bias (k,), and its odds in the model; where none is found, one
+        that goes a part of the way from what was asked last. swing: as `design` is told."""
+        wanted = np.log(self.target) - bias
         for halving in range(MOST_HALVINGS):
             part = 0.5**halving
             odds = np.exp(part * wanted + (1.0 - part) * np.log(asked))
             odds /= odds.sum()
-            found = self.design(die, odds, np.stack(biases[1:]))
+            found = self.design(die, odds, swing)
             if found is not None:
                 return found, odds
         return None

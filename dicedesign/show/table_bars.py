@@ -107,7 +107,7 @@ def refinement_figure(thrown: Mapping[str, Any]) -> Figure:
     """Total variation between simulated frequencies and the target, round by round, against the
     throws onto the table so far, with what a perfect die would show in as many as the round has.
 
-    Where each round has as many throws onto a livelier and a duller table, their deviations too.
+    The first rounds may have throws onto a livelier and a duller table too, as many in all.
 
     The verdict over the finished die, where there is one, comes last, with its interval of 95 %.
 
@@ -130,11 +130,12 @@ def refinement_figure(thrown: Mapping[str, Any]) -> Figure:
     figure = agg_figure(8.4, 3.8)
     axes = figure.add_axes((0.10, 0.15, 0.87, 0.74))
     axes.plot(drops, deviations, color=ACCENT, marker="o", markersize=5, label="die of the round")
-    for change, marker, table in zip(range(2), ("^", "v"), ("livelier", "duller"), strict=True):
-        if rounds[0]["changed"]:
+    changed = [entry["changed"] for entry in rounds if entry["changed"]]
+    for number, marker, table in ((0, "^", "livelier"), (1, "v", "duller")):
+        if changed:
             axes.plot(
-                drops,
-                [entry["changed"][change] for entry in rounds],
+                drops[: len(changed)],
+                [pair[number] for pair in changed],
                 color=ACCENT,
                 alpha=0.55,
                 linewidth=0.8,

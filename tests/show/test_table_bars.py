@@ -133,7 +133,7 @@ def test_rounds_against_all_throws_so_far(simulated) -> None:
 
 def test_rounds_on_changed_tables() -> None:
     both = [entry | {"changed": [0.2 - 0.1 * i, 0.3]} for i, entry in enumerate(rounds())]
-    (axes,) = refinement_figure({"rounds": both}).axes
+    (axes,) = refinement_figure({"rounds": [*both, rounds()[0]]}).axes
     curves = {line.get_label(): line.get_xydata() for line in axes.lines}
     np.testing.assert_allclose(curves["on a livelier table"], [[1000, 0.2], [2500, 0.1]])
     np.testing.assert_allclose(curves["on a duller table"], [[1000, 0.3], [2500, 0.3]])
