@@ -33,7 +33,7 @@ Integers = NDArray[np.int64]
 GROWTH: Final = 1.5
 """Throws of a round over those of the one before."""
 
-MEMORY: Final = 0.5
+MEMORY: Final = 0.25
 """What a throw counts in the next round, over what that round's own count."""
 
 SOFTENING: Final = 0.5
