@@ -205,7 +205,7 @@ def design_die(
                 seed=recipe.seed,
                 group=recipe.group(),
                 center_of_mass=center,
-                robust=method.exact.prefer.robustness > 0.0,
+                robust=exact.prefer.robustness > 0.0 and known.is_known,
                 design=again,
                 on_round=on_round,
             )

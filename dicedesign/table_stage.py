@@ -52,8 +52,7 @@ def check_throws_of(options: ExactOptions, size_mm: float) -> None:
     size_mm: largest distance between two vertices of the die.
     """
     table = table_named(options.table)
-    if options.odds == "thrown":
-        momentum_model(options.table)
+    momentum_model(options.table)
     # The radius is at least half of that distance.
     replace(table, size=1e-3 * size_mm)
     if options.refine is not None:
@@ -115,7 +114,7 @@ def refined(
             options.drops,
             options.rounds,
             # Symmetry keeps equal odds equal on every table.
-            robust and model is not None and named.restitution > 0.0 and len(np.unique(orbits)) > 1,
+            robust and len(np.unique(orbits)) > 1,
             throw,
             design,
             on_round,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -42,7 +42,8 @@ FINEST_TOLERANCE: Final = 1e-15
 """Rounding alone leaves errors of a few 1e-16."""
 
 LEGIBLE: Final = Preferences(circles=1.0, margin=0.1, asymmetry=0.1, roundness=0.2, robustness=1.0)
-"""Room for labels first; then rests that are not left at a nudge, and no needles or plates."""
+"""Room for labels first; then rests that are not left at a nudge, no needles or plates, and, where
+the die is thrown, odds that do not change with the table."""
 
 MOST_IMPROVEMENTS: Final = 100
 """Steps by preference, once the odds are met."""
@@ -187,7 +188,10 @@ class _Search:
 
     def __post_init__(self) -> None:
         self.started = time.perf_counter()
-        thrown = None if self.swing is None else self.swing.thrown
+        swing, self.prefer = self.swing, self.options.prefer
+        if swing is None or not swing.is_known:
+            self.prefer = replace(self.prefer, robustness=0.0)
+        thrown = None if swing is None else swing.thrown
         self.maker = TrialMaker(self.center_of_mass, thrown)
 
     @property
@@ -227,7 +231,7 @@ class _Search:
             found,
             self.target,
             self.maker,
-            options.prefer,
+            self.prefer,
             swing=self.swing,
             least_circle=self.least_circle,
             tolerance=self.aim,

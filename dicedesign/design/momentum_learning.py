@@ -31,8 +31,8 @@ HELD_OUT: Final = 8
 """One of so many dice is held out."""
 
 HELD_OUT_DROPS: Final = 4
-"""Drops of a die that is held out over those of one that is not: fewer would hide the model's own
-error behind that of sampling."""
+"""Drops of a die that is held out over those, on all tables, of one that is not: fewer would hide
+the model's own error behind that of sampling."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,9 @@ def throws_of_die(table: Table, number: int, drops: int) -> list[tuple[float, in
     if table.restitution == 0.0:
         return [(0.0, drops)]
     highest = MOST_RESTITUTION / table.restitution - 1.0
-    changes = (0.0, *CHANGES)
-    return [(min(change, highest), math.ceil(drops / len(changes))) for change in changes]
+    changed = (min(change, highest) for change in CHANGES)
+    changes = (0.0, *(change for change in changed if change != 0.0))
+    return [(change, math.ceil(drops / len(changes))) for change in changes]
 
 
 def learn_momentum(
@@ -97,8 +98,9 @@ def learn_momentum(
 
     Parameters
     ----------
-    dice, drops, seed, steps: how many random dice, drops of each that the model is fitted to, the
-        seed of everything random, and iterations of training at most.
+    dice, drops, seed, steps: how many random dice, drops of each that the model is fitted to, on
+        the table itself and on the changed ones together, the seed of everything random, and
+        iterations of training at most.
     workers: throw dice side by side.
     on_die: called with 1 for each die that was thrown.
     on_loss: called with the loss at each evaluation in training.
@@ -107,13 +109,7 @@ def learn_momentum(
     """
     check_learning(dice, drops, seed, steps)
     plan = [throws_of_die(table, number, drops) for number in range(dice)]
-    throws = [
-        [
-            (replace(table, restitution=table.restitution * (1.0 + change)), count)
-            for change, count in of_die
-        ]
-        for of_die in plan
-    ]
+    throws = [[(_changed(table, change), count) for change, count in of_die] for of_die in plan]
     # With the changes that each die was thrown at.
     thrown: list[tuple[ThrownRandomDie, float]] = []
     for of_die, found in zip(plan, throw_random_dice(throws, seed, workers), strict=True):
@@ -136,6 +132,12 @@ def learn_momentum(
     )
     unresolved = sum(one.unresolved for one, _ in thrown)
     return LearnedModel(plain, fitted, held_out, unresolved)
+
+
+def _changed(table: Table, change: float) -> Table:
+    """A table whose restitution is higher by this part; rounding makes none too high."""
+    restitution = min(table.restitution * (1.0 + change), MOST_RESTITUTION)
+    return replace(table, restitution=restitution)
 
 
 def _is_held_out(number: int) -> bool:

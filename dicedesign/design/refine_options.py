@@ -22,7 +22,8 @@ class RefineOptions:
     Attributes
     ----------
     drops: simulated throws of the first round, 1 to `MOST_DROPS`; each later round has half as many
-        again, but not more than those.
+        again, but not more than those. Where the die is made robust, all rounds but the last
+        two also have half as many onto each of two changed tables.
     rounds: most rounds of throwing a die and designing it anew, 1 to `MOST_ROUNDS`.
     verdict: throws that judge the last die, 1 to `MOST_DROPS`.
     within: largest total variation from the target, by the verdict, that counts as reached; above 0

@@ -70,7 +70,7 @@ class Round:
 
     @property
     def all_drops(self) -> int:
-        """Throws on all tables."""
+        """About how many throws there were, onto all tables."""
         return self.drops + len(self.changed) * math.ceil(self.drops / 2)
 
 
@@ -106,14 +106,15 @@ class Refinement:
     def refine(self, die: DesignResult) -> tuple[DesignResult, tuple[Round, ...]]:
         """The die that the rounds lead to from one whose odds in the model are the target, and the
         rounds. They end where the orbits deviate no more than those of a perfect die would on the
-        mean. The last die has not been thrown."""
+        mean; one that shall be robust is designed anew once at least. The last die has not been
+        thrown."""
         asked, history = self.target, list[Round]()
         biases = [_Bias(len(asked)) for _ in (0.0, *CHANGES)]
         for number in range(self.rounds):
             drops = min(round(self.drops * GROWTH**number), MOST_DROPS)
             counts, odds = self.throw(die, drops, number, 0.0)
             biases[0].learn(self._softened(counts), odds, drops)
-            changed, settling = [], 0 < self.rounds - SETTLING <= number
+            changed, settling = [], number >= max(self.rounds - SETTLING, 1)
             if self.robust and not settling:
                 drops = math.ceil(drops / 2)
                 for change, bias in zip(CHANGES, biases[1:], strict=True):
@@ -123,11 +124,16 @@ class Refinement:
             history.append(self._round(asked, counts, changed))
             if self.on_round is not None:
                 self.on_round(history[-1])
-            # The first die does not know what the changed tables do.
-            if self._is_met(counts) and not (self.robust and number == 0):
+            met = self._is_met(counts)
+            if met and not (self.robust and number == 0):
                 break
             swing = None if settling else np.stack([bias.value for bias in biases[1:]])
-            found = self._corrected(die, asked, biases[0].value, swing)
+            if met:
+                # The first die does not know what the changed tables do, but has the right odds.
+                again = self.design(die, asked, swing)
+                found = None if again is None else (again, asked)
+            else:
+                found = self._corrected(die, asked, biases[0].value, swing)
             if found is None:
                 break
             die, asked = found

@@ -42,6 +42,12 @@ class Swing:
     wanted: Floats
     bias: Floats
 
+    @property
+    def is_known(self) -> bool:
+        """Whether the model knows of any change: where nothing bounces, there is none."""
+        model = self.thrown.model
+        return model is not None and any(slope.any() for slope in vars(model[0].slopes).values())
+
     @cached_property
     def changed(self) -> list[ThrownOdds]:
         """The models of the changed tables."""

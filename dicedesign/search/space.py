@@ -90,4 +90,8 @@ def varied_recipe(recipe: Recipe, place: int, values: Mapping[str, float]) -> Re
 
 def _own_weights(recipe: Recipe) -> dict[str, float]:
     exact = recipe.method.exact
-    return {} if exact is None else asdict(exact.prefer)
+    weights = {} if exact is None else asdict(exact.prefer)
+    if not recipe.method.thrown:
+        # Odds without momentum are the same on every table.
+        weights.pop("robustness", None)
+    return weights

@@ -29,8 +29,8 @@ _FIGURES: Final = (
         "Round by round",
         "After each round of simulated throws the die was designed anew, to make up for what was "
         "seen. The dashed line is what a perfect die would show by chance in as many throws. "
-        "Triangles, if any, are throws onto tables on which it bounces a fifth more or less, where "
-        "it is meant to have nearly the same odds.",
+        "Triangles, if any, are half as many throws onto tables on which it bounces a fifth more "
+        "or less, where it is meant to have nearly the same odds.",
     ),
     (
         "throw",

@@ -31,8 +31,8 @@ gravity: some 14 seconds for a die of 25 mm."""
 MOST_TURNED: Final = 300.0
 """Angle in radians by which a die may turn while it bounces, all of its energy being spin, for its
 free rotation to take MuJoCo's explicit steps. They add to the energy of the spin, the more the
-longer a flight is, and after tall or lively throws without end. The tables that come with the
-package reach 173, and 265 with a restitution higher by a fifth."""
+longer a flight is, and after tall or lively throws without end. With dice of 25 mm the tables that
+come with the package reach 173, and 265 with a restitution higher by a fifth."""
 
 IMPOSSIBLE_ENERGY: Final = 1.5
 """Of the spin, relative to all that a throw can have. A die that has so much got it from such

@@ -150,15 +150,18 @@ def momentum_model(table: str) -> MomentumModel | None:
     ------
     InputError: there is no such table, or none of its momentum model.
     """
-    entries, drag = table_entries(table), table_named(table).drag
+    if table_named(table).drag > 0.0:
+        return None
+    entries = table_entries(table)
     if "momentum" not in entries:
-        if drag > 0.0:
-            return None
         raise InputError(
             f"--table {table}: expected a table with a momentum model, got one without; make one "
             "with `dicedesign table learn`"
         )
-    return model_of(entries["momentum"])
+    try:
+        return model_of(entries["momentum"])
+    except InputError as error:
+        raise InputError(f"--table {table}: {error}") from error
 
 
 def model_of(plain: dict[str, Any]) -> MomentumModel:
@@ -172,6 +175,8 @@ def model_of(plain: dict[str, Any]) -> MomentumModel:
         hot, cooling, carry = (
             np.float64(plain[key]) for key in ("hot", "cooling", "carry_barrier")
         )
+        if not np.isfinite([hot, cooling, carry]).all():
+            raise ValueError("not all numbers are finite")
         passes = _network(plain["passes"], len(PASS_FEATURES), PASS_OUTPUTS)
         carries = _network(plain["carries"], len(CARRY_FEATURES), CARRY_OUTPUTS)
         slopes = _slopes(plain["slopes"])

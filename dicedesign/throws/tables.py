@@ -147,7 +147,8 @@ def _check_model(name: str, model: object, parameters: dict[str, float]) -> None
         if known[key] != value:
             raise InputError(
                 f"--table {name}: expected the {key} that its momentum model was learned with, "
-                f"{known[key]}, got {value}; make the model again with `dicedesign table learn`"
+                f"{known[key]}, got {value}; make the model again with `dicedesign table learn`, "
+                "or take momentum out of the file"
             )
 
 

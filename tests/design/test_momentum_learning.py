@@ -131,11 +131,14 @@ def test_every_eighth_die_is_held_out_and_thrown_more() -> None:
     assert found == ([shared] * 7 + [[(0.0, 40)]]) * 2 + [shared]
 
 
-def test_a_table_changes_no_further_than_there_are_tables() -> None:
-    dead, lively = (replace(TABLE, restitution=value) for value in (0.0, 0.9))
+def test_a_table_changes_no_further_than_there_are_tables(known_world: None) -> None:
+    dead, lively, most = (replace(TABLE, restitution=value) for value in (0.0, 0.9, 0.95))
     assert throws_of_die(dead, 0, 10) == [(0.0, 10)]
     changes = [change for change, _ in throws_of_die(lively, 0, 10)]
     assert changes == pytest.approx([0.0, 0.95 / 0.9 - 1.0, -0.2])
+    assert throws_of_die(most, 0, 10) == [(0.0, 5), (-0.2, 5)]
+    # Rounding makes 0.9 (0.95 / 0.9) more than 0.95.
+    assert learn_momentum(lively, 8, 30, 0, 1, workers=Inline()).fitted.dice == 7
 
 
 def test_a_training_die_has_its_frequencies_in_the_order_of_its_basins() -> None:

@@ -149,10 +149,19 @@ def test_what_changed_tables_do_is_learned() -> None:
     np.testing.assert_allclose(rounds[1].changed, seen, atol=0.03)
 
 
-def test_a_robust_die_is_designed_anew_at_least_once() -> None:
+def test_a_robust_die_is_designed_anew_at_least_once_and_keeps_right_odds() -> None:
     world = World(np.ones(11))
+    die, rounds = world.refined(robust=True, rounds=1)
+    assert rounds[0].deviation <= rounds[0].noise_floor
+    np.testing.assert_array_equal(die.directions, TARGET)
     _, rounds = world.refined(robust=True)
     assert len(rounds) > 1
+
+
+@pytest.mark.parametrize(("rounds", "thrown"), [(1, [2]), (2, [2, 0]), (3, [2, 0, 0])])
+def test_the_last_rounds_settle_but_never_the_first(rounds: int, thrown: list[int]) -> None:
+    _, history = World(FACTORS, drift=2.0).refined(robust=True, rounds=rounds)
+    assert [len(one.changed) for one in history] == thrown
 
 
 def test_the_rounds_end_where_no_die_is_found() -> None:

@@ -9,6 +9,7 @@ import torch
 from dicedesign.design.exact import ExactOptions, solve_exactly
 from dicedesign.design.preferences import Preferences
 from dicedesign.design.rest_function import differentiable_rest
+from dicedesign.design.robustness import Swing
 from dicedesign.design.starts import repulsion
 from dicedesign.design.stopping import Status
 from dicedesign.design.thrown_odds import ThrownOdds
@@ -68,7 +69,7 @@ def test_the_exact_method_meets_thrown_odds() -> None:
         shapes_like(repulsion(7, 1), 1),
         target,
         ExactOptions(prefer=Preferences()),
-        thrown=ThrownOdds.on("board-game"),
+        swing=Swing(ThrownOdds.on("board-game"), target, np.zeros((2, 7))),
     )
     assert found.status is Status.CONVERGED
     poses = rest_poses(found.hull.vertices, "hull")

@@ -32,7 +32,7 @@ def test_odds_are_nearer_to_throws_than_those_without_momentum(die: RandomDie, n
     found = momentum_odds(die.poses, die.body, momentum_model(name))
     geometric = total_variation(frequencies, die.poses.probabilities)
     assert geometric > 0.1
-    # The model of paper, which is fitted to fewer dice, is the least of them.
+    # The model of paper, whose drops are least like the others', is the least of them.
     assert total_variation(frequencies, found) < (0.6 if name == "paper" else 0.4) * geometric
 
 

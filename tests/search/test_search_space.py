@@ -44,7 +44,8 @@ def test_labels_move_where_that_makes_a_difference(
 ) -> None:
     recipe = made(**entries)
     space = search_space(recipe)
-    names = [f"prefer.{item.name}" for item in fields(Preferences)]
+    # Odds without momentum have nothing to be robust against.
+    names = [f"prefer.{item.name}" for item in fields(Preferences) if item.name != "robustness"]
     assert set(space) == {*assigned, *(names if "exact" in entries["method"] else [])}
     own = {name: entry.own for name, entry in space.items()}
     assert all(entry.low <= entry.own <= entry.high for entry in space.values())
@@ -52,6 +53,11 @@ def test_labels_move_where_that_makes_a_difference(
     if assigned:
         expected["assignment"] = expected["assignment"] if "assignment" in entries else list("0123")
     assert varied_recipe(recipe, 0, own).resolved() == expected
+
+
+def test_robustness_is_varied_where_dice_are_thrown() -> None:
+    recipe = made(start={"search": {}}, method={"exact": {"odds": "thrown"}})
+    assert "prefer.robustness" in search_space(recipe)
 
 
 def test_weights_of_preferences_are_on_or_off() -> None:
