@@ -27,7 +27,7 @@ from dicedesign.throws.momentum_model import momentum_model
 from dicedesign.throws.outcome_matching import facet_of_rest, sums_by_outcome
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.simulation import Engine, Throws, require_engine, simulate
-from dicedesign.throws.tables import MOST_RESTITUTION, Table, table_named
+from dicedesign.throws.tables import Table, table_named
 
 __all__ = [
     "DieOnTable",
@@ -98,9 +98,7 @@ def refined(
             scale = size_mm / tried.hull.diameter
             center = None if center_of_mass is None else scale * center_of_mass
             solid = make_body(scale * tried.hull.vertices, name="die")
-            restitution = min((1.0 + change) * named.restitution, MOST_RESTITUTION)
-            changed = replace(named, restitution=restitution)
-            thrown = DieOnTable.of(solid, center, tried.directions, changed)
+            thrown = DieOnTable.of(solid, center, tried.directions, named.livelier(change))
             # Each change has a series of its own.
             own = SEEDS * seed + number + MOST_ROUNDS * [0.0, *CHANGES].index(change)
             throws = thrown.simulated(drops, own, options.engine, workers)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import torch
@@ -109,7 +109,7 @@ def learn_momentum(
     """
     check_learning(dice, drops, seed, steps)
     plan = [throws_of_die(table, number, drops) for number in range(dice)]
-    throws = [[(_changed(table, change), count) for change, count in of_die] for of_die in plan]
+    throws = [[(table.livelier(change), count) for change, count in of_die] for of_die in plan]
     # With the changes that each die was thrown at.
     thrown: list[tuple[ThrownRandomDie, float]] = []
     for of_die, found in zip(plan, throw_random_dice(throws, seed, workers), strict=True):
@@ -132,12 +132,6 @@ def learn_momentum(
     )
     unresolved = sum(one.unresolved for one, _ in thrown)
     return LearnedModel(plain, fitted, held_out, unresolved)
-
-
-def _changed(table: Table, change: float) -> Table:
-    """A table whose restitution is higher by this part; rounding makes none too high."""
-    restitution = min(table.restitution * (1.0 + change), MOST_RESTITUTION)
-    return replace(table, restitution=restitution)
 
 
 def _is_held_out(number: int) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
@@ -100,6 +100,10 @@ class Table:
                 f"{self.height:g} m, got one of {self.size:g} m; let it fall from higher or make "
                 "it smaller"
             )
+
+    def livelier(self, change: float) -> Table:
+        """A table whose restitution is higher by this part, but not above `MOST_RESTITUTION`."""
+        return replace(self, restitution=min((1.0 + change) * self.restitution, MOST_RESTITUTION))
 
     def as_dict(self) -> dict[str, Any]:
         """The table as plain data."""
