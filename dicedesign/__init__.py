@@ -6,14 +6,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dicedesign.design.rest_function import differentiable_rest
-    from dicedesign.geometry.body import Body
-    from dicedesign.geometry.mesh_file import read_body
+    from dicedesign.geometry.meshes.body import Body
+    from dicedesign.geometry.meshes.reading import read_body
+    from dicedesign.gradient.differentiable_rest import differentiable_rest
     from dicedesign.rest.poses import RestPoses, rest_poses
     from dicedesign.rest.roll import RollStep, roll
-    from dicedesign.throws.momentum import thrown_odds
+    from dicedesign.throws.momentum.momentum_odds import thrown_odds
     from dicedesign.throws.rigid_body import RigidBody, rigid_body
-    from dicedesign.throws.simulation import Throws, simulate
+    from dicedesign.throws.simulation.simulation import Throws, simulate
     from dicedesign.throws.tables import Table, table_named
 
 __all__ = [
@@ -36,20 +36,20 @@ __all__ = [
 __version__ = "0.1.0"
 
 _HOME = {
-    "Body": "dicedesign.geometry.body",
+    "Body": "dicedesign.geometry.meshes.body",
     "RestPoses": "dicedesign.rest.poses",
     "RigidBody": "dicedesign.throws.rigid_body",
     "RollStep": "dicedesign.rest.roll",
     "Table": "dicedesign.throws.tables",
-    "Throws": "dicedesign.throws.simulation",
-    "differentiable_rest": "dicedesign.design.rest_function",
-    "read_body": "dicedesign.geometry.mesh_file",
+    "Throws": "dicedesign.throws.simulation.simulation",
+    "differentiable_rest": "dicedesign.gradient.differentiable_rest",
+    "read_body": "dicedesign.geometry.meshes.reading",
     "rest_poses": "dicedesign.rest.poses",
     "rigid_body": "dicedesign.throws.rigid_body",
     "roll": "dicedesign.rest.roll",
-    "simulate": "dicedesign.throws.simulation",
+    "simulate": "dicedesign.throws.simulation.simulation",
     "table_named": "dicedesign.throws.tables",
-    "thrown_odds": "dicedesign.throws.momentum",
+    "thrown_odds": "dicedesign.throws.momentum.momentum_odds",
 }
 
 

@@ -2,6 +2,6 @@
 
 import sys
 
-from dicedesign.cli import main
+from dicedesign.cli.main import main
 
 sys.exit(main())

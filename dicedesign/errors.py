@@ -4,6 +4,8 @@ Every error a user can cause names the thing, what was expected, what came, and 
 command line prints the message on one line and exits with 2. Besides it, the design takes an error
 as the failure of one trial step, and the pipeline takes labels that do not fit an unfinished die as
 one more remark on it.
+
+What is said where an optional dependency is missing.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ __all__ = [
     "OutputError",
     "OutsideHullError",
     "RecipeError",
+    "missing_extra",
 ]
 
 
@@ -68,3 +71,11 @@ class LabelRoomError(EngravingError):
 
 class OutputError(DiceError, OSError):
     """A result cannot be written where it was asked for."""
+
+
+def missing_extra(extra: str, wanted: str, error: ImportError) -> InputError:
+    """The error about an extra of this package without which something wanted cannot be done."""
+    return InputError(
+        f"{wanted}: expected the optional extra {extra!r}, but {error}; "
+        f"pip install 'dicedesign[{extra}]'"
+    )

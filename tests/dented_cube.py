@@ -10,8 +10,8 @@ import numpy as np
 
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import ConcaveDie, ConcaveProgress, ConcaveStep, FilledHull
-from dicedesign.concave.surface import Surface
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.surfaces.surface import Surface
 
 CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 NORMALS = np.concatenate([np.eye(3), -np.eye(3)])

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from dicedesign.cli import main
-from dicedesign.results import RunResult
+from dicedesign.cli.main import main
+from dicedesign.results.folder import RunResult
 
 
 @pytest.fixture
@@ -202,7 +202,7 @@ def test_tiny_odds_are_printed_with_all_their_digits(
         "files": {},
     }
     result = RunResult("converged", "done", (), tmp_path, summary)
-    monkeypatch.setattr("dicedesign.pipeline.run_recipe", lambda *a, **k: result)
+    monkeypatch.setattr("dicedesign.recipe.run.run_recipe", lambda *a, **k: result)
     assert main(["run", str(recipe)]) == 0
     assert capsys.readouterr().out.splitlines()[1:5] == [
         "label  target      achieved",

@@ -15,14 +15,14 @@ from check_outputs import check
 from dented_cube import MadeUpSearch, write_cube
 
 from dicedesign import rest_poses
-from dicedesign.cli import main
+from dicedesign.cli.main import main
 from dicedesign.concave.result import ConcaveStep
-from dicedesign.concave_pipeline import run_concave_recipe
-from dicedesign.concave_stage import make_input_surface
 from dicedesign.errors import InputError, LabelRoomError, OutputError
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import read_recipe
-from dicedesign.results import RunResult
+from dicedesign.recipe.concave_judging import make_input_surface
+from dicedesign.recipe.concave_run import run_concave_recipe
+from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.results.folder import RunResult
 
 PICTURES = ("rests", "before_after", "odds", "hull", "displacement", "energy")
 
@@ -47,7 +47,7 @@ def recipe_path(tmp_path: Path) -> Path:
 def search(monkeypatch: pytest.MonkeyPatch) -> MadeUpSearch:
     """Takes the place of the real one."""
     made_up = MadeUpSearch()
-    monkeypatch.setattr("dicedesign.concave_pipeline.make_concave_die", made_up)
+    monkeypatch.setattr("dicedesign.recipe.concave_run.make_concave_die", made_up)
     return made_up
 
 
@@ -55,7 +55,7 @@ def search(monkeypatch: pytest.MonkeyPatch) -> MadeUpSearch:
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """No pictures are drawn."""
     monkeypatch.setattr(
-        "dicedesign.concave_figures.concave_figures",
+        "dicedesign.recipe.concave_figures.concave_figures",
         lambda *arguments: dict.fromkeys(PICTURES, b"\x89PNG\r\n\x1a\n"),
     )
 
@@ -170,7 +170,7 @@ def test_a_surface_that_is_no_printable_solid_is_written_as_it_is(
     def refused(surface: object) -> None:
         raise InputError("printable solid: expected one piece of positive volume, got 2")
 
-    monkeypatch.setattr("dicedesign.concave_pipeline.printable_solid", refused)
+    monkeypatch.setattr("dicedesign.recipe.concave_run.printable_solid", refused)
     result = run(recipe_path, tmp_path / "out")
     assert result.status == "unprintable"
     assert result.notes == ("printable solid: expected one piece of positive volume, got 2",)
@@ -301,7 +301,8 @@ def test_a_checkpoint_of_another_search_is_refused(
 def test_an_interrupt_while_a_checkpoint_is_written_keeps_the_one_before(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dicedesign import concave_pipeline, files
+    from dicedesign.recipe import concave_run as concave_pipeline
+    from dicedesign.runtime import files
 
     folder, calls = tmp_path / "out", []
 
@@ -329,7 +330,8 @@ def test_an_interrupt_while_results_are_written_keeps_the_search(
     quick: None,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from dicedesign import files, results
+    from dicedesign.results import folder as results
+    from dicedesign.runtime import files
 
     folder = tmp_path / "out"
 
@@ -354,7 +356,7 @@ def test_an_interrupt_before_anything_is_kept_says_no_more_than_that(
     def interrupted(*arguments: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("dicedesign.concave_pipeline.make_concave_die", interrupted)
+    monkeypatch.setattr("dicedesign.recipe.concave_run.make_concave_die", interrupted)
     with pytest.raises(KeyboardInterrupt) as caught:
         run(recipe_path, tmp_path / "out")
     assert str(caught.value) == ""
@@ -367,7 +369,7 @@ def test_an_error_of_the_search_leaves_no_new_folder(
     def refused(*arguments: object, **options: object) -> None:
         raise InputError("target: expected at most 6 outcomes, got 9; take fewer")
 
-    monkeypatch.setattr("dicedesign.concave_pipeline.make_concave_die", refused)
+    monkeypatch.setattr("dicedesign.recipe.concave_run.make_concave_die", refused)
     with pytest.raises(InputError, match="at most 6"):
         run(recipe_path, tmp_path / "new")
     assert not (tmp_path / "new").exists()

@@ -11,11 +11,11 @@ import yaml
 from check_outputs import check
 
 from dicedesign import read_body, rest_poses
-from dicedesign.cli import main
-from dicedesign.design_stage import design_die, make_start
-from dicedesign.fabricate.stl import stl_bytes
-from dicedesign.pipeline import engrave_die
-from dicedesign.recipe_file import read_recipe
+from dicedesign.cli.main import main
+from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.recipe.design_stage import design_die, make_start
+from dicedesign.recipe.run import engrave_die
+from dicedesign.recipe.schema.reading import read_recipe
 
 
 def test_fractions_and_labels_become_a_die_with_these_odds(
@@ -81,7 +81,7 @@ def test_the_size_grows_until_the_labels_fit(
 def test_labels_that_need_more_than_the_largest_size(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("dicedesign.pipeline.MOST_MM", 31.0)
+    monkeypatch.setattr("dicedesign.recipe.run.MOST_MM", 31.0)
     target = ["design", "--target", "1/4,1/4,1/4,1/4", "--labels", "a,b,c,not so short"]
     assert main([*target, "--out", str(tmp_path)]) == 2
     assert "label 'not so short': expected room on facet" in capsys.readouterr().err
@@ -91,7 +91,7 @@ def test_labels_that_need_more_than_the_largest_size(
 def test_a_target_out_of_reach_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("dicedesign.commands.design.METHOD", {"exact": {"starts": 3}})
+    monkeypatch.setattr("dicedesign.cli.design.METHOD", {"exact": {"starts": 3}})
     folder = tmp_path / "out"
     target = ["design", "--target", "0.999998,1e-6,1e-6", "--out", str(folder)]
     assert main(target) == 1
@@ -109,7 +109,7 @@ def test_a_target_out_of_reach_is_told(
 def test_time_that_runs_out_is_told_with_what_to_raise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("dicedesign.commands.design.METHOD", {"exact": {"seconds": 1e-3}})
+    monkeypatch.setattr("dicedesign.cli.design.METHOD", {"exact": {"seconds": 1e-3}})
     target = ["design", "--target", "1/2,1/3,1/6", "--out", str(tmp_path / "out")]
     assert main(target) == 1
     printed = capsys.readouterr().out

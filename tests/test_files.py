@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dicedesign.errors import OutputError
-from dicedesign.files import atomic_write, make_writable_folder
+from dicedesign.runtime.files import atomic_write, make_writable_folder
 
 
 def test_atomic_write_replaces_and_leaves_only_the_file(tmp_path: Path) -> None:

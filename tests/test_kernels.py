@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from dicedesign import kernels
-from dicedesign.design.energy import LARGEST_SQUARED_DISTANCE
+from dicedesign.design.energy.total import LARGEST_SQUARED_DISTANCE
+from dicedesign.kernels import ops as kernels
 from dicedesign.rest.morse import NEAR_ANTIPODE
 
 

@@ -18,20 +18,24 @@ import trimesh
 from blade import blade
 from dented_cube import write_cube
 
-from dicedesign import kernels, rest_poses
-from dicedesign.bench.extremes import large, weighted_sphere
-from dicedesign.design import differentiable, energy, sobolev
-from dicedesign.design.compiled_energy import PAPER_TERMS
-from dicedesign.design.descent import DescentOptions, descend_to_target
-from dicedesign.design.energy_weights import EnergyWeights
-from dicedesign.design.line_search import LineSearch
-from dicedesign.design.objective import Evaluation, Objective
+from dicedesign import rest_poses
+from dicedesign.bench.bodies.extremes import large, weighted_sphere
+from dicedesign.design.energy import total as energy
+from dicedesign.design.energy.compiled import PAPER_TERMS
+from dicedesign.design.energy.objective import Evaluation, Objective
+from dicedesign.design.energy.weights import EnergyWeights
 from dicedesign.design.result import DesignResult
-from dicedesign.design.sobolev import SobolevOptions
-from dicedesign.design.starts import Start, hendecahedron
+from dicedesign.design.solvers import sobolev
+from dicedesign.design.solvers.descent import DescentOptions, descend_to_target
+from dicedesign.design.solvers.line_search import LineSearch
+from dicedesign.design.solvers.sobolev import SobolevOptions
+from dicedesign.design.starts.hendecahedron import hendecahedron
+from dicedesign.design.starts.start import Start
 from dicedesign.design.stopping import Stopping
 from dicedesign.design.targets import sum_of_dice
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.gradient import rest_odds as differentiable
+from dicedesign.kernels import ops as kernels
 from dicedesign.rest import morse, poses
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.exact import ExactSigns
@@ -49,7 +53,7 @@ TERMS = ("coplanar", "barycenter", "neighbor", "stability")
 def modules_after(arguments: list[str], folder: Path) -> set[str]:
     """Modules, the package's own among them, that a command in a new process has loaded."""
     script = (
-        "import json, sys; from dicedesign.cli import main; code = main(sys.argv[1:]);"
+        "import json, sys; from dicedesign.cli.main import main; code = main(sys.argv[1:]);"
         "print(json.dumps([name for name, module in sys.modules.items() if module is not None]));"
         "sys.exit(code)"
     )
@@ -119,9 +123,9 @@ def test_a_query_in_python_loads_nothing_heavy(repository: Path) -> None:
 def test_the_figure_of_a_query_loads_what_draws_it_and_no_more(tmp_path: Path) -> None:
     trimesh.creation.box().export(tmp_path / "box.stl")
     loaded = modules_after(["rest", "box.stl", "--figure", "map.png"], tmp_path)
-    assert {"matplotlib", "dicedesign.show.gauss_map"} <= loaded
+    assert {"matplotlib", "dicedesign.report.figures.gauss_map"} <= loaded
     others = {"bars", "convergence", "views", "render", "report"}
-    assert loaded & {f"dicedesign.show.{name}" for name in others} == set()
+    assert loaded & {f"dicedesign.report.{name}" for name in others} == set()
     assert loaded & {"torch", "manifold3d", "trimesh", "matplotlib.pyplot"} == set()
 
 
@@ -335,7 +339,7 @@ PLAIN = "name: d4\nseed: 1\ntarget: {fair: 4}\nstart: {repulsion: {}}\nengrave: 
 def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -> None:
     (tmp_path / "d4.yaml").write_text(PLAIN)
     loaded = modules_after(["run", "d4.yaml", "--out", "d4"], tmp_path)
-    assert {"torch", "matplotlib", "dicedesign.pipeline"} <= loaded
+    assert {"torch", "matplotlib", "dicedesign.recipe.run"} <= loaded
     # Matplotlib itself takes a table of glyph names from fontTools.
     others = {"manifold3d", "trimesh", "lxml", "fontTools.ttLib", "matplotlib.pyplot"}
     others |= {"sympy", "mpmath", "functorch", "torch._dynamo"}
@@ -370,7 +374,7 @@ def test_a_plain_concave_recipe_loads_no_engraver_no_solver_and_no_remesher(tmp_
     (tmp_path / "cube.yaml").write_text(CONCAVE)
     loaded = modules_after(["run", "cube.yaml", "--out", "cube"], tmp_path)
     assert {f"dicedesign.concave.{name}" for name in ("making", "hull_design")} <= loaded
-    assert {"dicedesign.concave_pipeline", "manifold3d"} <= loaded
+    assert {"dicedesign.recipe.concave_run", "manifold3d"} <= loaded
     others = {"fast_simplification", "trimesh", "fontTools.ttLib", "matplotlib.pyplot"}
     others |= {f"dicedesign.fabricate.{name}" for name in ("marks", "glyphs", "layout")}
     assert loaded & (others | SOLVERS) == set()

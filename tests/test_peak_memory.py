@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dicedesign import peak_memory
-from dicedesign.peak_memory import peak_megabytes, restart_peak
+from dicedesign.runtime import clock as peak_memory
+from dicedesign.runtime.clock import peak_megabytes, restart_peak
 
 resource = pytest.importorskip("resource")
 

@@ -12,12 +12,12 @@ import pytest
 from check_outputs import check
 
 from dicedesign import rest_poses
-from dicedesign.design.stopping import Status
-from dicedesign.design_stage import design_die, make_start
 from dicedesign.errors import EngravingError, OutputError
-from dicedesign.pipeline import run_recipe
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import read_recipe
+from dicedesign.recipe.design_stage import design_die, make_start
+from dicedesign.recipe.run import run_recipe
+from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.results.status import Status
 
 STONE = np.random.default_rng(3).normal(size=(14, 3)) * 20.0 + [100.0, -30.0, 7.0]
 """Corners of a body with more than four rests, in coordinates of its own."""
@@ -192,7 +192,7 @@ def test_an_outcome_without_a_facet_leaves_the_die_plain(
     directions = np.array([a + d, b, c, b + 0.3 * c])
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     crowded = dataclasses.replace(start, directions=directions)
-    monkeypatch.setattr("dicedesign.pipeline.make_start", lambda recipe: crowded)
+    monkeypatch.setattr("dicedesign.recipe.run.make_start", lambda recipe: crowded)
     result = run_recipe(recipe, tmp_path / "out")
     assert result.status == "step_limit"
     assert "1 outcomes have no facet to rest on" in result.message
@@ -204,7 +204,7 @@ def test_an_outcome_without_a_facet_leaves_the_die_plain(
 def test_an_interrupted_run_leaves_nothing_half_written(
     repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dicedesign import results
+    from dicedesign.results import folder as results
 
     written: list[str] = []
     real = results.atomic_write

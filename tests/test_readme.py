@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from dicedesign.recipe_file import read_recipe
+from dicedesign.recipe.schema.reading import read_recipe
 
 BENCHES = (
     "stability",

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import yaml
 
-from dicedesign.concave.shapes import SHAPES
-from dicedesign.design.stopping import Status
-from dicedesign.design_stage import design_die, make_start
+from dicedesign.concave.shapes.shapes import SHAPES
 from dicedesign.errors import InputError, RecipeError
-from dicedesign.fabricate.engraving_options import EngravingOptions
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import read_recipe, recipe_text
+from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.recipe.design_stage import design_die, make_start
+from dicedesign.recipe.schema.reading import read_recipe, recipe_text
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.results.status import Status
 
 GOOD: dict[str, Any] = {
     "name": "test",

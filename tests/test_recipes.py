@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from check_outputs import check
 
-from dicedesign.concave_pipeline import run_concave_recipe
-from dicedesign.design.stopping import Status
-from dicedesign.design_stage import DesignedDie, design_die, make_start, thrown_die
-from dicedesign.fabricate.stl import stl_bytes
-from dicedesign.geometry.mesh_file import read_body
-from dicedesign.recipe_file import read_recipe
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.recipe.concave_run import run_concave_recipe
+from dicedesign.recipe.design_stage import DesignedDie, design_die, make_start, thrown_die
+from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.table_summary import table_outcome
 from dicedesign.rest.poses import rest_poses
-from dicedesign.table_summary import table_outcome
-from dicedesign.throws.total_variation import total_variation
+from dicedesign.results.status import Status
+from dicedesign.throws.statistics.total_variation import total_variation
 
 RECIPES = sorted((Path(__file__).resolve().parents[1] / "recipes").glob("*.yaml"))
 LARGEST_ERROR = {"fair_d3_descent": 1e-6, "2d6_descent": 1e-3, "binomial_4_descent": 1e-3}

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from dicedesign.cli import main
-from dicedesign.geometry.mesh_file import read_body
+from dicedesign.cli.main import main
+from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import rest_poses
 
 PUBLISHED = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "published"
@@ -121,9 +121,9 @@ def test_a_mesh_has_its_rests_for_labels(
 def test_a_designed_die_needs_neither_its_mesh_nor_what_draws(die: Path, tmp_path: Path) -> None:
     throws = counts(tmp_path, {"5": 3})
     code = (
-        "import sys; from dicedesign.cli import main; main(sys.argv[1:]); "
+        "import sys; from dicedesign.cli.main import main; main(sys.argv[1:]); "
         "print(sorted(name for name in ('torch', 'matplotlib', 'pydantic', 'trimesh', "
-        "'dicedesign.geometry', 'dicedesign.show') if name in sys.modules))"
+        "'dicedesign.geometry', 'dicedesign.report') if name in sys.modules))"
     )
     command = [sys.executable, "-c", code, "rolls", str(die), str(throws)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

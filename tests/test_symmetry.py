@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dicedesign.design.stopping import Status
-from dicedesign.design_stage import design_die, make_start
 from dicedesign.errors import InputError, RecipeError
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import checked_recipe
+from dicedesign.recipe.design_stage import design_die, make_start
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.results.status import Status
 
 PAIRED = [2, 3, 4, 5, 6, 7, 8, 10, 9, 11, 12]
 """Totals of two dice in the order of the hendecahedron's facets, with half-turns of each other

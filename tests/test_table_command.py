@@ -10,8 +10,8 @@ import pytest
 import trimesh
 from throws.thrown import compiled_only
 
-from dicedesign.cli import main
-from dicedesign.geometry.mesh_file import read_body
+from dicedesign.cli.main import main
+from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.tables import table_named
 

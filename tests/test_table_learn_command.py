@@ -13,10 +13,10 @@ import pytest
 from inline_executor import Inline
 from throws.thrown import compiled_only, random_body
 
-from dicedesign import executors
-from dicedesign.cli import main
-from dicedesign.throws.momentum import momentum_odds
-from dicedesign.throws.momentum_model import momentum_model
+from dicedesign.cli.main import main
+from dicedesign.runtime import executors
+from dicedesign.throws.momentum.momentum_model import momentum_model
+from dicedesign.throws.momentum.momentum_odds import momentum_odds
 from dicedesign.throws.tables import table_entries, table_named
 
 

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign import table_stage
-from dicedesign.design.differentiable import evaluate_rests
-from dicedesign.design.exact import ExactOptions, solve_exactly
-from dicedesign.design.preferences import Preferences
-from dicedesign.design.refine_options import RefineOptions
+from dicedesign.design.preferences.weights import Preferences
+from dicedesign.design.refinement import RefineOptions
 from dicedesign.design.result import DesignResult
-from dicedesign.design.robustness import Swing
-from dicedesign.design.shape_search import shapes_near
-from dicedesign.design.stopping import Status
-from dicedesign.design.thrown_odds import ThrownOdds
-from dicedesign.table_stage import first_swing, refined
-from dicedesign.throws.orientations import drop_weights
+from dicedesign.design.solvers.exact import ExactOptions, solve_exactly
+from dicedesign.design.starts.search import shapes_near
+from dicedesign.gradient.rest_odds import evaluate_rests
+from dicedesign.gradient.restitution_sensitivity import Swing
+from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.recipe import on_table as table_stage
+from dicedesign.recipe.on_table import first_swing, refined
+from dicedesign.results.status import Status
+from dicedesign.throws.release import drop_weights
 from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.simulation import Throws
+from dicedesign.throws.simulation.simulation import Throws
 from dicedesign.throws.tables import Table
 
 TARGET = np.array([1, 4, 6, 4, 1]) / 16.0

@@ -12,14 +12,14 @@ import pytest
 import trimesh
 from scipy import stats
 
-from dicedesign import kernels
-from dicedesign.cli import main
-from dicedesign.commands.throw import throw_summary
-from dicedesign.geometry.mesh_file import read_body
-from dicedesign.rest.momentum import asymmetry
+from dicedesign.cli.main import main
+from dicedesign.cli.throw import throw_summary
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.kernels import ops as kernels
+from dicedesign.rest.asymmetry import asymmetry
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum import thrown_odds
-from dicedesign.throws.simulation import Throws
+from dicedesign.throws.momentum.momentum_odds import thrown_odds
+from dicedesign.throws.simulation.simulation import Throws
 from dicedesign.throws.tables import Table, table_named
 
 compiled_only = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
@@ -251,7 +251,7 @@ def test_a_missing_extra(box: Path, engine: str, extra: str, module: str) -> Non
         "from inline_executor import Inline; from contextlib import nullcontext;"
         "from dicedesign import executors;"
         "executors.local_workers = lambda jobs: nullcontext(Inline());"
-        "from dicedesign.cli import main; sys.exit(main(sys.argv[1:]))"
+        "from dicedesign.cli.main import main; sys.exit(main(sys.argv[1:]))"
     )
     command = [sys.executable, "-c", script, "throw", str(box), "--engine", engine, "--drops", "1"]
     tests = Path(__file__).parent

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dicedesign import kernels
-from dicedesign.cli import main
+from dicedesign.cli.main import main
 from dicedesign.errors import RecipeError
-from dicedesign.geometry.mesh_file import read_body
-from dicedesign.recipe_file import read_recipe
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.kernels import ops as kernels
+from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum import thrown_odds
+from dicedesign.throws.momentum.momentum_odds import thrown_odds
 
 pytestmark = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
 

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from dicedesign.batch.rows import COLUMNS, ColumnType
-from dicedesign.errors import InputError
-from dicedesign.extras import missing_extra
+from dicedesign.errors import InputError, missing_extra
 
 __all__ = ["TableFormat", "table_format"]
 

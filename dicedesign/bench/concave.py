@@ -8,17 +8,17 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from dicedesign.concave.making import make_concave_die
-from dicedesign.concave.remeshing import decimated
 from dicedesign.concave.result import ConcaveDie, ConcaveStep
-from dicedesign.concave_pipeline import in_millimetres
-from dicedesign.concave_stage import concave_options, judge_file, make_input_surface
+from dicedesign.concave.search import make_concave_die
 from dicedesign.errors import DiceError, RecipeError
-from dicedesign.fabricate.stl import stl_bytes
+from dicedesign.geometry.meshes.stl import stl_bytes
 from dicedesign.geometry.sphere import norms
-from dicedesign.peak_memory import peak_megabytes, restart_peak
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import checked_recipe
+from dicedesign.geometry.surfaces.remeshing import decimated
+from dicedesign.recipe.concave_judging import concave_options, judge_file, make_input_surface
+from dicedesign.recipe.concave_run import in_millimetres
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.runtime.clock import peak_megabytes, restart_peak
 
 __all__ = [
     "FILLS",
@@ -52,6 +52,7 @@ class Extent:
 
 
 FULL: Final = Extent(("kitten", "duck", "knot"), 5000, 60.0)
+
 QUICK: Final = Extent(("knot",), 250, 25.0)
 
 

@@ -7,13 +7,17 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from dicedesign.bench.cost import Row
-from dicedesign.bench.lean_bodies import exact_rows, hull_rows
-from dicedesign.bench.lean_design import energy_rows, sobolev_rows
-from dicedesign.bench.stopwatch import in_new_process
-from dicedesign.design.starts import hendecahedron
-from dicedesign.fabricate.stl import stl_bytes
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.bench.measures.feature_costs import (
+    Row,
+    energy_rows,
+    exact_rows,
+    hull_rows,
+    sobolev_rows,
+)
+from dicedesign.bench.measures.processes import in_new_process
+from dicedesign.design.starts.hendecahedron import hendecahedron
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.stl import stl_bytes
 
 __all__ = ["run_lean"]
 
@@ -30,14 +34,14 @@ start: {hendecahedron: bisymmetric}
 method: {descent: {stopping: {steps: 0}}}
 """
 
-_QUERY: Final = "from dicedesign.cli import main\nmain(['rest', 'die.stl'{more}])"
+_QUERY: Final = "from dicedesign.cli.main import main\nmain(['rest', 'die.stl'{more}])"
 
 _RECIPE_READ: Final = """
 from pathlib import Path
 import torch
-from dicedesign.design_stage import design_die, make_start
-from dicedesign.pipeline import engrave_die
-from dicedesign.recipe_file import read_recipe
+from dicedesign.recipe.design_stage import design_die, make_start
+from dicedesign.recipe.run import engrave_die
+from dicedesign.recipe.schema.reading import read_recipe
 recipe = read_recipe(Path("die.yaml"))
 """
 

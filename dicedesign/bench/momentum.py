@@ -14,24 +14,29 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from dicedesign.bench.stopwatch import in_turn
-from dicedesign.design.differentiable import RestEvaluation, evaluate_rests
-from dicedesign.design.random_dice import DICE_KINDS, RandomDie
-from dicedesign.design.random_throws import (
+from dicedesign.bench.measures.processes import in_turn
+from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.learning.random_dice import DICE_KINDS, RandomDie
+from dicedesign.learning.random_throws import (
     Deviation,
     Deviations,
     ThrownRandomDie,
     mean_deviations,
     throw_random_dice,
 )
-from dicedesign.design.thrown_odds import ThrownOdds
-from dicedesign.throws.goodness_of_fit import ChiSquareTest, chi_square, two_sample_chi_square
-from dicedesign.throws.momentum import momentum_odds
-from dicedesign.throws.momentum_model import MomentumModel
-from dicedesign.throws.simulation import Engine, simulate
+from dicedesign.throws.counts.throw_counts import ThrownDie
+from dicedesign.throws.engines.engine import Engine
+from dicedesign.throws.momentum.momentum_model import MomentumModel
+from dicedesign.throws.momentum.momentum_odds import momentum_odds
+from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.statistics.goodness_of_fit import (
+    ChiSquareTest,
+    chi_square,
+    two_sample_chi_square,
+)
+from dicedesign.throws.statistics.total_variation import noise_floor, total_variation
 from dicedesign.throws.tables import Table
-from dicedesign.throws.throw_counts import ThrownDie
-from dicedesign.throws.total_variation import noise_floor, total_variation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,6 +67,7 @@ SEED: Final = 1_000_000
 """Of the dice and their drops; not one that a model is likely to be fitted with."""
 
 ROUNDS: Final = 3
+
 ROW_SECONDS: Final = 2e-3
 """Of each measurement of time: rounds, and seconds that each takes at least."""
 
@@ -75,6 +81,7 @@ class Extent:
 
 
 FULL: Final = Extent(50, 20_000)
+
 QUICK: Final = Extent(12, 1_000)
 
 
@@ -227,7 +234,7 @@ def _judged(
 
 def deviation_figure(found: Sequence[Deviation], table: str, drops: int) -> Figure:
     """Bars of each die's total variation without momentum and by the model."""
-    from dicedesign.show.deviation_bars import deviation_bars_figure
+    from dicedesign.report.charts.bar_chart import deviation_bars_figure
 
     return deviation_bars_figure(
         {

@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.bench.cases import stability_cases
-from dicedesign.bench.measure import Measurement, measure
-from dicedesign.bench.problem import Case, DesignProblem, turned
-from dicedesign.bench.watchdog import CrashError, HangError, Watchdog
+from dicedesign.bench.bodies.problem import Case, DesignProblem, turned
+from dicedesign.bench.bodies.stability_suite import stability_cases
+from dicedesign.bench.measures.processes import CrashError, HangError, Watchdog
+from dicedesign.bench.reference.measurement import Measurement, measure
 
 __all__ = ["ERROR_LIMIT", "OK", "Row", "run_case", "run_stability", "verdict"]
 
@@ -50,7 +50,7 @@ class Row:
     excess: sum of probabilities less 1.
     error: largest error of a probability, None where only the sum could be checked.
     measures: what the error was found by.
-    condition: see `dicedesign.bench.condition`.
+    condition: see `dicedesign.bench.reference.condition`.
     seconds: longest wall-clock time of a query.
     tied: whether the center of mass was moved to both sides of a balance.
     verdict: "ok", or what went wrong.
@@ -115,7 +115,7 @@ def run_case(task: tuple[str, int]) -> Row:
 
 
 def _design_row(name: str, problem: DesignProblem) -> Row:
-    from dicedesign.bench.watched_design import watch_design
+    from dicedesign.bench.measures.watched_design import watch_design
 
     watched = watch_design(problem)
     row = _row(name, [watched.measurement], None)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dicedesign.bench.thrown import Extent
-from dicedesign.bench.thrown_rows import ThrownRow
+from dicedesign.bench.measures.thrown_dice import Extent
+from dicedesign.bench.measures.thrown_rows import ThrownRow
 from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ def thrown_figure(rows: Sequence[ThrownRow], extent: Extent) -> Figure:
 
     Raises InputError: no die was thrown.
     """
-    from dicedesign.show.palette import ACCENT, DARK, FAINT, PALE
-    from dicedesign.show.png import agg_figure
+    from dicedesign.report.charts.palette import ACCENT, DARK, FAINT, PALE
+    from dicedesign.report.charts.png import agg_figure
 
     thrown = [row for row in rows if row.after is not None]
     if not thrown:

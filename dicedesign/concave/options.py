@@ -8,7 +8,7 @@ from typing import Final, Literal
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.options import STRICT
+from dicedesign.runtime.registry import STRICT
 
 __all__ = ["ConcaveOptions"]
 

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dicedesign.concave.surface import Surface
-from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.runtime.arrays import Floats
 
 __all__ = ["ConcaveDie", "ConcaveProgress", "ConcaveStep", "FilledHull"]
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dicedesign.design.stopping import Status
-from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.results.status import Status
+from dicedesign.runtime.arrays import Floats
 
 __all__ = ["DesignResult", "DesignStep"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

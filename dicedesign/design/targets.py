@@ -15,7 +15,6 @@ from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
 
 __all__ = ["Target", "binomial", "fair", "listed", "relabelled", "sum_of_dice"]
 
-
 MOST_OUTCOMES: Final = 200
 """More faces than anybody can print and read."""
 

@@ -17,9 +17,9 @@ import numpy as np
 from fontTools.pens.basePen import BasePen
 from fontTools.ttLib import TTFont
 from manifold3d import CrossSection
-from numpy.typing import NDArray
 
 from dicedesign.errors import EngravingError
+from dicedesign.runtime.arrays import Floats
 
 __all__ = [
     "CHORD_TOLERANCE",
@@ -29,8 +29,6 @@ __all__ = [
     "text_contours",
     "text_section",
 ]
-
-Floats = NDArray[np.float64]
 
 CHORD_TOLERANCE: Final = 1e-3
 """Largest distance between a curve of the font and the polyline drawn for it, in digit heights."""
@@ -42,6 +40,7 @@ BAR_THICKNESS: Final = 0.16
 """Thickness of that bar, in digit heights."""
 
 _FONT_FILE: Final = Path("mpl-data", "fonts", "ttf", "DejaVuSans-Bold.ttf")
+
 _TURNED: Final = {"0": "0", "1": "1", "6": "9", "8": "8", "9": "6"}
 
 

@@ -11,16 +11,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.errors import InputError, LabelRoomError
-from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.glyphs import text_section
-from dicedesign.geometry.circle import inscribed_circle, signed_area
+from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.geometry.hulls.polygons import inscribed_circle, signed_area
+from dicedesign.runtime.arrays import Floats
 
 __all__ = ["Placement", "place_labels"]
-
-Floats = NDArray[np.float64]
 
 CENTERING: Final = 0.12
 """Part of the inscribed radius given up to bring a label nearer to the middle of its facet."""

@@ -11,22 +11,19 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from scipy.spatial.distance import pdist
 
 from dicedesign.errors import EngravingError, InputError, LabelRoomError
-from dicedesign.fabricate.engrave import Cut, EngravedDie, cut_out
-from dicedesign.fabricate.engraving_options import EngravingOptions
+from dicedesign.fabricate.engraving import Cut, EngravedDie, cut_out
 from dicedesign.fabricate.glyphs import text_section
+from dicedesign.fabricate.options import EngravingOptions
 from dicedesign.fabricate.upper_side import UpperSide, upper_side
-from dicedesign.geometry.solid import solid
+from dicedesign.geometry.manifold import solid
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
 __all__ = ["Mark", "engrave_marks"]
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _CLEARANCE: Final = 0.25
 """How far a cut reaches above the surface, in depths of the mark."""

@@ -21,7 +21,6 @@ Vector = tuple[int, int, int]
 MANTISSA = 53
 """Binary digits of a float."""
 
-
 WIDEST = 1000
 """Binary digits of an integer, about, up to which it fits in a float."""
 

@@ -13,19 +13,11 @@ import re
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.errors import InputError
+from dicedesign.runtime.arrays import Floats
 
-__all__ = [
-    "HIGHEST_ORDER",
-    "fixed_space",
-    "mirrors",
-    "point_group",
-    "pole_orbits",
-]
-
-Floats = NDArray[np.float64]
+__all__ = ["HIGHEST_ORDER", "fixed_space", "mirrors", "point_group", "pole_orbits"]
 
 HIGHEST_ORDER: Final = 12
 """Largest n of the main axis in Cn, Cnv, Cnh, Dn, Dnh and Dnd; S2n goes up to twice that."""
@@ -41,12 +33,19 @@ KNOWN_GROUPS: Final = (
 """The names that `point_group` knows, in words."""
 
 INVERSION: Final = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+
 MIRROR_Y: Final = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
+
 MIRROR_Z: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0))
+
 MIRROR_DIAGONAL: Final = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+
 HALF_TURN_X: Final = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+
 HALF_TURN_Z: Final = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
+
 QUARTER_TURN_Z: Final = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+
 CYCLIC_XYZ: Final = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 """The third of a turn about (1, 1, 1), which takes x to y, y to z and z to x."""
 

@@ -1,68 +1,153 @@
-"""Closed triangle meshes as solids of manifold3d, and back.
+"""Volume and centroid of a closed triangle surface, and whether it is closed.
 
-Nothing that only looks at a mesh needs this module, so those who do import it late.
-"""
+How the center of mass of a uniform solid follows the points of its surface."""
 
 from __future__ import annotations
 
 import numpy as np
-from manifold3d import Error, Manifold, Mesh64
 from numpy.typing import NDArray
 
-from dicedesign.errors import InputError
+from dicedesign.kernels import ops as kernels
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import THIN_VOLUME
 
-__all__ = ["mesh_of", "solid"]
+__all__ = [
+    "centroid_derivatives",
+    "is_closed",
+    "solid_inertia",
+    "solid_properties",
+    "stretch_matrix",
+]
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
+def solid_properties(points: Floats, triangles: NDArray[np.int64]) -> tuple[float, Floats]:
+    """Signed volume and centroid of the uniform solid a closed surface bounds.
 
-def solid(vertices: Floats, triangles: Integers) -> Manifold:
-    """A closed triangle mesh as a solid, in double precision.
+    The volume is summed over signed tetrahedra from the mean of the points, in units of the
+    body's own size, so a body far from the origin or of any scale loses nothing. That of a needle
+    or a plate is summed before it is stretched, see `stretch_matrix`.
 
     Parameters
     ----------
-    vertices: (n, 3) in any length unit, each point once.
-    triangles: (t, 3) in [0, n), counter-clockwise seen from outside.
+    points: (n, 3) finite coordinates, any length unit.
+    triangles: (t, 3) indices into `points` of a closed oriented surface (see `is_closed`); it may
+        consist of several shells, and an inward shell inside an outward one is a cavity.
 
     Returns
     -------
-    Manifold of positive volume.
-
-    Raises
-    ------
-    InputError: wrong shapes, indices out of range, not finite, not closed, not oriented, or
-        without positive volume.
+    The volume in the cubed unit of the points, positive when the surface is oriented outward, and
+    (3,) the centroid, the same for either orientation; NaN when the volume is exactly zero.
     """
-    points = np.ascontiguousarray(vertices, dtype=np.float64)
-    corners = np.ascontiguousarray(triangles, dtype=np.int64)
-    if points.ndim != 2 or points.shape[1] != 3 or corners.ndim != 2 or corners.shape[1] != 3:
-        raise InputError(
-            "solid: expected vertices of shape (n, 3) and triangles of shape (t, 3), got "
-            f"{points.shape} and {corners.shape}; pass one row for each"
-        )
-    if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
-        raise InputError(
-            f"solid: expected triangles of vertices 0 to {len(points) - 1}, got indices from "
-            f"{corners.min()} to {corners.max()}; number the vertices from 0"
-        )
-    body = Manifold(Mesh64(points, corners.astype(np.uint64)))
-    if body.status() != Error.NoError:
-        raise InputError(
-            "solid: expected finite vertices and a closed surface in which each edge joins two "
-            f"triangles, got {body.status().name} for {len(corners)} triangles; repair the mesh or "
-            "merge its duplicate vertices"
-        )
-    if not body.volume() > 0:
-        raise InputError(
-            f"solid: expected a positive volume, got {body.volume():g}; if it is negative the "
-            "triangles face inward: reverse their corners"
-        )
-    return body
+    reference = points.mean(axis=0)
+    offsets = points - reference
+    scale = float(np.abs(offsets).max())
+    if scale == 0.0:
+        return 0.0, np.full(3, np.nan)
+    offsets = offsets / scale
+    volume, centroid = _sums(offsets, triangles)
+    stretch = stretch_matrix(offsets, volume)
+    if stretch is not None:
+        volume, centroid = _sums(np.linalg.solve(stretch.T, offsets.T).T, triangles)
+        volume, centroid = volume * float(np.linalg.det(stretch)), centroid @ stretch
+    return volume * scale**3, reference + scale * centroid
 
 
-def mesh_of(body: Manifold) -> tuple[Floats, Integers]:
-    """Vertices (n, 3) and triangles (t, 3) of a solid, counter-clockwise seen from outside."""
-    mesh = body.to_mesh64()
-    vertices = np.array(mesh.vert_properties[:, :3], dtype=np.float64)
-    return vertices, np.array(mesh.tri_verts, dtype=np.int64)
+def solid_inertia(points: Floats, triangles: NDArray[np.int64]) -> Floats:
+    """Tensor of inertia (3, 3) about the centroid of the uniform solid a closed surface bounds, for
+    a mass of 1: in squared length units.
+
+    points: (n, 3); triangles: (t, 3) as for `solid_properties`, of a volume that is not zero.
+    Source: second moments of a tetrahedron from the origin, with corners a, b, c and d = a + b + c:
+    its volume over 20 times (d d^T + a a^T + b b^T + c c^T).
+    """
+    _, centroid = solid_properties(points, triangles)
+    offsets = points - centroid
+    scale = float(np.abs(offsets).max())
+    a, b, c = np.moveaxis((offsets / scale)[triangles], 1, 0)
+    volumes = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+    moments = np.zeros((3, 3))
+    for arm in (a, b, c, a + b + c):
+        moments += np.einsum("t,ti,tj->ij", volumes, arm, arm) / 20.0
+    moments *= scale**2 / volumes.sum()
+    inertia: Floats = np.trace(moments) * np.eye(3) - moments
+    return inertia
+
+
+def stretch_matrix(offsets: Floats, volume: float) -> Floats | None:
+    """Linear map that makes a needle or a plate of a body about as thick as it is long.
+
+    Of a body A times as long as thick, the sums over tetrahedra lose some A^2 units of rounding,
+    as they cancel to that part of their terms. Taken of `image`, with `offsets = image @ matrix`,
+    they lose some A, for the rounding of the image, and hardly any where the body lies along the
+    axes of coordinates. Volume and centroid of the body are those of the image times the matrix's
+    determinant, and times the matrix.
+
+    offsets: (n, 3) points less a point near their mean; volume: of the body, to within rounding.
+    Returns (3, 3), triangular but for the order of its columns; None for a body that is not thin
+    (`THIN_VOLUME`), or thinner than its coordinates tell.
+    """
+    if abs(volume) >= THIN_VOLUME * float(np.abs(offsets).max()) ** 3:
+        return None
+    # Imported late: few bodies are thin, and SciPy takes longer to load than a query.
+    from scipy.linalg import qr
+
+    factor, order = qr(offsets, mode="r", pivoting=True)
+    factor = factor[:3]
+    if abs(factor[2, 2]) <= np.finfo(np.float64).eps * np.linalg.norm(factor[:, 2]):
+        return None
+    matrix: Floats = factor[:, np.argsort(order)] / np.sqrt(len(offsets))
+    return matrix
+
+
+def _sums(offsets: Floats, triangles: NDArray[np.int64]) -> tuple[float, Floats]:
+    """Volume and centroid (3,) by tetrahedra from the origin."""
+    a, b, c = np.moveaxis(offsets[triangles], 1, 0)
+    volumes = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+    volume = float(volumes.sum())
+    if volume == 0.0:
+        return 0.0, np.full(3, np.nan)
+    return volume, (volumes[:, None] * (a + b + c)).sum(axis=0) / 4.0 / volume
+
+
+def is_closed(triangles: NDArray[np.int64]) -> bool:
+    """Whether the triangles form a closed, consistently oriented surface.
+
+    They do when every undirected edge is passed equally often in both directions. Several shells,
+    and edges where four or more triangles meet, are allowed.
+
+    triangles: (t, 3) vertex indices, nonnegative; vertices at one position must share one index.
+    Returns False also when there is no triangle.
+    """
+    if len(triangles) == 0:
+        return False
+    if kernels.compiled is not None:
+        return bool(kernels.compiled.is_closed(triangles, int(triangles.max()) + 1))
+    tails = triangles.ravel()
+    heads = np.roll(triangles, -1, axis=1).ravel()
+    count = int(triangles.max()) + 1
+    keys = np.minimum(tails, heads) * count + np.maximum(tails, heads)
+    _, edges = np.unique(keys, return_inverse=True)
+    balance = np.bincount(edges, weights=np.where(tails < heads, 1.0, -1.0))
+    return not balance.any()
+
+
+def centroid_derivatives(points: Floats, triangles: Integers, center: Floats) -> Floats:
+    """(3, n, 3) derivative of each coordinate of the centroid by each coordinate of the points
+    (eq. 34).
+
+    points: (n, 3); triangles: (m, 3) of a closed surface; center: (3,) its centroid.
+    """
+    corners = points[triangles] - center
+    lifts = np.linalg.cross(np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)) / 6.0
+    volumes = (corners[:, 0] * lifts[:, 0]).sum(-1)
+    means = corners.sum(axis=1) / 4.0
+    by_corner = means[:, None, :, None] * lifts[:, :, None, :]
+    by_corner += (volumes / 4.0)[:, None, None, None] * np.eye(3)
+    size = len(points)
+    derivatives = np.empty((3, size, 3))
+    for row in range(3):
+        for column in range(3):
+            derivatives[row, :, column] = np.bincount(
+                triangles.ravel(), by_corner[:, :, row, column].ravel(), size
+            )
+    return derivatives / volumes.sum()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["doubled_area_vectors", "edge_neighbors"]
+from dicedesign.runtime.arrays import Floats
 
-Floats = NDArray[np.float64]
+__all__ = ["doubled_area_vectors", "edge_neighbors"]
 
 
 def doubled_area_vectors(points: Floats, triangles: NDArray[np.int64]) -> Floats:

@@ -1,4 +1,4 @@
-// The energies of dice design with their gradient, see dicedesign/design/energy.py.
+// The energies of dice design with their gradient, see dicedesign/design/energy/total.py.
 #pragma once
 
 #include <array>

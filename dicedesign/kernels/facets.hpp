@@ -7,7 +7,7 @@
 
 namespace dicedesign {
 
-// The facets' polygons, see `ConvexHull` in dicedesign/geometry/hull.py.
+// The facets' polygons, see `ConvexHull` in dicedesign/geometry/hulls/hull.py.
 struct Polygons {
     Index count;         // m
     const Index* start;  // (m + 1)

@@ -10,7 +10,7 @@
 
 namespace dicedesign {
 
-// As in `ConvexHull` of dicedesign/geometry/hull.py.
+// As in `ConvexHull` of dicedesign/geometry/hulls/hull.py.
 struct HalfEdges {
     std::vector<Index> source, facet_start, tail, twin;
 };

@@ -7,7 +7,7 @@
 
 namespace dicedesign {
 
-// Half-edges as in `ConvexHull` of dicedesign/geometry/hull.py; facets + 1 starts.
+// Half-edges as in `ConvexHull` of dicedesign/geometry/hulls/hull.py; facets + 1 starts.
 struct Polyhedron {
     const Vec* vertices;
     std::size_t vertex_count;

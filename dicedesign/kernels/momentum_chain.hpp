@@ -1,5 +1,5 @@
 // The odds of a thrown body from what the momentum model sees of it: the formulas of
-// dicedesign/throws/momentum.py, with numbers of any kind.
+// dicedesign/throws/momentum/momentum_odds.py, with numbers of any kind.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 namespace dicedesign {
 
-// As in dicedesign/throws/momentum.py.
+// As in dicedesign/throws/momentum/momentum_odds.py.
 inline constexpr std::size_t IMPACTS = 12, CARRIES = 3;
 inline constexpr double MOST_RATE = 8.0, MOST_STRETCH = 3.0, NO_BARRIER = 0.003;
 // As in dicedesign/tolerances.py.

@@ -1,4 +1,4 @@
-// What the momentum model sees of a body: the formulas of dicedesign/throws/passes.py, with numbers
+// What the momentum model sees of a body: the formulas of dicedesign/throws/momentum/transitions.py, with numbers
 // of any kind. What both passes of a saddle share is found once.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace dicedesign {
 
-// As in dicedesign/throws/passes.py.
+// As in dicedesign/throws/momentum/transitions.py.
 inline constexpr double LOG_SOFTENING = 0.003, SPEED_SOFTENING = 0.01, ENERGY_SOFTENING = 0.02;
 inline constexpr double MOST_LACKING = 3.0, SHARPNESS = 10.0;
 

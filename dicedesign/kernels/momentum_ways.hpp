@@ -1,4 +1,4 @@
-// Ways from rest to rest as integers, see `Passes` in dicedesign/throws/passes.py.
+// Ways from rest to rest as integers, see `Passes` in dicedesign/throws/momentum/transitions.py.
 #pragma once
 
 #include <vector>

@@ -1,5 +1,5 @@
-// Which triangles of a surface meet at edges: `is_closed` in dicedesign/geometry/mass.py and the
-// shells of dicedesign/geometry/shells.py.
+// Which triangles of a surface meet at edges: `is_closed` in dicedesign/geometry/solid.py and the
+// shells of dicedesign/geometry/meshes/shells.py.
 #pragma once
 
 #include <vector>

@@ -8,18 +8,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dicedesign import kernels
+from dicedesign.kernels import ops as kernels
 from dicedesign.rest.equilibria import Equilibria
+from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import CLOSURE_TOLERANCE, ROUNDING
 
 __all__ = ["basin_areas", "destinations", "separatrices", "slides"]
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 
 def separatrices(equilibria: Equilibria) -> tuple[Integers, ...] | None:

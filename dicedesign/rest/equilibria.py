@@ -13,20 +13,17 @@ from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError, OutsideHullError
-from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import foot_on_line, norms
+from dicedesign.rest.center_clearance import surroundings
 from dicedesign.rest.exact import ExactSigns
-from dicedesign.rest.surroundings import surroundings
+from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import BOUNDARY_TOLERANCE, ROUNDING
 
 __all__ = ["Equilibria", "FacetKind", "Tie", "classify"]
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 
 class Tie(Exception):

@@ -11,13 +11,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.integers import IntegerPoints, Vector, area_vector, cross, dot, minus
+from dicedesign.runtime.arrays import Booleans, Integers
 
 __all__ = ["ExactSigns"]
-
-Booleans = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 
 
 class Classified(Protocol):

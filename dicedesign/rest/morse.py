@@ -23,6 +23,7 @@ from dicedesign.geometry.sphere import (
 from dicedesign.rest import compiled
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import ascend, destined_facets
+from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = [
     "Separatrices",
@@ -33,9 +34,6 @@ __all__ = [
     "signed_areas",
     "wraps",
 ]
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 NEAR_ANTIPODE = 0.05
 """1 + cosine, some 18 degrees: a border so near to the antipode is measured from elsewhere."""

@@ -8,22 +8,19 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from dicedesign.geometry.body import Body, as_numbers, is_rounded, make_body
-from dicedesign.geometry.center_of_mass import resolve_center_of_mass
-from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.body import Body, as_numbers, is_rounded, make_body
+from dicedesign.geometry.meshes.center_of_mass import resolve_center_of_mass
 from dicedesign.geometry.sphere import angle_between, rotation_between, unit_vectors
+from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.equilibria import Equilibria
-from dicedesign.rest.probabilities import Basins, find_basins
 from dicedesign.rest.tracing import destined_facets
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import CLOSURE_TOLERANCE
 
 __all__ = ["MorseComplex", "RestPoses", "analyse", "rest_poses", "standing_transform"]
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-
 
 TIED = (
     "the body balances somewhere to within rounding; the odds are the mean of those with its "

@@ -8,18 +8,18 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import angle_between, rotation_between
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.poses import standing_transform
 from dicedesign.rest.tracing import crossing, exit_half_edges, hinge_facets
+from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import ROUNDING
 
 __all__ = ["SMALLEST_ANGLE", "RollStep", "roll"]
 
-Floats = NDArray[np.float64]
 SMALLEST_ANGLE = 1e-4
 """Smallest largest rotation per step, in radians: some 30,000 steps for a half turn."""
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dicedesign.geometry.hull import ConvexHull
+from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.runtime.arrays import Floats
 
 __all__ = ["aside_directions"]
-
-Floats = NDArray[np.float64]
 
 MIXTURE: Final = (0.73, 0.41, 0.58, -0.36)
 """How much of a flag's directions makes one: from the center of mass to the corner, along the edge,

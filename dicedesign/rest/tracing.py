@@ -11,13 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.ragged import ragged_ranges
 from dicedesign.geometry.sphere import norms, oblique_projection
 from dicedesign.rest import compiled
 from dicedesign.rest.equilibria import Equilibria
+from dicedesign.runtime.arrays import Booleans, Floats, Integers, ragged_ranges
 from dicedesign.tolerances import ROUNDING
 
 __all__ = [
@@ -30,10 +29,6 @@ __all__ = [
     "hinge_facets",
     "slide",
 ]
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.errors import OutputError
-from dicedesign.files import atomic_write
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import checked_recipe, recipe_text
+from dicedesign.recipe.schema.reading import checked_recipe, recipe_text
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.runtime.files import atomic_write
 from dicedesign.search.space import varies_assignment
 
 __all__ = ["leaders", "pareto_front", "ranked", "write_results"]
@@ -27,7 +27,9 @@ LEADERS: Final = 10
 """Dice on the leaderboard; the best in each single measure are added."""
 
 BEST: Final = "best.yaml"
+
 TABLE: Final = "leaderboard.json"
+
 COLUMNS: Final = (
     "rank",
     "number",
@@ -85,9 +87,9 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
 
     Raises OutputError if a file cannot be written.
     """
-    from dicedesign.show.leaderboard_page import leaderboard_html
-    from dicedesign.show.pareto import pareto_figure
-    from dicedesign.show.png import png_bytes
+    from dicedesign.report.charts.png import png_bytes
+    from dicedesign.report.figures.pareto import pareto_figure
+    from dicedesign.report.pages.leaderboard_page import leaderboard_html
 
     solved = ranked(finished)
     values = np.array([[trial["inradius_mm"], trial["margin_deg"]] for trial in solved])

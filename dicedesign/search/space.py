@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import checked_recipe
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.schema.recipe import Recipe
 
 __all__ = ["Range", "search_space", "varied_recipe", "varies_assignment"]
 

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from dicedesign.errors import DiceError, InputError, OutputError
-from dicedesign.extras import missing_extra
-from dicedesign.files import atomic_write, make_writable_folder
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import read_recipe, recipe_text
+from dicedesign.errors import DiceError, InputError, OutputError, missing_extra
+from dicedesign.recipe.schema.reading import read_recipe, recipe_text
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.runtime.files import atomic_write, make_writable_folder
 from dicedesign.search.space import search_space, varied_recipe
 
 if TYPE_CHECKING:

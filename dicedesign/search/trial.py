@@ -8,13 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from dicedesign.design.stopping import Status
-from dicedesign.design.verdict import Verdict
-from dicedesign.design_stage import design_die, make_start
 from dicedesign.errors import NoStartError, OutsideHullError
-from dicedesign.recipe_file import checked_recipe
-from dicedesign.rest.momentum import asymmetry, border_margins
-from dicedesign.summary import odds_summary
+from dicedesign.fabricate.verdict import Verdict
+from dicedesign.recipe.design_stage import design_die, make_start
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.summary import odds_summary
+from dicedesign.rest.asymmetry import asymmetry, border_margins
+from dicedesign.results.status import Status
 
 __all__ = ["NO_DIE", "run_trial"]
 

@@ -5,19 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.body import Body
-from dicedesign.geometry.center_of_mass import solid_triangles
-from dicedesign.geometry.mass import solid_inertia, solid_properties
+from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.meshes.center_of_mass import solid_triangles
+from dicedesign.geometry.solid import solid_inertia, solid_properties
 from dicedesign.rest.poses import RestPoses
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import INERTIA_TOLERANCE, VOLUME_TOLERANCE
 
 __all__ = ["RigidBody", "rigid_body"]
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ TABLE_NAMES: Final = ("board-game", "hard-wood", "carpet", "paper")
 MOST_RESTITUTION: Final = 0.95
 
 LEAST_SIZE: Final = 1e-4
+
 MOST_SIZE: Final = 10.0
 """Of dice, in m."""
 

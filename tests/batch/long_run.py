@@ -8,14 +8,14 @@ import time
 from pathlib import Path
 from typing import Any
 
-from dicedesign.batch.table import Table
+from dicedesign.batch.rest_table import Table
 
 FILES = 3000
 """How many the run has beside those of the folder, named by four digits."""
 
 SCRIPT = (
     "import sys; from dicedesign.batch import table; table.INTERVAL = 0.1; table.SHARE = 1.0;"
-    "from dicedesign.cli import main; sys.exit(main(sys.argv[1:]))"
+    "from dicedesign.cli.main import main; sys.exit(main(sys.argv[1:]))"
 )
 """The command line, with tables that are written often."""
 

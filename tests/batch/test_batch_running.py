@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 from inline_executor import Inline
 
-from dicedesign.batch import running
+from dicedesign.batch import file_batches as running
+from dicedesign.batch.file_batches import run_batch
 from dicedesign.batch.rows import Entry, Stamp, broken_entry
-from dicedesign.batch.running import run_batch
-from dicedesign.executors import local_workers
+from dicedesign.runtime.executors import local_workers
 
 
 def made_up(_: str, stamps: dict[str, Stamp], *__: Any) -> dict[str, Entry]:

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dicedesign.batch import table
+from dicedesign.batch import rest_table as table
 from dicedesign.batch.analyse import analyse_files
 from dicedesign.batch.folder import list_folder
+from dicedesign.batch.rest_table import Table
 from dicedesign.batch.rows import COLUMNS, STAMPED, Entry, Stamp, broken_entry
-from dicedesign.batch.table import Table
 from dicedesign.errors import InputError, OutputError
-from dicedesign.geometry import mesh_file
-from dicedesign.geometry.mesh_file import read_body
+from dicedesign.geometry.meshes import reading as mesh_file
+from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import rest_poses
 
 FILES = ["a.stl", "b.xyz", "b/box.obj", "b/hull.PLY", "c.off", "open, as it is.obj"]

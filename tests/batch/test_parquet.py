@@ -16,9 +16,9 @@ from pyarrow import parquet
 
 from dicedesign.batch.analyse import analyse_files
 from dicedesign.batch.folder import list_folder
+from dicedesign.batch.rest_table import Table
 from dicedesign.batch.rows import COLUMNS, Entry, Stamp
-from dicedesign.batch.table import Table
-from dicedesign.cli import main
+from dicedesign.cli.main import main
 from dicedesign.errors import InputError
 
 NUMBERS = {"whole": int, "real": float}

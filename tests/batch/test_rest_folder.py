@@ -18,10 +18,10 @@ import pytest
 from inline_executor import Inline
 from long_run import FILES, begun, shorten
 
-from dicedesign import executors
-from dicedesign.batch import running
+from dicedesign.batch import file_batches as running
 from dicedesign.batch.analyse import analyse_files
-from dicedesign.cli import main
+from dicedesign.cli.main import main
+from dicedesign.runtime import executors
 
 Count = list[str]
 
@@ -308,7 +308,7 @@ def test_workers_load_nothing_heavy(meshes: Path) -> None:
 
 def test_the_command_itself_loads_nothing_heavy(meshes: Path) -> None:
     script = (
-        "import sys; from dicedesign.cli import main; code = main(sys.argv[1:]);"
+        "import sys; from dicedesign.cli.main import main; code = main(sys.argv[1:]);"
         "print({'torch', 'manifold3d', 'matplotlib', 'pydantic', 'optuna'} & set(sys.modules));"
         "sys.exit(code)"
     )

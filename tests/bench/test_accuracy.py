@@ -10,8 +10,13 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from dicedesign.bench import accuracy, subjects
-from dicedesign.bench.accuracy import (
+from dicedesign.bench.accuracy import Result, accuracy_figure, accuracy_record
+from dicedesign.bench.bodies.monostatic import conway_guy
+from dicedesign.bench.bodies.problem import Problem
+from dicedesign.bench.bodies.solids import box, platonic, prism
+from dicedesign.bench.bodies.stiff import placed, random_body
+from dicedesign.bench.measures import answers as accuracy
+from dicedesign.bench.measures.answers import (
     CENTERS,
     DIRECTIONS,
     FLOAT32,
@@ -24,27 +29,27 @@ from dicedesign.bench.accuracy import (
     TrimeshRequest,
     answers,
 )
-from dicedesign.bench.accuracy_report import Result, accuracy_figure, accuracy_record
-from dicedesign.bench.heuristics import (
+from dicedesign.bench.measures.other_methods import (
     TrimeshError,
     matched,
     solid_angle_probabilities,
     trimesh_poses,
 )
-from dicedesign.bench.monostatic import conway_guy
-from dicedesign.bench.precision import evaluated_probabilities
-from dicedesign.bench.problem import Problem
-from dicedesign.bench.sampled import lattice_directions, random_directions, sampled_probabilities
-from dicedesign.bench.sixty_digits import OracleError
-from dicedesign.bench.solids import box, platonic, prism
-from dicedesign.bench.stiff import placed, random_body
-from dicedesign.bench.subjects import Subject, built_in_bodies, make_subject
-from dicedesign.bench.watchdog import CrashError
-from dicedesign.cli import main
-from dicedesign.geometry.body import make_body
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.bench.measures.processes import CrashError
+from dicedesign.bench.reference import bodies_with_answers as subjects
+from dicedesign.bench.reference.bodies_with_answers import Subject, built_in_bodies, make_subject
+from dicedesign.bench.reference.precision import evaluated_probabilities
+from dicedesign.bench.reference.sampled import (
+    lattice_directions,
+    random_directions,
+    sampled_probabilities,
+)
+from dicedesign.bench.reference.sixty_digits import OracleError
+from dicedesign.cli.main import main
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.rest.basins import find_basins
 from dicedesign.rest.equilibria import Equilibria, classify
-from dicedesign.rest.probabilities import find_basins
 
 
 def classified(problem: Problem) -> Equilibria:
@@ -118,7 +123,7 @@ def test_a_lattice_beats_random_directions(seed: int) -> None:
 def test_chunks_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
     elements, down = classified(random_body(1)), random_directions(1000, 5)
     whole = sampled_probabilities(elements, down)
-    monkeypatch.setattr("dicedesign.bench.sampled.MOST_HEIGHTS", 99 * len(elements.radii))
+    monkeypatch.setattr("dicedesign.bench.reference.sampled.MOST_HEIGHTS", 99 * len(elements.radii))
     np.testing.assert_array_equal(sampled_probabilities(elements, down), whole)
 
 

@@ -22,11 +22,11 @@ from dicedesign.bench.concave import (
     attempt_concave,
     concave_cases,
 )
-from dicedesign.cli import main
-from dicedesign.concave.shapes import SHAPES
-from dicedesign.concave.surface import Surface
-from dicedesign.concave_stage import concave_options
+from dicedesign.cli.main import main
+from dicedesign.concave.shapes.shapes import SHAPES
 from dicedesign.errors import RecipeError
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.recipe.concave_judging import concave_options
 from dicedesign.rest.poses import rest_poses
 
 FIGURES = ConcaveFigures(2e-3, 1e-3, 1e-9, 0, 0.031, 0.12, 1.25, 1.5, 300, 250, 7)

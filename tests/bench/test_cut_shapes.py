@@ -7,21 +7,23 @@ import pytest
 from manifold3d import Error, Manifold
 from scipy.spatial.distance import cdist, pdist
 
-from dicedesign.bench.cut_shapes import LEAST_THICKNESS, cut_shapes, made_models
-from dicedesign.bench.cut_solids import (
+from dicedesign.bench.bodies.cut_shapes import (
+    LEAST_THICKNESS,
+    cut_shapes,
     largest_part,
+    made_models,
     planar_pieces,
     random_planes,
     random_sites,
     voronoi_cells,
 )
-from dicedesign.concave.shapes import shape
-from dicedesign.concave.surface import Surface
+from dicedesign.concave.shapes.shapes import shape
 from dicedesign.errors import InputError
-from dicedesign.geometry.body import Body
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.geometry.mass import is_closed, solid_properties
-from dicedesign.geometry.solid import mesh_of, solid
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.manifold import mesh_of, solid
+from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.solid import is_closed, solid_properties
+from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.poses import rest_poses
 
 

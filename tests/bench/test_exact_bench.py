@@ -10,24 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dicedesign.bench import exact_recipes, exact_targets
-from dicedesign.bench.exact_recipes import RecipeAttempt, attempt_recipe
-from dicedesign.bench.exact_targets import (
-    Attempt,
-    attempt_target,
-    random_target,
-    run_targets,
-    summaries,
-)
-from dicedesign.cli import main
+from dicedesign.bench import exact as exact_targets
+from dicedesign.bench.exact import Attempt, attempt_target, random_target, run_targets, summaries
+from dicedesign.bench.measures import recipe_attempts as exact_recipes
+from dicedesign.bench.measures.recipe_attempts import RecipeAttempt, attempt_recipe
+from dicedesign.cli.main import main
 from dicedesign.design.result import DesignResult, DesignStep
-from dicedesign.design.stopping import Status
-from dicedesign.design.verdict import judge
-from dicedesign.design_stage import DesignedDie, make_start
 from dicedesign.errors import InputError
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import checked_recipe
+from dicedesign.fabricate.verdict import judge
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.recipe.design_stage import DesignedDie, make_start
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.results.status import Status
 from dicedesign.search.trial import NO_DIE
 
 PLAIN = Attempt(0, (0.4, 0.3, 0.2, 0.1), "CONVERGED", 4, 1e-15, 0.2, 0.2, 1e-3)

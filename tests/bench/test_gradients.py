@@ -9,21 +9,29 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign.bench import events, extremes, gradients, grazing, solids, stiff
-from dicedesign.bench.crossings import smallest_growth_and_slant
-from dicedesign.bench.differences import oracle_derivative
-from dicedesign.bench.events import DISCONTINUOUS, EVENTS, find_events
-from dicedesign.bench.gradients import compare_gradients, gradient_row, is_sound
-from dicedesign.bench.grazing import exponent, grazing_body
-from dicedesign.bench.problem import Problem, turned
-from dicedesign.bench.random_hulls import KINDS, random_hull
-from dicedesign.bench.uniform import PLATONIC
-from dicedesign.cli import main
-from dicedesign.design import differentiable
-from dicedesign.design.differentiable import evaluate_rests
-from dicedesign.design.rest_function import differentiable_rest
-from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.bench import gradients
+from dicedesign.bench import gradients as grazing
+from dicedesign.bench.bodies import extremes, solids, stiff
+from dicedesign.bench.bodies.problem import Problem, turned
+from dicedesign.bench.bodies.random_hulls import KINDS, random_hull
+from dicedesign.bench.bodies.solids import PLATONIC
+from dicedesign.bench.gradients import (
+    compare_gradients,
+    exponent,
+    gradient_row,
+    grazing_body,
+    is_sound,
+)
+from dicedesign.bench.measures import decision_events as events
+from dicedesign.bench.measures.decision_events import DISCONTINUOUS, EVENTS, find_events
+from dicedesign.bench.reference.condition import smallest_growth_and_slant
+from dicedesign.bench.reference.oracle_derivatives import oracle_derivative
+from dicedesign.cli.main import main
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import angle_between, oblique_projection, unit_vectors
+from dicedesign.gradient import rest_odds as differentiable
+from dicedesign.gradient.differentiable_rest import differentiable_rest
+from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.morse import separatrices, separatrix_points
 from dicedesign.rest.poses import rest_poses

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dicedesign.bench import lean, stopwatch
-from dicedesign.bench.cost import Row, time_row
+from dicedesign.bench import lean
 from dicedesign.bench.lean import run_lean
-from dicedesign.bench.stopwatch import in_new_process, in_turn
-from dicedesign.cli import main
+from dicedesign.bench.measures import processes as stopwatch
+from dicedesign.bench.measures.feature_costs import Row, time_row
+from dicedesign.bench.measures.processes import in_new_process, in_turn
+from dicedesign.cli.main import main
 
 FEATURES = (
     "torch, which a query never loads",

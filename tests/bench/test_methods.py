@@ -11,17 +11,17 @@ import pytest
 from PIL import Image
 
 from dicedesign import rest_poses
-from dicedesign.bench.methods import METHODS, Run, methods_figure, methods_record, run_method
-from dicedesign.cli import main
-from dicedesign.design.exact import ExactOptions
-from dicedesign.design.preferences import Preferences
-from dicedesign.design.stopping import Status
-from dicedesign.design_stage import make_start
+from dicedesign.bench.design import METHODS, Run, methods_figure, methods_record, run_method
+from dicedesign.cli.main import main
+from dicedesign.design.preferences.weights import Preferences
+from dicedesign.design.solvers.exact import ExactOptions
 from dicedesign.errors import InputError, OutputError
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import read_recipe
-from dicedesign.show.methods import DesignCurve, DesignPanel, design_methods_figure
-from dicedesign.show.png import png_bytes
+from dicedesign.recipe.design_stage import make_start
+from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.report.charts.design_curves import DesignCurve, DesignPanel, design_methods_figure
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.results.status import Status
 
 RECIPE = """
 name: tiny
@@ -174,7 +174,7 @@ def test_the_command_writes_table_figure_and_json(
 def test_the_command_prints_json_alone(
     recipe_path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch
 ) -> None:
-    monkeypatch.setattr("dicedesign.bench.methods.METHODS", METHODS[:1])
+    monkeypatch.setattr("dicedesign.bench.design.METHODS", METHODS[:1])
     options = ["--seconds", "1", "--json", "--out", str(tmp_path)]
     assert main(["bench", "design", str(recipe_path), *options]) == 0
     captured = capsys.readouterr()
@@ -191,8 +191,8 @@ def test_a_folder_that_cannot_be_written_is_noticed_before_the_work(
     def work(*arguments: object) -> None:
         raise AssertionError("began to work")
 
-    monkeypatch.setattr("dicedesign.bench.methods.run_method", work)
-    monkeypatch.setattr("dicedesign.bench.subjects.make_subject", work)
+    monkeypatch.setattr("dicedesign.bench.design.run_method", work)
+    monkeypatch.setattr("dicedesign.bench.reference.bodies_with_answers.make_subject", work)
     monkeypatch.setattr(Path, "touch", refuse)
     for arguments in (["design", str(recipe_path)], ["accuracy"]):
         assert main(["bench", *arguments, "--out", str(tmp_path)]) == 2
@@ -207,8 +207,8 @@ def test_results_are_printed_even_if_they_cannot_be_written(
     def full(path: Path, data: bytes) -> None:
         raise OutputError("the disk is full")
 
-    monkeypatch.setattr("dicedesign.bench.methods.METHODS", METHODS[:1])
-    monkeypatch.setattr("dicedesign.files.atomic_write", full)
+    monkeypatch.setattr("dicedesign.bench.design.METHODS", METHODS[:1])
+    monkeypatch.setattr("dicedesign.runtime.files.atomic_write", full)
     options = ["--seconds", "1", "--json", "--out", str(tmp_path)]
     assert main(["bench", "design", str(recipe_path), *options]) == 2
     captured = capsys.readouterr()

@@ -15,7 +15,6 @@ from inline_executor import Inline
 from scipy.stats import chisquare
 from throws.thrown import compiled_only
 
-from dicedesign import executors
 from dicedesign.bench import momentum as momentum_bench
 from dicedesign.bench.momentum import (
     RESTS,
@@ -25,16 +24,17 @@ from dicedesign.bench.momentum import (
     model_times,
     throw_unseen_dice,
 )
-from dicedesign.cli import main
-from dicedesign.design.random_dice import random_die
-from dicedesign.design.random_throws import Deviation
-from dicedesign.design.thrown_odds import ThrownOdds
-from dicedesign.geometry.mesh_file import read_body
+from dicedesign.cli.main import main
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.learning.random_dice import random_die
+from dicedesign.learning.random_throws import Deviation
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum import momentum_odds
-from dicedesign.throws.momentum_model import momentum_model
+from dicedesign.runtime import executors
+from dicedesign.throws.counts.throw_counts import read_throw_counts
+from dicedesign.throws.momentum.momentum_model import momentum_model
+from dicedesign.throws.momentum.momentum_odds import momentum_odds
 from dicedesign.throws.tables import table_named
-from dicedesign.throws.throw_counts import read_throw_counts
 
 TABLE = table_named("board-game")
 

@@ -8,10 +8,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from dicedesign.bench.cases import TURNS, stability_cases
-from dicedesign.bench.measure import measure
-from dicedesign.bench.monostatic import HALF_SPACES, OFFSET, conway_guy, unistable
-from dicedesign.bench.problem import Problem
+from dicedesign.bench.bodies.monostatic import HALF_SPACES, OFFSET, conway_guy, unistable
+from dicedesign.bench.bodies.problem import Problem
+from dicedesign.bench.bodies.stability_suite import TURNS, stability_cases
+from dicedesign.bench.reference.measurement import measure
 from dicedesign.bench.stability import OK, run_case
 
 Vector = tuple[Fraction, ...]

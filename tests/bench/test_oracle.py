@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dicedesign.bench import monostatic, solids
-from dicedesign.bench.measure import measure
-from dicedesign.bench.oracle import hull_probabilities, oracle_probabilities
-from dicedesign.bench.problem import Problem
-from dicedesign.bench.sixty_digits import OracleError
+from dicedesign.bench.bodies import monostatic, solids
+from dicedesign.bench.bodies.problem import Problem
+from dicedesign.bench.reference.measurement import measure
+from dicedesign.bench.reference.oracle import hull_probabilities, oracle_probabilities
+from dicedesign.bench.reference.sixty_digits import OracleError
 from dicedesign.errors import InputError
-from dicedesign.geometry.hull import ConvexHull, convex_hull
-from dicedesign.geometry.mesh_file import read_body
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.reading import read_body
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data"
 REFERENCE = DATA / "reference_rest.json"

@@ -7,9 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dicedesign.bench.published_distances import PRINTED_CORRELATIONS, read_published_distances
+from dicedesign.bench.reference.published_distances import (
+    PRINTED_CORRELATIONS,
+    read_published_distances,
+)
 from dicedesign.errors import InputError
-from dicedesign.throws.correlation import correlation
+from dicedesign.throws.statistics.correlation import correlation
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data"
 TABLE = DATA / "published" / "fracture_transport_distances.csv"

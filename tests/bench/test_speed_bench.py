@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from dicedesign import rest_poses
-from dicedesign.bench import growth, speed_parts, speed_programs, stopwatch
-from dicedesign.bench.growth import SIZES, growth_figure, growth_rows
-from dicedesign.bench.speed import PAPER, QUICK, Effort, SpeedRow, energy_gradient, speed_row
-from dicedesign.bench.speed_cases import Ratios, built_in_cases, goals, mesh_case, sphere_case
-from dicedesign.bench.speed_programs import (
+from dicedesign.bench import speed_growth as growth
+from dicedesign.bench.measures import design_steps as speed_parts
+from dicedesign.bench.measures import processes as stopwatch
+from dicedesign.bench.measures import programs as speed_programs
+from dicedesign.bench.measures.other_methods import MOST_CORNERS, Request, TrimeshTimer
+from dicedesign.bench.measures.processes import in_turn
+from dicedesign.bench.measures.programs import (
     Memory,
     Throughput,
     cold_starts,
@@ -22,12 +24,26 @@ from dicedesign.bench.speed_programs import (
     peak_memory,
     throughput,
 )
-from dicedesign.bench.speed_trimesh import MOST_CORNERS, Request, TrimeshTimer
-from dicedesign.bench.stopwatch import in_turn
-from dicedesign.cli import main
-from dicedesign.design.coordinates import VertexCoordinates
-from dicedesign.design.objective import Objective
-from dicedesign.geometry.body import make_body
+from dicedesign.bench.measures.query_speed import (
+    PAPER,
+    Effort,
+    SpeedRow,
+    energy_gradient,
+    speed_row,
+)
+from dicedesign.bench.reference.speed_cases import (
+    Ratios,
+    built_in_cases,
+    goals,
+    mesh_case,
+    sphere_case,
+)
+from dicedesign.bench.speed import QUICK
+from dicedesign.bench.speed_growth import SIZES, growth_figure, growth_rows
+from dicedesign.cli.main import main
+from dicedesign.design.coordinates.vertices import VertexCoordinates
+from dicedesign.design.energy.objective import Objective
+from dicedesign.geometry.meshes.body import make_body
 
 ONCE = Effort(rounds=1, seconds=0.0)
 
@@ -160,7 +176,7 @@ def test_a_row_counts_and_measures() -> None:
 
 
 def test_large_cases_have_no_gradient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dicedesign.bench.speed.MANY", 10)
+    monkeypatch.setattr("dicedesign.bench.measures.query_speed.MANY", 10)
     found = speed_row(sphere_case(12), ONCE, None)
     assert found.gradient_seconds is None
     assert found.goal.gradient is None
@@ -353,7 +369,9 @@ def test_json_holds_all_of_a_full_run(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     few = [sphere_case(8)]
-    monkeypatch.setattr("dicedesign.bench.speed_cases.built_in_cases", lambda quick: iter(few))
+    monkeypatch.setattr(
+        "dicedesign.bench.reference.speed_cases.built_in_cases", lambda quick: iter(few)
+    )
     monkeypatch.setattr("dicedesign.bench.speed.FULL", QUICK)
     alone = Throughput(1, 1032, 6.0, 32, 1.0)
     monkeypatch.setattr(speed_programs, "throughput", lambda on_jobs: iter([alone]))

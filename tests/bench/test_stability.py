@@ -11,18 +11,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dicedesign.bench import solids, stability, stiff
-from dicedesign.bench.cases import stability_cases
-from dicedesign.bench.measure import measure
-from dicedesign.bench.problem import Problem, turned
+from dicedesign.bench import stability
+from dicedesign.bench.bodies import solids, stiff
+from dicedesign.bench.bodies.problem import Problem, turned
+from dicedesign.bench.bodies.solids import ARCHIMEDEAN
+from dicedesign.bench.bodies.stability_suite import stability_cases
+from dicedesign.bench.measures.processes import CrashError, HangError, Watchdog
+from dicedesign.bench.reference.measurement import measure
 from dicedesign.bench.stability import OK, Row, run_case, run_stability, verdict
-from dicedesign.bench.uniform import ARCHIMEDEAN
-from dicedesign.bench.watchdog import CrashError, HangError, Watchdog
-from dicedesign.cli import main
-from dicedesign.geometry import center_of_mass, hull
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.geometry.mass import solid_properties
-from dicedesign.rest.probabilities import Basins, find_basins
+from dicedesign.cli.main import main
+from dicedesign.geometry.hulls import hull
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes import center_of_mass
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.rest.basins import Basins, find_basins
 
 CASES = stability_cases()
 
@@ -127,7 +129,7 @@ def test_a_wrong_center_of_a_uniform_body_is_noticed(
         volume, centroid = solid_properties(points, triangles)
         return volume, centroid + 1e-10
 
-    monkeypatch.setattr("dicedesign.kernels.compiled", None)
+    monkeypatch.setattr("dicedesign.kernels.ops.compiled", None)
     monkeypatch.setattr(center_of_mass if case == "mesh" else hull, "solid_properties", wrong)
     assert "(oracle)" in verdict(measure(problem))
 
@@ -144,7 +146,7 @@ def test_each_side_of_a_tied_body_is_held_against_the_oracle(
         first, *others = find_basins(*arguments)
         return replace(first, areas=np.roll(first.areas, 1)), *others
 
-    monkeypatch.setattr("dicedesign.bench.measure.find_basins", one_wrong)
+    monkeypatch.setattr("dicedesign.bench.reference.measurement.find_basins", one_wrong)
     assert "(oracle)" in verdict(measure(problem))
 
 

@@ -16,12 +16,10 @@ import pytest
 import trimesh
 from scipy.stats import binom, pearsonr
 
-from dicedesign import executors
-from dicedesign.bench import table as table_bench
-from dicedesign.bench import table_speed
-from dicedesign.bench.odds_comparison import Distance, OddsComparison, Prediction, compare_odds
-from dicedesign.bench.published_distances import PublishedDistances
-from dicedesign.bench.table import (
+from dicedesign.bench.measures import engine_speed as table_speed
+from dicedesign.bench.measures import simulator_odds as table_bench
+from dicedesign.bench.measures.engine_speed import die_of_11, halve_step, speeds
+from dicedesign.bench.measures.simulator_odds import (
     GEOMETRIC,
     QUICK,
     TABLES,
@@ -33,22 +31,29 @@ from dicedesign.bench.table import (
     installed_engines,
     table_shapes,
 )
-from dicedesign.bench.table_speed import die_of_11, halve_step, speeds
-from dicedesign.bench.table_summary import (
+from dicedesign.bench.reference.published_distances import PublishedDistances
+from dicedesign.bench.simulators import (
     engine_totals,
     published_correlations,
     shape_record,
     summaries,
     table_figure,
 )
-from dicedesign.cli import main
-from dicedesign.concave.shapes import shape
-from dicedesign.errors import InputError
-from dicedesign.extras import missing_extra
-from dicedesign.geometry.body import Body, make_body
-from dicedesign.throws.orientations import PAPER_DIRECTIONS
+from dicedesign.cli.main import main
+from dicedesign.concave.shapes.shapes import shape
+from dicedesign.errors import InputError, missing_extra
+from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.runtime import executors
+from dicedesign.throws.engines.engine import Engine
+from dicedesign.throws.release import PAPER_DIRECTIONS
 from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.simulation import Engine, Throws, drop_weights
+from dicedesign.throws.simulation.simulation import Throws, drop_weights
+from dicedesign.throws.statistics.odds_comparison import (
+    Distance,
+    OddsComparison,
+    Prediction,
+    compare_odds,
+)
 from dicedesign.throws.tables import Table
 
 UP_AND_DOWN = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])

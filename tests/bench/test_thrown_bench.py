@@ -17,9 +17,9 @@ import pytest
 from inline_executor import Inline
 from scipy.stats import binom
 
-from dicedesign.bench import thrown
-from dicedesign.bench.table_speed import die_of_11
-from dicedesign.bench.thrown import (
+from dicedesign.bench.measures import thrown_dice as thrown
+from dicedesign.bench.measures.engine_speed import die_of_11
+from dicedesign.bench.measures.thrown_dice import (
     FRESH,
     PARAMETERS,
     QUICK,
@@ -27,19 +27,20 @@ from dicedesign.bench.thrown import (
     refinement_of,
     throw_recipe,
 )
+from dicedesign.bench.measures.thrown_rows import Change, ThrownRow
 from dicedesign.bench.thrown_figure import thrown_figure
-from dicedesign.bench.thrown_rows import Change, ThrownRow
-from dicedesign.cli import main
-from dicedesign.design.stopping import Status
+from dicedesign.cli.main import main
 from dicedesign.errors import InputError
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import checked_recipe
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws import simulation
+from dicedesign.results.status import Status
+from dicedesign.throws.engines.engine import require_engine
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
-from dicedesign.throws.simulation import Throws, require_engine, simulate
+from dicedesign.throws.simulation import simulation
+from dicedesign.throws.simulation.simulation import Throws, simulate
+from dicedesign.throws.statistics.total_variation import MeasuredVariation
 from dicedesign.throws.tables import Table, table_named
-from dicedesign.throws.total_variation import MeasuredVariation
 
 LOST = 30
 TINY = Extent(300 + LOST, 90 + LOST, 0.2)

@@ -7,13 +7,12 @@ import pytest
 from bumpy import bent_capsule, bumpy_sphere
 from numpy.typing import NDArray
 
-from dicedesign.concave.balance import BalanceOptions, balance
-from dicedesign.concave.centroid import centroid_derivatives
-from dicedesign.concave.elastic import ElasticEnergy, ElasticWeights
-from dicedesign.concave.fill_result import FillStatus, FillStep
-from dicedesign.concave.surface import Surface
+from dicedesign.concave.fill.balance import BalanceOptions, balance
+from dicedesign.concave.fill.elastic_energy import ElasticEnergy, ElasticWeights
+from dicedesign.concave.fill.result import FillStatus, FillStep
 from dicedesign.errors import InputError
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.surfaces.surface import Surface
 
 Floats = NDArray[np.float64]
 
@@ -24,14 +23,14 @@ def test_derivatives_of_the_centroid_by_finite_differences() -> None:
     way = rng.normal(size=surface.points.shape)
     step = 1e-6
     after, before = (surface.moved(surface.points + s * way).centroid for s in (step, -step))
-    derivatives = centroid_derivatives(surface)
+    derivatives = surface.centroid_derivatives()
     expected = (after - before) / (2.0 * step)
     np.testing.assert_allclose(np.tensordot(derivatives, way, 2), expected, rtol=1e-7)
 
 
 def test_a_centroid_moves_and_grows_with_its_surface() -> None:
     surface = bent_capsule()
-    derivatives = centroid_derivatives(surface)
+    derivatives = surface.centroid_derivatives()
     np.testing.assert_allclose(derivatives.sum(axis=1), np.eye(3), atol=1e-12)
     grown = np.tensordot(derivatives, surface.points, 2)
     np.testing.assert_allclose(grown, surface.centroid, atol=1e-12)

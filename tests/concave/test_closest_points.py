@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from bumpy import bent_capsule, bumpy_sphere
 
-from dicedesign.concave.closest_points import closest_points, closest_weights
-from dicedesign.concave.surface import Surface
+from dicedesign.geometry.surfaces.closest_points import closest_points, closest_weights
+from dicedesign.geometry.surfaces.surface import Surface
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]])
 

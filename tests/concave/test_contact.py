@@ -10,10 +10,9 @@ from bumpy import bent_capsule
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from dicedesign.concave.centroid import centroid_derivatives
-from dicedesign.concave.contact import Contacts
-from dicedesign.concave.elasticity import Elasticity, HeldCorners
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.concave.fill.contact import Contacts
+from dicedesign.concave.fill.space_elasticity import Elasticity, HeldCorners
+from dicedesign.geometry.hulls.hull import convex_hull
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -46,7 +45,7 @@ class Case:
         normals = rng.normal(size=(count, 3))
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         bounds = rng.uniform(-0.02, 0.01, count)
-        gradient = np.moveaxis(centroid_derivatives(surface), 0, -1)
+        gradient = np.moveaxis(surface.centroid_derivatives(), 0, -1)
         responses = elasticity.center_responses(gradient).reshape(-1, 9)
         raised = held.held(responses).reshape(gradient.shape)
         return cls(held, points, facets, normals, bounds, gradient, raised, rng.normal(size=3) / 50)

@@ -8,12 +8,12 @@ from bumpy import bent_capsule, bumpy_sphere, nearby_hull
 from dented_cube import dented_cube
 from numpy.typing import NDArray
 
-from dicedesign.concave.correspondence import MOST_ROUNDS, fill_by_correspondence
-from dicedesign.concave.elasticity import Elasticity
-from dicedesign.concave.fill_result import FillResult, FillStatus, FillStep
-from dicedesign.concave.remeshing import refined
-from dicedesign.concave.surface import Surface
-from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.concave.fill.correspondence import MOST_ROUNDS, fill_by_correspondence
+from dicedesign.concave.fill.result import FillResult, FillStatus, FillStep
+from dicedesign.concave.fill.space_elasticity import Elasticity
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.surfaces.remeshing import refined
+from dicedesign.geometry.surfaces.surface import Surface
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -11,16 +11,16 @@ from bumpy import bent_capsule, bumpy_sphere
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dicedesign.concave.elastic import ElasticEnergy, ElasticWeights
-from dicedesign.concave.elastic_elements import (
+from dicedesign.concave.fill.elastic_elements import (
     bending_energy,
     hinge_angles,
     membrane_energy,
     positive_semidefinite,
 )
-from dicedesign.concave.surface import Surface
+from dicedesign.concave.fill.elastic_energy import ElasticEnergy, ElasticWeights
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import rotation_between
+from dicedesign.geometry.surfaces.surface import Surface
 
 Floats = NDArray[np.float64]
 

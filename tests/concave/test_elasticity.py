@@ -9,8 +9,7 @@ import pytest
 from bumpy import bent_capsule, bumpy_sphere
 from numpy.typing import NDArray
 
-from dicedesign.concave.centroid import centroid_derivatives
-from dicedesign.concave.elasticity import (
+from dicedesign.concave.fill.space_elasticity import (
     FREE,
     HANDLES,
     Elasticity,
@@ -18,9 +17,9 @@ from dicedesign.concave.elasticity import (
     point_masses,
     spread_points,
 )
-from dicedesign.concave.surface import Surface
 from dicedesign.errors import InputError
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.surfaces.surface import Surface
 
 Floats = NDArray[np.float64]
 
@@ -108,7 +107,7 @@ def test_on_a_larger_one_they_are_lumped() -> None:
     surface = unit(bumpy_sphere(3))
     assert len(surface.points) > HANDLES
     elasticity = Elasticity(surface)
-    gradient = np.moveaxis(centroid_derivatives(surface), 0, -1)
+    gradient = np.moveaxis(surface.centroid_derivatives(), 0, -1)
     exact = np.tensordot(elasticity.responses(np.arange(len(gradient))), gradient, (1, 0))
     found = elasticity.center_responses(gradient)
     np.testing.assert_allclose(found, exact, atol=2e-3 * np.abs(exact).max())
@@ -121,7 +120,7 @@ def test_relative_displacements_by_brute_force(held: HeldCorners) -> None:
     surface = held.elasticity.surface
     size, count = len(surface.points), len(held.corners)
     compliance = np.kron(kernel(held), np.eye(3))
-    center = centroid_derivatives(surface).reshape(3, -1)
+    center = surface.centroid_derivatives().reshape(3, -1)
     rows = np.zeros((3 * count, 3 * size))
     for place, corner in enumerate(held.corners):
         rows[3 * place : 3 * place + 3, 3 * corner : 3 * corner + 3] = np.eye(3)

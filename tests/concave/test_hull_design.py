@@ -9,16 +9,17 @@ import pytest
 from bumpy import bent_capsule, bumpy_sphere
 from numpy.typing import NDArray
 
-from dicedesign import kernels, rest_poses
-from dicedesign.concave.hull_descent import descend_hull
-from dicedesign.concave.hull_design import design_hull
-from dicedesign.concave.hull_draft import HullDraft
-from dicedesign.concave.hull_easing import eased_hull, nearer_draft
-from dicedesign.concave.hull_problem import DesignedHull, HullMetric, HullProblem
-from dicedesign.concave.judging import cluster_odds
-from dicedesign.concave.outcomes import outcome_choices
-from dicedesign.concave.slopes import SlopeOptions
-from dicedesign.concave.surface import Surface
+from dicedesign import rest_poses
+from dicedesign.concave.hull.descent import descend_hull
+from dicedesign.concave.hull.design import design_hull
+from dicedesign.concave.hull.draft import HullDraft
+from dicedesign.concave.hull.easing import eased_hull, nearer_draft
+from dicedesign.concave.hull.outcome_directions import outcome_choices
+from dicedesign.concave.hull.problem import DesignedHull, HullMetric, HullProblem
+from dicedesign.concave.hull.slopes import SlopeOptions
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.kernels import ops as kernels
+from dicedesign.rest.outcomes import cluster_odds
 
 Floats = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dicedesign.concave.hull_step import REGULAR, SOFTNESS, least_displacement
-from dicedesign.concave.slopes import SlopeConditions
+from dicedesign.concave.hull.least_displacement import REGULAR, SOFTNESS, least_displacement
+from dicedesign.concave.hull.slopes import SlopeConditions
 
 Floats = NDArray[np.float64]
 

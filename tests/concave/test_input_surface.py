@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from dicedesign.concave.input_surface import make_surface
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.body import Body, make_body
-from dicedesign.geometry.mesh_file import read_body
+from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.surfaces.closed_surface import make_surface
 
 MODELS = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "models"
 

@@ -8,7 +8,7 @@ from dented_cube import CORNERS, NORMALS
 from numpy.typing import NDArray
 
 from dicedesign import rest_poses
-from dicedesign.concave.judging import cluster_odds
+from dicedesign.rest.outcomes import cluster_odds
 
 Floats = NDArray[np.float64]
 

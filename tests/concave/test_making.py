@@ -13,14 +13,14 @@ from bumpy import bent_capsule, bumpy_sphere
 from numpy.typing import NDArray
 
 from dicedesign import rest_poses
-from dicedesign.concave import making
+from dicedesign.concave import search as making
 from dicedesign.concave.checkpoint import checkpoint_bytes
-from dicedesign.concave.making import make_concave_die
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import ConcaveDie, ConcaveProgress, ConcaveStep
-from dicedesign.concave.surface import Surface
+from dicedesign.concave.search import make_concave_die
 from dicedesign.errors import InputError, NoStartError
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.surfaces.surface import Surface
 
 Floats = NDArray[np.float64]
 

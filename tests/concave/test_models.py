@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dicedesign.concave.input_surface import make_surface
-from dicedesign.concave.judging import cluster_odds
-from dicedesign.concave.making import make_concave_die
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.concave.self_intersections import intersecting_triangles
-from dicedesign.fabricate.stl import stl_bytes
-from dicedesign.geometry.mesh_file import read_body
+from dicedesign.concave.search import make_concave_die
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.surfaces.closed_surface import make_surface
+from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
+from dicedesign.rest.outcomes import cluster_odds
 from dicedesign.rest.poses import rest_poses
 
 SPOT = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "models" / "spot.obj"

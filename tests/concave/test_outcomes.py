@@ -9,9 +9,9 @@ from dented_cube import CORNERS, NORMALS
 from numpy.typing import NDArray
 
 from dicedesign import rest_poses
-from dicedesign.concave.outcomes import outcome_choices
+from dicedesign.concave.hull.outcome_directions import outcome_choices
 from dicedesign.errors import InputError
-from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 
 Floats = NDArray[np.float64]
 

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.sparse import csc_array
 
-from dicedesign.concave import quadratic_program
-from dicedesign.concave.elastic import ElasticEnergy, ElasticWeights
-from dicedesign.concave.fill_result import FillResult, FillStatus, FillStep
-from dicedesign.concave.quadratic_fill import QuadraticFillOptions, fill_by_quadratic_programs
-from dicedesign.concave.quadratic_program import PointsInside, solve_quadratic_program
-from dicedesign.concave.surface import Surface
+from dicedesign.concave.fill import quadratic_program
+from dicedesign.concave.fill.elastic_energy import ElasticEnergy, ElasticWeights
+from dicedesign.concave.fill.quadratic_fill import QuadraticFillOptions, fill_by_quadratic_programs
+from dicedesign.concave.fill.quadratic_program import PointsInside, solve_quadratic_program
+from dicedesign.concave.fill.result import FillResult, FillStatus, FillStep
 from dicedesign.errors import InputError
-from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.surfaces.surface import Surface
 
 Floats = NDArray[np.float64]
 

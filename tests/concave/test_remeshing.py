@@ -11,13 +11,13 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from dicedesign.concave.input_surface import make_surface
-from dicedesign.concave.remeshing import decimated, refined
-from dicedesign.concave.surface import Surface
-from dicedesign.concave.surface_quality import surface_quality
 from dicedesign.errors import InputError
-from dicedesign.geometry.body import make_body
-from dicedesign.geometry.mesh_file import read_body
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.surfaces.closed_surface import make_surface
+from dicedesign.geometry.surfaces.quality import surface_quality
+from dicedesign.geometry.surfaces.remeshing import decimated, refined
+from dicedesign.geometry.surfaces.surface import Surface
 
 MODELS = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "models"
 
@@ -115,7 +115,7 @@ def test_a_mesh_is_refined_to_solid_only() -> None:
 
 def test_neither_library_is_loaded_before_it_is_needed() -> None:
     script = (
-        "import sys, dicedesign.concave.remeshing\n"
+        "import sys, dicedesign.geometry.surfaces.remeshing\n"
         "assert not {'manifold3d', 'fast_simplification', 'torch'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", script], check=True)

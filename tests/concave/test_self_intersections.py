@@ -11,9 +11,9 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from dicedesign.concave.box_pairs import overlapping_boxes
-from dicedesign.concave.self_intersections import intersecting_triangles
-from dicedesign.geometry.mesh_file import read_body
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.surfaces.box_tree import overlapping_boxes
+from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 
 MODELS = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "models"
 

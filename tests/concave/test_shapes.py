@@ -5,12 +5,19 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from dicedesign.concave.distances import blend, ellipsoid, mirrored, round_cone, stretched, tube
-from dicedesign.concave.level_set import level_set
-from dicedesign.concave.self_intersections import intersecting_triangles
-from dicedesign.concave.shapes import SHAPES, shape
-from dicedesign.concave.surface import Surface
+from dicedesign.concave.shapes.distance_functions import (
+    blend,
+    ellipsoid,
+    mirrored,
+    round_cone,
+    stretched,
+    tube,
+)
+from dicedesign.concave.shapes.level_set import level_set
+from dicedesign.concave.shapes.shapes import SHAPES, shape
 from dicedesign.errors import InputError
+from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
+from dicedesign.geometry.surfaces.surface import Surface
 
 
 @pytest.fixture(scope="module", params=sorted(SHAPES))

@@ -11,8 +11,8 @@ from bumpy import bumpy_sphere
 from dented_cube import CORNERS, NORMALS
 from numpy.typing import NDArray
 
-from dicedesign.concave.slopes import LIFETIME, SlopeMemory, SlopeOptions, climbs
-from dicedesign.design.differentiable import RestEvaluation, evaluate_rests
+from dicedesign.concave.hull.slopes import LIFETIME, SlopeMemory, SlopeOptions, climbs
+from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 
 Floats = NDArray[np.float64]
 

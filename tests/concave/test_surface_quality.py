@@ -9,8 +9,8 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from dicedesign.concave.surface import Surface
-from dicedesign.concave.surface_quality import surface_distortion, surface_quality
+from dicedesign.geometry.surfaces.quality import surface_distortion, surface_quality
+from dicedesign.geometry.surfaces.surface import Surface
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 

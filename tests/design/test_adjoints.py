@@ -15,20 +15,20 @@ import torch
 from attached_points import corner_formula
 from blade import blade
 
-from dicedesign import kernels
-from dicedesign.bench import solids
-from dicedesign.bench.extremes import large
-from dicedesign.design.centroid import centroid_gradient, hull_centroid
-from dicedesign.design.coordinates import FacetCoordinates
-from dicedesign.design.differentiable import (
-    RestEvaluation,
-    evaluate_rests,
-)
-from dicedesign.design.energy import Clusters, Energy, cluster, total_energy
-from dicedesign.design.energy_weights import REGULARIZERS, EnergyWeights
-from dicedesign.design.rest_function import differentiable_rest
-from dicedesign.design.starts import hendecahedron, prism, repulsion
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.bench.bodies import solids
+from dicedesign.bench.bodies.extremes import large
+from dicedesign.design.coordinates.facets import FacetCoordinates
+from dicedesign.design.energy.clusters import Clusters, cluster
+from dicedesign.design.energy.total import Energy, total_energy
+from dicedesign.design.energy.weights import REGULARIZERS, EnergyWeights
+from dicedesign.design.starts.hendecahedron import hendecahedron
+from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.repulsion import repulsion
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.gradient.differentiable_rest import differentiable_rest
+from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.solid_moments import centroid_gradient, hull_centroid
+from dicedesign.kernels import ops as kernels
 from dicedesign.rest.equilibria import classify
 
 compiled_only = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")

@@ -9,16 +9,17 @@ import pytest
 import torch
 from attached_points import attached_points
 
-from dicedesign.design.barrier import DEPTH, barrier_residuals
-from dicedesign.design.circles import circle_radii, soft_circle_radii
-from dicedesign.design.coordinates import FacetCoordinates
-from dicedesign.design.differentiable import RestEvaluation, evaluate_rests
-from dicedesign.design.facet_edges import SOFTNESS
-from dicedesign.design.starts import prism, repulsion
-from dicedesign.geometry.circle import inscribed_circle
-from dicedesign.geometry.halfspaces import polyhedron_corners
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.design.coordinates.facets import FacetCoordinates
+from dicedesign.design.solvers.facet_barrier import DEPTH, barrier_residuals
+from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.repulsion import repulsion
+from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.polygons import inscribed_circle
 from dicedesign.geometry.sphere import rotation_between, unit_vectors
+from dicedesign.gradient.facet_edges import SOFTNESS
+from dicedesign.gradient.inscribed_circles import circle_radii, soft_circle_radii
+from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 AROUND = np.linspace(0.0, 2.0 * np.pi, 41)[:-1] + 0.05 * np.sin(np.arange(40))

@@ -11,12 +11,16 @@ import torch
 from attached_points import attached_points
 from scipy.spatial import HalfspaceIntersection
 
-from dicedesign.design.coordinates import FacetCoordinates, VertexCoordinates
-from dicedesign.design.differentiable import evaluate_rests
-from dicedesign.design.starts import HENDECAHEDRA, Start, hendecahedron, prism, repulsion
+from dicedesign.design.coordinates.facets import FacetCoordinates
+from dicedesign.design.coordinates.vertices import VertexCoordinates
+from dicedesign.design.starts.hendecahedron import HENDECAHEDRA, hendecahedron
+from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.repulsion import repulsion
+from dicedesign.design.starts.start import Start
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.geometry.mass import solid_properties
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.gradient.rest_odds import evaluate_rests
 
 STARTS = {
     "prism": prism(12),

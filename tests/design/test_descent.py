@@ -10,16 +10,20 @@ import numpy as np
 import pytest
 
 from dicedesign import rest_poses
-from dicedesign.design.coordinates import FacetCoordinates
-from dicedesign.design.descent import DescentOptions, descend_to_target
-from dicedesign.design.energy_weights import EnergyWeights
-from dicedesign.design.objective import Objective
+from dicedesign.design.coordinates.facets import FacetCoordinates
+from dicedesign.design.energy.objective import Objective
+from dicedesign.design.energy.weights import EnergyWeights
 from dicedesign.design.result import DesignResult, DesignStep
-from dicedesign.design.sobolev import SobolevOptions
-from dicedesign.design.starts import Start, hendecahedron, prism, repulsion
-from dicedesign.design.stopping import Status, Stopping
+from dicedesign.design.solvers.descent import DescentOptions, descend_to_target
+from dicedesign.design.solvers.sobolev import SobolevOptions
+from dicedesign.design.starts.hendecahedron import hendecahedron
+from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.repulsion import repulsion
+from dicedesign.design.starts.start import Start
+from dicedesign.design.stopping import Stopping
 from dicedesign.design.targets import Target, binomial, fair, listed, sum_of_dice
 from dicedesign.errors import DiceError, InputError, OutsideHullError
+from dicedesign.results.status import Status
 
 DESIGNS: dict[str, tuple[Start, Target]] = {
     "2d6": (hendecahedron("circus"), sum_of_dice([6, 6])),

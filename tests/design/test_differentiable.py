@@ -8,18 +8,17 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign import kernels, rest_poses
-from dicedesign.design import rest_formulas
-from dicedesign.design.centroid import hull_centroid
-from dicedesign.design.differentiable import (
-    RestEvaluation,
-    evaluate_rests,
-)
-from dicedesign.design.rest_function import differentiable_rest
-from dicedesign.design.starts import prism, repulsion
+from dicedesign import rest_poses
+from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.geometry.mass import solid_properties
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.gradient import rest_formulas
+from dicedesign.gradient.differentiable_rest import differentiable_rest
+from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.solid_moments import hull_centroid
+from dicedesign.kernels import ops as kernels
 
 SIZES = [4, 5, 6, 8, 10, 12, 16, 20]
 CUBE = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])

@@ -10,26 +10,21 @@ import pytest
 import torch
 from scipy.spatial import ConvexHull as QhullHull
 
-from dicedesign import kernels, rest_poses
-from dicedesign.design import energy
-from dicedesign.design.differentiable import RestEvaluation, evaluate_rests
-from dicedesign.design.energy import (
-    Clusters,
-    Energy,
-    barycenter_energy,
-    cluster,
-    coplanar_energy,
-    dice_energy,
-    dice_simple_energy,
-    neighbor_energy,
-    outcome_facets,
-    stability_energy,
-    total_energy,
-    updated_directions,
-)
-from dicedesign.design.energy_weights import REGULARIZERS, EnergyWeights
-from dicedesign.design.starts import prism, repulsion
+from dicedesign import rest_poses
+from dicedesign.design.energy import total as energy
+from dicedesign.design.energy.barycenter import barycenter_energy
+from dicedesign.design.energy.clusters import Clusters, cluster, outcome_facets, updated_directions
+from dicedesign.design.energy.coplanar import coplanar_energy
+from dicedesign.design.energy.dice import dice_energy, dice_simple_energy
+from dicedesign.design.energy.neighbor import neighbor_energy
+from dicedesign.design.energy.stability import stability_energy
+from dicedesign.design.energy.total import Energy, total_energy
+from dicedesign.design.energy.weights import REGULARIZERS, EnergyWeights
+from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.errors import InputError
+from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.kernels import ops as kernels
 
 ROUND = (1.0, 0.9, 1.15)
 PLAIN = EnergyWeights(coplanar=0.0, barycenter=0.0, neighbor=0.0, stability=0.0)

@@ -10,21 +10,24 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign.bench.measure import measure
-from dicedesign.bench.problem import Problem
+from dicedesign.bench.bodies.problem import Problem
+from dicedesign.bench.reference.measurement import measure
 from dicedesign.bench.stability import OK, verdict
-from dicedesign.design.exact import ExactOptions, solve_exactly
-from dicedesign.design.preferences import Preferences
+from dicedesign.design.preferences.weights import Preferences
 from dicedesign.design.result import DesignResult, DesignStep
-from dicedesign.design.shape_search import shapes_near
-from dicedesign.design.sobolev import SobolevOptions
-from dicedesign.design.starts import Start, hendecahedron, prism, repulsion
-from dicedesign.design.stopping import Status
+from dicedesign.design.solvers.exact import ExactOptions, solve_exactly
+from dicedesign.design.solvers.sobolev import SobolevOptions
+from dicedesign.design.starts.hendecahedron import hendecahedron
+from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.repulsion import repulsion
+from dicedesign.design.starts.search import shapes_near
+from dicedesign.design.starts.start import Start
+from dicedesign.design.starts.variations import shapes_like
 from dicedesign.design.targets import binomial, sum_of_dice
-from dicedesign.design.variations import shapes_like
 from dicedesign.errors import InputError, NoStartError
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.poses import rest_poses
+from dicedesign.results.status import Status
 
 torch.set_num_threads(1)
 

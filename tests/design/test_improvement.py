@@ -7,24 +7,21 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from dicedesign.design import improvement
-from dicedesign.design.barrier import barrier_residuals
-from dicedesign.design.circles import circle_radii
-from dicedesign.design.coordinates import (
-    Coordinates,
-    FacetCoordinates,
-    Shape,
-    VertexCoordinates,
-)
-from dicedesign.design.differentiable import RestEvaluation
-from dicedesign.design.improvement import improve
-from dicedesign.design.preferences import Preferences, preference_residuals
-from dicedesign.design.starts import repulsion
-from dicedesign.design.trial import Trial, TrialMaker
-from dicedesign.geometry.halfspaces import polyhedron_corners
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.geometry.hull_reuse import HullMaker
+from dicedesign.design.coordinates.facets import FacetCoordinates
+from dicedesign.design.coordinates.shape import Coordinates, Shape
+from dicedesign.design.coordinates.vertices import VertexCoordinates
+from dicedesign.design.preferences.weights import Preferences, preference_residuals
+from dicedesign.design.solvers import null_space_descent as improvement
+from dicedesign.design.solvers.candidate import Trial, TrialMaker
+from dicedesign.design.solvers.facet_barrier import barrier_residuals
+from dicedesign.design.solvers.null_space_descent import improve
+from dicedesign.design.starts.repulsion import repulsion
+from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.reuse import HullMaker
 from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.gradient.inscribed_circles import circle_radii
+from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.rest.poses import rest_poses
 
 TOLERANCE = 1e-12

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign.design.coordinates import Coordinates, FacetCoordinates, VertexCoordinates
-from dicedesign.design.levenberg_marquardt import Approach, dice_energy
-from dicedesign.design.sobolev import SobolevOptions, graph_laplacian
-from dicedesign.design.trial import Trial, TrialMaker
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.design.coordinates.facets import FacetCoordinates
+from dicedesign.design.coordinates.shape import Coordinates
+from dicedesign.design.coordinates.vertices import VertexCoordinates
+from dicedesign.design.solvers.candidate import Trial, TrialMaker
+from dicedesign.design.solvers.levenberg_marquardt import Approach, dice_energy
+from dicedesign.design.solvers.sobolev import SobolevOptions, graph_laplacian
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.poses import rest_poses
 
 torch.set_num_threads(1)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from dicedesign.design.line_search import LARGEST_MOVE, LARGEST_STEP, MEMORY, LineSearch
+from dicedesign.design.solvers.line_search import LARGEST_MOVE, LARGEST_STEP, MEMORY, LineSearch
 
 DIRECTIONS = np.eye(3)
 

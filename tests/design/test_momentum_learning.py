@@ -10,10 +10,10 @@ import pytest
 from inline_executor import Inline
 from throws.thrown import compiled_only
 
-from dicedesign.design import random_throws
-from dicedesign.design.momentum_learning import learn_momentum, throws_of_die
-from dicedesign.design.random_dice import random_die
-from dicedesign.design.random_throws import (
+from dicedesign.errors import InputError
+from dicedesign.learning import random_throws
+from dicedesign.learning.random_dice import random_die
+from dicedesign.learning.random_throws import (
     ThrownRandomDie,
     deviation,
     mean_deviations,
@@ -21,14 +21,15 @@ from dicedesign.design.random_throws import (
     throw_random_die,
     training_die,
 )
-from dicedesign.errors import InputError
-from dicedesign.executors import local_workers
-from dicedesign.throws.momentum import landing_odds, momentum_odds
-from dicedesign.throws.momentum_model import MomentumModel, Network, Slopes, model_of
-from dicedesign.throws.orientations import drop_weights
-from dicedesign.throws.pass_features import CARRY_FEATURES, PASS_FEATURES
+from dicedesign.learning.table_learning import learn_momentum, throws_of_die
+from dicedesign.runtime.executors import local_workers
+from dicedesign.throws.engines.engine import Engine
+from dicedesign.throws.momentum.momentum_model import MomentumModel, Network, Slopes, model_of
+from dicedesign.throws.momentum.momentum_odds import landing_odds, momentum_odds
+from dicedesign.throws.momentum.transition_features import CARRY_FEATURES, PASS_FEATURES
+from dicedesign.throws.release import drop_weights
 from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.simulation import Engine, Throws
+from dicedesign.throws.simulation.simulation import Throws
 from dicedesign.throws.tables import Table, table_named
 
 TABLE = table_named("board-game")

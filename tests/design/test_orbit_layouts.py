@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from dicedesign.design.orbit_layouts import OrbitLayouts
+from dicedesign.design.starts.orbit_layouts import OrbitLayouts
 from dicedesign.design.targets import sum_of_dice
 from dicedesign.errors import InputError
 from dicedesign.geometry.point_groups import point_group

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign.design.coordinates import FacetCoordinates
-from dicedesign.design.differentiable import RestEvaluation, evaluate_rests
-from dicedesign.design.facet_edges import SOFTNESS
-from dicedesign.design.preferences import (
+from dicedesign.design.coordinates.facets import FacetCoordinates
+from dicedesign.design.preferences.weights import (
     CIRCLE_POWER,
     USUAL_CIRCLE,
     USUAL_HELPERS,
@@ -23,15 +21,17 @@ from dicedesign.design.preferences import (
     Preferences,
     preference_residuals,
 )
-from dicedesign.design.robustness import USUAL_SWING, Swing
-from dicedesign.design.starts import repulsion
-from dicedesign.design.thrown_odds import ThrownOdds
-from dicedesign.design.trial import Trial, TrialMaker
+from dicedesign.design.solvers.candidate import Trial, TrialMaker
+from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.errors import InputError
-from dicedesign.geometry.halfspaces import polyhedron_corners
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import unit_vectors
-from dicedesign.rest.momentum import basin_moments
+from dicedesign.gradient.facet_edges import SOFTNESS
+from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.restitution_sensitivity import USUAL_SWING, Swing
+from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.rest.asymmetry import basin_moments
 from dicedesign.rest.morse import separatrix_points
 from dicedesign.rest.poses import rest_poses
 

@@ -8,8 +8,10 @@ from itertools import count
 import numpy as np
 import pytest
 
-from dicedesign.design import exact
-from dicedesign.design.random_dice import (
+from dicedesign.design.solvers import exact
+from dicedesign.errors import DegenerateBodyError
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.learning.random_dice import (
     ACCURACY,
     DESIGNED,
     DICE_KINDS,
@@ -18,9 +20,7 @@ from dicedesign.design.random_dice import (
     RandomDie,
     random_die,
 )
-from dicedesign.design.random_shapes import KINDS, random_shape
-from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.learning.random_polyhedra import KINDS, random_shape
 
 SEED = 3
 

@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dicedesign.design.refine_options import RefineOptions
-from dicedesign.design.refinement import Refinement
+from dicedesign.design.refinement import Refinement, RefineOptions
 from dicedesign.design.result import DesignResult
-from dicedesign.design.stopping import Status
 from dicedesign.errors import InputError
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.results.status import Status
 
 TARGET = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1]) / 36.0
 ALONE = np.arange(11)

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign.design.exact import ExactOptions, solve_exactly
-from dicedesign.design.preferences import Preferences
-from dicedesign.design.rest_function import differentiable_rest
-from dicedesign.design.robustness import Swing
-from dicedesign.design.starts import repulsion
-from dicedesign.design.stopping import Status
-from dicedesign.design.thrown_odds import ThrownOdds
-from dicedesign.design.variations import shapes_like
+from dicedesign.design.preferences.weights import Preferences
+from dicedesign.design.solvers.exact import ExactOptions, solve_exactly
+from dicedesign.design.starts.repulsion import repulsion
+from dicedesign.design.starts.variations import shapes_like
 from dicedesign.errors import InputError
-from dicedesign.geometry.body import make_body
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.gradient.differentiable_rest import differentiable_rest
+from dicedesign.gradient.restitution_sensitivity import Swing
+from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum import thrown_odds
+from dicedesign.results.status import Status
+from dicedesign.throws.momentum.momentum_odds import thrown_odds
 
 POINTS = np.random.default_rng(5).normal(size=(9, 3))
 

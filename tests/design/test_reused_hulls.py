@@ -7,20 +7,24 @@ import pytest
 import torch
 from attached_points import attached_points
 
-from dicedesign.design.coordinates import FacetCoordinates, VertexCoordinates
-from dicedesign.design.descent import DescentOptions, descend_to_target
-from dicedesign.design.differentiable import evaluate_rests
-from dicedesign.design.energy_weights import EnergyWeights
-from dicedesign.design.objective import Objective
+from dicedesign.design.coordinates.facets import FacetCoordinates
+from dicedesign.design.coordinates.vertices import VertexCoordinates
+from dicedesign.design.energy.objective import Objective
+from dicedesign.design.energy.weights import EnergyWeights
 from dicedesign.design.result import DesignResult
-from dicedesign.design.sobolev import SobolevOptions
-from dicedesign.design.starts import Start, hendecahedron, prism, repulsion
+from dicedesign.design.solvers.descent import DescentOptions, descend_to_target
+from dicedesign.design.solvers.sobolev import SobolevOptions
+from dicedesign.design.starts.hendecahedron import hendecahedron
+from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.repulsion import repulsion
+from dicedesign.design.starts.start import Start
 from dicedesign.design.stopping import Stopping
 from dicedesign.design.targets import Target, binomial, fair, sum_of_dice
-from dicedesign.geometry import hull_reuse
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.geometry.hull_reuse import HullMemory
-from dicedesign.summary import design_summary
+from dicedesign.geometry.hulls import reuse as hull_reuse
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.reuse import HullMemory
+from dicedesign.gradient.rest_odds import evaluate_rests
+from dicedesign.recipe.summary import design_summary
 
 
 def ellipsoid(count: int) -> Start:

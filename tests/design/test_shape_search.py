@@ -8,14 +8,13 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from dicedesign.design.half_space_odds import resting_half_spaces, start_with_odds
-from dicedesign.design.needles import needle_near
-from dicedesign.design.shape_pool import DRAWN, EVEN_SHAPES, PROPOSED, nearest_first
-from dicedesign.design.shape_search import shapes_near
-from dicedesign.design.starts import Start
+from dicedesign.design.starts.half_space_odds import resting_half_spaces, start_with_odds
+from dicedesign.design.starts.needles import needle_near
+from dicedesign.design.starts.search import DRAWN, EVEN_SHAPES, PROPOSED, nearest_first, shapes_near
+from dicedesign.design.starts.start import Start
 from dicedesign.design.targets import binomial, sum_of_dice
-from dicedesign.geometry.halfspaces import polyhedron_corners
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.poses import rest_poses
 
 TARGETS = {

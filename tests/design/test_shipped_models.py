@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from throws.thrown import compiled_only
 
-from dicedesign.design.random_dice import RandomDie, random_die
-from dicedesign.design.robustness import CHANGES
-from dicedesign.throws.momentum import momentum_odds
-from dicedesign.throws.momentum_model import momentum_model
-from dicedesign.throws.simulation import simulate
+from dicedesign.gradient.restitution_sensitivity import CHANGES
+from dicedesign.learning.random_dice import RandomDie, random_die
+from dicedesign.throws.momentum.momentum_model import momentum_model
+from dicedesign.throws.momentum.momentum_odds import momentum_odds
+from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.statistics.total_variation import total_variation
 from dicedesign.throws.tables import TABLE_NAMES, table_named
-from dicedesign.throws.total_variation import total_variation
 
 pytestmark = compiled_only
 

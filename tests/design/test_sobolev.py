@@ -7,14 +7,14 @@ import re
 import numpy as np
 import pytest
 
-from dicedesign.design.sobolev import (
+from dicedesign.design.solvers.sobolev import (
     SobolevOptions,
     SobolevSolver,
     graph_laplacian,
     sobolev_solve,
 )
 from dicedesign.errors import InputError
-from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 
 CUBE = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 

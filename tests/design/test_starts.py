@@ -8,17 +8,14 @@ import numpy as np
 import pytest
 
 from dicedesign import rest_poses
-from dicedesign.design.starts import (
-    HENDECAHEDRA,
-    Start,
-    hendecahedron,
-    mesh_start,
-    prism,
-    repulsion,
-)
+from dicedesign.design.starts.hendecahedron import HENDECAHEDRA, hendecahedron
+from dicedesign.design.starts.mesh import mesh_start
+from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.repulsion import repulsion
+from dicedesign.design.starts.start import Start
 from dicedesign.errors import InputError
-from dicedesign.geometry.body import make_body
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.body import make_body
 
 
 def nearest_angle(directions: np.ndarray, normals: np.ndarray) -> np.ndarray:

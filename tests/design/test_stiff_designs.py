@@ -15,32 +15,37 @@ import torch
 from scipy.spatial import ConvexHull as QhullHull
 
 from dicedesign import rest_poses
-from dicedesign.bench.cases import stability_cases
-from dicedesign.bench.oracle import hull_probabilities
-from dicedesign.bench.problem import DesignProblem, Problem
-from dicedesign.bench.stability import OK, run_case
-from dicedesign.bench.stiff_designs import (
+from dicedesign.bench.bodies.problem import DesignProblem, Problem
+from dicedesign.bench.bodies.stability_suite import stability_cases
+from dicedesign.bench.bodies.stiff_designs import (
     coincident,
     design_cases,
     leaning,
     loaded_box,
     near_facet,
 )
-from dicedesign.bench.watched_design import step_faults, watch_design
-from dicedesign.cli import main
-from dicedesign.design.coordinates import VertexCoordinates
-from dicedesign.design.descent import DescentOptions, descend_to_target
-from dicedesign.design.differentiable import evaluate_rests
-from dicedesign.design.energy import barycenter_energy, cluster, stability_energy
-from dicedesign.design.energy_weights import EnergyWeights
-from dicedesign.design.line_search import LineSearch
-from dicedesign.design.objective import Evaluation, Objective
-from dicedesign.design.schedule import SMALLEST_MARGIN, Schedule
-from dicedesign.design.starts import Start, prism, repulsion
-from dicedesign.design.stopping import Status, Stopping
+from dicedesign.bench.measures.watched_design import step_faults, watch_design
+from dicedesign.bench.reference.oracle import hull_probabilities
+from dicedesign.bench.stability import OK, run_case
+from dicedesign.cli.main import main
+from dicedesign.design.coordinates.vertices import VertexCoordinates
+from dicedesign.design.energy.barycenter import barycenter_energy
+from dicedesign.design.energy.clusters import cluster
+from dicedesign.design.energy.objective import Evaluation, Objective
+from dicedesign.design.energy.schedule import SMALLEST_MARGIN, Schedule
+from dicedesign.design.energy.stability import stability_energy
+from dicedesign.design.energy.weights import EnergyWeights
+from dicedesign.design.solvers.descent import DescentOptions, descend_to_target
+from dicedesign.design.solvers.line_search import LineSearch
+from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.repulsion import repulsion
+from dicedesign.design.starts.start import Start
+from dicedesign.design.stopping import Stopping
 from dicedesign.design.targets import fair, listed
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.mass import solid_properties
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.gradient.rest_odds import evaluate_rests
+from dicedesign.results.status import Status
 
 CASES = {case.name.removeprefix("design: "): case for case in design_cases()}
 QUICK = [name for name, case in CASES.items() if case.quick]
@@ -301,7 +306,9 @@ def test_the_suite_has_every_design_as_a_row_with_its_ending(
     assert row.ending.startswith("converged, max |p - q| ")
     assert row.error is not None
     assert row.error < 1e-14
-    monkeypatch.setattr("dicedesign.bench.watched_design.step_faults", lambda step: ["volume 0"])
+    monkeypatch.setattr(
+        "dicedesign.bench.measures.watched_design.step_faults", lambda step: ["volume 0"]
+    )
     bad = run_case(("design: symmetric prism", 0))
     assert bad.verdict == "volume 0 at step 0"
     monkeypatch.setattr("dicedesign.bench.stability.run_stability", lambda **_: iter([row, bad]))

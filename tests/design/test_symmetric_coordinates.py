@@ -11,12 +11,13 @@ import torch
 from attached_points import attached_points
 from scipy.spatial import ConvexHull
 
-from dicedesign.design.coordinates import FacetCoordinates
-from dicedesign.design.starts import Start, prism
-from dicedesign.design.symmetric_coordinates import SymmetricCoordinates, orbits_of_directions
+from dicedesign.design.coordinates.facets import FacetCoordinates
+from dicedesign.design.coordinates.symmetric import SymmetricCoordinates, orbits_of_directions
+from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.start import Start
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.halfspaces import polyhedron_corners
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.point_groups import point_group
 
 CUBE = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T

@@ -8,17 +8,16 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from dicedesign.design import shape_pool
-from dicedesign.design.shape_pool import EVEN_SHAPES, PROPOSED
-from dicedesign.design.shape_search import shapes_near
-from dicedesign.design.starts import Start
-from dicedesign.design.symmetric_shapes import symmetric_shapes_near
+from dicedesign.design.starts import search as shape_pool
+from dicedesign.design.starts.search import EVEN_SHAPES, PROPOSED, shapes_near
+from dicedesign.design.starts.start import Start
+from dicedesign.design.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.design.targets import binomial, sum_of_dice
 from dicedesign.errors import InputError
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.point_groups import point_group
+from dicedesign.rest.basins import find_basins
 from dicedesign.rest.poses import rest_poses
-from dicedesign.rest.probabilities import find_basins
 
 HALF = np.full(20, 1 / 19)
 HALF[[0, 19]] = 0.5 / 19

@@ -10,13 +10,13 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import EngravingError, InputError
-from dicedesign.fabricate.engrave import engrave
-from dicedesign.fabricate.engraving_options import EngravingOptions
+from dicedesign.fabricate.engraving import engrave
 from dicedesign.fabricate.glyphs import label_contours
 from dicedesign.fabricate.layout import place_labels
-from dicedesign.fabricate.stl import stl_bytes
-from dicedesign.geometry.mass import solid_properties
-from dicedesign.geometry.solid import solid
+from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.geometry.manifold import solid
+from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.solid import solid_properties
 
 OPTIONS = EngravingOptions()
 

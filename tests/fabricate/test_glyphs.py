@@ -110,7 +110,7 @@ def test_a_label_that_draws_nothing_is_refused(text):
 def test_fabricating_loads_no_matplotlib_and_no_torch():
     code = (
         "import sys\n"
-        "import dicedesign.fabricate.engrave, dicedesign.fabricate.stl\n"
+        "import dicedesign.fabricate.engraving, dicedesign.geometry.meshes.stl\n"
         "from dicedesign.fabricate.glyphs import text_section\n"
         "text_section('6')\n"
         "print([name for name in ('matplotlib', 'torch') if name in sys.modules])"

@@ -8,13 +8,13 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import EngravingError, InputError, LabelRoomError
-from dicedesign.fabricate.engraving_options import EngravingOptions
 from dicedesign.fabricate.glyphs import text_section
 from dicedesign.fabricate.marks import engrave_marks
-from dicedesign.fabricate.relief import relief
-from dicedesign.fabricate.stl import stl_bytes
-from dicedesign.geometry.mass import solid_properties
-from dicedesign.geometry.solid import solid
+from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.fabricate.upper_side import relief
+from dicedesign.geometry.manifold import solid
+from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.solid import solid_properties
 
 OPTIONS = EngravingOptions()
 DOWNS = np.array([(0, 0, -1), (0, 0, 1), (1, 0, 0), (-0.3, -1, 0.2)], dtype=float)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from dicedesign.concave.self_intersections import intersecting_triangles
-from dicedesign.concave.surface import Surface
-from dicedesign.concave.surface_quality import surface_quality
 from dicedesign.errors import InputError
 from dicedesign.fabricate.printable import printable_solid
 from dicedesign.geometry.sphere import signed_solid_angle
+from dicedesign.geometry.surfaces.quality import surface_quality
+from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
+from dicedesign.geometry.surfaces.surface import Surface
 
 
 def surface_of(mesh: trimesh.Trimesh) -> Surface:

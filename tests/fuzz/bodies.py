@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull as Triangulation
 from scipy.spatial import QhullError
 
-from dicedesign.bench.problem import Problem
-from dicedesign.bench.solids import icosphere
+from dicedesign.bench.bodies.problem import Problem
+from dicedesign.bench.bodies.solids import icosphere
 
 Floats = NDArray[np.float64]
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.bench.measure import measure, share_error
-from dicedesign.bench.problem import Problem
+from dicedesign.bench.bodies.problem import Problem
+from dicedesign.bench.reference.measurement import measure, share_error
 from dicedesign.bench.stability import OK, verdict
+from dicedesign.rest.basins import find_basins
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.rest.probabilities import find_basins
 
 Floats = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull as Triangulation
 from scipy.spatial import QhullError
 
-from dicedesign.bench.problem import Problem
-from dicedesign.rest.probabilities import TIE_STEP
+from dicedesign.bench.bodies.problem import Problem
+from dicedesign.rest.basins import TIE_STEP
 from dicedesign.tolerances import (
     BOUNDARY_TOLERANCE,
     COPLANAR_TOLERANCE,

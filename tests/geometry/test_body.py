@@ -9,8 +9,8 @@ import pytest
 import trimesh
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.body import is_rounded, make_body, weld
-from dicedesign.geometry.mass import is_closed
+from dicedesign.geometry.meshes.body import is_rounded, make_body, weld
+from dicedesign.geometry.solid import is_closed
 
 CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
 TETRAHEDRON = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.circle import inscribed_circle
+from dicedesign.geometry.hulls.polygons import inscribed_circle
 
 
 def regular(corners: int, circumradius: float) -> np.ndarray:

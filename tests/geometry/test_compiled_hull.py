@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dicedesign import kernels
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.body import make_body, weld
-from dicedesign.geometry.compiled_hull import hull_attributes
-from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.compiled_hull import hull_attributes
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.body import make_body, weld
+from dicedesign.kernels import ops as kernels
 from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32
 
 pytestmark = pytest.mark.skipif(kernels.compiled is None, reason="the kernels were not built")

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry import exact_hull
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.geometry.orientation import Orientation
-from dicedesign.geometry.qhull import hull_triangles
+from dicedesign.geometry.hulls import exact_hull
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.qhull import hull_triangles
+from dicedesign.geometry.predicates import Orientation
 
 Corner = tuple[int, ...]
 Facets = set[frozenset[Corner]]

@@ -13,8 +13,8 @@ from scipy.spatial import ConvexHull as QhullHull
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.hull import ConvexHull, convex_hull
-from dicedesign.geometry.mass import solid_properties
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.solid import solid_properties
 from dicedesign.rest.poses import rest_poses
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
@@ -288,8 +288,8 @@ def test_facets_that_make_no_polyhedron_are_merged_again_and_then_refused(
         tolerances.append(tolerance)
         return np.zeros(len(triangles), dtype=np.int64)
 
-    monkeypatch.setattr("dicedesign.kernels.compiled", None)
-    monkeypatch.setattr("dicedesign.geometry.numpy_hull.facet_labels", labels)
+    monkeypatch.setattr("dicedesign.kernels.ops.compiled", None)
+    monkeypatch.setattr("dicedesign.geometry.hulls.numpy_hull.facet_labels", labels)
     with pytest.raises(DegenerateBodyError, match=r"told apart, got none .* pass another"):
         convex_hull(CUBE, 1e-3)
     np.testing.assert_allclose(tolerances, [1e-3, 1e-2, 1e-1, 1.0])

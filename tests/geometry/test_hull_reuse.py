@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dicedesign import kernels
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry import hull_reuse
-from dicedesign.geometry.halfspaces import polyhedron_corners
-from dicedesign.geometry.hull import ConvexHull, convex_hull
-from dicedesign.geometry.hull_reuse import HullMemory, same_connectivity
+from dicedesign.geometry.hulls import reuse as hull_reuse
+from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.reuse import HullMemory, same_connectivity
+from dicedesign.kernels import ops as kernels
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 

@@ -10,8 +10,8 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from dicedesign.geometry.mass import is_closed, solid_properties, stretch_matrix
-from dicedesign.geometry.winding import consistent_winding
+from dicedesign.geometry.meshes.winding import consistent_winding
+from dicedesign.geometry.solid import is_closed, solid_properties, stretch_matrix
 
 MODELS = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "models"
 

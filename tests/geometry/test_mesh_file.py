@@ -13,9 +13,9 @@ import pytest
 import trimesh
 
 from dicedesign.errors import DegenerateBodyError, MeshFileError
-from dicedesign.geometry.mass import is_closed, solid_properties
-from dicedesign.geometry.mesh_file import read_body
-from dicedesign.geometry.stl import read_stl
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.meshes.stl import read_stl
+from dicedesign.geometry.solid import is_closed, solid_properties
 
 MODELS = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "models"
 
@@ -423,7 +423,7 @@ def test_reading_imports_no_more_than_it_needs(tmp_path: Path, name: str) -> Non
     }:  # trimesh itself imports manifold3d where it is there
         heavy |= {"trimesh", "manifold3d"}
     code = (
-        "import sys; from dicedesign.geometry.mesh_file import read_body; "
+        "import sys; from dicedesign.geometry.meshes.reading import read_body; "
         f"read_body({str(tmp_path / name)!r}); print(sorted({heavy!r} & set(sys.modules)))"
     )
     done = subprocess.run(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dicedesign.geometry.ragged import ragged_ranges
+from dicedesign.runtime.arrays import ragged_ranges
 
 
 def test_ranges_follow_one_another() -> None:

@@ -7,9 +7,9 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from dicedesign import kernels
-from dicedesign.geometry.mass import is_closed
-from dicedesign.geometry.shells import _shells, oriented_shells
+from dicedesign.geometry.meshes.shells import _shells, oriented_shells
+from dicedesign.geometry.solid import is_closed
+from dicedesign.kernels import ops as kernels
 
 pytestmark = pytest.mark.skipif(kernels.compiled is None, reason="kernels were not built")
 

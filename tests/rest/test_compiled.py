@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dicedesign import kernels
 from dicedesign.errors import DiceError
-from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.kernels import ops as kernels
 from dicedesign.rest import compiled, morse, tracing
+from dicedesign.rest.basins import basin_areas, find_basins, tie_distance
+from dicedesign.rest.center_clearance import surroundings
 from dicedesign.rest.equilibria import Equilibria, Tie, classify
 from dicedesign.rest.morse import Separatrices, separatrices
 from dicedesign.rest.poses import rest_poses
-from dicedesign.rest.probabilities import basin_areas, find_basins, tie_distance
-from dicedesign.rest.surroundings import surroundings
 
 Floats = NDArray[np.float64]
 
@@ -187,7 +187,7 @@ def test_a_border_through_the_antipode_of_its_rest_costs_no_digits() -> None:
     # A prism over a spiral: its left side rolls all the way down to the bottom, so that the ridge
     # on top, opposite to the bottom's normal, is on the border of the bottom's basin. Triangles
     # between such directions have no area to speak of.
-    oracle = pytest.importorskip("dicedesign.bench.oracle")
+    oracle = pytest.importorskip("dicedesign.bench.reference.oracle")
     angles = np.radians(np.linspace(90.0, 240.0, 16))
     spiral = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     spiral *= 1.6 * 0.98 ** np.arange(16)[:, None]

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.equilibria import FacetKind, classify
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))

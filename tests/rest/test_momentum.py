@@ -9,11 +9,11 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from dicedesign.bench.monostatic import conway_guy
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.bench.bodies.monostatic import conway_guy
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import angle_between, unit_vectors
+from dicedesign.rest.asymmetry import asymmetry, basin_moments, border_margins
 from dicedesign.rest.equilibria import classify
-from dicedesign.rest.momentum import asymmetry, basin_moments, border_margins
 from dicedesign.rest.morse import separatrices, separatrix_points
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import roll

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from dicedesign.bench.measure import measure
-from dicedesign.bench.problem import Problem
+from dicedesign.bench.bodies.problem import Problem
+from dicedesign.bench.reference.measurement import measure
 from dicedesign.bench.stability import OK, verdict
 from dicedesign.errors import OutsideHullError
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.rest import probabilities
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.rest import basins as probabilities
+from dicedesign.rest.basins import find_basins
 from dicedesign.rest.poses import UNEVEN, rest_poses
-from dicedesign.rest.probabilities import find_basins
 
 TIED = [(25, 20, 1e-12), (94, 20, 1e-12), (96, 20, 1e-12), (106, 20, 1e-12), (1, 40, 1e-13)]
 """Seed, points and noise of bodies that balance to within the unevenness of their facets, and in

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 import trimesh
 
-from dicedesign.bench.extremes import weighted_sphere
-from dicedesign.bench.monostatic import conway_guy
-from dicedesign.bench.problem import Problem
+from dicedesign.bench.bodies.extremes import weighted_sphere
+from dicedesign.bench.bodies.monostatic import conway_guy
+from dicedesign.bench.bodies.problem import Problem
 from dicedesign.errors import InputError
-from dicedesign.geometry.body import make_body
-from dicedesign.geometry.mesh_file import read_body
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.sphere import angle_between
+from dicedesign.report.figures.gauss_map import basin_of_directions
 from dicedesign.rest.equilibria import Tie, classify
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import roll
 from dicedesign.rest.tracing import destined_facets
-from dicedesign.show.basins import basin_of_directions
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 

@@ -15,8 +15,8 @@ from rest.flow_oracle import flow_frequencies
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import OutsideHullError
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.geometry.mesh_file import read_body
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.morse import border_areas, separatrices, separatrix_points, wraps
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
 from dicedesign.rest.roll import roll

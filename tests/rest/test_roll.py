@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.poses import rest_poses
 from dicedesign.rest.roll import RollStep, roll

@@ -11,13 +11,13 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from dicedesign import read_body, rest_poses
-from dicedesign.bench import solids
-from dicedesign.design.descent import DescentOptions, descend_to_target
-from dicedesign.design.starts import hendecahedron
+from dicedesign.bench.bodies import solids
+from dicedesign.design.solvers.descent import DescentOptions, descend_to_target
+from dicedesign.design.starts.hendecahedron import hendecahedron
 from dicedesign.design.stopping import Stopping
 from dicedesign.design.targets import sum_of_dice
-from dicedesign.fabricate.stl import stl_bytes
-from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.stl import stl_bytes
 from dicedesign.rest.poses import RestPoses
 
 TOLERANCE = 1e-5

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dicedesign.geometry.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.rest import equilibria as equilibria_module
 from dicedesign.rest import tracing as tracing_module
 from dicedesign.rest.equilibria import classify

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from made_up_trial import made_up_trial
 
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import read_recipe
+from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.schema.recipe import Recipe
 
 
 @pytest.fixture(autouse=True)
@@ -37,4 +37,4 @@ def recipe(recipe_path: Path) -> Recipe:
 @pytest.fixture
 def made_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """Trials that design nothing and end at once."""
-    monkeypatch.setattr("dicedesign.search.running.run_trial", made_up_trial)
+    monkeypatch.setattr("dicedesign.search.trial_scheduler.run_trial", made_up_trial)

@@ -17,14 +17,15 @@ import pytest
 from distributed import Client
 from inline_executor import Inline
 
-from dicedesign import __version__, executors
-from dicedesign.cli import main
+from dicedesign import __version__
+from dicedesign.cli.main import main
 from dicedesign.errors import DiceError, InputError
-from dicedesign.executors import cluster_workers, no_worker_left
-from dicedesign.recipe import Recipe
-from dicedesign.search import running
-from dicedesign.search.running import run_search
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.runtime import executors
+from dicedesign.runtime.executors import cluster_workers, no_worker_left
+from dicedesign.search import trial_scheduler as running
 from dicedesign.search.study import open_study
+from dicedesign.search.trial_scheduler import run_search
 
 PATIENCE = 60.0
 

@@ -15,14 +15,14 @@ from matplotlib.image import imread
 
 from dicedesign import rest_poses
 from dicedesign.errors import InputError, OutputError
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import checked_recipe, read_recipe
+from dicedesign.recipe.schema.reading import checked_recipe, read_recipe
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.report.figures.pareto import pareto_figure
+from dicedesign.report.pages.leaderboard_page import lying_die_png
 from dicedesign.search.leaderboard import leaders, pareto_front, ranked, write_results
 from dicedesign.search.space import search_space, varied_recipe
 from dicedesign.search.trial import run_trial
-from dicedesign.show.leaderboard_page import lying_die_png
-from dicedesign.show.pareto import pareto_figure
-from dicedesign.show.png import png_bytes
 
 TETRAHEDRON = [[9.0, 9.0, 9.0], [9.0, -9.0, -9.0], [-9.0, 9.0, -9.0], [-9.0, -9.0, 9.0]]
 

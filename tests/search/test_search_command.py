@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from inline_executor import Inline
 
-from dicedesign import executors
-from dicedesign.cli import main
-from dicedesign.fabricate.stl import stl_bytes
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import read_recipe
-from dicedesign.search import running
+from dicedesign.cli.main import main
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.runtime import executors
+from dicedesign.search import trial_scheduler as running
 from dicedesign.search.study import open_study
 
 

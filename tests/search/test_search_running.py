@@ -17,13 +17,13 @@ from typing import Any
 import pytest
 from inline_executor import Inline
 
-from dicedesign.cli import main
+from dicedesign.cli.main import main
 from dicedesign.errors import DiceError
-from dicedesign.executors import is_lost_worker, local_workers
-from dicedesign.recipe import Recipe
-from dicedesign.search import running
-from dicedesign.search.running import run_search
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.runtime.executors import is_lost_worker, local_workers
+from dicedesign.search import trial_scheduler as running
 from dicedesign.search.study import JOURNAL, open_study
+from dicedesign.search.trial_scheduler import run_search
 
 
 class Lossy(Inline):

@@ -12,10 +12,10 @@ import pytest
 from inline_executor import Inline
 
 from dicedesign.errors import InputError, OutputError
-from dicedesign.recipe import Recipe
-from dicedesign.recipe_file import checked_recipe
-from dicedesign.search.running import run_search
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.search.study import JOURNAL, RECIPE, open_study
+from dicedesign.search.trial_scheduler import run_search
 
 pytestmark = pytest.mark.usefixtures("made_up")
 

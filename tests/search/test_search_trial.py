@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dicedesign.design_stage import DesignedDie, design_die, make_start
 from dicedesign.errors import InputError, MeshFileError
-from dicedesign.recipe_file import checked_recipe
+from dicedesign.recipe.design_stage import DesignedDie, design_die, make_start
+from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.search.trial import run_trial
 
 EXACT = {"start": {"search": {}}, "method": {"exact": {}}}

@@ -7,9 +7,9 @@ import pytest
 from matplotlib.colors import to_hex
 
 from dicedesign.errors import InputError
-from dicedesign.show.asymmetry_scatter import asymmetry_scatter_figure
-from dicedesign.show.error_against_time import DISTINCT
-from dicedesign.show.png import png_bytes
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.report.charts.scatter import asymmetry_scatter_figure
+from dicedesign.report.charts.time_curves import DISTINCT
 
 RNG = np.random.default_rng(3)
 ASYMMETRY = RNG.gamma(4.0, 0.05, 60)

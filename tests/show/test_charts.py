@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.show.bars import bars_figure
-from dicedesign.show.convergence import convergence_figure
-from dicedesign.show.png import png_bytes
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.report.figures.bars import bars_figure
+from dicedesign.report.figures.convergence import convergence_figure
 
 
 def history(count: int) -> list[dict[str, object]]:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from parsed_html import parsed
 
-from dicedesign.show.concave_report import concave_report_html
+from dicedesign.report.pages.concave_page import concave_report_html
 
 TITLES = {
     "rests": "How the die lies after each outcome",

@@ -7,9 +7,9 @@ import pytest
 from matplotlib.colors import to_hex
 
 from dicedesign.errors import InputError
-from dicedesign.show.deviation_bars import deviation_bars_figure
-from dicedesign.show.palette import ACCENT, PALE
-from dicedesign.show.png import png_bytes
+from dicedesign.report.charts.bar_chart import deviation_bars_figure
+from dicedesign.report.charts.palette import ACCENT, PALE
+from dicedesign.report.charts.png import png_bytes
 
 GEOMETRIC = np.array([0.1, 0.3, 0.2])
 MOMENTUM = np.array([0.05, 0.02, 0.04])

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.show.error_against_time import (
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.report.charts.time_curves import (
     DISTINCT,
     ErrorCurve,
     ErrorPanel,
     error_against_time_figure,
 )
-from dicedesign.show.png import png_bytes
 
 LEVELS = {"float64 rounding": 2.0**-53}
 

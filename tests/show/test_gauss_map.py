@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
+from dicedesign.report.charts.hemispheres import choose_axis, great_arcs, opposite_discs
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.report.charts.text_places import place_texts
+from dicedesign.report.figures.gauss_map import basin_of_directions, gauss_map_figure
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.show.basins import basin_of_directions
-from dicedesign.show.discs import choose_axis, great_arcs, opposite_discs
-from dicedesign.show.gauss_map import gauss_map_figure
-from dicedesign.show.labels import place_texts
-from dicedesign.show.png import png_bytes
 
 PIXELS = 300
 CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)

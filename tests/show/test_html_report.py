@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from parsed_html import parsed
 
-from dicedesign.show.bars import bars_figure
-from dicedesign.show.png import png_bytes
-from dicedesign.show.report import report_html
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.report.figures.bars import bars_figure
+from dicedesign.report.pages.die_page import report_html
 
 TITLES = {
     "bars": "Target and achieved odds",

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.show.odds_before_after import odds_before_after_figure
-from dicedesign.show.png import png_bytes
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.report.figures.odds_before_after import odds_before_after_figure
 
 TARGET = np.array([0.5, 0.3, 0.2])
 BEFORE = np.array([0.1, 0.3, 0.4])

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from parsed_html import parsed
 
-from dicedesign.show.on_the_table import table_sections, throwing_advice
-from dicedesign.show.report import report_html
+from dicedesign.report.pages.die_page import report_html
+from dicedesign.report.pages.throws_section import table_sections, throwing_advice
 from dicedesign.throws.tables import table_named
 
 IMAGES = {

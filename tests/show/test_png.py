@@ -6,8 +6,8 @@ import pkgutil
 import subprocess
 import sys
 
-import dicedesign.show
-from dicedesign.show.png import PIXELS_PER_INCH, agg_figure, png_bytes
+import dicedesign.report
+from dicedesign.report.charts.png import PIXELS_PER_INCH, agg_figure, png_bytes
 
 
 def test_png_is_deterministic_and_has_no_metadata():
@@ -25,13 +25,13 @@ def test_png_is_deterministic_and_has_no_metadata():
 
 def test_pyplot_is_never_imported():
     names = [
-        f"dicedesign.show.{module.name}"
-        for module in pkgutil.iter_modules(dicedesign.show.__path__)
+        f"dicedesign.report.{module.name}"
+        for module in pkgutil.iter_modules(dicedesign.report.__path__)
     ]
-    assert "dicedesign.show.gauss_map" in names
+    assert "dicedesign.report.figures.gauss_map" in names
     code = (
         f"import sys, {', '.join(names)}\n"
-        "from dicedesign.show.png import agg_figure, png_bytes\n"
+        "from dicedesign.report.charts.png import agg_figure, png_bytes\n"
         "png_bytes(agg_figure(1, 1))\n"
         "assert 'matplotlib.pyplot' not in sys.modules"
     )

@@ -9,14 +9,14 @@ import pytest
 import trimesh
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.engrave import engrave
-from dicedesign.fabricate.engraving_options import EngravingOptions
+from dicedesign.fabricate.engraving import engrave
 from dicedesign.fabricate.layout import place_labels
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.show.png import png_bytes
-from dicedesign.show.raster import Camera, rasterize
-from dicedesign.show.render import render_view
-from dicedesign.show.views import die_views_figure, facet_views_figure
+from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.report.figures.die_views import die_views_figure, facet_views_figure
+from dicedesign.report.render.flat_renderer import render_view
+from dicedesign.report.render.raster import Camera, rasterize
 
 FRONT = Camera(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.5)
 CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
@@ -193,7 +193,7 @@ def test_the_kernel_sees_the_triangles_that_numpy_sees(monkeypatch: pytest.Monke
             positions = np.round(positions) + 0.5
         triangles = rng.integers(0, count, size=(80, 3))
         seen, depth = rasterize(positions, triangles, 64)
-        monkeypatch.setattr("dicedesign.kernels.compiled", None)
+        monkeypatch.setattr("dicedesign.kernels.ops.compiled", None)
         expected = rasterize(positions, triangles, 64)
         monkeypatch.undo()
         np.testing.assert_array_equal(seen, expected[0])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.show.png import png_bytes
-from dicedesign.show.rolls import rolls_figure
-from dicedesign.throws.roll_verdict import judge_rolls
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.report.figures.rolls import rolls_figure
+from dicedesign.throws.counts.roll_verdict import judge_rolls
 
 
 def test_bars_intervals_and_counts() -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dicedesign.show.raster import Camera
-from dicedesign.show.shadow import shadowed_table
+from dicedesign.report.render.raster import Camera
+from dicedesign.report.render.shadow import shadowed_table
 
 ABOVE = Camera(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 2.0)
 PLATE = np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)])

@@ -11,8 +11,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.patches import Rectangle
 
 from dicedesign.errors import InputError
-from dicedesign.show.png import png_bytes
-from dicedesign.show.stage_energies import stage_energies_figure
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.report.figures.stage_energies import stage_energies_figure
 
 HISTORY: list[dict[str, Any]] = [
     {"seconds": 0.0, "stage": "hull design", "energy": 1.0, "error": 0.3},

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from dicedesign.show.corner_normals import corner_normals
-from dicedesign.show.raster import Camera
-from dicedesign.show.render import render_view
-from dicedesign.show.shading import brightness
-from dicedesign.show.surface_render import PaintedSurface, Shell, render_surface
+from dicedesign.report.render.flat_renderer import render_view
+from dicedesign.report.render.raster import Camera
+from dicedesign.report.render.renderer import PaintedSurface, Shell, render_surface
+from dicedesign.report.render.shading import brightness, corner_normals
 
 FRONT = Camera(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.5)
 UPRIGHT = np.array([0.0, 0.0, 1.0])
@@ -169,5 +168,5 @@ def test_edges_of_a_shell_are_drawn_but_not_across_its_flat_facets() -> None:
 def test_pictures_are_the_same_without_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
     surface = sphere(3)
     expected = render_surface(surface, FRONT, 60, glass((1,)))
-    monkeypatch.setattr("dicedesign.kernels.compiled", None)
+    monkeypatch.setattr("dicedesign.kernels.ops.compiled", None)
     np.testing.assert_array_equal(render_surface(surface, FRONT, 60, glass((1,))), expected)

@@ -10,22 +10,22 @@ import trimesh
 from matplotlib.figure import Figure
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.geometry.mesh_file import read_body
-from dicedesign.show.cameras import framed, three_cameras
-from dicedesign.show.displacement import displacement_figure
-from dicedesign.show.picture_grid import picture_grid, trimmed
-from dicedesign.show.png import png_bytes
-from dicedesign.show.raster import Camera
-from dicedesign.show.resting_views import resting_views_figure
-from dicedesign.show.surface_render import PaintedSurface, Shell
-from dicedesign.show.surface_views import (
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.report.charts.picture_grid import picture_grid, trimmed
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.report.figures.displacement import displacement_figure
+from dicedesign.report.figures.resting_views import resting_views_figure
+from dicedesign.report.figures.surface_views import (
     before_after_figure,
     crossings_figure,
     hull_overlay_figure,
     outcome_colors,
     outcome_tints,
 )
+from dicedesign.report.render.cameras import framed, three_cameras
+from dicedesign.report.render.raster import Camera
+from dicedesign.report.render.renderer import PaintedSurface, Shell
 
 MODELS = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "models"
 UP = np.array([0.0, 0.0, 1.0])

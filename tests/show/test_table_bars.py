@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.show.png import png_bytes
-from dicedesign.show.table_bars import refinement_figure, table_odds_figure
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.report.figures.table_odds import refinement_figure, table_odds_figure
 
 TARGET = [0.25, 0.5, 0.25]
 GEOMETRIC = [0.2, 0.5, 0.3]

@@ -9,13 +9,13 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from dicedesign.geometry.body import make_body
-from dicedesign.geometry.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.report.figures.throw_film import film_strip_figure, moving_picture
 from dicedesign.rest.poses import rest_poses
-from dicedesign.show.png import png_bytes
-from dicedesign.show.throw_film import film_strip_figure, moving_picture
-from dicedesign.throws.film import Film
 from dicedesign.throws.rigid_body import rigid_body
+from dicedesign.throws.simulation.film import Film
 from dicedesign.throws.tables import Table
 
 CENTER = np.array([7.0, -3.0, 2.0])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.show.png import png_bytes
-from dicedesign.show.time_against_size import TimeCurve, time_against_size_figure
+from dicedesign.report.charts.png import png_bytes
+from dicedesign.report.charts.time_against_size import TimeCurve, time_against_size_figure
 
 HULL = TimeCurve("hull", (10, 1000, 100_000), (1e-5, 1e-3, 1e-1))
 QUERY = TimeCurve("query", (10, 1000), (2e-5, 2e-3))

@@ -10,11 +10,11 @@ import pytest
 from thrown import OCTAHEDRON, alike, box, compiled_only, fits, random_body, thrown, turn_down
 
 from dicedesign.errors import InputError
-from dicedesign.throws import bullet_engine
-from dicedesign.throws.bullet_engine import STEP, throw_states
-from dicedesign.throws.orientations import released
+from dicedesign.throws.engines import bullet_engine
+from dicedesign.throws.engines.bullet_engine import STEP, throw_states
+from dicedesign.throws.release import released
 from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.simulation import simulate
+from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
 
 BOARD, CARPET = table_named("board-game"), table_named("carpet")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.throws.finished_die import finished_die
+from dicedesign.results.finished_die import finished_die
 
 FACETS = [
     {"label": "a", "normal": [1.0, 0.0, 0.0]},

@@ -12,11 +12,11 @@ from scipy.special import expit
 from throws.thrown import box, compiled_only, thrown
 
 from dicedesign.errors import InputError
-from dicedesign.throws import fitting
-from dicedesign.throws.fitting import PARAMETERS, TableFit, fit_table
-from dicedesign.throws.simulation import simulate
+from dicedesign.throws.counts import table_fit as fitting
+from dicedesign.throws.counts.table_fit import PARAMETERS, TableFit, fit_table
+from dicedesign.throws.counts.throw_counts import ThrownDie
+from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.tables import Table
-from dicedesign.throws.throw_counts import ThrownDie
 
 START = Table("mine", 0.5, 0.3, 0.5, 0.0, 0.0, source="counts")
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from dicedesign.throws import goodness_of_fit as module
-from dicedesign.throws.goodness_of_fit import (
+from dicedesign.throws.statistics import goodness_of_fit as module
+from dicedesign.throws.statistics.goodness_of_fit import (
     chi_square,
     exact_multinomial,
     two_sample_chi_square,

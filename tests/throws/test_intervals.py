@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from dicedesign.throws.intervals import exact_intervals, jeffreys_posterior
+from dicedesign.throws.statistics.intervals import exact_intervals, jeffreys_posterior
 
 
 @pytest.mark.parametrize("confidence", [0.5, 0.95, 0.999])

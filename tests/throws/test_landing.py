@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from thrown import compiled_only, random_body
 
-from dicedesign import kernels
 from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.kernels import ops as kernels
 from dicedesign.rest.roll import roll
-from dicedesign.throws.landing import final_rest, rest_below
+from dicedesign.throws.engines.landing import final_rest, rest_below
 
 
 @pytest.mark.parametrize("seed", range(10))

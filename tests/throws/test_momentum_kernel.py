@@ -11,21 +11,21 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from dicedesign import kernels
-from dicedesign.bench import solids
-from dicedesign.design.differentiable import RestEvaluation
-from dicedesign.design.inertia import hull_inertia
-from dicedesign.design.thrown_odds import ThrownOdds
+from dicedesign.bench.bodies import solids
 from dicedesign.errors import InputError
-from dicedesign.geometry.body import make_body
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.geometry.mass import solid_inertia
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.solid import solid_inertia
+from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.gradient.solid_moments import hull_inertia
+from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.kernels import ops as kernels
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum import hull_odds, landing_odds, momentum_odds
-from dicedesign.throws.momentum_model import model_of
-from dicedesign.throws.pass_features import features
-from dicedesign.throws.passes import Passes
+from dicedesign.throws.momentum.momentum_model import model_of
+from dicedesign.throws.momentum.momentum_odds import hull_odds, landing_odds, momentum_odds
+from dicedesign.throws.momentum.transition_features import features
+from dicedesign.throws.momentum.transitions import Passes
 from dicedesign.throws.rigid_body import rigid_body
 from dicedesign.throws.tables import table_entries
 

@@ -9,12 +9,12 @@ import pytest
 from thrown import OCTAHEDRON, alike, compiled_only, random_body, random_points, thrown
 
 from dicedesign.errors import InputError
-from dicedesign.throws.contact import contact_of
-from dicedesign.throws.mujoco_engine import _scene, throw_states
-from dicedesign.throws.native import advance
-from dicedesign.throws.orientations import released
+from dicedesign.throws.engines.contact import contact_of
+from dicedesign.throws.engines.mujoco_engine import _scene, throw_states
+from dicedesign.throws.engines.native import advance
+from dicedesign.throws.release import released
 from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.simulation import simulate
+from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
 
 BOARD, CARPET, PAPER = (table_named(name) for name in ("board-game", "carpet", "paper"))

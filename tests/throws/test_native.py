@@ -21,13 +21,13 @@ from thrown import (
     turn_down,
 )
 
-from dicedesign import kernels
 from dicedesign.errors import InputError
-from dicedesign.throws.contact import GRAVITY, contact_of
-from dicedesign.throws.native import advance, throw_states
-from dicedesign.throws.orientations import released
+from dicedesign.kernels import ops as kernels
+from dicedesign.throws.engines.contact import GRAVITY, contact_of
+from dicedesign.throws.engines.native import advance, throw_states
+from dicedesign.throws.release import released
 from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.simulation import simulate
+from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.tables import TABLE_NAMES, Table, table_named
 
 BOARD, WOOD, CARPET = (table_named(name) for name in ("board-game", "hard-wood", "carpet"))

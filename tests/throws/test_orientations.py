@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import sph_harm_y
 from thrown import random_body
 
-from dicedesign.throws.orientations import (
+from dicedesign.throws.release import (
     PAPER_DIRECTIONS,
     Orientations,
     drop_weights,

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.throws.outcome_matching import (
-    facet_of_rest,
-    match_by_normals,
-    match_by_odds,
-    sums_by_outcome,
-)
+from dicedesign.rest.outcomes import facet_of_rest, match_by_normals, match_by_odds, sums_by_outcome
 
 AXES = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [-1.0, 0, 0]])
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from thrown import OCTAHEDRON, box, random_body, random_points, thrown
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.body import make_body
+from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.rigid_body import rigid_body
 

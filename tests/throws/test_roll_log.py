@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.throws.roll_log import read_counts
+from dicedesign.throws.counts.roll_log import read_counts
 
 LABELS = ["1", "2", "heads, or tails"]
 

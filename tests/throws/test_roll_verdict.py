@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from dicedesign.throws.roll_verdict import judge_rolls
+from dicedesign.throws.counts.roll_verdict import judge_rolls
 
 COIN = np.array([0.5, 0.5])
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from dicedesign.throws.goodness_of_fit import chi_square
-from dicedesign.throws.sample_size import throws_to_confirm, throws_to_reject
-from dicedesign.throws.total_variation import noise_floor
+from dicedesign.throws.counts.roll_verdict import throws_to_confirm, throws_to_reject
+from dicedesign.throws.statistics.goodness_of_fit import chi_square
+from dicedesign.throws.statistics.total_variation import noise_floor
 
 FAIR = np.full(6, 1 / 6)
 

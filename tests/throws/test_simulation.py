@@ -12,11 +12,11 @@ import pytest
 from inline_executor import Inline
 from thrown import compiled_only, random_body
 
-from dicedesign import executors
 from dicedesign.errors import DiceError, InputError
-from dicedesign.executors import local_workers
-from dicedesign.throws.orientations import PAPER_DIRECTIONS
-from dicedesign.throws.simulation import DROPS_PER_TASK, Throws, simulate
+from dicedesign.runtime import executors
+from dicedesign.runtime.executors import local_workers
+from dicedesign.throws.release import PAPER_DIRECTIONS
+from dicedesign.throws.simulation.simulation import DROPS_PER_TASK, Throws, simulate
 from dicedesign.throws.tables import table_named
 
 BOARD, CARPET = table_named("board-game"), table_named("carpet")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from throws.thrown import box, compiled_only, published_only, thrown
 
-from dicedesign.throws.goodness_of_fit import chi_square, two_sample_chi_square
-from dicedesign.throws.simulation import simulate
-from dicedesign.throws.table_check import check_table
+from dicedesign.throws.counts.table_check import check_table
+from dicedesign.throws.counts.throw_counts import ThrownDie, read_throw_counts
+from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.statistics.goodness_of_fit import chi_square, two_sample_chi_square
 from dicedesign.throws.tables import Table, table_named
-from dicedesign.throws.throw_counts import ThrownDie, read_throw_counts
 
 THROWS = Path(__file__).resolve().parents[2].parent / "shared/data/published/throws.csv"
 DEAD = Table("dead", 0.0, 0.5, 0.03, 0.0, 0.0)

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from throws.thrown import box, compiled_only, thrown
 
-from dicedesign.throws.contact import (
+from dicedesign.throws.engines.contact import (
     DEEPEST,
     GRAVITY,
     LARGEST_RATIO,
@@ -19,7 +19,7 @@ from dicedesign.throws.contact import (
     longest_throw,
     restitution_of,
 )
-from dicedesign.throws.simulation import simulate
+from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.tables import table_named
 
 BOARD = table_named("board-game")

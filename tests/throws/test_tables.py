@@ -8,13 +8,7 @@ from pathlib import Path
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.throws.tables import (
-    TABLE_NAMES,
-    Table,
-    learned_on,
-    table_entries,
-    table_named,
-)
+from dicedesign.throws.tables import TABLE_NAMES, Table, learned_on, table_entries, table_named
 
 GOOD = {
     "name": "lino",

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from dicedesign.errors import InputError
-from dicedesign.throws.throw_counts import read_throw_counts
+from dicedesign.throws.counts.throw_counts import read_throw_counts
 
 PUBLISHED = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "published"
 
@@ -109,7 +109,7 @@ def test_a_mesh(box: Path, tmp_path: Path) -> None:
 def _odds(box: Path) -> np.ndarray:
     """Of a box's sides without momentum, from the solid angles of its spherical caps: here from
     `dicedesign rest`, which other tests prove."""
-    from dicedesign.geometry.mesh_file import read_body
+    from dicedesign.geometry.meshes.reading import read_body
     from dicedesign.rest.poses import rest_poses
 
     return rest_poses(read_body(box)).probabilities

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from dicedesign.throws import multinomial_draws
-from dicedesign.throws import total_variation as module
-from dicedesign.throws.total_variation import (
+from dicedesign.throws.statistics import multinomial_draws
+from dicedesign.throws.statistics import total_variation as module
+from dicedesign.throws.statistics.total_variation import (
     effective_counts,
     measure_variation,
     noise_floor,

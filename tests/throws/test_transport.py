@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import angle_between, unit_vectors
-from dicedesign.throws import transport as module
-from dicedesign.throws.total_variation import noise_floor
-from dicedesign.throws.transport import measure_transport, wasserstein_distance
+from dicedesign.throws.statistics import transport as module
+from dicedesign.throws.statistics.total_variation import noise_floor
+from dicedesign.throws.statistics.transport import measure_transport, wasserstein_distance
 
 X, Y, Z = np.eye(3)
 

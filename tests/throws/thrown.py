@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from dicedesign import kernels
-from dicedesign.geometry.body import make_body
-from dicedesign.geometry.hull import convex_hull
-from dicedesign.geometry.mesh_file import read_body
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.kernels import ops as kernels
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 

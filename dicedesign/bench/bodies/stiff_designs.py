@@ -1,0 +1,146 @@
+"""Designs that are hard on a method: how they start, what they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from typing import Final
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dicedesign.bench.bodies.problem import Case, DesignProblem
+from dicedesign.bench.bodies.stiff import off_balance
+from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.repulsion import repulsion
+from dicedesign.design.starts.start import Start
+from dicedesign.design.targets import binomial, fair, listed, sum_of_dice
+from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.rest.poses import rest_poses
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["coincident", "design_cases", "leaning", "loaded_box", "near_facet"]
+
+AXES: Final = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
+
+VERTEX_SECONDS: Final = 1.5
+"""Limit for vertex coordinates, in which facets break and few of these designs converge soon."""
+
+
+def design_cases() -> Iterator[Case]:
+    """Every design in both coordinates; the short ones are those that converge quickly."""
+    for name, build, quick in _designs():
+        yield Case(f"design: {name}", build, quick=quick)
+        yield Case(f"design: {name}, vertices", partial(_of_vertices, build), quick=False)
+
+
+def _of_vertices(build: Callable[[], DesignProblem]) -> DesignProblem:
+    return replace(build(), coordinates="vertices", seconds=VERTEX_SECONDS)
+
+
+def _designs() -> Iterator[tuple[str, Callable[[], DesignProblem], bool]]:
+    """Name, what makes it, and whether it belongs to the short suite."""
+    for power in (3, 12):
+        depth = 10.0**-power
+        yield f"leans 1e-{power} short of tipping", partial(leaning, depth), True
+        yield f"leans 1e-{power} beyond tipping", partial(leaning, -depth), True
+    yield "leans on the verge of tipping", partial(leaning, 0.0), True
+    yield "balances on a corner", _cornered, True
+    for power in (4, 5, 6):
+        yield f"two outcomes of 1e-{power}", partial(_improbable, 10.0**-power), False
+    yield "one outcome of 0.97", _lopsided, False
+    for factor in (2, 10):
+        yield f"needle {factor}:1", partial(_needle, float(factor)), factor == 2
+    for name, target in (
+        ("fair", fair(30)),
+        ("two dice", sum_of_dice([15, 16])),
+        ("29 coins", binomial(29)),
+    ):
+        yield f"30 facets, {name}", partial(_thirty, target.probabilities), False
+    for power in (3, 12):
+        yield f"center 1e-{power} from a facet", partial(near_facet, 10.0**-power), power == 12
+    for power in (3, 8):
+        yield f"facets 1e-{power} apart in angle", partial(coincident, 10.0**-power), False
+    yield "loaded cube", loaded_box, True
+    yield "symmetric prism", _symmetric, True
+    yield "tolerance 1e-12", _exact, False
+
+
+def leaning(depth: float) -> DesignProblem:
+    """A leaning box of which two opposite facets are stable by a depth, negative beyond tipping, in
+    units of the box's height and width."""
+    lean = 1.0 - 2.0 * depth
+    points = np.array(
+        [[x + lean * z, y, z] for x, y, z in product((-0.5, 0.5), (-0.6, 0.6), (-0.5, 0.5))]
+    )
+    normals = AXES.copy()
+    normals[:2, 2] = (-lean, lean)
+    start = Start(points, unit_vectors(normals))
+    return DesignProblem(start, fair(6).probabilities, perturbation=0.0)
+
+
+def near_facet(distance: float) -> DesignProblem:
+    """A given center of mass at a distance from the middle of a facet."""
+    start = repulsion(6, 0)
+    hull = convex_hull(start.points)
+    center = hull.polygon(0).mean(axis=0) - distance * hull.normals[0]
+    return DesignProblem(start, fair(6).probabilities, center_of_mass=center)
+
+
+def coincident(angle: float) -> DesignProblem:
+    """Two of the seven facets that bear outcomes include an angle, in radians, near zero."""
+    normals = repulsion(7, 0).directions.copy()
+    axis = np.cross(normals[0], [0.0, 0.0, 1.0])
+    turn = Rotation.from_rotvec(angle * axis / norms(axis))
+    normals[1] = turn.apply(normals[0])
+    start = Start(polyhedron_corners(normals, np.ones(7)), normals)
+    return DesignProblem(start, fair(7).probabilities)
+
+
+def loaded_box() -> DesignProblem:
+    """A cube, unperturbed, that should favour one of its faces: every path of it is a tie."""
+    start = Start(np.array(list(product((-1.0, 1.0), repeat=3))), AXES)
+    return DesignProblem(start, listed([0.3, *[0.14] * 5]).probabilities, perturbation=0.0)
+
+
+def _cornered() -> DesignProblem:
+    problem = off_balance(0.0, corner=True)
+    poses = rest_poses(problem.points, problem.center)
+    target = fair(len(poses.normals)).probabilities
+    start = Start(problem.points, poses.normals)
+    return DesignProblem(start, target, center_of_mass=problem.center, perturbation=0.0)
+
+
+def _improbable(probability: float) -> DesignProblem:
+    target = listed([probability] * 2 + [0.25 - 0.5 * probability] * 4)
+    tolerance = 0.1 * probability
+    return DesignProblem(repulsion(6, 0), target.probabilities, tolerance=tolerance)
+
+
+def _lopsided() -> DesignProblem:
+    return DesignProblem(repulsion(4, 0), listed([0.97, 0.01, 0.01, 0.01]).probabilities)
+
+
+def _needle(factor: float) -> DesignProblem:
+    sphere = repulsion(6, 0)
+    directions = unit_vectors(sphere.directions / [1.0, 1.0, factor])
+    return DesignProblem(
+        Start(sphere.points * [1.0, 1.0, factor], directions), fair(6).probabilities
+    )
+
+
+def _thirty(target: Floats) -> DesignProblem:
+    return DesignProblem(repulsion(30, 0), target)
+
+
+def _symmetric() -> DesignProblem:
+    return DesignProblem(prism(4), fair(4).probabilities, perturbation=0.0)
+
+
+def _exact() -> DesignProblem:
+    target = listed([0.1, 0.1, 0.2, 0.2, 0.2, 0.2])
+    return DesignProblem(repulsion(6, 0), target.probabilities, tolerance=1e-12)

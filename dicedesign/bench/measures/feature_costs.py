@@ -1,0 +1,230 @@
+"""What hulls and exact arithmetic cost where they are not needed.
+
+What a feature costs: a row of `dicedesign bench lean`.
+
+What the parts of a design cost, each with and without."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+
+from dicedesign.bench.bodies.extremes import large
+from dicedesign.bench.measures.processes import in_turn
+from dicedesign.design.coordinates.facets import FacetCoordinates
+from dicedesign.design.coordinates.vertices import VertexCoordinates
+from dicedesign.design.energy.objective import Evaluation, Objective
+from dicedesign.design.energy.weights import EnergyWeights
+from dicedesign.design.solvers.sobolev import SobolevOptions, SobolevSolver, graph_laplacian
+from dicedesign.design.starts.hendecahedron import hendecahedron
+from dicedesign.design.targets import sum_of_dice
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.reuse import HullMemory
+from dicedesign.rest.equilibria import classify
+from dicedesign.rest.exact import ExactSigns
+from dicedesign.rest.morse import separatrices
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["Row", "energy_rows", "exact_rows", "hull_rows", "sobolev_rows", "time_row"]
+
+
+def hull_rows(seconds: float) -> Iterator[Row]:
+    """Hulls of points that move a little to and fro, as in a descent: a die's corners, of which
+    more than three lie on a facet, and points of which many are near to changing neighbors."""
+    start = hendecahedron("bisymmetric")
+    coordinates, parameters = FacetCoordinates.of(start.points, np.zeros(3))
+    rng = np.random.default_rng(0)
+    parameters = parameters + 1e-2 * rng.normal(size=parameters.shape)
+    die = [
+        coordinates.shape(place).points
+        for place in (parameters, parameters + 1e-4 * rng.normal(size=parameters.shape))
+    ]
+    points = large(500).points
+    cloud = [points, points + 1e-6 * rng.normal(size=points.shape)]
+    for name, places in (("die of 11 facets", die), ("hull of 500 points", cloud)):
+        yield _hull_row(name, places, seconds / 2.0)
+
+
+def _hull_row(name: str, places: Sequence[Floats], seconds: float) -> Row:
+    memory = HullMemory()
+    reused, rebuilt = in_turn(
+        [
+            lambda: [memory.hull(place) for place in places],
+            lambda: [convex_hull(place) for place in places],
+        ],
+        seconds,
+    )
+    share = memory.reused / (memory.reused + memory.built)
+    name = f"{name}, edges last in {100.0 * share:.0f} %"
+    return time_row("hull rebuilt though its edges last", name, reused / 2.0, rebuilt / 2.0)
+
+
+class _CountingSigns(ExactSigns):
+    """Exact decisions, counted."""
+
+    calls = 0
+
+    def growth(self, half_edge: int) -> int:
+        self.calls += 1
+        return super().growth(half_edge)
+
+    def side(self, half_edge: int) -> int:
+        self.calls += 1
+        return super().side(half_edge)
+
+    def ascend(self, elements: Any, saddle: int, vertex: int) -> tuple[list[int], int]:
+        self.calls += 1
+        return super().ascend(elements, saddle, vertex)
+
+    def descend(self, elements: Any, facet: int) -> int:
+        self.calls += 1
+        return super().descend(elements, facet)
+
+
+BALANCED: Final = np.array(
+    [[s * x, s * y, s - 2.0] for s in (1.0, 3.0) for x in (1.0, -1.0) for y in (1.0, -1.0)]
+)
+"""Corners of a square frustum about the origin (8, 3): the origin's foot on the plane of each side
+lies on that side's lower edge, exactly."""
+
+
+def exact_rows(seconds: float) -> Iterator[Row]:
+    """The same shape with its balances and, a little deformed, without."""
+    noise = 1e-3 * np.random.default_rng(0).normal(size=BALANCED.shape)
+    hulls = [convex_hull(BALANCED + noise), convex_hull(BALANCED)]
+
+    def trace(hull: ConvexHull) -> int:
+        signs = _CountingSigns(hull, np.zeros(3))
+        equilibria = classify(hull, np.zeros(3))
+        equilibria.__dict__["exact"] = signs
+        separatrices(equilibria)
+        return signs.calls
+
+    counts = [trace(hull) for hull in hulls]
+    times = in_turn([partial(trace, hull) for hull in hulls], seconds / 2.0)
+    feature = "exact arithmetic, for what rounding leaves open"
+    yield Row(feature, "square frustum: decisions", "calls", counts[0], counts[1])
+    yield time_row(feature, "square frustum: tracing", *times)
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a feature costs.
+
+    Attributes
+    ----------
+    feature: what is left out or not.
+    quantity: of what the cost is.
+    unit: "s", "MB", "ms", "µs" or "calls".
+    without: cost where it is left out.
+    included: cost with it.
+    """
+
+    feature: str
+    quantity: str
+    unit: str
+    without: float
+    included: float
+
+    @property
+    def ratio(self) -> float | None:
+        """How many times as much it costs with the feature; None where nothing was without."""
+        return self.included / self.without if self.without > 0.0 else None
+
+    def plain(self) -> dict[str, Any]:
+        """The row as plain data, under the names of the table."""
+        return {
+            "feature": self.feature,
+            "measured": self.quantity,
+            "unit": self.unit,
+            "without": self.without,
+            "with": self.included,
+            "ratio": self.ratio,
+        }
+
+
+def time_row(feature: str, quantity: str, without: float, included: float) -> Row:
+    """A row of two times in seconds, in the unit in which the smaller one is at least 1."""
+    unit, scale = ("ms", 1e3) if min(without, included) >= 1e-3 else ("µs", 1e6)
+    return Row(feature, quantity, unit, scale * without, scale * included)
+
+
+TERMS: Final = ("coplanar", "barycenter", "neighbor", "stability")
+
+
+def energy_rows(seconds: float) -> Iterator[Row]:
+    """An evaluation of the objective for 11 facets whose rests add up to the total of two dice."""
+    start = hendecahedron("bisymmetric")
+    center = convex_hull(start.points).centroid
+    coordinates, parameters = FacetCoordinates.of(start.points, center)
+    parameters = parameters + 1e-3 * np.random.default_rng(0).normal(size=parameters.shape)
+    full = Objective(coordinates, sum_of_dice([6, 6]).probabilities, EnergyWeights(), None)
+    evaluation = full.evaluate(parameters, start.directions)
+
+    def terms(objective: Objective) -> Evaluation:
+        """The energies of the shape, whose rests are known; a new object, as each keeps its own."""
+        fresh = evaluation.under(objective)
+        assert np.isfinite(fresh.value)
+        return fresh
+
+    def slope_of_terms(objective: Objective) -> Floats:
+        return terms(objective).gradient
+
+    chosen = [full, *(replace(full, weights=replace(full.weights, **{t: 0.0})) for t in TERMS)]
+    works = [partial(work, objective) for work in (terms, slope_of_terms) for objective in chosen]
+    times = np.reshape(in_turn(works, 2.0 * seconds), (2, -1))
+    for index, term in enumerate(TERMS, start=1):
+        for quantity, found in zip(("energies", "energies and gradient"), times, strict=True):
+            yield time_row(f"{term} term", f"{quantity}, rests known", found[index], found[0])
+
+    def whole(objective: Objective) -> Evaluation:
+        fresh = objective.evaluate(parameters, start.directions)
+        assert np.isfinite(fresh.value)
+        return fresh
+
+    fixed = replace(full, center_of_mass=center)
+    fixed_value, value, fixed_slope, slope = in_turn(
+        [
+            lambda: whole(fixed),
+            lambda: whole(full),
+            lambda: whole(fixed).gradient,
+            lambda: whole(full).gradient,
+        ],
+        seconds,
+    )
+    yield time_row("center of mass of the uniform solid", "trial of a step", fixed_value, value)
+    yield time_row("center of mass of the uniform solid", "and its gradient", fixed_slope, slope)
+    yield time_row("gradient, for accepted steps only", "trial of a step", value, slope)
+
+
+def sobolev_rows(seconds: float) -> Iterator[Row]:
+    """A step's direction on a hull of 500 vertices."""
+    points = large(500).points
+    hull = convex_hull(points)
+    coordinates, parameters = VertexCoordinates.of(points, hull.centroid)
+    directions = np.concatenate([np.eye(3), -np.eye(3)])
+    objective = Objective(coordinates, np.full(6, 1.0 / 6.0), EnergyWeights(stability=0.0), None)
+    options = SobolevOptions()
+    kept = SobolevSolver(graph_laplacian(hull), options)
+
+    def slope() -> Floats:
+        return objective.evaluate(parameters, directions).gradient.reshape(-1, 3)
+
+    right = slope()
+    bare, smooth, solve, anew = in_turn(
+        [
+            slope,
+            lambda: kept.solve(slope()),
+            lambda: kept.solve(right),
+            lambda: SobolevSolver(graph_laplacian(hull), options).solve(right),
+        ],
+        seconds,
+    )
+    yield time_row(
+        "Sobolev step, its factor kept", "energy and gradient, 500 vertices", bare, smooth
+    )
+    yield time_row("Sobolev factor made anew", "smoothing a gradient, 500 vertices", solve, anew)

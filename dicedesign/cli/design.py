@@ -1,0 +1,89 @@
+"""`dicedesign design`: probabilities become an engraved die, without a recipe."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from typing import Any, Final
+
+from dicedesign.cli.run_recipe import add_out_option, run_and_print
+from dicedesign.errors import RecipeError
+
+__all__ = ["add_parser"]
+
+METHOD: Final[dict[str, Any]] = {"exact": {}}
+"""`method` of the recipe that is made."""
+
+OPTION_OF_KEY: Final = (
+    (r"target(: |\.)probabilities(\.\d+)?", "--target"),
+    (r"target(: |\.)labels(\.\d+)?", "--labels"),
+    (r"name", "--name"),
+    (r"seed", "--seed"),
+    (r"size_mm", "--size-mm"),
+)
+"""How an error about an entry of the recipe begins, as a regular expression, and the option that
+the entry came from."""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the subcommand to argparse's `commands`."""
+    parser = commands.add_parser(
+        "design",
+        help="turn probabilities into a printable die",
+        description="Turn probabilities into an engraved, printable die with a report. The shape "
+        "is found alone; the recipe is written beside the die.",
+    )
+    parser.add_argument(
+        "--target",
+        required=True,
+        metavar="p,q,...",
+        help="probabilities that sum to 1, fractions or decimals, such as 1/2,1/3,1/6",
+    )
+    parser.add_argument(
+        "--labels", metavar="a,b,...", help="a label for each of them (default: 1,2,...)"
+    )
+    add_out_option(parser)
+    parser.add_argument("--name", default="die", help="name of the die (default: die)")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="another seed gives another shape"
+    )
+    parser.add_argument(
+        "--size-mm",
+        type=float,
+        metavar="X",
+        help="largest distance between two corners (default: 30, or as much as the labels need)",
+    )
+    parser.set_defaults(command=_design)
+
+
+def _design(options: argparse.Namespace) -> int:
+    from dicedesign.recipe.schema.reading import checked_recipe
+
+    target = {"probabilities": _listed(options.target)}
+    if options.labels is not None:
+        target["labels"] = _listed(options.labels)
+    entries: dict[str, Any] = {
+        "name": options.name,
+        "seed": options.seed,
+        "target": target,
+        "start": {"search": {}},
+        "method": METHOD,
+    }
+    if options.size_mm is not None:
+        entries["size_mm"] = options.size_mm
+    try:
+        recipe = checked_recipe(entries)
+    except RecipeError as error:
+        raise RecipeError(_with_option(str(error))) from error
+    return run_and_print(recipe, options.out, enlarge=options.size_mm is None)
+
+
+def _listed(text: str) -> list[str]:
+    return [part.strip() for part in text.split(",")]
+
+
+def _with_option(message: str) -> str:
+    """The message about an entry of the recipe as one about the option it came from."""
+    for key, option in OPTION_OF_KEY:
+        message = re.sub(rf"^{key}(?=: )", option, message)
+    return message

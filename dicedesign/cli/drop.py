@@ -1,0 +1,87 @@
+"""`dicedesign drop`: one body rolling from one orientation to rest."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+from dicedesign.cli.options import vector
+from dicedesign.cli.rest import add_body_options, poses_of
+from dicedesign.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from dicedesign.rest.roll import RollStep
+
+__all__ = ["add_parser"]
+
+
+def add_parser(commands: Any) -> None:
+    """Add the subcommand to argparse's `commands`."""
+    parser = commands.add_parser(
+        "drop",
+        help="follow a body from one orientation to rest",
+        description="Follow a body that is let go at one orientation until it rests.",
+    )
+    add_body_options(parser)
+    parser.add_argument(
+        "--down",
+        required=True,
+        metavar="x,y,z",
+        help="direction in the body's frame that points down at first",
+    )
+    parser.add_argument(
+        "--max-angle-deg", type=float, metavar="A", help="split rotations larger than this"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser.set_defaults(command=_drop)
+
+
+def _drop(options: argparse.Namespace) -> int:
+    # Imported here, as other commands do without.
+    from dicedesign.rest.roll import SMALLEST_ANGLE, roll
+
+    down = vector("--down", options.down)
+    largest = None
+    if options.max_angle_deg is not None:
+        largest = math.radians(options.max_angle_deg)
+        if not largest >= SMALLEST_ANGLE:
+            raise InputError(
+                f"--max-angle-deg: expected at least {math.degrees(SMALLEST_ANGLE):.2g}, got "
+                f"{options.max_angle_deg:g}; take a larger angle"
+            )
+    poses = poses_of(options)
+    equilibria = poses.morse.equilibria
+    steps = roll(equilibria, down, largest)
+    if options.json:
+        source = equilibria.hull.source
+        print(
+            json.dumps(
+                {"steps": [_plain(step, source) for step in steps]}, indent=1, allow_nan=False
+            )
+        )
+    else:
+        print(_table(steps))
+    return 0
+
+
+def _plain(step: RollStep, source: NDArray[np.int64]) -> dict[str, Any]:
+    return {
+        "down": step.down.tolist(),
+        "contact": step.contact,
+        "points": [int(source[v]) for v in step.vertices],
+        "height": step.height,
+        "transform": step.transform.tolist(),
+    }
+
+
+def _table(steps: tuple[RollStep, ...]) -> str:
+    lines = ["step  contact  height of center    direction down"]
+    for i, step in enumerate(steps):
+        down = "  ".join(f"{x + 0.0:8.5f}" for x in step.down)
+        lines.append(f"{i:4d}  {step.contact:7s}  {step.height:16.8g}    {down}")
+    return "\n".join(lines)

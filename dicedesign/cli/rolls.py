@@ -1,0 +1,227 @@
+"""`dicedesign rolls`: what the user's own throws of a die say about its odds."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from dicedesign.errors import InputError
+
+if TYPE_CHECKING:
+    from dicedesign.throws.counts.roll_verdict import RollVerdict
+
+__all__ = ["add_parser", "rolls_summary"]
+
+LEAST_CONFIDENCE: Final = 0.5
+
+
+@dataclass(frozen=True)
+class _Die:
+    """labels: k; odds: (k,) that it should have, positive; source: of the odds, in words."""
+
+    labels: list[str]
+    odds: list[float]
+    source: str
+
+
+def add_parser(commands: Any) -> None:
+    """Add the subcommand to argparse's `commands`."""
+    parser = commands.add_parser(
+        "rolls",
+        help="judge your own throws of a die",
+        description="Compare counts of throws with the odds that a die should have: exact "
+        "intervals, a test, the total variation, and how many more throws would settle it.",
+    )
+    parser.add_argument(
+        "die",
+        type=Path,
+        metavar="DIE",
+        help="folder that `dicedesign run` left, whose target is tested; or a mesh, whose labels "
+        "are the numbers that `dicedesign rest` gives its rests, and whose geometric odds are "
+        "tested",
+    )
+    parser.add_argument(
+        "counts",
+        type=Path,
+        metavar="COUNTS.csv",
+        help="columns label,count; or the column label alone, with one throw on each line",
+    )
+    parser.add_argument(
+        "--confidence",
+        type=float,
+        default=0.95,
+        metavar="C",
+        help="of intervals; the test's level is 1 - C (default: 0.95)",
+    )
+    parser.add_argument(
+        "--figure", type=Path, metavar="FILE.png", help="draw the frequencies beside the odds"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser.set_defaults(command=_rolls)
+
+
+def _rolls(options: argparse.Namespace) -> int:
+    # Imported here, as other commands do without.
+    from dicedesign.throws.counts.roll_log import read_counts
+    from dicedesign.throws.counts.roll_verdict import judge_rolls
+
+    if not LEAST_CONFIDENCE <= options.confidence < 1.0:
+        raise InputError(
+            f"--confidence: expected at least {LEAST_CONFIDENCE:g} and less than 1, got "
+            f"{options.confidence:g}; 0.95 is usual"
+        )
+    die = _finished(options.die) if options.die.is_dir() else _mesh(options.die)
+    if len(die.labels) < 2:
+        raise InputError(
+            f"{options.die}: expected a die with at least 2 outcomes, got {len(die.labels)}; "
+            "there is nothing to test"
+        )
+    verdict = judge_rolls(read_counts(options.counts, die.labels), die.odds, options.confidence)
+    if options.figure is not None:
+        _draw(die.labels, verdict, options.figure)
+    if options.json:
+        summary = {"odds_source": die.source, **rolls_summary(die.labels, verdict)}
+        print(json.dumps(summary, indent=1, allow_nan=False))
+    else:
+        print(f"{options.die}: {verdict.throws} throws, tested for the {die.source}\n")
+        print(_table(die.labels, verdict))
+        print("\n".join(_sentences(verdict)))
+    return 0
+
+
+def _finished(folder: Path) -> _Die:
+    """The labels and the target of a die that was designed here."""
+    from dicedesign.results.finished_die import finished_die
+
+    die = finished_die(folder)
+    if die.status != "converged":
+        print(f"note: {folder}: this die does not meet its target ({die.status})", file=sys.stderr)
+    return _Die(list(die.labels), die.target.tolist(), "target of its design")
+
+
+def _mesh(path: Path) -> _Die:
+    """The numbers of a mesh's rests, and their odds without momentum."""
+    from dicedesign.geometry.meshes.formats import without_solids
+    from dicedesign.geometry.meshes.reading import read_body
+    from dicedesign.rest.poses import rest_poses
+
+    with without_solids():
+        body = read_body(path)
+    poses = rest_poses(body)
+    for note in poses.notes:
+        print(f"note: {note}", file=sys.stderr)
+    numbers = [str(i + 1) for i in range(len(poses.probabilities))]
+    return _Die(numbers, poses.probabilities.tolist(), "geometric odds of its rests")
+
+
+def _draw(labels: list[str], verdict: RollVerdict, path: Path) -> None:
+    from dicedesign.report.charts.png import png_bytes
+    from dicedesign.report.figures.rolls import rolls_figure
+    from dicedesign.runtime.files import atomic_write
+
+    atomic_write(path, png_bytes(rolls_figure(labels, verdict)))
+
+
+def rolls_summary(labels: list[str], verdict: RollVerdict) -> dict[str, Any]:
+    """The answer as plain data."""
+    exact, variation = verdict.exact, verdict.variation
+    return {
+        "throws": verdict.throws,
+        "confidence": verdict.confidence,
+        "outcomes": [
+            {
+                "label": label,
+                "count": int(verdict.counts[i]),
+                "frequency": float(verdict.frequencies[i]),
+                "interval": verdict.intervals[i].tolist(),
+                "odds": float(verdict.odds[i]),
+                "posterior_mean": float(verdict.posterior.means[i]),
+                "posterior_interval": verdict.posterior.intervals[i].tolist(),
+            }
+            for i, label in enumerate(labels)
+        ],
+        "chi_square": {
+            "statistic": verdict.chi_square.statistic,
+            "degrees": verdict.chi_square.degrees,
+            "p_value": verdict.chi_square.p_value,
+        },
+        "exact_test": None
+        if exact is None
+        else {
+            "p_value": exact.p_value,
+            "standard_error": exact.standard_error,
+            "tables": exact.tables,
+        },
+        "p_value": verdict.p_value,
+        "rejected": verdict.rejected,
+        "total_variation": {
+            "value": variation.value,
+            "interval": list(variation.interval),
+            "noise_floor": variation.noise_floor,
+        },
+        "throws_to_reject": verdict.to_reject,
+        "throws_to_confirm": verdict.to_confirm,
+    }
+
+
+def _table(labels: list[str], verdict: RollVerdict) -> str:
+    width = max(5, *(len(label) for label in labels))
+    level = f"{100 * verdict.confidence:g} %"
+    lines = [
+        f"{'label':<{width}}     count    odds %  frequency %  {level + ' interval':>16s}  "
+        f"posterior %  {level + ' credible':>16s}"
+    ]
+    for i, label in enumerate(labels):
+        lines.append(
+            f"{label:<{width}}  {verdict.counts[i]:8d}  {100 * verdict.odds[i]:8.3f}  "
+            f"{100 * verdict.frequencies[i]:11.3f}  {_limits(verdict.intervals[i])}  "
+            f"{100 * verdict.posterior.means[i]:11.3f}  {_limits(verdict.posterior.intervals[i])}"
+        )
+    return "\n".join(lines)
+
+
+def _limits(interval: Any) -> str:
+    return f"{100 * interval[0]:7.3f}  {100 * interval[1]:7.3f}"
+
+
+def _sentences(verdict: RollVerdict) -> list[str]:
+    from dicedesign.throws.counts.roll_verdict import POWER, WITHIN
+
+    test, exact, variation = verdict.chi_square, verdict.exact, verdict.variation
+    low, high = variation.interval
+    lines = [
+        "",
+        "intervals: exact (Clopper-Pearson); posterior: Dirichlet, by the prior of Jeffreys",
+        f"chi-square {test.statistic:.4g} with {test.degrees} degrees of freedom, p = "
+        f"{test.p_value:.2g}",
+    ]
+    if exact is not None:
+        error = f" +- {exact.standard_error:.1g}" if exact.standard_error else ""
+        lines.append(
+            f"exact multinomial test, as some outcomes are rare: p = {exact.p_value:.2g}{error}"
+        )
+    lines.append(
+        f"total variation {variation.value:.4f}, {100 * verdict.confidence:g} % interval "
+        f"{low:.4f} to {high:.4f}; a perfect die shows {variation.noise_floor:.4f} in the mean"
+    )
+    level = 1.0 - verdict.confidence
+    if verdict.rejected:
+        lines.append(f"The throws reject these odds at the level {level:.3g}; no more are needed.")
+        return lines
+    lines.append(f"The throws do not reject these odds at the level {level:.3g}.")
+    if verdict.to_reject is not None:
+        more = max(0, verdict.to_reject - verdict.throws)
+        lines.append(
+            f"If the die's odds are the frequencies seen, {more} more throws would reject these "
+            f"odds with probability {POWER:g}."
+        )
+    more = max(0, verdict.to_confirm - verdict.throws)
+    lines.append(
+        f"If the die's odds are these, {more} more throws would show that they are, to within a "
+        f"total variation of {WITHIN:g}."
+    )
+    return lines

@@ -1,0 +1,313 @@
+"""`dicedesign throw`: simulated throws of a die onto a table."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import time
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from dicedesign.cli.options import (
+    add_engine_option,
+    add_worker_options,
+    check_worker_options,
+    numbers,
+)
+from dicedesign.cli.rest import center_of_mass
+from dicedesign.runtime.workers import open_workers
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from dicedesign.geometry.meshes.body import Body
+    from dicedesign.rest.poses import RestPoses
+    from dicedesign.throws.release import Orientations
+    from dicedesign.throws.simulation.simulation import Throws
+    from dicedesign.throws.statistics.total_variation import MeasuredVariation
+    from dicedesign.throws.statistics.transport import MeasuredTransport
+    from dicedesign.throws.tables import Table
+
+__all__ = ["add_parser", "throw_summary"]
+
+DROPS: Final = 10_000
+
+CONFIDENCE: Final = 0.95
+
+MM_PER_METRE: Final = 1e3
+
+
+@dataclass(frozen=True)
+class _Die:
+    """A die to throw; labels: of its rests, None where it has none."""
+
+    body: Body
+    poses: RestPoses
+    labels: list[str | None] | None
+
+
+def add_parser(commands: Any) -> None:
+    """Add the subcommand to argparse's `commands`."""
+    parser = commands.add_parser(
+        "throw",
+        help="throw a die onto a simulated table",
+        description="Throw a die many times onto a simulated table, and compare how often each "
+        "rest comes up with its geometric odds, those without momentum.",
+    )
+    parser.add_argument(
+        "die", type=Path, metavar="DIE", help="mesh, or folder that `dicedesign run` left"
+    )
+    parser.add_argument(
+        "--drops",
+        type=int,
+        metavar="N",
+        help=f"how many throws (default: {DROPS}, of the paper's orientations one of each)",
+    )
+    add_engine_option(parser)
+    parser.add_argument(
+        "--table",
+        default="board-game",
+        metavar="NAME|FILE.json",
+        help="board-game, hard-wood, carpet (no momentum), paper (the paper's drops), or a file "
+        "with the same entries as theirs (default: board-game)",
+    )
+    parser.add_argument(
+        "--orientations",
+        metavar="KIND",
+        help="at which the die is let go: uniform, at random; or icosahedron, the paper's, each "
+        "counted by the area around it (default: uniform; on the table paper icosahedron)",
+    )
+    parser.add_argument(
+        "--size",
+        type=float,
+        metavar="MM",
+        help="of the die, twice the largest distance of a point from its center of mass (default: "
+        "of a folder, the die's own; of a mesh, the table's, 25)",
+    )
+    parser.add_argument(
+        "--com",
+        metavar="x,y,z|hull",
+        help="center of mass, as in `dicedesign rest` (default: of the uniform solid; of a folder, "
+        "that of its design)",
+    )
+    parser.add_argument(
+        "--inertia",
+        metavar="xx,yy,zz,xy,xz,yz",
+        help="tensor of inertia about the center of mass over the mass, in the mesh's unit squared "
+        "(default: of the uniform solid)",
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="S", help="of random numbers (default: 0)"
+    )
+    add_worker_options(
+        parser,
+        "how many tasks at a time (default: one for each core); does not change the results",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser.set_defaults(command=_throw)
+
+
+def _throw(options: argparse.Namespace) -> int:
+    # Imported here, as other commands do without.
+    from dicedesign.throws.momentum.momentum_model import momentum_model
+    from dicedesign.throws.momentum.momentum_odds import momentum_odds
+    from dicedesign.throws.release import PAPER_DIRECTIONS
+    from dicedesign.throws.rigid_body import rigid_body
+    from dicedesign.throws.simulation.simulation import check_throws, simulate
+    from dicedesign.throws.tables import table_entries, table_named
+
+    table = _sized(table_named(options.table), options.size)
+    orientations = options.orientations
+    if orientations is None:
+        orientations = "icosahedron" if options.table == "paper" else "uniform"
+    drops = options.drops
+    if drops is None:
+        drops = PAPER_DIRECTIONS if orientations == "icosahedron" else DROPS
+    check_throws(drops, options.seed, options.engine, orientations)
+    check_worker_options(options)
+    is_finished = options.die.is_dir()
+    die = _finished(options) if is_finished else _mesh(options)
+    for note in die.poses.notes:
+        print(f"note: {note}", file=sys.stderr)
+    body = rigid_body(die.body, die.poses, _tensor(options.inertia))
+    if is_finished and options.size is None:
+        # Its files are in millimetres.
+        table = _sized(table, 2.0 * body.radius)
+    started = time.perf_counter()
+    momentum = None
+    if "momentum" in table_entries(options.table):
+        momentum = momentum_odds(die.poses, body, momentum_model(options.table))
+    with open_workers(options, "drops", drops, 0) as workers:
+        throws = simulate(
+            body,
+            table,
+            drops,
+            options.seed,
+            engine=options.engine,
+            orientations=orientations,
+            workers=workers.executor,
+            progress=workers.advance,
+            on_quiet=workers.on_quiet,
+        )
+    seconds = time.perf_counter() - started
+    summary = throw_summary(throws, die.poses, orientations, die.labels, momentum)
+    summary["seconds"] = seconds
+    if options.json:
+        print(json.dumps(summary, indent=1, allow_nan=False))
+    else:
+        print(_text(options.die, summary))
+    return 0
+
+
+def _sized(table: Table, size: float | None) -> Table:
+    """The table for a die of another size in millimetres."""
+    if size is None:
+        return table
+    return replace(table, size=size / MM_PER_METRE)
+
+
+def _tensor(text: str | None) -> list[list[float]] | None:
+    if text is None:
+        return None
+    xx, yy, zz, xy, xz, yz = numbers("--inertia", text, "xx,yy,zz,xy,xz,yz")
+    return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+
+
+def _mesh(options: argparse.Namespace) -> _Die:
+    from dicedesign.geometry.meshes.formats import without_solids
+    from dicedesign.geometry.meshes.reading import read_body
+    from dicedesign.rest.poses import rest_poses
+
+    with without_solids():
+        body = read_body(options.die)
+    return _Die(body, rest_poses(body, center_of_mass(options.com)), None)
+
+
+def _finished(options: argparse.Namespace) -> _Die:
+    """A die that was designed here, without its marks, and the labels of its rests."""
+    from dicedesign.geometry.meshes.reading import read_body
+    from dicedesign.rest.outcomes import facet_of_rest
+    from dicedesign.rest.poses import rest_poses
+    from dicedesign.results.finished_die import finished_die
+
+    die = finished_die(options.die)
+    body = read_body(die.mesh)
+    center = die.center_of_mass if options.com is None else center_of_mass(options.com)
+    poses = rest_poses(body, center)
+    facets = facet_of_rest(poses.normals, die.normals).tolist()
+    return _Die(body, poses, [None if facet < 0 else die.shown[facet] for facet in facets])
+
+
+def throw_summary(
+    throws: Throws,
+    poses: RestPoses,
+    orientations: Orientations,
+    labels: list[str | None] | None = None,
+    momentum: NDArray[np.float64] | None = None,
+) -> dict[str, Any]:
+    """The answer as plain data. labels: (k,) of the rests, None for a rest or a die without;
+    momentum: (k,) odds by the momentum model, where the table has one.
+
+    Frequencies are those among the drops that were resolved; None, as the distances, if none was.
+    """
+    import numpy as np
+
+    from dicedesign.rest.asymmetry import asymmetry
+    from dicedesign.throws.statistics.goodness_of_fit import chi_square
+    from dicedesign.throws.statistics.intervals import exact_intervals
+    from dicedesign.throws.statistics.total_variation import effective_counts, measure_variation
+    from dicedesign.throws.statistics.transport import measure_transport
+
+    landed = throws.outcomes >= 0
+    variation = transport = test = None
+    if landed.any():
+        came = effective_counts(throws.outcomes[landed], throws.weights[landed], throws.rests)
+        odds = poses.probabilities
+        variation = _distance(measure_variation(came, odds, CONFIDENCE))
+        transport = _distance(measure_transport(poses.normals, came, odds, CONFIDENCE))
+        if throws.rests > 1:
+            test = asdict(chi_square(came, odds))
+    else:
+        came = np.zeros(throws.rests)
+    intervals = exact_intervals(came, float(came.sum()), CONFIDENCE)
+    rests = [
+        {
+            "normal": poses.normals[i].tolist(),
+            "count": int(throws.counts[i]),
+            "frequency": float(throws.frequencies[i]) if landed.any() else None,
+            "interval": intervals[i].tolist(),
+            "geometric": float(poses.probabilities[i]),
+            **({} if momentum is None else {"momentum": float(momentum[i])}),
+        }
+        for i in range(throws.rests)
+    ]
+    if labels is not None:
+        rests = [{"label": label, **rest} for label, rest in zip(labels, rests, strict=True)]
+    return {
+        "drops": throws.drops,
+        "unresolved": throws.unresolved,
+        "table": throws.table.as_dict(),
+        "engine": throws.engine,
+        "seed": throws.seed,
+        "orientations": orientations,
+        "rests": rests,
+        "total_variation": variation,
+        "wasserstein": transport,
+        "chi_square": test,
+        "asymmetry": asymmetry(poses),
+    }
+
+
+def _distance(measured: MeasuredVariation | MeasuredTransport) -> dict[str, Any]:
+    return {
+        "value": measured.value,
+        "interval": list(measured.interval),
+        "noise_floor": measured.noise_floor,
+    }
+
+
+def _text(die: Path, summary: dict[str, Any]) -> str:
+    table, rests, level = summary["table"], summary["rests"], f"{100 * CONFIDENCE:g} %"
+    labelled, modelled = "label" in rests[0], "momentum" in rests[0]
+    lines = [
+        f"{die}: {summary['drops']} drops on {table['name']}, {1e3 * table['size']:g} mm, engine "
+        f"{summary['engine']}, {summary['seconds']:.1f} s",
+        "",
+        f"rest  {'label  ' if labelled else ''}   count  frequency %  {level + ' interval':>16s}  "
+        f"geometric %   {'momentum %   ' if modelled else ''}facet normal (down)",
+    ]
+    for i, rest in enumerate(rests):
+        label = f"{rest['label'] or '-':>5s}  " if labelled else ""
+        frequency = math.nan if rest["frequency"] is None else 100 * rest["frequency"]
+        low, high = (100 * limit for limit in rest["interval"])
+        model = f"{100 * rest['momentum']:10.3f}   " if modelled else ""
+        normal = "  ".join(f"{x + 0.0:8.5f}" for x in rest["normal"])
+        lines.append(
+            f"{i + 1:4d}  {label}{rest['count']:8d}  {frequency:11.3f}  {low:7.3f}  {high:7.3f}  "
+            f"{100 * rest['geometric']:11.3f}   {model}{normal}"
+        )
+    lines.append("")
+    if summary["unresolved"]:
+        lines.append(f"unresolved: {summary['unresolved']} drops ended on no facet in time")
+    for name, what in (
+        ("total_variation", "total variation from the odds without momentum"),
+        ("wasserstein", "Wasserstein distance from them, in radians,"),
+    ):
+        distance = summary[name]
+        if distance is not None:
+            low, high = distance["interval"]
+            lines.append(
+                f"{what} {distance['value']:.4f}, {level} interval {low:.4f} to {high:.4f}; noise "
+                f"floor {distance['noise_floor']:.4f}"
+            )
+    test = summary["chi_square"]
+    if test is not None:
+        lines.append(
+            f"chi-square against them {test['statistic']:.4g} on {test['degrees']} degrees of "
+            f"freedom, p = {test['p_value']:.2g}; asymmetry rho {summary['asymmetry']:.3g}"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,177 @@
+"""A hull on the way to wanted odds: its clusters of rests, and steps from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import torch
+
+from dicedesign.concave.hull.least_displacement import least_displacement
+from dicedesign.concave.hull.problem import DesignedHull, HullProblem
+from dicedesign.concave.hull.slopes import SlopeMemory, climbs
+from dicedesign.design.coordinates.vertices import VertexCoordinates
+from dicedesign.design.solvers.candidate import TrialMaker
+from dicedesign.design.solvers.levenberg_marquardt import Approach
+from dicedesign.design.solvers.sobolev import SobolevOptions
+from dicedesign.errors import DiceError
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.rest.outcomes import clustered
+from dicedesign.runtime.arrays import Floats, Integers
+
+__all__ = ["HullDraft", "change_of_least_work", "designed_hull", "exact_draft"]
+
+LARGEST_GAIN: Final = 0.05
+"""Most by which odds are to change in one step."""
+
+EXACT: Final = 1e-12
+"""Largest |p - q| of an exact draft."""
+
+SMOOTH: Final = SobolevOptions(smoothing=5.0, power=2)
+"""Metric of the steps to it."""
+
+
+@dataclass(frozen=True)
+class HullDraft:
+    """A hull on the way.
+
+    Attributes
+    ----------
+    corners: (n, 3) those of the original hull, moved; the center of mass is the origin.
+    rests: of their hull.
+    directions: (k, 3) of the outcomes.
+    """
+
+    corners: Floats
+    rests: RestEvaluation
+    directions: Floats
+
+    @classmethod
+    def of(cls, corners: Floats, directions: Floats) -> HullDraft | None:
+        """None where the center of mass is outside, or the hull is none."""
+        try:
+            rests = evaluate_rests(torch.from_numpy(corners), torch.zeros(3, dtype=torch.float64))
+            draft = cls(corners, rests, directions)
+            return draft if np.isfinite(rests.odds).all() else None
+        except DiceError:
+            return None
+
+    @cached_property
+    def rest_normals(self) -> Floats:
+        """(r, 3) of all rests."""
+        return self.rests.hull.normals[self.rests.paths.rests]
+
+    @cached_property
+    def main(self) -> Integers:
+        """(k,) the rest nearest to each outcome's direction."""
+        return np.argmax(self.directions @ self.rest_normals.T, axis=1)
+
+    @cached_property
+    def of_rest(self) -> Integers:
+        """(r,) outcome of each rest: the one with the least to climb on the way."""
+        climb = climbs(self.rests.hull.vertices, self.rest_normals, self.directions)
+        of_rest = np.argmin(climb, axis=1)
+        of_rest[self.main] = np.arange(len(self.main))
+        return np.asarray(of_rest, dtype=np.int64)
+
+    @property
+    def alone(self) -> bool:
+        """Whether each outcome has a rest of its own and there is no other."""
+        return len(self.rests.odds) == len(self.main) == len(np.unique(self.main))
+
+    @property
+    def normals(self) -> Floats:
+        """(k, 3) those of the outcomes' own rests."""
+        return self.rest_normals[self.main]
+
+    @cached_property
+    def odds(self) -> Floats:
+        """(k,) of the outcomes."""
+        sums = np.bincount(self.of_rest, self.rests.odds, minlength=len(self.main))
+        return np.asarray(sums, dtype=np.float64)
+
+    def error(self, target: Floats) -> float:
+        """See `DesignedHull.error`."""
+        return clustered(self.rest_normals, self.rests.odds, self.normals).error(target)
+
+    @property
+    def jacobian(self) -> Floats:
+        """(k, n, 3) of the odds in the corners."""
+        rests = self.rests
+        of_rests = rests.jacobian
+        if of_rests is None:
+            leaf = rests.vertices.detach().requires_grad_()
+            moving = replace(rests, vertices=leaf)
+            rows = [
+                torch.autograd.grad(odds, leaf, retain_graph=True)[0].numpy()
+                for odds in moving.probabilities
+            ]
+            of_rests = np.stack(rows)
+        sums = np.zeros((len(self.main), *self.corners.shape))
+        by_corner = of_rests.reshape(len(self.of_rest), -1, 3)
+        for outcome in range(len(self.main)):
+            mine = self.of_rest == outcome
+            sums[outcome, rests.hull.source] = by_corner[mine].sum(axis=0)
+        return sums
+
+
+def change_of_least_work(
+    problem: HullProblem,
+    draft: HullDraft,
+    compliance: Floats,
+    memory: SlopeMemory,
+    directions: Floats,
+    step: int,
+) -> Floats:
+    """(n, 3) from a draft to the displacement of least work with the target's odds."""
+    displacement = draft.corners - problem.hull.vertices
+    conditions = memory.conditions(draft.rests, directions, draft.of_rest, step)
+    gains = np.clip(problem.target - draft.odds, -LARGEST_GAIN, LARGEST_GAIN)
+    # The last of the equations follows from the others.
+    following = least_displacement(
+        compliance,
+        displacement,
+        conditions,
+        conditions.excess(draft.corners),
+        draft.jacobian[:-1],
+        gains[:-1],
+    )
+    return following - displacement
+
+
+def designed_hull(problem: HullProblem, draft: HullDraft) -> DesignedHull:
+    """A draft as the hull to fill, where the surface would be led by its corners alone."""
+    moved = draft.corners - problem.hull.vertices
+    center = np.tensordot(moved, problem.relative[1], 2)
+    own = draft.rests.hull
+    hull = convex_hull(own.vertices + center)
+    corners = problem.hull.source[own.source[hull.source]]
+    error = draft.error(problem.target)
+    return DesignedHull(hull, corners, center, draft.normals, error, moved)
+
+
+class _AllCorners(VertexCoordinates):
+    """Corners that leave the hull stay parameters: each is a point of the surface."""
+
+    def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
+        return parameters
+
+
+def exact_draft(problem: HullProblem, draft: HullDraft) -> HullDraft | None:
+    """The hull with the odds of the target to rounding to which steps lead from a draft with no
+    rests but the wanted ones; None where they lead to none."""
+    if not draft.alone:
+        return None
+    maker = TrialMaker(np.zeros(3))
+    coordinates = _AllCorners(np.zeros(3), 1.0)
+    first = maker.attempt(coordinates, draft.corners.ravel(), draft.normals)
+    if first is None:
+        return None
+    steps = Approach(problem.target, maker, SMOOTH, EXACT / 2.0, lambda: False, lambda trial: None)
+    trial = steps.end(first)
+    if trial.error(problem.target) > EXACT:
+        return None
+    return HullDraft.of(trial.parameters.reshape(-1, 3), trial.directions)

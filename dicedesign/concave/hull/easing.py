@@ -1,0 +1,125 @@
+"""Hulls that stay as good and take the surface less work."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
+
+from dicedesign.concave.fill.space_elasticity import HeldCorners, spread_points
+from dicedesign.concave.hull.draft import (
+    HullDraft,
+    change_of_least_work,
+    designed_hull,
+    exact_draft,
+)
+from dicedesign.concave.hull.problem import DesignedHull, HullMetric, HullProblem
+from dicedesign.concave.hull.slopes import SlopeMemory, SlopeOptions
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["eased_hull", "nearer_draft", "settled_draft"]
+
+SWEEPS: Final = 4
+"""Sweeps back toward the original, at the end."""
+
+PLACES: Final = 40
+"""Places in each, spread over the hull."""
+
+PLACE_WIDTH: Final = 1.0
+"""Width of a place, times the root of their number, over the circumscribed radius."""
+
+HALVINGS: Final = 3
+"""Tries of half the length each."""
+
+CORRECTIONS: Final = 6
+"""Newton steps to the odds, at the end."""
+
+EASED: Final = 16
+"""Most groups of corners that are eased at a time."""
+
+RETURNING: Final = HullMetric(tether=0.1, smoothing=0.3, elastic=1.0)
+"""Metric of the steps: the work that the surface takes, above all."""
+
+
+def nearer_draft(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -> HullDraft:
+    """A hull that is as good and takes less work: steps to the least work among hulls with these
+    odds, of all corners and then of those about one place after the other. Each goes as far as the
+    error allows."""
+    compliance, memory = problem.compliance(RETURNING), SlopeMemory(slopes)
+    original = problem.hull.vertices
+    centers = original[spread_points(original, PLACES)]
+    widths = PLACE_WIDTH / np.sqrt(len(centers))
+    squares = cdist(centers, original, "sqeuclidean")
+    about = np.exp(-squares / (2.0 * widths**2))[:, :, None]
+    for sweep in range(SWEEPS):
+        goal = draft.corners + change_of_least_work(
+            problem, draft, compliance, memory, draft.normals, sweep
+        )
+        for part in (np.ones((1, 1)), *about):
+            change = part * (goal - draft.corners)
+            draft = _moved(problem, draft, change, problem.tolerance) or draft
+    return draft
+
+
+def _moved(problem: HullProblem, draft: HullDraft, change: Floats, most: float) -> HullDraft | None:
+    """A draft after a change (n, 3) of its corners, or the first half, ... of it after which the
+    error is at most so much; None where it is larger all the way."""
+    for halving in range(HALVINGS):
+        following = HullDraft.of(draft.corners + 0.5**halving * change, draft.normals)
+        if following is not None and following.error(problem.target) <= most:
+            return following
+    return None
+
+
+def settled_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
+    """The hull whose odds are met as well as can be, next to one where they nearly are."""
+    exact = exact_draft(problem, draft)
+    if exact is not None:
+        return exact
+    compliance = problem.compliance(RETURNING)
+    for _ in range(CORRECTIONS):
+        # The last of the equations follows from the others.
+        jacobian = draft.jacobian[:-1]
+        raised = np.tensordot(jacobian, compliance, 2)
+        square = np.tensordot(jacobian, raised, ((1, 2), (1, 2)))
+        misses = (problem.target - draft.odds)[:-1]
+        step = np.tensordot(np.linalg.lstsq(square, misses)[0], raised, 1)
+        less = np.nextafter(draft.error(problem.target), -1.0)
+        following = _moved(problem, draft, step, float(less))
+        if following is None:
+            break
+        draft = following
+    return draft
+
+
+def eased_hull(
+    problem: HullProblem, design: DesignedHull, places: Floats, width: float
+) -> DesignedHull | None:
+    """A design whose corners near some places (p, 3) of the original surface go where the others
+    would take them, as far as the error allows; None where it allows nothing.
+
+    width: distance from a place within which corners are eased, over the circumscribed radius.
+    """
+    original = problem.hull.vertices
+    near = np.flatnonzero(cKDTree(places).query(original)[0] < width)
+    draft = HullDraft.of(original + design.moved, design.directions)
+    if draft is None or len(near) == 0:
+        return None
+    middles = original[near][spread_points(original[near], EASED)]
+    owner = cKDTree(middles).query(original)
+    eased = False
+    for place in range(len(middles)):
+        group = np.flatnonzero((owner[1] == place) & (owner[0] < width))
+        others = np.setdiff1d(np.arange(len(original)), group)
+        held = HeldCorners(problem.elasticity, problem.hull.source[others])
+        followed = held.followed((draft.corners - original)[others])
+        goal = draft.corners.copy()
+        goal[group] = original[group] + followed[problem.hull.source[group]]
+        following = _moved(problem, draft, goal - draft.corners, problem.tolerance)
+        if following is not None:
+            draft, eased = following, True
+    if not eased:
+        return None
+    return designed_hull(problem, settled_draft(problem, draft))

@@ -1,0 +1,112 @@
+"""A surface whose hull is to have wanted odds, and the hull that has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dicedesign.concave.fill.space_elasticity import Elasticity, HeldCorners, positive_inverse
+from dicedesign.design.solvers.sobolev import graph_laplacian
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.runtime.arrays import Floats, Integers
+
+__all__ = ["DesignedHull", "HullMetric", "HullProblem"]
+
+
+@dataclass(frozen=True)
+class HullMetric:
+    """What displacements of corners cost: `|(tether I + smoothing L) u|^2 / n`, with the graph
+    Laplacian L of the original hull (the Sobolev metric of section 3.3), and `elastic` times the
+    work that the surface takes.
+
+    Attributes
+    ----------
+    tether, smoothing: positive.
+    elastic: not negative.
+    """
+
+    tether: float
+    smoothing: float
+    elastic: float
+
+
+@dataclass(frozen=True)
+class HullProblem:
+    """A surface whose hull is to have wanted odds.
+
+    Attributes
+    ----------
+    surface: its center of mass at the origin, its circumscribed radius 1.
+    target: (k,) the odds.
+    tolerance: largest error (`DesignedHull.error`) that will do.
+    """
+
+    surface: Surface
+    target: Floats
+    tolerance: float
+
+    @cached_property
+    def hull(self) -> ConvexHull:
+        """Of the surface as it is."""
+        return convex_hull(self.surface.points)
+
+    @cached_property
+    def _laplacian(self) -> Floats:
+        return np.asarray(graph_laplacian(self.hull).toarray(), dtype=np.float64)
+
+    @cached_property
+    def elasticity(self) -> Elasticity:
+        """Of the surface."""
+        return Elasticity(self.surface)
+
+    @cached_property
+    def relative(self) -> tuple[Floats, Floats]:
+        """See `HeldCorners.relative`, for the corners of the hull."""
+        return HeldCorners(self.elasticity, self.hull.source).relative
+
+    @cached_property
+    def _compliances(self) -> dict[HullMetric, Floats]:
+        return {}
+
+    def compliance(self, metric: HullMetric) -> Floats:
+        """(n, 3, n, 3) displacement of the hull's corners for forces on them."""
+        if metric not in self._compliances:
+            self._compliances[metric] = self._compliance(metric)
+        return self._compliances[metric]
+
+    def _compliance(self, metric: HullMetric) -> Floats:
+        count = len(self.hull.vertices)
+        root = metric.tether * np.eye(count) + metric.smoothing * self._laplacian
+        smooth = root @ root / count
+        stiffness = metric.elastic * self.relative[0]
+        for axis in range(3):
+            stiffness[:, axis, :, axis] += smooth
+        flat = stiffness.reshape(3 * count, 3 * count)
+        return positive_inverse(flat).reshape(count, 3, count, 3)
+
+
+@dataclass(frozen=True)
+class DesignedHull:
+    """A hull with the wanted odds.
+
+    Attributes
+    ----------
+    hull: in the place of the surface; its corners are those of the surface's hull, moved, or some
+        of them.
+    corners: (v,) number of the surface's point of each corner.
+    center_of_mass: (3,) for which its odds are the wanted ones.
+    directions: (k, 3) normals of the outcomes' rests.
+    error: largest of |p - q| over clusters of rests within `SAME_REST_ANGLE` of those, and the odds
+        of all other rests together.
+    moved: (n, 3) displacement of all corners of the original hull, relative to the center of mass.
+    """
+
+    hull: ConvexHull
+    corners: Integers
+    center_of_mass: Floats
+    directions: Floats
+    error: float
+    moved: Floats

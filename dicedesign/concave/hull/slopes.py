@@ -1,0 +1,196 @@
+"""Slopes of the support function that a wanted set of rests asks for.
+
+The height U(d) of the center of mass over the table has the slope r . t at the direction d along
+the tangent t, where r is the corner that the body stands on. If U falls along the great circle
+from every direction to that of some outcome, the outcomes' directions are the only rests. That is
+asked where it fails: along the arcs from unwanted rests to outcomes, and at facets that are nearly
+rests; and rising slopes are asked around each outcome. Each condition is linear in one corner.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from dicedesign.geometry.sphere import angle_between, norms, unit_vectors
+from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.runtime.arrays import Floats, Integers
+
+__all__ = ["SlopeConditions", "SlopeMemory", "SlopeOptions", "climbs"]
+
+STRIDE: Final = math.radians(1.0)
+"""Between directions of an arc at which slopes are asked for."""
+
+CLIMB_STRIDE: Final = math.radians(2.0)
+"""Between directions of an arc at which heights are compared."""
+
+CELL: Final = 0.03
+"""Size of the cells of the sphere, of which each remembers one direction."""
+
+LIFETIME: Final = 12
+"""Steps for which a direction is remembered that no arc meets again."""
+
+NEARLY_STABLE: Final = 0.02
+"""A facet is nearly a rest when the foot of the center of mass is no farther outside it, over the
+circumscribed radius."""
+
+RING: Final = 16
+"""Directions on each of the two circles around an outcome."""
+
+FARTHEST: Final = 0.05
+"""Slopes that are better than asked by more than this are left out."""
+
+ALIKE: Final = 0.1
+"""Of conditions on one corner whose tangents differ by less than about this, one is kept."""
+
+OPPOSITE: Final = 1e-9
+"""Sine of the angle below which directions count as opposite, if they are not the same."""
+
+
+@dataclass(frozen=True)
+class SlopeOptions:
+    """How steep and where, for a body of circumscribed radius about 1.
+
+    Attributes
+    ----------
+    fall: least slope toward outcomes, positive.
+    rise: least slope away from an outcome, around it, positive.
+    circle: angle around an outcome within which nothing falls, in radians.
+    """
+
+    fall: float
+    rise: float
+    circle: float
+
+
+@dataclass(frozen=True)
+class SlopeConditions:
+    """`tangents . corner <= -least` for the corners of a hull.
+
+    Attributes
+    ----------
+    tangents: (s, 3).
+    corners: (s,) number of the point that the body stands on there, of those its hull is made of.
+    least: (s,) slope that is asked for.
+    """
+
+    tangents: Floats
+    corners: Integers
+    least: Floats
+
+    def excess(self, points: Floats) -> Floats:
+        """(s,) how much each fails for points (n, 3); negative where it holds."""
+        return (self.tangents * points[self.corners]).sum(-1) + self.least
+
+
+def climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:
+    """(r, k) how high one has to climb, at most, on the great arc from each start (r, 3) to each
+    end (k, 3), unit directions; 0 where it is downhill all the way. vertices: (n, 3)."""
+    highest = np.zeros((len(starts), len(ends)))
+    for row, start in enumerate(starts):
+        for column, end in enumerate(ends):
+            heights = (_arc(start, end, CLIMB_STRIDE) @ vertices.T).max(axis=1)
+            later = np.maximum.accumulate(heights[::-1])[::-1]
+            highest[row, column] = (later - heights).max()
+    return highest
+
+
+@dataclass
+class SlopeMemory:
+    """Where slopes have been asked for: conditions that are met stay until they are forgotten, as
+    else the surface would spring back.
+
+    Attributes
+    ----------
+    options: see there.
+    cells: the directions by cell of the sphere: direction, outcome, and step of the last arc.
+    """
+
+    options: SlopeOptions
+    cells: dict[tuple[int, ...], tuple[Floats, int, int]] = field(default_factory=dict)
+
+    def conditions(
+        self, rests: RestEvaluation, outcomes: Floats, outcome_of_rest: Integers, step: int
+    ) -> SlopeConditions:
+        """What to ask of a hull whose center of mass is the origin.
+
+        outcomes: (k, 3) their directions; outcome_of_rest: (r,); step: number of the step.
+        """
+        hull = rests.hull
+        self._remember(hull.normals[rests.paths.rests], outcomes, outcome_of_rest, step)
+        parts = [self._around(outcomes)]
+        if self.cells:
+            directions = np.array([cell[0] for cell in self.cells.values()])
+            ends = outcomes[[cell[1] for cell in self.cells.values()]]
+            parts.append((directions, _tangents(directions, ends), self.options.fall))
+        tangents = [part[1] for part in parts]
+        corners = [np.argmax(part[0] @ hull.vertices.T, axis=1) for part in parts]
+        least = [np.full(len(part[1]), part[2]) for part in parts]
+        facets = self._nearly_stable(rests, outcomes)
+        if len(facets) > 0:
+            normals = hull.normals[facets]
+            ends = outcomes[np.argmin(climbs(hull.vertices, normals, outcomes), axis=1)]
+            counts = np.diff(hull.facet_start)[facets]
+            half_edges = np.flatnonzero(np.isin(hull.facet, facets))
+            tangents.append(np.repeat(_tangents(normals, ends), counts, axis=0))
+            corners.append(hull.tail[half_edges])
+            least.append(np.full(len(half_edges), self.options.fall))
+        along, at, wanted = np.concatenate(tangents), np.concatenate(corners), np.concatenate(least)
+        near = np.flatnonzero((along * hull.vertices[at]).sum(-1) + wanted > -FARTHEST)
+        near = near[np.argsort(-wanted[near], kind="stable")]
+        alike = np.column_stack([at[near], np.round(along[near] / ALIKE).astype(np.int64)])
+        near = np.sort(near[np.unique(alike, axis=0, return_index=True)[1]])
+        return SlopeConditions(along[near], hull.source[at[near]], wanted[near])
+
+    def _remember(
+        self, normals: Floats, outcomes: Floats, outcome_of_rest: Integers, step: int
+    ) -> None:
+        for normal, outcome in zip(normals, outcome_of_rest.tolist(), strict=True):
+            arc = _arc(normal, outcomes[outcome], STRIDE)
+            outside = arc @ outcomes[outcome] < math.cos(self.options.circle)
+            if outside[0]:
+                for direction in arc[outside]:
+                    cell = tuple(np.round(direction / CELL).astype(int).tolist())
+                    self.cells[cell] = (direction, outcome, step)
+        self.cells = {
+            cell: entry for cell, entry in self.cells.items() if step - entry[2] < LIFETIME
+        }
+
+    def _around(self, outcomes: Floats) -> tuple[Floats, Floats, float]:
+        """Directions on circles around outcomes and tangents to the inside."""
+        angles = np.linspace(0.0, 2.0 * np.pi, RING, endpoint=False)
+        directions = []
+        for outcome in outcomes:
+            across = np.linalg.svd(outcome[None])[2][1:]
+            aside = np.cos(angles)[:, None] * across[0] + np.sin(angles)[:, None] * across[1]
+            for radius in (self.options.circle, 1.5 * self.options.circle):
+                directions.append(math.cos(radius) * outcome + math.sin(radius) * aside)
+        around = np.concatenate(directions)
+        ends = np.repeat(outcomes, 2 * RING, axis=0)
+        return around, _tangents(around, ends), self.options.rise
+
+    def _nearly_stable(self, rests: RestEvaluation, outcomes: Floats) -> Integers:
+        apart = (rests.hull.normals @ outcomes.T).max(axis=1) < math.cos(self.options.circle)
+        return np.flatnonzero((rests.depths > -NEARLY_STABLE) & apart)
+
+
+def _tangents(directions: Floats, ends: Floats) -> Floats:
+    """(s, 3) unit tangents of great circles at directions (s, 3) toward ends (s, 3); any tangents
+    where those are opposite, as then all ways are as long."""
+    aside = ends - (directions * ends).sum(-1)[:, None] * directions
+    opposite = norms(aside) < OPPOSITE
+    if opposite.any():
+        axes = np.eye(3)[np.abs(directions[opposite]).argmin(axis=1)]
+        aside[opposite] = np.linalg.cross(directions[opposite], axes)
+    return unit_vectors(aside)
+
+
+def _arc(start: Floats, end: Floats, stride: float) -> Floats:
+    """(m, 3) directions from start to end, both included, no farther apart than the stride."""
+    angle = float(angle_between(start, end))
+    steps = np.linspace(0.0, angle, max(2, math.ceil(angle / stride) + 1))
+    tangent = _tangents(start[None], end[None])
+    return np.cos(steps)[:, None] * start + np.sin(steps)[:, None] * tangent

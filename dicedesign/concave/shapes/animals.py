@@ -1,0 +1,73 @@
+"""Animals made of round parts; they look along x, with z upward."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from dicedesign.concave.shapes.distance_functions import (
+    Distance,
+    blend,
+    ellipsoid,
+    mirrored,
+    round_cone,
+    stretched,
+    tube,
+)
+from dicedesign.concave.shapes.level_set import level_set
+from dicedesign.geometry.surfaces.surface import Surface
+
+__all__ = ["duck", "kitten"]
+
+LENGTHENING: Final = np.array([1.25, 1.0, 1.0])
+"""Of the duck, from bill to tail: rounder, it rests on everything a little."""
+
+
+def duck() -> Surface:
+    """A bath duck; genus 0."""
+    body = _blended(
+        ellipsoid((0.0, 0.0, 0.0), (0.96, 0.76, 0.60)),
+        # Tail, wings, head, bill and eyes.
+        (round_cone((-0.60, 0.0, 0.20), (-1.02, 0.0, 0.52), 0.36, 0.16), 0.35),
+        (mirrored(ellipsoid((-0.18, 0.62, 0.16), (0.56, 0.24, 0.32), -16.0, 10.0)), 0.12),
+        (ellipsoid((0.46, 0.0, 1.02), (0.60, 0.60, 0.58)), 0.30),
+        (ellipsoid((1.02, 0.0, 0.92), (0.44, 0.37, 0.21), 10.0), 0.12),
+        (mirrored(ellipsoid((0.78, 0.35, 1.27), (0.15, 0.15, 0.17))), 0.06),
+    )
+    surface = level_set(body, np.array([-1.4, -1.1, -0.8]), np.array([1.6, 1.1, 1.8]), 0.105)
+    return surface.moved(surface.points * LENGTHENING)
+
+
+def kitten() -> Surface:
+    """A sitting kitten with its tail around it; genus 0."""
+    ear = round_cone((0.26, 0.34, 1.30), (0.26, 0.52, 1.86), 0.36, 0.13)
+    angle = np.radians(np.linspace(190.0, 80.0, 8))
+    tail = np.stack([0.80 * np.cos(angle) - 0.10, 0.74 * np.sin(angle), 0.0 * angle - 0.37], axis=1)
+    body = _blended(
+        ellipsoid((-0.18, 0.0, 0.02), (0.68, 0.64, 0.60)),
+        (ellipsoid((0.18, 0.0, -0.20), (0.50, 0.46, 0.38)), 0.10),
+        (round_cone((-0.05, 0.0, 0.10), (0.14, 0.0, 0.60), 0.54, 0.38), 0.25),
+        # Haunches, hind paws, front legs, what is between the paws, and front paws.
+        (mirrored(ellipsoid((0.00, 0.46, -0.14), (0.48, 0.28, 0.42), 10.0)), 0.14),
+        (mirrored(ellipsoid((0.26, 0.56, -0.41), (0.34, 0.20, 0.17))), 0.16),
+        (mirrored(round_cone((0.30, 0.20, 0.50), (0.50, 0.17, -0.36), 0.20, 0.19)), 0.14),
+        (round_cone((0.28, 0.0, 0.30), (0.48, 0.0, -0.38), 0.20, 0.17), 0.08),
+        (mirrored(ellipsoid((0.40, 0.38, -0.40), (0.24, 0.20, 0.16))), 0.12),
+        (mirrored(ellipsoid((0.66, 0.17, -0.40), (0.24, 0.20, 0.18))), 0.08),
+        # Head, ears, cheeks, nose and eyes.
+        (ellipsoid((0.26, 0.0, 1.08), (0.58, 0.72, 0.56)), 0.24),
+        (mirrored(stretched(ear, (0.7, 1.0, 1.0))), 0.10),
+        (mirrored(ellipsoid((0.74, 0.13, 0.87), (0.21, 0.21, 0.16))), 0.08),
+        (ellipsoid((0.83, 0.0, 1.02), (0.15, 0.16, 0.12)), 0.06),
+        (mirrored(ellipsoid((0.70, 0.31, 1.20), (0.16, 0.15, 0.18))), 0.04),
+        (tube(tail, 0.20, 0.17), 0.18),
+    )
+    return level_set(body, np.array([-1.3, -1.1, -0.8]), np.array([1.2, 1.1, 2.2]), 0.077)
+
+
+def _blended(first: Distance, *others: tuple[Distance, float]) -> Distance:
+    """A part joined with others in turn, each with the width of its blend."""
+    for part, width in others:
+        first = blend(first, part, width)
+    return first

@@ -1,0 +1,44 @@
+"""Rests drawn to the middle of their region: E_bc (eq. 14)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dicedesign.design.energy.clusters import Clusters
+from dicedesign.gradient.rest_odds import RestEvaluation
+
+__all__ = ["barycenter_energy"]
+
+
+LARGEST_SQUARED_DISTANCE = 4.0
+"""Between two unit vectors: what a cluster without a rest is charged."""
+
+SMALLEST_MEAN: Final = 1e-3
+"""Length of the sum of a region's maxima below which it is no longer stretched to length 1: maxima
+that cancel have no mean direction, and near there the gradient would grow without bound."""
+
+
+def barycenter_energy(rests: RestEvaluation, clusters: Clusters) -> Tensor:
+    """E_bc (eq. 14): squared distances of rest normals from the barycenter of their cluster's
+    region, which is the normalised mean of the maxima on the region's border."""
+    paths = rests.paths
+    sides = clusters.of_rest[paths.basins]
+    borders = np.flatnonzero(sides[:, 0] != sides[:, 1])
+    energy = LARGEST_SQUARED_DISTANCE * clusters.empty * torch.ones((), dtype=torch.float64)
+    if len(borders) == 0:
+        return energy
+    branch = np.stack([2 * borders, 2 * borders + 1], axis=1)
+    outcome = np.repeat(sides[borders].ravel(), 2)
+    peak = np.repeat(paths.maxima[branch][:, None, :], 2, axis=1).ravel()
+    outcome, peak = np.unique(np.stack([outcome, peak]), axis=1)
+    zeros = torch.zeros(clusters.directions.shape, dtype=torch.float64)
+    sums = zeros.index_add(0, torch.as_tensor(outcome), rests.vertex_directions(peak))
+    lengths = torch.linalg.vector_norm(sums, dim=1, keepdim=True)
+    barycenters = sums / lengths.clamp_min(SMALLEST_MEAN)
+    bordered = np.isin(clusters.of_rest, outcome)
+    own = barycenters[clusters.of_rest[bordered]]
+    return energy + ((rests.rest_normals[bordered] - own) ** 2).sum()

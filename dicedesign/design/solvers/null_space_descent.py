@@ -1,0 +1,308 @@
+"""Make a die better by one's preferences while its odds stay what they are.
+
+A die has more parameters than outcomes, so the dice of the same odds form a manifold p = q. On it
+the sum of squared residuals is minimised by BFGS, which copes with the kinks that a shape has where
+its edges change: a step goes along the tangent space of the manifold, the null space of the odds'
+Jacobian, and Newton's method across brings it back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dicedesign.design.preferences.weights import Preferences, preference_residuals
+from dicedesign.design.solvers.candidate import Trial, TrialMaker
+from dicedesign.design.solvers.facet_barrier import barrier_residuals
+from dicedesign.gradient.inscribed_circles import circle_radii
+from dicedesign.gradient.restitution_sensitivity import Swing
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["improve"]
+
+SHORTFALL: Final = 0.2
+"""Part by which a circle is too small that counts as a residual of 1."""
+
+ROOM: Final = 1.01
+"""Circles below this times the least radius count as too small; none falls below that radius."""
+
+FAR: Final = 0.1
+"""Root of the mean square change of parameters that counts as 1 for `Preferences.nearness`."""
+
+LARGEST_MOVE: Final = 0.15
+"""Largest change of a parameter along the manifold in one step."""
+
+MOST_ROWS: Final = 600
+"""Residuals up to which their Jacobian is worth its time."""
+
+RANK: Final = 1e-9
+"""Singular value of the odds' Jacobian, whose parameters are about 1 in size, below which one
+counts as none: odds sum to 1, and symmetry may tie more of them, or all."""
+
+DAMPING: Final = 1.0
+"""Damping of the Gauss-Newton matrix that BFGS starts from, in units of its mean eigenvalue."""
+
+SUFFICIENT: Final = 1e-4
+"""Part of the decrease that the slope promises with which a step is accepted."""
+
+SHORTER: Final = 0.4
+"""Factor between the lengths that are tried in one direction."""
+
+MOST_LENGTHS: Final = 12
+"""How many lengths are tried."""
+
+MOST_CORRECTIONS: Final = 6
+"""Newton steps back to the manifold."""
+
+CONVERGING: Final = 0.3
+"""Factor by which each of them must reduce the error; a move that is worse is too long."""
+
+CURVED: Final = 1e-10
+"""Cosine between a step and the change of the gradient from which on the two teach curvature."""
+
+SLOW: Final = 5e-4
+"""Relative decrease of the sum of squares that counts as slow."""
+
+PATIENCE: Final = 5
+"""Slow steps in a row after which nothing more is to be gained."""
+
+
+def improve(
+    trial: Trial,
+    target: Floats,
+    maker: TrialMaker,
+    preferences: Preferences,
+    *,
+    swing: Swing | None = None,
+    least_circle: float,
+    tolerance: float,
+    steps: int,
+    out_of_time: Callable[[], bool],
+    on_step: Callable[[Trial, float], None],
+) -> Trial:
+    """The best die that steps from a given one lead to, by weighted preferences.
+
+    Every step keeps the odds within the tolerance, one rest for each outcome and no other. No facet
+    of an outcome comes near to losing its stability, or another to gaining it.
+
+    Parameters
+    ----------
+    trial: a die whose odds are within the tolerance.
+    target: (k,) the odds.
+    maker: makes the dice that are tried.
+    preferences: what is made better.
+    swing: of the odds when thrown, or None for odds without momentum.
+    least_circle: radius, over the hull's diameter, that the largest circle in each facet of an
+        outcome shall have, 0 for any. While one has less, steps are towards that alone; once all
+        have it they keep it.
+    tolerance: largest |p - q|.
+    steps: most steps.
+    out_of_time: asked before every step.
+    on_step: called with every die that a step leads to, and the sum of squares that falls: weighted
+        preferences, and what keeps facets from the verge of tipping and circles from being small.
+    """
+    goal = _Goal(target, maker, preferences, swing, least_circle, tolerance, trial.parameters)
+    if least_circle > 0.0:
+        # A circle that is too small comes first, and alone.
+        bare = replace(goal, preferences=Preferences())
+        trial, taken = _descend(bare, trial, steps, out_of_time, on_step)
+        steps -= taken
+    return _descend(goal, trial, steps, out_of_time, on_step)[0]
+
+
+def _descend(
+    goal: _Goal,
+    trial: Trial,
+    steps: int,
+    out_of_time: Callable[[], bool],
+    on_step: Callable[[Trial, float], None],
+) -> tuple[Trial, int]:
+    """The die that at most so many steps lead to, and how many there were."""
+    here = _Point(goal, trial)
+    if not goal.is_open(here) or not here.is_free:
+        return trial, 0
+    curvature, slow, taken = here.gauss_newton(), 0, 0
+    while taken < steps and slow < PATIENCE and goal.is_open(here) and not out_of_time():
+        there = _line_search(goal, here, curvature)
+        if there is None:
+            # Curvature from beyond a kink misleads.
+            curvature = here.gauss_newton()
+            there = _line_search(goal, here, curvature)
+        if there is None:
+            break
+        curvature = _updated(curvature, here, there)
+        slow = slow + 1 if there.merit > (1.0 - SLOW) * here.merit else 0
+        here = there
+        taken += 1
+        on_step(here.trial, here.merit)
+    return here.trial, taken
+
+
+@dataclass(frozen=True)
+class _Goal:
+    """What is minimised, and subject to what; see `improve`.
+
+    Attributes
+    ----------
+    first: (n,) parameters of the die that is made better.
+    """
+
+    target: Floats
+    maker: TrialMaker
+    preferences: Preferences
+    swing: Swing | None
+    least_circle: float
+    tolerance: float
+    first: Floats
+
+    def residuals(self, trial: Trial) -> list[Tensor]:
+        """Vectors whose squares are summed, but for `away`."""
+        facets = trial.outcome_facets
+        parts = [
+            *preference_residuals(trial.rests, facets, self.preferences, self.swing),
+            np.sqrt(self.preferences.largest or 1.0) * barrier_residuals(trial.rests),
+        ]
+        if self.least_circle > 0.0:
+            radii = circle_radii(trial.rests, facets)
+            parts.append(torch.relu(ROOM * self.least_circle / radii - 1.0) / SHORTFALL)
+        return parts
+
+    def away(self, trial: Trial) -> Floats:
+        """(n,) the residuals of parameters that are not those of the first die."""
+        return self.pull * (trial.parameters - self.first)
+
+    @property
+    def pull(self) -> float:
+        """The derivative of each of them in its parameter."""
+        return float(np.sqrt(self.preferences.nearness / len(self.first))) / FAR
+
+    def is_open(self, here: _Point) -> bool:
+        """Whether there is anything to make better."""
+        return self.preferences.any or here.is_short
+
+    def moved(self, here: _Point, move: Floats) -> _Point | None:
+        """The point that a move (n,) along the tangent space and back leads to, or None where no
+        such die is found or a circle has become too small."""
+        parameters = here.trial.parameters + move
+        before = np.inf
+        for _ in range(MOST_CORRECTIONS + 1):
+            trial = self.maker.attempt(here.trial.coordinates, parameters, here.trial.directions)
+            if trial is None:
+                return None
+            there, error = _Point(self, trial), trial.error(self.target)
+            if error <= self.tolerance:
+                return None if there.is_short and not here.is_short else there
+            if error > CONVERGING * before:
+                return None
+            before = error
+            parameters = parameters + there.back(trial.odds - self.target)
+        return None
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A die and how good it is."""
+
+    goal: _Goal
+    trial: Trial
+
+    @cached_property
+    def residuals(self) -> list[Tensor]:
+        """See `_Goal.residuals`."""
+        return self.goal.residuals(self.trial)
+
+    @cached_property
+    def _squares(self) -> Tensor:
+        """() their sum of squares."""
+        return torch.stack([vector @ vector for vector in self.residuals]).sum()
+
+    @cached_property
+    def merit(self) -> float:
+        away = self.goal.away(self.trial)
+        return self._squares.item() + float(away @ away)
+
+    @cached_property
+    def is_short(self) -> bool:
+        """Whether a circle is too small."""
+        if self.goal.least_circle == 0.0:
+            return False
+        radii = circle_radii(self.trial.rests, self.trial.outcome_facets)
+        return bool(radii.detach().min() < self.goal.least_circle)
+
+    @property
+    def is_free(self) -> bool:
+        """Whether there is a direction that changes no odds."""
+        return len(self._free) > 0
+
+    @cached_property
+    def _singular(self) -> tuple[Floats, Floats, Floats]:
+        """Of the odds' Jacobian (k, n): left vectors (k, r), values (r,), all right ones (n, n)."""
+        left, values, right = np.linalg.svd(self.trial.odds_jacobian)
+        rank = int((values > RANK).sum())
+        return left[:, :rank], values[:rank], right
+
+    def back(self, misses: Floats) -> Floats:
+        """(n,) shortest step that changes the odds by `-misses` (k,), to first order."""
+        left, values, right = self._singular
+        return -right[: len(values)].T @ ((left.T @ misses) / values)
+
+    def along(self, vector: Floats) -> Floats:
+        """(n,) the part of a vector (n,) that changes no odds, to first order."""
+        free = self._free
+        return free.T @ (free @ vector)
+
+    @property
+    def _free(self) -> Floats:
+        """(n - r, n) orthonormal directions that change no odds."""
+        _, values, right = self._singular
+        return right[len(values) :]
+
+    @cached_property
+    def gradient(self) -> Floats:
+        """(n,) of the merit, along the manifold."""
+        (gradient,) = self.trial.jacobian(self._squares[None])
+        return self.along(gradient + 2.0 * self.goal.pull * self.goal.away(self.trial))
+
+    def gauss_newton(self) -> Floats:
+        """(n, n) inverse of the damped Gauss-Newton matrix of the merit along the manifold; of more
+        than `MOST_ROWS` residuals a multiple of the identity there, which costs no Jacobian."""
+        free = self._free
+        if sum(map(len, self.residuals)) > MOST_ROWS:
+            steepness = max(float(np.linalg.norm(self.gradient)), np.finfo(np.float64).tiny)
+            return free.T @ free * (LARGEST_MOVE / steepness)
+        jacobian = self.trial.jacobian(*self.residuals) @ free.T
+        square = 2.0 * (jacobian.T @ jacobian + self.goal.pull**2 * np.eye(len(free)))
+        damping = DAMPING * max(float(np.trace(square)), np.finfo(np.float64).tiny)
+        return free.T @ np.linalg.solve(square + damping / len(free) * np.eye(len(free)), free)
+
+
+def _line_search(goal: _Goal, here: _Point, curvature: Floats) -> _Point | None:
+    """A point that is better by enough, in the direction of quasi-Newton."""
+    direction = -here.along(curvature @ here.gradient)
+    slope = float(direction @ here.gradient)
+    if not slope < 0.0:
+        return None
+    length = min(1.0, LARGEST_MOVE / float(np.abs(direction).max()))
+    for _ in range(MOST_LENGTHS):
+        there = goal.moved(here, length * direction)
+        if there is not None and there.merit <= here.merit + SUFFICIENT * length * slope:
+            return there
+        length *= SHORTER
+    return None
+
+
+def _updated(curvature: Floats, here: _Point, there: _Point) -> Floats:
+    """The inverse Hessian (n, n) by BFGS, with vectors projected into the new tangent space."""
+    step = there.along(there.trial.parameters - here.trial.parameters)
+    change = there.gradient - there.along(here.gradient)
+    product = float(step @ change)
+    if product <= CURVED * np.linalg.norm(step) * np.linalg.norm(change):
+        return curvature
+    keep = np.eye(len(step)) - np.outer(step, change) / product
+    return keep @ curvature @ keep.T + np.outer(step, step) / product

@@ -1,0 +1,170 @@
+"""How outcomes can be spread over the facets of a symmetric shape: equal odds on each orbit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.point_groups import fixed_space, mirrors, pole_orbits
+from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import EQUAL_ODDS
+
+__all__ = ["Layout", "OrbitLayouts", "OrbitSite"]
+
+SAME: Final = 9
+"""Decimal digits to which products of matrices are compared."""
+
+
+@dataclass(frozen=True)
+class OrbitSite:
+    """Where the first facet of an orbit may face, and how it is carried to the others.
+
+    Attributes
+    ----------
+    projection: (3, 3) onto all of space, a mirror plane or an axis.
+    carriers: (s, 3, 3) the elements of the group that make its s images, the identity first.
+    pole: (3,) the end of the axis that is meant, or None.
+    """
+
+    projection: Floats
+    carriers: Floats
+    pole: Floats | None = None
+
+    @classmethod
+    def of(cls, group: Floats, projection: Floats, pole: Floats | None = None) -> OrbitSite:
+        """The site of directions that a projection keeps, under a group (g, 3, 3)."""
+        products = (group @ projection).reshape(len(group), 9).round(SAME) + 0.0
+        first = np.unique(products, axis=0, return_index=True)[1]
+        return cls(projection, group[np.sort(first)], pole)
+
+    def direction(self, rng: np.random.Generator) -> Floats:
+        """(3,) a random unit vector there."""
+        drawn = rng.normal(size=3)
+        return unit_vectors(self.projection @ drawn) if self.pole is None else self.pole
+
+
+Layout = list[tuple[OrbitSite, tuple[int, ...]]]
+"""Sites of orbits, with the outcomes on each."""
+
+
+class OrbitLayouts:
+    """Ways to spread outcomes over as few orbits as possible, with equal probabilities on each.
+
+    There is one facet at most at each end of an axis, and any number on mirror planes and off them.
+    """
+
+    def __init__(self, target: Floats, group: Floats) -> None:
+        """target: (k,) wanted probabilities; group: (g, 3, 3).
+
+        Raises InputError where equal probabilities do not fill whole orbits.
+        """
+        self.poles = [
+            OrbitSite.of(group, np.outer(orbit[0], orbit[0]), orbit[0])
+            for orbit in pole_orbits(group)
+        ]
+        self.planes = [
+            OrbitSite.of(group, fixed_space(np.stack([group[0], mirror])))
+            for mirror in mirrors(group)
+        ]
+        self.anywhere = OrbitSite.of(group, group[0])
+        self._classes = _equal_outcomes(target)
+        self._fewest = [{frozenset[int](): 0}]
+        for members in self._classes:
+            self._fewest.append(self._extended(self._fewest[-1], len(members)))
+            if not self._fewest[-1]:
+                raise InputError(self._refusal(len(members), float(target[members[0]])))
+
+    def draw(self, rng: np.random.Generator) -> Layout:
+        """One of them, at random."""
+        best = min(self._fewest[-1].values())
+        ends = [used for used, orbits in self._fewest[-1].items() if orbits == best]
+        used = ends[rng.integers(len(ends))]
+        layout: Layout = []
+        for number in reversed(range(len(self._classes))):
+            members = self._classes[number].tolist()
+            before = self._fewest[number]
+            ways = [
+                taken
+                for taken, orbits in self._splits(len(members), used)
+                if before.get(used - taken, np.inf) + orbits == self._fewest[number + 1][used]
+            ]
+            taken = ways[rng.integers(len(ways))]
+            for site in self._sites(taken, len(members), rng):
+                size = len(site.carriers)
+                layout.append((site, tuple(members[:size])))
+                members = members[size:]
+            used = used - taken
+        return layout
+
+    def helper(self, rng: np.random.Generator) -> OrbitSite:
+        """A site of an orbit without outcome: not on an axis, where a facet is always a rest."""
+        return self._plane(rng) if self.planes and rng.random() < 0.5 else self.anywhere
+
+    @property
+    def largest(self) -> int:
+        """Facets of an orbit off axes and mirror planes."""
+        return len(self.anywhere.carriers)
+
+    @property
+    def smallest(self) -> int:
+        """Facets of the smallest orbit of which there is any number."""
+        return len(self.planes[0].carriers) if self.planes else self.largest
+
+    def _extended(
+        self, before: dict[frozenset[int], int], outcomes: int
+    ) -> dict[frozenset[int], int]:
+        """Fewest orbits by the pole orbits that they use, for one class of outcomes more."""
+        every = frozenset(range(len(self.poles)))
+        found: dict[frozenset[int], int] = {}
+        for used, orbits in before.items():
+            for taken, more in self._splits(outcomes, every - used):
+                both = used | taken
+                found[both] = min(found.get(both, orbits + more), orbits + more)
+        return found
+
+    def _splits(self, outcomes: int, free: frozenset[int]) -> Iterator[tuple[frozenset[int], int]]:
+        """Free pole orbits that can be among those of so many outcomes, and the number of all."""
+        for few in range(len(free) + 1):
+            for taken in combinations(sorted(free), few):
+                rest = outcomes - sum(len(self.poles[pole].carriers) for pole in taken)
+                if rest >= 0 and rest % self.smallest == 0:
+                    yield frozenset(taken), few + -(-rest // self.largest)
+
+    def _sites(
+        self, taken: frozenset[int], outcomes: int, rng: np.random.Generator
+    ) -> list[OrbitSite]:
+        """Sites of the orbits of so many outcomes, some of them poles."""
+        on_axes = [self.poles[pole] for pole in sorted(taken)]
+        rest = outcomes - sum(len(site.carriers) for site in on_axes)
+        on_planes = [self._plane(rng)] if rest % self.largest else []
+        return on_axes + on_planes + [self.anywhere] * (rest // self.largest)
+
+    def _plane(self, rng: np.random.Generator) -> OrbitSite:
+        return self.planes[rng.integers(len(self.planes))]
+
+    def _refusal(self, outcomes: int, probability: float) -> str:
+        sizes = f"{self.largest} facets"
+        if self.planes:
+            sizes += f", or {self.smallest} on mirror planes"
+        if self.poles:
+            ends = ", ".join(str(len(site.carriers)) for site in self.poles)
+            sizes += f", and on axes, once each, {ends}"
+        return (
+            "symmetry: expected outcomes of equal probability to fill whole orbits of facets, got "
+            f"{outcomes} of probability {probability:.6g} where orbits have {sizes}; take a "
+            "smaller group such as Cs, or another number of equal outcomes"
+        )
+
+
+def _equal_outcomes(target: Floats) -> list[Integers]:
+    """The numbers of the outcomes of each probability, the largest probability first."""
+    descending = np.argsort(-target, kind="stable")
+    odds = target[descending]
+    breaks = np.flatnonzero(np.diff(odds) < -EQUAL_ODDS * odds[:-1]) + 1
+    return [np.sort(members) for members in np.split(descending, breaks)]

@@ -1,0 +1,142 @@
+"""Cut labels into a solid as pockets, and check what comes out.
+
+Lengths are in millimetres, volumes in cubic millimetres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+from manifold3d import Error, Manifold, OpType
+
+from dicedesign.errors import EngravingError
+from dicedesign.fabricate.glyphs import text_section
+from dicedesign.fabricate.layout import Placement
+from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.geometry.manifold import mesh_of, solid
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
+
+__all__ = ["Cut", "EngravedDie", "cut_out", "engrave"]
+
+
+@dataclass(frozen=True, eq=False)
+class EngravedDie:
+    """A solid with its labels cut in: closed and one piece.
+
+    Attributes
+    ----------
+    vertices: (n, 3) in mm.
+    triangles: (t, 3) counter-clockwise seen from outside.
+    """
+
+    vertices: Floats
+    triangles: Integers
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """What a label takes away.
+
+    Attributes
+    ----------
+    text: the label.
+    cutter: solid to subtract.
+    volume: of that part of it that lies in the body, in mm3, where it is as it should be.
+    """
+
+    text: str
+    cutter: Manifold
+    volume: float
+
+
+def _pocket(placement: Placement, depth: float) -> Cut:
+    """The cut of one label into its facet's plane."""
+    section = text_section(placement.text).scale((placement.height, placement.height))
+    # It reaches as far above the facet as below, so that no face of it lies in the facet.
+    cutter = section.extrude(2 * depth).translate((0.0, 0.0, -depth))
+    return Cut(placement.text, cutter.transform(placement.frame[:3]), section.area() * depth)
+
+
+def engrave(
+    vertices: Floats,
+    triangles: Integers,
+    placements: Sequence[Placement],
+    options: EngravingOptions,
+) -> EngravedDie:
+    """Cut labels into a solid, `options.depth_mm` deep below their facets.
+
+    Parameters
+    ----------
+    vertices, triangles: the plain solid, as `solid` takes it.
+    placements: labels on flat facets of it, from `place_labels`.
+    options: the depth; sizes and places are those of the placements.
+
+    Returns
+    -------
+    EngravedDie that passed the checks: no boolean error, one piece, as many handles as the plain
+    solid, and the volume of the plain solid less the labels to `ENGRAVED_VOLUME_TOLERANCE`.
+
+    Raises
+    ------
+    InputError: the plain mesh is no solid.
+    EngravingError: a check failed; the message says which, and names the labels at fault.
+    """
+    cuts = [_pocket(placement, options.depth_mm) for placement in placements]
+    return cut_out(solid(vertices, triangles), cuts, options)
+
+
+def cut_out(plain: Manifold, cuts: Sequence[Cut], options: EngravingOptions) -> EngravedDie:
+    """Subtract cuts from a solid, all at once.
+
+    plain: the solid; cuts: of labels; options: named in the message of an error.
+
+    Returns
+    -------
+    EngravedDie that passed the checks of `engrave`.
+
+    Raises
+    ------
+    EngravingError: a check failed; the message says which, and names the labels at fault.
+    """
+    body = Manifold.batch_boolean([plain, *(cut.cutter for cut in cuts)], OpType.Subtract)
+    failure = _failed_check(plain, body, sum(cut.volume for cut in cuts))
+    if failure:
+        raise EngravingError(
+            f"engraved solid: {failure}; {_culprits(plain, cuts)}: reduce depth_mm "
+            f"(now {options.depth_mm:g}) or increase size_mm or margin"
+        )
+    return EngravedDie(*mesh_of(body))
+
+
+def _failed_check(plain: Manifold, body: Manifold, expected: float) -> str | None:
+    """The first check that the engraved solid fails, in words, or None."""
+    if body.status() != Error.NoError:
+        return f"expected a boolean subtraction without error, got {body.status().name}"
+    pieces = len(body.decompose())
+    if pieces != 1:
+        return f"expected one piece, got {pieces}"
+    if body.genus() != plain.genus():
+        return f"expected {plain.genus()} handles (genus), got {body.genus()}"
+    if not body.volume() > 0:
+        return f"expected a positive volume, got {body.volume():g} mm3"
+    removed = plain.volume() - body.volume()
+    if abs(removed - expected) > ENGRAVED_VOLUME_TOLERANCE * expected:
+        return f"expected pockets of {expected:.6g} mm3, got {removed:.6g} mm3"
+    return None
+
+
+def _culprits(plain: Manifold, cuts: Sequence[Cut]) -> str:
+    """Which pockets meet others or break through, in words."""
+    involved = {
+        index
+        for index, cut in enumerate(cuts)
+        if _failed_check(plain, plain - cut.cutter, cut.volume)
+    }
+    for (first, a), (second, b) in combinations(enumerate(cuts), 2):
+        if (a.cutter ^ b.cutter ^ plain).volume() > 0.0:
+            involved |= {first, second}
+    labels = ", ".join(repr(cuts[index].text) for index in sorted(involved)) or "some labels"
+    return f"pockets meet, or break through another facet, at {labels}"

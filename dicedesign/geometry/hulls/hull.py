@@ -1,0 +1,242 @@
+"""The convex hull with polygonal facets, as half-edges.
+
+Coplanar triangles are merged, so that a cube has six facets. The compiled kernel finds a hull where
+that is certain, `numpy_hull` elsewhere. Half-edges are stored facet by facet, counter-clockwise
+seen from outside, in an order that depends only on which vertices each facet has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from numbers import Real
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.compiled_hull import hull_attributes, properties
+from dicedesign.geometry.integers import IntegerPoints
+from dicedesign.geometry.meshes.body import as_numbers
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32, ROUNDING, SLIVER
+
+__all__ = ["ConvexHull", "convex_hull"]
+
+FLOAT32_EPS: Final = float(np.finfo(np.float32).eps)
+
+FLOAT64_EPS: Final = float(np.finfo(np.float64).eps)
+
+
+@dataclass(frozen=True)
+class ConvexHull:
+    """A convex polyhedron with polygonal facets.
+
+    Attributes
+    ----------
+    vertices: (n, 3) corners only; points inside facets or edges are left out.
+    source: (n,) index of each corner in the points the hull was made from.
+    facet_start: (m + 1,) half-edges of facet f are `facet_start[f] : facet_start[f + 1]`. The first
+        one starts at the facet's lowest vertex, and facets are sorted by their first half-edges.
+    tail: (h,) vertex where a half-edge starts.
+    twin: (h,) the opposite half-edge, which lies in the neighbouring facet.
+    """
+
+    vertices: Floats
+    source: Integers
+    facet_start: Integers
+    tail: Integers
+    twin: Integers
+
+    @classmethod
+    def with_attributes(cls, attributes: dict[str, Any]) -> ConvexHull:
+        """A hull from all its attributes and some cached properties by name. `ConvexHull(...)`
+        would take microseconds, which counts for a tetrahedron."""
+        hull = object.__new__(cls)
+        hull.__dict__.update(attributes)
+        return hull
+
+    @cached_property
+    def facet(self) -> Integers:
+        """(h,) the facet to the left of each half-edge."""
+        return np.repeat(np.arange(len(self.facet_start) - 1), np.diff(self.facet_start))
+
+    @cached_property
+    def next(self) -> Integers:
+        """(h,) the following half-edge of the same facet."""
+        following = np.arange(1, len(self.tail) + 1)
+        following[self.facet_start[1:] - 1] = self.facet_start[:-1]
+        return following
+
+    @cached_property
+    def previous(self) -> Integers:
+        """(h,) the preceding half-edge of the same facet."""
+        preceding = np.arange(-1, len(self.tail) - 1)
+        preceding[self.facet_start[:-1]] = self.facet_start[1:] - 1
+        return preceding
+
+    @cached_property
+    def head(self) -> Integers:
+        """(h,) vertex where a half-edge ends."""
+        return self.tail[self.next]
+
+    @cached_property
+    def outgoing(self) -> tuple[Integers, Integers]:
+        """Half-edges by the vertex they leave: `(start (n + 1,), half_edges (h,))`."""
+        order = np.argsort(self.tail, kind="stable")
+        degree = np.bincount(self.tail, minlength=len(self.vertices))
+        return np.concatenate([[0], np.cumsum(degree)]), order
+
+    @cached_property
+    def _exponent(self) -> int:
+        """Binary exponent of the largest coordinate."""
+        return int(np.frexp(np.abs(self.vertices).max())[1])
+
+    @cached_property
+    def _unit_vertices(self) -> Floats:
+        """(n, 3) vertices times a power of two that makes the largest coordinate one of about 1, so
+        that products of them can be had for a body of any size."""
+        return np.ldexp(self.vertices, -self._exponent)
+
+    @cached_property
+    def _unit_area_vectors(self) -> Floats:
+        """(m, 3) outward normals of length twice the area of the facet between `_unit_vertices`."""
+        points = self._unit_vertices
+        doubled = doubled_area_vectors(points, self.triangles)
+        first = self.facet_start[:-1] - 2 * np.arange(len(self.facet_start) - 1)
+        vectors = np.add.reduceat(doubled, first, axis=0)
+        extents = np.ptp(points, axis=0)
+        exact = IntegerPoints(points)
+        for facet in np.flatnonzero(norms(vectors) <= SLIVER * (extents @ extents)):
+            corners = self.tail[self.facet_start[facet] : self.facet_start[facet + 1]]
+            longest = norms(points[corners] - points[np.roll(corners, 1)]).max()
+            if norms(vectors[facet]) <= SLIVER * longest * longest:
+                vectors[facet] = exact.area_vector(corners.tolist())
+        return vectors
+
+    @cached_property
+    def normals(self) -> Floats:
+        """(m, 3) outward unit normals."""
+        return unit_vectors(self._unit_area_vectors)
+
+    @cached_property
+    def areas(self) -> Floats:
+        """(m,) facet areas, in squared length units; 0 or infinite where they are no float."""
+        with np.errstate(over="ignore", under="ignore"):
+            return np.ldexp(0.5 * norms(self._unit_area_vectors), 2 * self._exponent)
+
+    @cached_property
+    def unevenness(self) -> float:
+        """Largest distance of two corners of one facet across its plane; 0 but for rounding where
+        all facets are flat."""
+        return float(self._unevenness.max())
+
+    @cached_property
+    def _unevenness(self) -> Floats:
+        """(m,) the same of each facet."""
+        start = self.facet_start[:-1]
+        points = self._unit_vertices
+        offsets = points[self.tail] - points[self.tail[start]][self.facet]
+        heights = (offsets * self.normals[self.facet]).sum(-1)
+        spans = np.maximum.reduceat(heights, start) - np.minimum.reduceat(heights, start)
+        return np.ldexp(spans, self._exponent)
+
+    @cached_property
+    def warp(self) -> float:
+        """Largest sine of the angle between an edge and the line in which the planes of its two
+        facets meet, 1 where they meet the wrong way round. 0 where all facets are flat to within
+        rounding."""
+        extent = float(np.ptp(self.vertices, axis=0).max())
+        rough = self._unevenness > ROUNDING * extent
+        edges = np.flatnonzero(rough[self.facet] | rough[self.facet[self.twin]])
+        if len(edges) == 0:
+            return 0.0
+        along = self._unit_vertices[self.head[edges]] - self._unit_vertices[self.tail[edges]]
+        left, right = self.facet[edges], self.facet[self.twin[edges]]
+        line = np.linalg.cross(self.normals[left], self.normals[right])
+        size = norms(line) * norms(along)
+        sine = norms(np.linalg.cross(line, along)) / np.where(size > 0.0, size, 1.0)
+        return float(np.where((line * along).sum(-1) > 0.0, sine, 1.0).max())
+
+    @cached_property
+    def triangles(self) -> Integers:
+        """(t, 3) the facets as fans of triangles, counter-clockwise seen from outside."""
+        first = self.facet_start[:-1][self.facet]
+        inner = np.flatnonzero((self.next != first) & (np.arange(len(self.tail)) != first))
+        return np.stack([self.tail[first[inner]], self.tail[inner], self.head[inner]], axis=1)
+
+    @cached_property
+    def centroid(self) -> Floats:
+        """(3,) center of mass of the uniform solid hull."""
+        centroid = solid_properties(self._unit_vertices, self.triangles)[1]
+        return np.ldexp(centroid, self._exponent)
+
+    def heights(self, point: Floats) -> Floats:
+        """(m,) distances of the facets' planes from a point (3,), positive where it is inside."""
+        corners = self.vertices[self.tail[self.facet_start[:-1]]]
+        return ((corners - point) * self.normals).sum(-1)
+
+    def polygon(self, facet: int) -> Floats:
+        """(k, 3) corners of a facet, counter-clockwise seen from outside."""
+        return self.vertices[self.tail[self.facet_start[facet] : self.facet_start[facet + 1]]]
+
+    @cached_property
+    def diameter(self) -> float:
+        """Largest vertex-to-vertex distance; infinite where it is no float."""
+        from scipy.spatial.distance import cdist
+
+        points = self._unit_vertices
+        longest = max(float(cdist(x[None], points).max()) for x in points)
+        with np.errstate(over="ignore"):
+            return float(np.ldexp(longest, self._exponent))
+
+
+def convex_hull(
+    points: ArrayLike, coplanar_tolerance: float | None = None, *, single_precision: bool = False
+) -> ConvexHull:
+    """Convex hull of points, with coplanar triangles merged into polygonal facets.
+
+    Parameters
+    ----------
+    points: (n, 3) in any length unit.
+    coplanar_tolerance: largest distance from a facet's plane, relative to half the extent of the
+        points. Default: `COPLANAR_TOLERANCE`, or `COPLANAR_TOLERANCE_FLOAT32` for rounded points.
+        The rounding of points far from the origin is added, points nearer than that to another are
+        left out, and where the facets make no polyhedron it is widened in turn by
+        `COPLANAR_WIDENINGS`. None of this at 0: the hull is then that of the points to the last
+        bit, its facets exactly flat, its edges exactly convex (`exact_facets`).
+    single_precision: the points were rounded to float32 before they came here; float32 arrays
+        always count as such.
+
+    Raises
+    ------
+    DegenerateBodyError: fewer than 4 points, NaN or infinity, all points on a plane or a line, or
+        facets that cannot be told apart at this tolerance.
+    InputError: the points are no (n, 3) array of real numbers, or the tolerance is not in [0, 1).
+    """
+    given = as_numbers(points, "points")
+    single = single_precision or given.dtype == np.float32
+    if coplanar_tolerance is None:
+        coplanar_tolerance = COPLANAR_TOLERANCE_FLOAT32 if single else COPLANAR_TOLERANCE
+    if not (isinstance(coplanar_tolerance, Real) and 0.0 <= coplanar_tolerance < 1.0):
+        raise InputError(
+            f"coplanar tolerance: expected a number in [0, 1), got {coplanar_tolerance!r}; "
+            "leave it out for the default"
+        )
+    eps = FLOAT32_EPS if single else FLOAT64_EPS
+    if coplanar_tolerance != 0.0:
+        attributes = hull_attributes(given, float(coplanar_tolerance), eps)
+        if attributes is not None:
+            return ConvexHull.with_attributes(attributes)
+    # Imported late: it takes SciPy along, which costs more time than a hull.
+    from dicedesign.geometry.hulls.numpy_hull import hull_half_edges
+
+    positions = given.astype(np.float64)
+    source, facet_start, tail, twin = hull_half_edges(positions, float(coplanar_tolerance), eps)
+    hull = ConvexHull(positions[source], source, facet_start, tail, twin)
+    hull.__dict__.update(properties(hull.vertices, facet_start, tail, twin))
+    return hull

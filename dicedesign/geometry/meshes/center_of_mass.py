@@ -1,0 +1,110 @@
+"""Which point of a body is its center of mass."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.meshes.shells import oriented_shells
+from dicedesign.geometry.solid import is_closed, solid_properties
+from dicedesign.tolerances import VOLUME_TOLERANCE
+
+__all__ = ["resolve_center_of_mass", "solid_triangles"]
+
+
+def resolve_center_of_mass(
+    body: Body,
+    hull_centroid: NDArray[np.float64],
+    request: Literal["hull"] | ArrayLike | None = None,
+) -> tuple[NDArray[np.float64], str, tuple[str, ...]]:
+    """Center of mass of a body, where it comes from, and what had to be assumed.
+
+    Parameters
+    ----------
+    body: its triangles, if any, need not be closed or consistently wound.
+    hull_centroid: (3,) centroid of the body's convex hull, taken for a point cloud, an open mesh
+        or on request.
+    request: "hull", or (3,) numbers that are taken as they are, in the unit of the points; None
+        decides by the mesh.
+
+    Returns
+    -------
+    (3,) the center in the unit of the points, not checked to lie inside the hull; its source
+    "uniform solid", "uniform solid hull" or "given"; and what was assumed or re-oriented, one
+    sentence each.
+
+    Raises
+    ------
+    InputError: the request is neither "hull" nor three finite numbers.
+    DegenerateBodyError: the mesh is closed and encloses no volume.
+    """
+    if isinstance(request, str):
+        if request != "hull":
+            raise _bad_request(request)
+        return hull_centroid, "uniform solid hull", ()
+    if request is not None:
+        return _given(request), "given", ()
+    if body.triangles is None:
+        return hull_centroid, "uniform solid hull", ("the body has no triangles",)
+
+    solid = solid_triangles(body)
+    if solid is None:
+        return hull_centroid, "uniform solid hull", ("the mesh is not closed",)
+    triangles, notes = solid
+    volume, centroid = solid_properties(body.points, triangles)
+    extent = float(np.ptp(body.points, axis=0).max())
+    if abs(volume) <= VOLUME_TOLERANCE * extent**3:
+        raise DegenerateBodyError(
+            f"{body.name}: expected a closed mesh that encloses a volume, got {volume:.3g} at an "
+            f"extent of {extent:.3g}; give a center of mass with --com x,y,z or take that of the "
+            "convex hull with --com hull"
+        )
+    if volume < 0 and not notes:
+        notes = ("the mesh is oriented inward and was taken as a solid all the same",)
+    return centroid, "uniform solid", notes
+
+
+def solid_triangles(body: Body) -> tuple[NDArray[np.int64], tuple[str, ...]] | None:
+    """The triangles (t, 3) that bound a body's solid, wound alike, and what had to be done for it,
+    one sentence each; None for a point cloud and an open mesh. All may point inward."""
+    triangles = body.triangles
+    if triangles is None:
+        return None
+    notes = []
+    if not is_closed(triangles):
+        # Imported late, with SciPy: most meshes are closed.
+        from dicedesign.geometry.meshes.winding import consistent_winding
+
+        oriented = consistent_winding(triangles)
+        if oriented is None:
+            return None
+        changed = np.count_nonzero((oriented != triangles).any(axis=1))
+        notes.append(f"reversed {changed} triangles that were wound against their neighbors")
+        triangles = oriented
+    triangles, turned = oriented_shells(body.points, triangles)
+    if turned > 0:
+        notes.append(
+            f"turned {turned} shells that lie beside others and were oriented against them"
+        )
+    return triangles, tuple(notes)
+
+
+def _given(request: ArrayLike) -> NDArray[np.float64]:
+    try:
+        center = np.asarray(request, dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise _bad_request(request) from error
+    if center.shape != (3,) or not np.isfinite(center).all():
+        raise _bad_request(request)
+    return center
+
+
+def _bad_request(request: object) -> InputError:
+    return InputError(
+        f'center of mass: expected "hull" or three finite numbers x,y,z, got {request!r}; '
+        "give one of them or leave it out"
+    )

@@ -1,0 +1,134 @@
+"""On which side of a plane through three points a fourth one lies, decided exactly.
+
+Orientations of points in the plane and in space, free of rounding."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.geometry.integers import IntegerPoints, cross, dot, minus
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import ROUNDING
+
+__all__ = ["Orientation", "Orientations"]
+
+
+class Orientation:
+    """Exact sides of planes through points (n, 3), finite.
+
+    The value in floating point decides where it exceeds a bound of its rounding error, arithmetic
+    in integers elsewhere.
+    """
+
+    def __init__(self, points: Floats) -> None:
+        exponent = int(np.frexp(np.abs(points).max())[1])
+        self._points = np.ldexp(points, -exponent)
+        self.integers = IntegerPoints(points)
+
+    def signs(self, triangles: Integers, others: Integers) -> Integers:
+        """1, 0 or -1 (k,) for a point above, on or below the plane of a triangle that runs
+        counter-clockwise seen from above.
+
+        triangles: (k, 3) and others: (k,) indices of points.
+        """
+        corners = self._points[triangles]
+        a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        c = self._points[others] - corners[:, 0]
+        left, right = np.roll(a, -1, axis=1), np.roll(b, -2, axis=1)
+        low, high = np.roll(a, -2, axis=1), np.roll(b, -1, axis=1)
+        first, second = left * right, low * high
+        values = (c * (first - second)).sum(-1)
+        bounds = ROUNDING * (np.abs(c) * (np.abs(first) + np.abs(second))).sum(-1)
+        # Products that underflow are wrong by less than any normal number.
+        unsure = np.flatnonzero(np.abs(values) <= bounds + np.finfo(np.float64).tiny)
+        found = np.sign(values).astype(np.int64)
+        for k in unsure:
+            found[k] = self._exact(triangles[k].tolist(), int(others[k]))
+        return found
+
+    def _exact(self, triangle: list[int], other: int) -> int:
+        a, b, c = triangle
+        origin = self.integers[a]
+        normal = cross(minus(self.integers[b], origin), minus(self.integers[c], origin))
+        value = dot(normal, minus(self.integers[other], origin))
+        return (value > 0) - (value < 0)
+
+    def collinear(self, a: int, b: int, other: int) -> bool:
+        """Whether three points lie on one line."""
+        origin = self.integers[a]
+        along = minus(self.integers[b], origin)
+        return cross(along, minus(self.integers[other], origin)) == (0, 0, 0)
+
+
+_UNDERFLOW: Final = 1e-200
+"""Products below this may have lost digits to underflow: their signs are found exactly."""
+
+
+class Orientations:
+    """Signs of orientations of points (n, 3).
+
+    What rounding could change is computed again in integers, so the signs never contradict each
+    other.
+    """
+
+    def __init__(self, points: Floats) -> None:
+        self._points = points
+        self._integers = IntegerPoints(points)
+
+    def in_space(self, point: Integers, a: Integers, b: Integers, c: Integers) -> Integers:
+        """(m,) 1 where a point lies on the side of a, b, c from which they run counter-clockwise,
+        0 where the four lie in one plane, else -1; all of them (m,) indices of points."""
+        corners = [self._points[index] for index in (a, b, c, point)]
+        value, size = _determinant([corner.T - corners[0].T for corner in corners[1:]])
+        return self._signs(value, size, (a, b, c, point), (0, 1, 2))
+
+    def in_plane(self, dropped: Integers, a: Integers, b: Integers, c: Integers) -> Integers:
+        """(m,) 1 where points a, b, c run counter-clockwise in the coordinates that follow the
+        dropped one in cyclic order, 0 where they lie on one line, else -1; dropped: (m,) indices of
+        coordinates, a to c: of points."""
+        signs = np.zeros(len(a), dtype=np.int64)
+        for axis in range(3):
+            chosen = np.flatnonzero(dropped == axis)
+            kept = ((axis + 1) % 3, (axis + 2) % 3)
+            corners = tuple(index[chosen] for index in (a, b, c))
+            at = [self._points[index][:, kept].T for index in corners]
+            value, size = _determinant([corner - at[0] for corner in at[1:]])
+            signs[chosen] = self._signs(value, size, corners, kept)
+        return signs
+
+    def _signs(
+        self, value: Floats, size: Floats, corners: tuple[Integers, ...], kept: tuple[int, ...]
+    ) -> Integers:
+        signs = np.sign(value).astype(np.int64)
+        doubtful = np.flatnonzero(np.abs(value) <= ROUNDING * size + _UNDERFLOW)
+        if len(doubtful) > 0:
+            at = [self._exact(index[doubtful])[list(kept)] for index in corners]
+            exact, _ = _determinant([corner - at[0] for corner in at[1:]])
+            signs[doubtful] = (exact > 0).astype(np.int64) - (exact < 0).astype(np.int64)
+        return signs
+
+    def _exact(self, index: Integers) -> NDArray[Any]:
+        """(3, m) coordinates of points as integers of any size."""
+        used, place = np.unique(index, return_inverse=True)
+        exact = np.empty((3, len(used)), dtype=object)
+        for column, point in enumerate(used.tolist()):
+            exact[:, column] = self._integers[point]
+        return exact[:, place]
+
+
+def _determinant(rows: list[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Determinants of matrices whose rows are given, each (2, m) or (3, m), and the same sum of
+    products with all terms positive."""
+    if len(rows) == 2:
+        (a, b), (c, d) = rows
+        return a * d - b * c, abs(a * d) + abs(b * c)
+    terms, bounds = [], []
+    for axis in range(3):
+        left, right = (axis + 1) % 3, (axis + 2) % 3
+        minor, bound = _determinant([row[[left, right]] for row in rows[1:]])
+        terms.append(rows[0][axis] * minor)
+        bounds.append(abs(rows[0][axis]) * bound)
+    return terms[0] + terms[1] + terms[2], bounds[0] + bounds[1] + bounds[2]

@@ -1,0 +1,255 @@
+"""What is wrong with the triangles of a surface, and how far they are distorted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.geometry.sphere import angle_between, norms
+from dicedesign.geometry.surfaces.self_intersections import (
+    intersecting_triangles,
+    intersection_groups,
+)
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import doubled_area_vectors, edge_neighbors
+from dicedesign.runtime.arrays import Booleans, Floats, Integers
+from dicedesign.tolerances import SHARP_TURN, SLIVER_ANGLE
+
+__all__ = ["Distortion", "SurfaceQuality", "surface_distortion", "surface_quality"]
+
+_LISTED: Final = 20
+"""Triangles and places that the plain data name, at most; their number is always there."""
+
+_SHARE: Final = 0.95
+"""Part of the area that is distorted no more than the figure given for it."""
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """How far triangles were distorted from those of a reference surface.
+
+    A triangle is stretched by factors `a >= b` along two orthogonal directions. It is distorted in
+    shape by `a / b`, 1 for a similar triangle (the quasi-conformal error of Sander et al., Texture
+    mapping progressive meshes, 2001). It is distorted in size by its area over that of the
+    reference, or the inverse if that is larger, apart from the ratio of the whole surfaces' areas.
+    Means and shares are weighted by the area of the reference; a triangle that has lost its area is
+    distorted infinitely, and one that had none is left out.
+
+    Attributes
+    ----------
+    shape_mean, shape_most, shape_largest: of the distortion in shape, the mean, the value that 95 %
+        of the area keep to, and the largest.
+    size_mean, size_most, size_largest: the same of the distortion in size.
+    """
+
+    shape_mean: float
+    shape_most: float
+    shape_largest: float
+    size_mean: float
+    size_most: float
+    size_largest: float
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceQuality:
+    """Defects of a closed surface.
+
+    Attributes
+    ----------
+    points, triangles: their numbers.
+    genus: number of handles.
+    edges: shortest, mean and longest edge, relative to the diagonal of the surface's box.
+    smallest_angle: of all triangles, in radians.
+    slivers: (s,) triangles whose smallest angle is below `SLIVER_ANGLE`.
+    inverted: (v,) triangles that face away, by more than a right angle, from the surface at two or
+        three of their corners and did not in the reference. Which way it faces at a point is the
+        mean of the normals around it, weighted by their angles there (Thuermer and Wuethrich,
+        Computing vertex normals from polygonal facets, 1998).
+    folds: (f, 2) pairs of triangles with a common edge at which the surface turns by more than
+        `SHARP_TURN` and did not in the reference.
+    intersections: (m, 2) pairs of triangles that meet, as from `intersecting_triangles`.
+    places: (k, 3) the middles of the groups of such triangles, see `intersection_groups`.
+    distortion: against the reference; None without one.
+    """
+
+    points: int
+    triangles: int
+    genus: int
+    edges: tuple[float, float, float]
+    smallest_angle: float
+    slivers: Integers
+    inverted: Integers
+    folds: Integers
+    intersections: Integers
+    places: Floats
+    distortion: Distortion | None
+
+    def sentences(self) -> tuple[str, ...]:
+        """The defects in words, one sentence each; none for a surface without any."""
+        found = []
+        if len(self.intersections):
+            at = "; ".join(
+                "(" + ", ".join(f"{x:.4g}" for x in place) + ")" for place in self.places[:3]
+            )
+            found.append(
+                f"the surface meets itself: {_count(self.intersections, 'pair')} of triangles in "
+                f"{_count(self.places, 'place')}, near {at}"
+            )
+        if len(self.folds):
+            found.append(f"the surface is folded sharply at {_count(self.folds, 'edge')}")
+        if len(self.inverted):
+            found.append(f"{_count(self.inverted, 'triangle')} turned over")
+        if len(self.slivers):
+            found.append(
+                f"{_count(self.slivers, 'sliver')} with an angle below "
+                f"{np.degrees(SLIVER_ANGLE):.3g} degrees, the smallest "
+                f"{np.degrees(self.smallest_angle):.2g}"
+            )
+        return tuple(found)
+
+    def data(self) -> dict[str, Any]:
+        """Plain numbers and lists for a result file: angles in degrees, at most 20 of each list,
+        None for an infinite distortion."""
+        shortest, mean, longest = self.edges
+        data: dict[str, Any] = {
+            "points": self.points,
+            "triangles": self.triangles,
+            "genus": self.genus,
+            "edges_over_diagonal": {"shortest": shortest, "mean": mean, "longest": longest},
+            "smallest_angle_degrees": float(np.degrees(self.smallest_angle)),
+            "slivers": _listed(self.slivers),
+            "inverted": _listed(self.inverted),
+            "folds": _listed(self.folds),
+            "self_intersections": {
+                **_listed(self.intersections),
+                "places": self.places[:_LISTED].tolist(),
+            },
+        }
+        if self.distortion is not None:
+            data["distortion"] = {
+                name: value if np.isfinite(value) else None
+                for name, value in vars(self.distortion).items()
+            }
+        return data
+
+
+def surface_quality(surface: Surface, reference: Surface | None = None) -> SurfaceQuality:
+    """Look for defects of a closed surface.
+
+    reference: the surface that it was deformed from, with the same triangles. What was sharp or
+    thin there is no defect of the deformation; slivers are counted all the same.
+    """
+    points, triangles = surface.points, surface.triangles
+    corners = points[triangles]
+    lengths = norms(np.roll(corners, -1, axis=1) - corners) / surface.diagonal
+    smallest = _angles(corners).min(axis=1)
+    neighbors = edge_neighbors(triangles)
+    sharp, inverted = _is_sharp(surface, neighbors), _is_inverted(surface)
+    if reference is not None:
+        sharp &= ~_is_sharp(reference, neighbors)
+        inverted &= ~_is_inverted(reference)
+    triangle, corner = np.nonzero(sharp)
+    folds = np.stack((triangle, neighbors[triangle, corner]), axis=1)
+    intersections = intersecting_triangles(points, triangles)
+    groups = intersection_groups(triangles, intersections)
+    return SurfaceQuality(
+        points=len(points),
+        triangles=len(triangles),
+        genus=1 - (len(points) - len(triangles) // 2) // 2,
+        edges=(float(lengths.min()), float(lengths.mean()), float(lengths.max())),
+        smallest_angle=float(smallest.min()),
+        slivers=np.flatnonzero(smallest < SLIVER_ANGLE),
+        inverted=np.flatnonzero(inverted),
+        folds=folds[folds[:, 0] < folds[:, 1]],
+        intersections=intersections,
+        places=np.array([corners[group].mean(axis=(0, 1)) for group in groups]).reshape(-1, 3),
+        distortion=None if reference is None else surface_distortion(surface, reference),
+    )
+
+
+def surface_distortion(surface: Surface, reference: Surface) -> Distortion:
+    """How far the triangles of a surface are distorted from those of the reference, which has the
+    same triangles and some area."""
+    before, after = (
+        norms(doubled_area_vectors(each.points, each.triangles)) for each in (reference, surface)
+    )
+    kept = before > 0.0
+    before, after = before[kept], after[kept]
+    # Of stretches a and b, (a^2 + b^2) areas are a sum over edges with cotangents of the reference.
+    spread = _stretch(surface, reference)[kept]
+    ratio = after / before * (before.sum() / after.sum())
+    with np.errstate(divide="ignore", invalid="ignore"):
+        half = np.where(after > 0.0, np.maximum(0.5 * spread / after, 1.0), np.inf)
+        size = np.maximum(ratio, 1.0 / ratio)
+    shape = half + np.sqrt((half - 1.0) * (half + 1.0))
+    return Distortion(*_figures(shape, before), *_figures(size, before))
+
+
+def _stretch(surface: Surface, reference: Surface) -> Floats:
+    """(t,) twice the area of each reference triangle times the sum of its squared stretches.
+
+    Source: Pinkall and Polthier, Computing discrete minimal surfaces, 1993: the Dirichlet energy.
+    """
+    corners = reference.points[reference.triangles]
+    new = surface.points[surface.triangles]
+    area = norms(doubled_area_vectors(reference.points, reference.triangles))
+    total = np.zeros(len(corners))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for k in range(3):
+            a, b = corners[:, k - 1] - corners[:, k], corners[:, k - 2] - corners[:, k]
+            opposite = new[:, k - 1] - new[:, k - 2]
+            total += (a * b).sum(axis=1) / area * (opposite * opposite).sum(axis=1)
+    return total
+
+
+def _figures(values: Floats, weights: Floats) -> tuple[float, float, float]:
+    order = np.argsort(values)
+    covered = np.cumsum(weights[order])
+    most = values[order[np.searchsorted(covered, _SHARE * covered[-1])]]
+    return float(np.average(values, weights=weights)), float(most), float(values.max())
+
+
+def _angles(corners: Floats) -> Floats:
+    """(t, 3) angles of triangles (t, 3, 3) at their corners."""
+    edges = np.roll(corners, -1, axis=1) - corners
+    return angle_between(edges, -np.roll(edges, 1, axis=1))
+
+
+def _normals(surface: Surface) -> Floats:
+    """(t, 3) unit normals; 0 for a triangle without area."""
+    vectors = doubled_area_vectors(surface.points / surface.diagonal, surface.triangles)
+    lengths = norms(vectors)[:, None]
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)
+
+
+def _is_sharp(surface: Surface, neighbors: Integers) -> Booleans:
+    """(t, 3) whether the surface turns by more than `SHARP_TURN` from triangles to neighbors."""
+    normals = _normals(surface)
+    turns = angle_between(normals[:, None], normals[neighbors])
+    return (neighbors >= 0) & (turns > SHARP_TURN)
+
+
+def _is_inverted(surface: Surface) -> Booleans:
+    """(t,) whether triangles face away from the surface at two or three of their corners."""
+    normals, triangles = _normals(surface), surface.triangles
+    weighted = _angles(surface.points[triangles])[:, :, None] * normals[:, None]
+    at_points = np.stack(
+        [
+            np.bincount(triangles.ravel(), weights=part.ravel())
+            for part in weighted.transpose(2, 0, 1)
+        ],
+        axis=1,
+    )
+    away = (normals[:, None] * at_points[triangles]).sum(axis=2) < 0.0
+    return away.sum(axis=1) >= 2
+
+
+def _count(items: NDArray[Any], noun: str) -> str:
+    return f"{len(items)} {noun}{'' if len(items) == 1 else 's'}"
+
+
+def _listed(items: Integers) -> dict[str, Any]:
+    return {"count": len(items), "first": items[:_LISTED].tolist()}

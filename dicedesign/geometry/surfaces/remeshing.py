@@ -1,0 +1,139 @@
+"""Surfaces with fewer or more points."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from dicedesign.errors import InputError, missing_extra
+from dicedesign.geometry.surfaces.closed_surface import shells_and_sheets
+from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import edge_neighbors
+
+__all__ = ["decimated", "refined"]
+
+_FEWEST: Final = 4
+"""Points of the smallest closed surface, a tetrahedron."""
+
+_AGGRESSIVENESS: Final = (5.0, 4.0)
+"""How fast the decimation raises its threshold, tried in turn: slower keeps to small edges longer
+and to the shape better, and may end before it has come to the wanted number."""
+
+_WEAKER: Final = 1.25
+"""Factor by which the wanted number of points is raised where no decimation gives a good
+surface."""
+
+_SHORTER: Final = 0.93
+"""Factor by which edges are shortened until there are enough points."""
+
+
+def decimated(surface: Surface, points: int) -> tuple[Surface, str]:
+    """A surface with about so many points, by fast-simplification.
+
+    Edges are collapsed in order of quadric error (Garland and Heckbert, Surface simplification
+    using quadric error metrics, 1997). Where that makes a surface that is not closed, falls apart
+    or meets itself, it is done more slowly, and then with a quarter more points, again and again.
+
+    points: at least 4. Returns the surface, and what was done in a sentence; one that has no more
+    points already is returned as it is.
+
+    Raises
+    ------
+    InputError: fewer than 4 points are wanted, the extra `concave` is not installed, or no
+        decimation gives a good surface.
+    """
+    if points < _FEWEST:
+        raise InputError(
+            f"decimation: expected at least {_FEWEST} points, got {points}; ask for more points"
+        )
+    before = len(surface.points)
+    if before <= points:
+        return surface, f"kept the surface: its {before} points are no more than {points}"
+    try:
+        import fast_simplification
+    except ImportError as error:
+        raise missing_extra("concave", "decimation", error) from error
+    handles = len(surface.triangles) - 2 * (before - 2)
+    wanted = points
+    while wanted < before:
+        for aggressiveness in _AGGRESSIVENESS:
+            places, triangles = fast_simplification.simplify(
+                surface.points,
+                surface.triangles,
+                target_count=2 * (wanted - 2) + handles,
+                agg=aggressiveness,
+            )
+            found = Surface(np.asarray(places, np.float64), np.asarray(triangles, np.int64))
+            if _is_good(found, handles):
+                return found, (
+                    f"decimated the surface from {before} to {len(found.points)} points "
+                    f"(fast-simplification), {_change(surface, found)}"
+                )
+        wanted = int(np.ceil(_WEAKER * wanted))
+    raise InputError(
+        f"decimation: expected a closed surface of {points} points that does not meet itself, got "
+        f"none from {before} points by any reduction; remesh the surface, or leave it as it is"
+    )
+
+
+def refined(surface: Surface, points: int) -> tuple[Surface, str]:
+    """The same shape with at least so many points, by manifold3d.
+
+    Edges longer than a length are cut into pieces of about that length; it is shortened until there
+    are enough points. All new points lie on the old triangles.
+
+    points: wanted. Returns the surface, and what was done in a sentence; one that has as many
+    already is returned as it is.
+
+    Raises
+    ------
+    InputError: manifold3d takes the surface for no solid, or rounding makes the finer one meet
+        itself.
+    """
+    before = len(surface.points)
+    if before >= points:
+        return surface, f"kept the surface: its {before} points are no less than {points}"
+    # Imported late, with manifold3d: few surfaces are too coarse.
+    from dicedesign.geometry.manifold import mesh_of, solid
+
+    body = solid(surface.points, surface.triangles)
+    # Of equilateral triangles, two for each point, edges would be half as long.
+    length = 2.0 * np.sqrt(4.0 / np.sqrt(3.0) * body.surface_area() / (2.0 * points))
+    found = surface
+    while len(found.points) < points:
+        found = Surface(*mesh_of(body.refine_to_length(length)))
+        length *= _SHORTER
+    if not _is_good(found, len(surface.triangles) - 2 * (before - 2)):
+        raise InputError(
+            f"refinement: expected a closed surface of {points} points that does not meet itself, "
+            f"got one that does from {before} points; remesh the surface"
+        )
+    return found, (
+        f"refined the surface from {before} to {len(found.points)} points (manifold3d), all of "
+        "them on the old triangles"
+    )
+
+
+def _is_good(surface: Surface, handles: int) -> bool:
+    """Whether a surface is closed, in one piece, has as many handles as before and does not meet
+    itself; handles: four times their number."""
+    triangles = surface.triangles
+    if len(triangles) - 2 * (len(surface.points) - 2) != handles:
+        return False
+    if (edge_neighbors(triangles) < 0).any() or surface.volume <= 0.0:
+        return False
+    shell, pinched = shells_and_sheets(triangles)
+    if shell.any() or len(pinched) > 0:
+        return False
+    return len(intersecting_triangles(surface.points, triangles)) == 0
+
+
+def _change(before: Surface, after: Surface) -> str:
+    change = after.volume / before.volume - 1.0
+    shift = float(np.linalg.norm(after.centroid - before.centroid)) / before.diagonal
+    return (
+        f"which changes the volume by {100.0 * change:+.2g} % and moves the center of mass by "
+        f"{100.0 * shift:.2g} % of the diagonal"
+    )

@@ -1,0 +1,54 @@
+"""A closed surface whose solid is to become a die."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dicedesign.geometry.solid import centroid_derivatives, solid_properties
+from dicedesign.runtime.arrays import Floats, Integers
+
+__all__ = ["Surface"]
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A closed triangle surface, oriented outward, of one solid body.
+
+    Attributes
+    ----------
+    points: (n, 3) in any length unit, each used by a triangle.
+    triangles: (t, 3) counter-clockwise seen from outside.
+    """
+
+    points: Floats
+    triangles: Integers
+
+    @cached_property
+    def _properties(self) -> tuple[float, Floats]:
+        return solid_properties(self.points, self.triangles)
+
+    @property
+    def volume(self) -> float:
+        """Of the uniform solid, in cubed length units."""
+        return self._properties[0]
+
+    @property
+    def centroid(self) -> Floats:
+        """(3,) center of mass of the uniform solid."""
+        return self._properties[1]
+
+    @cached_property
+    def diagonal(self) -> float:
+        """Length of the diagonal of the box along the axes that holds the surface."""
+        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
+
+    def centroid_derivatives(self) -> Floats:
+        """(3, n, 3) of each coordinate of the centroid by each coordinate of the points."""
+        return centroid_derivatives(self.points, self.triangles, self.centroid)
+
+    def moved(self, points: Floats) -> Surface:
+        """The same triangles between other points (n, 3)."""
+        return Surface(points, self.triangles)

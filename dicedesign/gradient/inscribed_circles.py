@@ -1,0 +1,162 @@
+"""Largest circles in facets: how large a label may be, and a smooth measure of the same."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+import torch
+from scipy.optimize import linprog
+from torch import Tensor
+
+from dicedesign.geometry.sphere import norms
+from dicedesign.gradient.facet_edges import SOFTNESS, FacetEdges
+from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.runtime.arrays import Floats, Integers
+
+__all__ = ["circle_radii", "soft_circle_radii"]
+
+MOST_TRIPLED: Final = 24
+"""Edges of a facet up to which all triples of them are tried."""
+
+SLIDING: Final = 1e-9
+"""Part of the multipliers, or sine of an angle, below which two edges count as parallel."""
+
+CENTERED: Final = 1e-9
+"""Part of its radius within which a soft circle's center is found."""
+
+FREE: Final = 1e-12
+"""Part of the stiffness across a facet that is added everywhere."""
+
+CENTERING_STEPS: Final = 50
+"""Most Newton steps to the center of a soft circle."""
+
+
+def circle_radii(rests: RestEvaluation, facets: Integers) -> Tensor:
+    """(k,) radii of the largest circles in facets, over the hull's diameter.
+
+    The circle's center is a linear program, whose solution says which edges it touches and with
+    which multipliers; by the envelope theorem the gradient is that of the multipliers' mean of the
+    distances from the center, which does not move, to those edges.
+
+    facets: (k,) numbers of facets.
+    """
+    edges = FacetEdges.of(rests, facets)
+    centers, multipliers = _largest_circles(edges, *_frames(rests, facets, edges))
+    distances = edges.distances(torch.as_tensor(centers[edges.owner]))
+    radii = edges.sums(torch.as_tensor(multipliers) * distances)
+    return radii / torch.sqrt(_squared_distances(rests).max())
+
+
+def soft_circle_radii(rests: RestEvaluation, facets: Integers) -> Tensor:
+    """(k,) much the same as `circle_radii`, with no kink where a circle comes to touch another edge
+    or another pair of vertices comes to span the diameter.
+
+    With the power p of `SOFTNESS`, `mean(d^-p)^(-1/p)` over a facet's border takes the place of the
+    least distance d of an edge, at the center where it is largest, and `(sum d^2p)^(1/2p)` over all
+    pairs of vertices that of the diameter.
+    """
+    edges = FacetEdges.of(rests, facets)
+    centers = _soft_centers(edges, *_frames(rests, facets, edges))
+    distances = edges.distances(torch.as_tensor(centers[edges.owner]))
+    squared = _squared_distances(rests)
+    largest = squared.max().detach()
+    diameter = torch.sqrt(largest) * ((squared / largest) ** SOFTNESS).sum() ** (0.5 / SOFTNESS)
+    return edges.mean_power(distances, -SOFTNESS) / diameter
+
+
+def _squared_distances(rests: RestEvaluation) -> Tensor:
+    """(n (n - 1) / 2,) of all pairs of vertices."""
+    first, second = np.triu_indices(len(rests.vertices), 1)
+    return ((rests.vertices[first] - rests.vertices[second]) ** 2).sum(-1)
+
+
+def _frames(
+    rests: RestEvaluation, facets: Integers, edges: FacetEdges
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Points (k, 3) inside facets, orthonormal vectors (k, 2, 3) in them, and in these coordinates
+    the edges: inward vectors (e, 2) and distances (e,) of the points."""
+    tails, inward = edges.tails.detach().numpy(), edges.inward.detach().numpy()
+    middle = np.add.reduceat(tails, edges.first) / np.bincount(edges.owner)[:, None]
+    right = inward[edges.first]
+    frame = np.stack([right, np.linalg.cross(rests.hull.normals[facets], right)], axis=1)
+    lines = np.einsum("eax,ex->ea", frame[edges.owner], inward)
+    return middle, frame, lines, ((middle[edges.owner] - tails) * inward).sum(-1)
+
+
+def _largest_circles(
+    edges: FacetEdges, middle: Floats, frame: Floats, lines: Floats, distances: Floats
+) -> tuple[Floats, Floats]:
+    """Centers (k, 3) and multipliers (e,)."""
+    counts = np.bincount(edges.owner)
+    if counts.max() > MOST_TRIPLED:
+        return _by_linear_programs(edges, middle, frame, lines, distances)
+    # Facets of fewer edges repeat their last one, which changes no circle.
+    numbers = edges.first[:, None] + np.minimum(np.arange(counts.max()), counts[:, None] - 1)
+    triples = numbers[:, np.array(list(combinations(range(counts.max()), 3)))]
+    a, b, c = (lines[triples[..., column]] for column in range(3))
+    # By duality the largest circle is the smallest of those that three lines around it leave.
+    weights = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], axis=-1)
+    total = weights.sum(-1)
+    around = (weights >= 0.0).all(-1) & (total > 0.0)
+    weights = weights / np.where(around, total, 1.0)[..., None]
+    radii = np.where(around, (weights * distances[triples]).sum(-1), np.inf)
+    best = np.arange(len(counts)), np.argmin(radii, axis=1)
+    touched, weights = triples[best], weights[best]
+    multipliers = np.zeros(len(edges.owner))
+    np.add.at(multipliers, touched, weights)
+    # Between parallel edges the circle is free to slide; it stays near the middle.
+    counted = weights > SLIDING
+    offsets = (radii[best][:, None] - distances[touched]) * counted
+    inverse = np.linalg.pinv(lines[touched] * counted[..., None], rcond=SLIDING)
+    moved = np.einsum("kae,ke->ka", inverse, offsets)
+    return middle + np.einsum("ka,kax->kx", moved, frame), multipliers
+
+
+def _by_linear_programs(
+    edges: FacetEdges, middle: Floats, frame: Floats, lines: Floats, distances: Floats
+) -> tuple[Floats, Floats]:
+    """The same where facets have too many edges to try all triples."""
+    moved, multipliers = np.zeros((len(middle), 2)), np.zeros(len(edges.owner))
+    for facet in range(len(middle)):
+        own = edges.owner == facet
+        widest = linprog(
+            (0, 0, -1),
+            A_ub=np.column_stack([-lines[own], np.ones(own.sum())]),
+            b_ub=distances[own],
+            bounds=[(None, None), (None, None), (0, None)],
+        )
+        moved[facet], multipliers[own] = widest.x[:2], -widest.ineqlin.marginals
+    return middle + np.einsum("ka,kax->kx", moved, frame), multipliers
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _soft_centers(
+    edges: FacetEdges, middle: Floats, frame: Floats, lines: Floats, distances: Floats
+) -> Floats:
+    """Centers (k, 3) of the soft circles, by Newton's method with a matrix that is always positive
+    definite and in the end the right one."""
+    owner, first = edges.owner, edges.first
+    lengths = edges.lengths.detach().numpy()
+    outer = lines[:, :, None] * lines[:, None, :]
+    moved = np.zeros((len(first), 2))
+    for _ in range(CENTERING_STEPS):
+        away = distances + (lines * moved[owner]).sum(-1)
+        nearest = np.minimum.reduceat(away, first)
+        weights = lengths * (nearest[owner] / away) ** SOFTNESS
+        weights /= np.add.reduceat(weights, first)[owner]
+        slope = np.add.reduceat((weights / away)[:, None] * lines, first)
+        bend = np.add.reduceat((weights / away**2)[:, None, None] * outer, first)
+        # In a long facet nothing holds the center along it.
+        bend += FREE * np.trace(bend, axis1=1, axis2=2)[:, None, None] * np.eye(2)
+        step = np.linalg.solve((1.0 + SOFTNESS) * bend, slope[..., None])[..., 0]
+        # At most half of the way to an edge.
+        fall = np.maximum.reduceat(-(lines * step[owner]).sum(-1) / away, first)
+        moved += step / np.maximum(1.0, 2.0 * fall)[:, None]
+        if (norms(step) <= CENTERED * nearest).all():
+            break
+    return middle + np.einsum("ka,kax->kx", moved, frame)

@@ -1,0 +1,234 @@
+"""Resting probabilities as a differentiable function of vertices and center of mass.
+
+The integers (which facets are stable, which edges each separatrix crosses) come from the forward
+model in `dicedesign.rest`, and so do the values. Gradients are exact, those of the combinatorial
+cell the vertices lie in: compiled kernels sweep back along each separatrix, or the coordinates are
+evaluated again in torch with the forward model's formulas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from types import ModuleType
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.reuse import HullMaker
+from dicedesign.gradient.adjoint_function import adjoint_function
+from dicedesign.gradient.rest_formulas import facet_depths, facet_normals, rest_probabilities
+from dicedesign.gradient.solid_moments import centroid_gradient, hull_centroid
+from dicedesign.kernels import ops as kernels
+from dicedesign.rest.basins import Basins, basin_areas, tie_distance
+from dicedesign.rest.equilibria import Equilibria, classify
+from dicedesign.rest.morse import Separatrices, separatrices
+from dicedesign.runtime.arrays import Floats, Integers
+
+__all__ = ["RestEvaluation", "evaluate_rests"]
+
+
+@dataclass(frozen=True)
+class RestEvaluation:
+    """The rests of a hull, with coordinates in torch. Everything is computed on first use.
+
+    Attributes
+    ----------
+    equilibria: the classified hull, whose numbers are the integers of this evaluation.
+    vertices: (n, 3) hull vertices as tensor.
+    given_center: (3,) center of mass as tensor, or None for that of the uniform solid.
+    basins: those of the body, where they are known.
+    """
+
+    equilibria: Equilibria
+    vertices: Tensor
+    given_center: Tensor | None = None
+    basins: Basins | None = None
+
+    @cached_property
+    def center(self) -> Tensor:
+        """(3,) the center of mass."""
+        given = self.given_center
+        return hull_centroid(self.vertices, self.hull) if given is None else given
+
+    @property
+    def hull(self) -> ConvexHull:
+        """The hull that the integers belong to."""
+        return self.equilibria.hull
+
+    def untied(self) -> RestEvaluation:
+        """The same, which raises `Tie` at first use where the body is tied (`find_basins`)."""
+        equilibria = self.equilibria
+        distance = tie_distance(equilibria.hull, equilibria.center_of_mass)
+        return replace(self, equilibria=replace(equilibria, tie_distance=distance))
+
+    @cached_property
+    def paths(self) -> Separatrices:
+        """The separatrices that divide basins; rests are numbered as in `paths.rests`."""
+        return separatrices(self.equilibria) if self.basins is None else self.basins.paths
+
+    @cached_property
+    def odds(self) -> Floats:
+        """(k,) probabilities of the rests as numbers (eq. 9, 10).
+
+        Raises DegenerateBodyError where the basins do not close, as `rest_poses` does.
+        """
+        basins = self.basins
+        areas = basin_areas(self.equilibria, self.paths) if basins is None else basins.areas
+        return areas / (4.0 * np.pi)
+
+    @cached_property
+    def probabilities(self) -> Tensor:
+        """(k,) the same, with gradients."""
+        compiled, hull, paths = kernels.compiled, self.hull, self.paths
+        if compiled is None:
+            return rest_probabilities(hull, paths, self.vertices, self.center)
+        body = *paths.branches, hull.vertices, self.equilibria.center_of_mass
+
+        def adjoint(gradient: Floats) -> tuple[Floats, Floats]:
+            found: tuple[Floats, Floats] = compiled.area_gradient(*body, gradient / (4.0 * np.pi))
+            return found
+
+        return self._tensor(self.odds, adjoint, partial(rest_probabilities, hull, paths))
+
+    def _tensor(
+        self,
+        value: Floats,
+        adjoint: Callable[[Floats], tuple[Floats, Floats]],
+        formula: Callable[[Tensor, Tensor], Tensor],
+    ) -> Tensor:
+        """A tensor of known value that is a function of the vertices and the center of mass.
+
+        adjoint: from its gradient to those in the vertices (n, 3) and in the center of mass (3,);
+            formula: the function by operations of torch.
+        """
+        if self.given_center is not None:
+            return adjoint_function(value, adjoint, formula, self.vertices, self.given_center)
+        # What a tensor keeps must not keep the tensor, which this evaluation does.
+        bare = replace(self)
+
+        def of_vertices(vertices: Tensor) -> Tensor:
+            return formula(vertices, hull_centroid(vertices, bare.hull))
+
+        return adjoint_function(
+            value,
+            lambda gradient: (bare.with_center(*adjoint(gradient)),),
+            of_vertices,
+            self.vertices,
+        )
+
+    def with_center(self, by_vertices: Floats, by_center: Floats) -> Floats:
+        """Gradient (n, 3) in the vertices, with which the center of mass of a uniform solid moves,
+        for those in the vertices (n, 3) alone and in the center (3,)."""
+        if self.given_center is not None:
+            return by_vertices
+        return by_vertices + centroid_gradient(self.hull, by_center)
+
+    @property
+    def jacobian(self) -> Floats | None:
+        """(k, 3 n) that of the probabilities in the vertices, with which the center of mass of a
+        uniform solid moves; None without compiled kernels."""
+        if kernels.compiled is None:
+            return None
+        vertices, center = self.hull.vertices, self.equilibria.center_of_mass
+        by_vertices, by_center = kernels.compiled.area_jacobian(
+            len(self.paths.rests), *self.paths.branches, vertices, center
+        )
+        if self.given_center is None:
+            by_axis = [centroid_gradient(self.hull, axis).ravel() for axis in np.eye(3)]
+            by_vertices = by_vertices + by_center @ np.stack(by_axis)
+        jacobian: Floats = by_vertices / (4.0 * np.pi)
+        return jacobian
+
+    def facet_normals(self, facets: Integers) -> Tensor:
+        """(len(facets), 3) unit normals of facets."""
+        hull, compiled = self.hull, kernels.compiled
+        if compiled is None:
+            return facet_normals(hull, facets, self.vertices)
+        arrays = hull.facet_start, hull.tail, hull.vertices, facets
+        return adjoint_function(
+            hull.normals[facets],
+            lambda gradient: (compiled.normal_gradient(*arrays, gradient),),
+            partial(facet_normals, hull, facets),
+            self.vertices,
+        )
+
+    @cached_property
+    def rest_normals(self) -> Tensor:
+        """(k, 3) unit normals of the stable facets."""
+        return self.facet_normals(self.paths.rests)
+
+    @cached_property
+    def facet_depths(self) -> Tensor:
+        """(m,) how far inside each facet the foot of the center of mass lies: its signed distance
+        from the nearest edge's line over the circumscribed radius, positive for rests."""
+        compiled = kernels.compiled
+        if compiled is None:
+            return facet_depths(self.hull, self.vertices, self.center)
+        adjoint = partial(replace(self).depth_gradient, compiled)
+        return self._tensor(self.depths, adjoint, partial(facet_depths, self.hull))
+
+    @cached_property
+    def depths(self) -> Floats:
+        """(m,) the same as numbers."""
+        if kernels.compiled is None:
+            return self.facet_depths.detach().numpy()
+        depths: Floats = kernels.compiled.facet_depths(*self._facets)
+        return depths
+
+    def depth_gradient(self, compiled: ModuleType, slopes: Floats) -> tuple[Floats, Floats]:
+        """Gradient of the sum of depths times slopes (m,), in the vertices (n, 3) and in the center
+        (3,), by compiled kernels."""
+        found: tuple[Floats, Floats] = compiled.depth_gradient(*self._facets, slopes)
+        return found
+
+    @property
+    def _facets(self) -> tuple[Integers, Integers, Floats, Floats]:
+        hull = self.hull
+        return hull.facet_start, hull.tail, hull.vertices, self.equilibria.center_of_mass
+
+    def vertex_directions(self, vertices: Integers) -> Tensor:
+        """(len(vertices), 3) unit directions from the center of mass to vertices (eq. 6)."""
+        radii = self.vertices[vertices] - self.center
+        return radii / torch.linalg.vector_norm(radii, dim=1, keepdim=True)
+
+
+def evaluate_rests(
+    points: Tensor, center_of_mass: Tensor | None = None, hull_of: HullMaker = convex_hull
+) -> RestEvaluation:
+    """Hull and rests of points.
+
+    Parameters
+    ----------
+    points: (n, 3) float64.
+    center_of_mass: (3,) float64, or None for that of the uniform solid hull.
+    hull_of: makes the hull.
+
+    Raises
+    ------
+    InputError: not float64 tensors of these shapes.
+    DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`.
+    """
+    if points.dtype != torch.float64 or points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(
+            f"vertices: expected a float64 tensor of shape (n, 3), got {points.dtype} of shape "
+            f"{tuple(points.shape)}; convert it with .double()"
+        )
+    hull = hull_of(points.detach().numpy())
+    vertices = points
+    if len(hull.source) < len(points):
+        vertices = points[torch.as_tensor(hull.source)]
+    if center_of_mass is None:
+        return RestEvaluation(classify(hull, hull.centroid), vertices)
+    if center_of_mass.dtype != torch.float64 or center_of_mass.shape != (3,):
+        raise InputError(
+            f"center of mass: expected a float64 tensor of shape (3,), got {center_of_mass.dtype} "
+            f"of shape {tuple(center_of_mass.shape)}; convert it with .double(), or leave it out "
+            "for the uniform solid"
+        )
+    center = center_of_mass.detach().numpy()
+    return RestEvaluation(classify(hull, center), vertices, center_of_mass)

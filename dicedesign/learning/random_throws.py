@@ -1,0 +1,175 @@
+"""Simulated throws of random dice, and how near odds come to them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from dicedesign.errors import InputError
+from dicedesign.learning.momentum_training import TrainingDie
+from dicedesign.learning.random_dice import RESTS, RandomDie, random_die
+from dicedesign.runtime.executors import in_order
+from dicedesign.throws.engines.engine import Engine
+from dicedesign.throws.momentum.momentum_model import MomentumModel
+from dicedesign.throws.momentum.momentum_odds import momentum_odds
+from dicedesign.throws.momentum.transition_features import features
+from dicedesign.throws.momentum.transitions import Passes
+from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.statistics.total_variation import noise_floor, total_variation
+from dicedesign.throws.tables import Table
+
+__all__ = [
+    "Deviation",
+    "Deviations",
+    "ThrownRandomDie",
+    "deviation",
+    "mean_deviations",
+    "throw_random_dice",
+    "throw_random_die",
+    "training_die",
+]
+
+
+@dataclass(frozen=True)
+class ThrownRandomDie:
+    """A random die and where it came to rest.
+
+    Attributes
+    ----------
+    number: of the die. die: itself.
+    counts: (k,) how often each rest came up, in the order of its poses; at least one did.
+    unresolved: drops that ended at none.
+    """
+
+    number: int
+    die: RandomDie
+    counts: NDArray[np.int64]
+    unresolved: int
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Total variation between a die's simulated frequencies and odds.
+
+    Attributes
+    ----------
+    kind: of die. rests: how many. drops: that came to rest.
+    geometric, momentum: for the odds without momentum, and those of the momentum model.
+    noise_floor: mean of that of right odds.
+    """
+
+    kind: str
+    rests: int
+    drops: int
+    geometric: float
+    momentum: float
+    noise_floor: float
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """Means over some dice, at least one, and the worst of them; as in `Deviation`."""
+
+    dice: int
+    geometric: float
+    worst_geometric: float
+    momentum: float
+    worst_momentum: float
+    noise_floor: float
+
+
+def throw_random_dice(
+    throws: Sequence[Sequence[tuple[Table, int]]],
+    seed: int,
+    workers: Executor,
+    *,
+    rests: tuple[int, int] = RESTS,
+    engine: Engine = "native",
+) -> Iterator[tuple[ThrownRandomDie, ...]]:
+    """`throw_random_die` of the numbers from 0 on, in order.
+
+    throws: of each die.
+    """
+    tasks = [
+        partial(throw_random_die, number, seed, of_die, rests, engine)
+        for number, of_die in enumerate(throws)
+    ]
+    return in_order(tasks, workers)
+
+
+def throw_random_die(
+    number: int,
+    seed: int,
+    throws: Sequence[tuple[Table, int]],
+    rests: tuple[int, int] = RESTS,
+    engine: Engine = "native",
+) -> tuple[ThrownRandomDie, ...]:
+    """Make a random die and throw it; the same, whoever does.
+
+    number, seed, rests: as in `random_die`; no two dice of a seed share random numbers, but as many
+    throws of one die onto several tables do. throws: tables, and how often it is thrown onto each.
+
+    Raises InputError: no drop came to rest, or as `simulate`.
+    """
+    # Dice are made side by side, one on each core.
+    torch.set_num_threads(1)
+    die, found = random_die(number, seed, rests), []
+    for table, drops in throws:
+        own = int(np.random.SeedSequence([seed, number, drops]).generate_state(1)[0])
+        outcome = simulate(die.body, table, drops, own, engine=engine)
+        if outcome.unresolved == drops:
+            raise InputError(
+                f"table {table.name}: expected drops that come to rest, but none of {drops} of "
+                f"{die.body.name} did; take more drops or another table"
+            )
+        found.append(ThrownRandomDie(number, die, outcome.counts, outcome.unresolved))
+    return tuple(found)
+
+
+def training_die(thrown: ThrownRandomDie, change: float = 0.0) -> TrainingDie:
+    """What the momentum model is fitted to; change: part by which the restitution was higher than
+    that of the model's table."""
+    poses, body = thrown.die.poses, thrown.die.body
+    side = poses.basins[0]
+    hull, center = side.equilibria.hull, side.equilibria.center_of_mass
+    passes = Passes.of(hull, side.paths)
+    inertia = (body.axes * body.moments) @ body.axes.T * body.radius**2
+    odds = side.areas / (4.0 * math.pi)
+    seen = features(passes, hull.vertices, center, inertia, odds, np)
+    of_facet = np.zeros(len(hull.normals))
+    of_facet[poses.facets] = thrown.counts / thrown.counts.sum()
+    return TrainingDie(passes, seen, of_facet[side.paths.rests], change)
+
+
+def deviation(thrown: ThrownRandomDie, model: MomentumModel | None) -> Deviation:
+    """How near the odds of a die come to its throws; model: in NumPy."""
+    die, drops = thrown.die, int(thrown.counts.sum())
+    frequencies = thrown.counts / drops
+    return Deviation(
+        kind=die.kind,
+        rests=len(frequencies),
+        drops=drops,
+        geometric=total_variation(frequencies, die.poses.probabilities),
+        momentum=total_variation(frequencies, momentum_odds(die.poses, die.body, model)),
+        noise_floor=noise_floor(frequencies, drops),
+    )
+
+
+def mean_deviations(found: Sequence[Deviation]) -> Deviations:
+    """Means and worst of some dice."""
+    geometric, momentum = ([getattr(d, name) for d in found] for name in ("geometric", "momentum"))
+    return Deviations(
+        dice=len(found),
+        geometric=float(np.mean(geometric)),
+        worst_geometric=max(geometric),
+        momentum=float(np.mean(momentum)),
+        worst_momentum=max(momentum),
+        noise_floor=float(np.mean([d.noise_floor for d in found])),
+    )

@@ -1,0 +1,175 @@
+"""A recipe file read into a checked recipe, and what is said of a bad one."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+from pydantic import ValidationError
+
+from dicedesign.errors import RecipeError
+from dicedesign.recipe.schema.recipe import Recipe
+
+__all__ = ["checked_recipe", "read_recipe", "recipe_text"]
+
+BAD_YAML: Final = (TypeError, ValueError, LookupError, AttributeError, RecursionError)
+"""What PyYAML raises, besides its own errors, for values that are not what their tag says, such as
+2024-13-45 or !!int x, and for nesting without end."""
+
+
+def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
+    """Read a YAML recipe.
+
+    Parameters
+    ----------
+    path: the file.
+    changes: texts "dotted.key=value" that replace or add entries, values in YAML; a mesh path in
+        one is relative to the working directory.
+
+    Raises
+    ------
+    RecipeError: the file is missing or no YAML mapping, or an entry is unknown or unusable; the
+        message names file, key, what was expected and what came.
+    """
+    try:
+        content = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not text"
+        raise RecipeError(
+            f"{path}: expected a readable recipe file, but {reason}; check the path"
+        ) from error
+    data = _load(content, str(path))
+    if not isinstance(data, dict):
+        raise RecipeError(
+            f"{path}: expected keys and values, got {data!r}; write name: ... and target: ..."
+        )
+    _resolve_mesh_path(data, path.parent)
+    for change in changes:
+        _apply(data, change)
+    # What a change brought is relative to where the command runs; absolute paths stay.
+    _resolve_mesh_path(data, Path())
+    try:
+        return checked_recipe(data)
+    except RecipeError as error:
+        raise RecipeError(f"{path}: {error}") from error
+
+
+def checked_recipe(data: Mapping[str, Any]) -> Recipe:
+    """The recipe of plain data, as YAML would give them.
+
+    Raises RecipeError if an entry is unknown or unusable; the message begins with its dotted key.
+    """
+    try:
+        # Through JSON: strict validation then takes mappings for options and lists for tuples.
+        plain = json.dumps(data, default=str)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise RecipeError(
+            f"expected texts as keys and entries that do not contain themselves, but {error}; "
+            "write them as in the README's table"
+        ) from error
+    try:
+        return Recipe.model_validate_json(plain)
+    except ValidationError as error:
+        raise RecipeError(_explain(error)) from error
+
+
+def recipe_text(recipe: Recipe) -> str:
+    """A recipe with every default written out, as YAML that `read_recipe` takes from anywhere."""
+    return yaml.safe_dump(recipe.resolved(), sort_keys=False, allow_unicode=True)
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML with `1e-3` as a number and repeated keys as errors."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if key in seen:
+                line = key_node.start_mark.line + 1
+                raise yaml.YAMLError(f"key {key!r} appears twice, the second time in line {line}")
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    list("-+0123456789."),
+)
+
+
+def _load(content: str, where: str) -> object:
+    try:
+        return yaml.load(content, Loader=_Loader)
+    except (yaml.YAMLError, *BAD_YAML) as error:
+        reason = " ".join(str(error).split())
+        raise RecipeError(f"{where}: expected YAML, but {reason}; correct it") from error
+
+
+def _apply(data: dict[str, Any], change: str) -> None:
+    key, equals, value = change.partition("=")
+    if not equals or not key.strip():
+        raise RecipeError(f"--set {change}: expected key=value; write it such as size_mm=40")
+    *parents, last = key.strip().split(".")
+    for parent in parents:
+        if not isinstance(data.get(parent), dict):
+            data[parent] = {}
+        data = data[parent]
+    data[last] = _load(value, f"--set {key}")
+
+
+def _resolve_mesh_path(data: Mapping[str, Any], folder: Path) -> None:
+    start = data.get("start")
+    mesh = start.get("mesh") if isinstance(start, dict) else None
+    if isinstance(mesh, dict) and isinstance(mesh.get("path"), str):
+        mesh["path"] = str((folder / mesh["path"]).resolve())
+
+
+def _explain(error: ValidationError) -> str:
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"] if not str(part).startswith("function-"))
+    cause = first.get("ctx", {}).get("error")
+    if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        return f"{key}: unknown key; {_hint(key)}"
+    if first["type"] == "missing":
+        return f"{key}: expected this key, but it is missing; add it"
+    if isinstance(cause, ValueError):
+        return f"{key + ': ' if key else ''}{cause}"
+    message = first["msg"][0].lower() + first["msg"][1:]
+    return f"{key}: {message}, got {first['input']!r}; correct it"
+
+
+def _hint(key: str) -> str:
+    """What may have been meant by an unknown dotted key."""
+    parent, _, name = key.rpartition(".")
+    schema = Recipe.model_json_schema()
+    places: dict[str, list[str]] = {}
+    for place in _key_paths(schema, schema["$defs"]):
+        places.setdefault(place.rpartition(".")[2], []).append(place)
+    here = [known for known, at in places.items() if f"{parent}.{known}".lstrip(".") in at]
+    if close := difflib.get_close_matches(name, here, n=1):
+        return f"did you mean {close[0]!r}?"
+    if name in places:
+        return f"it belongs at {' or '.join(places[name])}"
+    if close := difflib.get_close_matches(name, list(places), n=1):
+        return f"did you mean {' or '.join(places[close[0]])}?"
+    return "remove it"
+
+
+def _key_paths(
+    schema: Mapping[str, Any], definitions: Mapping[str, Any], parent: str = ""
+) -> Iterator[str]:
+    """Dotted paths of all keys of a JSON schema."""
+    if "$ref" in schema:
+        schema = definitions[schema["$ref"].rpartition("/")[2]]
+    for part in (*schema.get("anyOf", ()), *schema.get("allOf", ())):
+        yield from _key_paths(part, definitions, parent)
+    for name, part in schema.get("properties", {}).items():
+        yield f"{parent}{name}"
+        yield from _key_paths(part, definitions, f"{parent}{name}.")

@@ -1,0 +1,267 @@
+"""What a recipe says, as checked options.
+
+The parts of the schema that are options of the method or the engraving are the option classes
+themselves; only what a file adds to them is described here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, model_validator
+
+from dicedesign.concave.options import ConcaveOptions
+from dicedesign.design.solvers.descent import DescentOptions
+from dicedesign.design.solvers.exact import ExactOptions
+from dicedesign.design.starts.orbit_layouts import OrbitLayouts
+from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.geometry.point_groups import point_group
+from dicedesign.recipe.schema.entries import (
+    Label,
+    SearchRecipe,
+    StartRecipe,
+    Strict,
+    TargetRecipe,
+    one_of,
+)
+
+__all__ = ["MOST_MM", "Recipe"]
+
+MOST_MM: Final = 1000.0
+"""Largest size of a die."""
+
+METHODS: Final = ("exact", "descent", "concave")
+"""Keys of `method`."""
+
+
+def _known_group(name: str | None) -> str | None:
+    if name is not None:
+        point_group(name)
+    return name
+
+
+def _word(word: str, meaning: object) -> BeforeValidator:
+    return BeforeValidator(lambda value: meaning if value == word else value)
+
+
+def _switch(value: object) -> object:
+    return {True: {}, False: None}[value] if isinstance(value, bool) else value
+
+
+class MethodRecipe(Strict):
+    """`method`: how the die is found: `exact` unless it says `descent`, or `concave` for a die that
+    keeps the shape of its start. A word alone is the method with all its defaults."""
+
+    exact: ExactOptions | None = Field(default_factory=ExactOptions)
+    descent: DescentOptions | None = None
+    concave: ConcaveOptions | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _choose(cls, given: Any) -> Any:
+        if given in METHODS:
+            given = {given: {}}
+        if isinstance(given, dict) and any(given.get(name) is not None for name in METHODS):
+            return {"exact": None, **given}
+        return given
+
+    @model_validator(mode="after")
+    def _check(self) -> MethodRecipe:
+        one_of(self, *METHODS)
+        return self
+
+    @property
+    def name(self) -> str:
+        """The key of the method."""
+        return next(key for key, value in self if value is not None)
+
+    @property
+    def thrown(self) -> bool:
+        """Whether the target is meant for a die that is thrown onto a table."""
+        return self.exact is not None and self.exact.odds == "thrown"
+
+    @property
+    def limits_key(self) -> str:
+        """Where a recipe says tolerance and seconds."""
+        return "method.descent.stopping" if self.descent is not None else f"method.{self.name}"
+
+    @property
+    def tolerance(self) -> float:
+        """Largest |p - q| that counts as reached."""
+        if self.descent is not None:
+            return self.descent.stopping.tolerance
+        options = self.exact or self.concave
+        assert options is not None
+        return options.tolerance
+
+
+class Recipe(Strict):
+    """A whole recipe.
+
+    Attributes
+    ----------
+    name: folder name of the results.
+    seed: of everything random.
+    target, start: what is wanted, and what to begin with: shapes that are searched, unless given.
+    assignment: labels in the order of the start's directions; None for the order of the target;
+        empty, "any" in a file, for one order after the other, at random, until one leads there.
+    center_of_mass: (3,) fixed, in the start's own coordinates (see
+        `dicedesign.design.starts`); None for the uniform solid.
+    symmetry: name of the point group that the die has (see `dicedesign.geometry.point_groups`),
+        about the centroid of the start, along its own axes; None if it need not have any.
+    size_mm: largest vertex-to-vertex distance of the printed die.
+    min_inradius_mm: radius of a circle that the facet of each outcome has room for.
+    engrave: engraving options, or None for a plain die, which a concave one is unless the recipe
+        says otherwise.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
+    target: TargetRecipe
+    start: StartRecipe = Field(default_factory=lambda: StartRecipe(search=SearchRecipe()))
+    seed: Annotated[int, Field(ge=0)] = 0
+    assignment: Annotated[list[Label] | None, _word("in_order", None), _word("any", [])] = None
+    center_of_mass: Annotated[
+        tuple[float, float, float] | None,
+        _word("uniform", None),
+        BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value),
+    ] = None
+    symmetry: Annotated[str | None, AfterValidator(_known_group), _word("none", None)] = None
+    method: MethodRecipe = Field(default_factory=MethodRecipe)
+    size_mm: Annotated[float, Field(gt=0.0, le=MOST_MM)] = 30.0
+    min_inradius_mm: Annotated[float, Field(ge=0.0)] = 0.0
+    engrave: Annotated[EngravingOptions | None, BeforeValidator(_switch)] = Field(
+        default_factory=EngravingOptions
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _plain_if_concave(cls, given: Any) -> Any:
+        if isinstance(given, dict) and "engrave" not in given:
+            method = given.get("method")
+            if method == "concave" or (
+                isinstance(method, dict) and method.get("concave") is not None
+            ):
+                return {**given, "engrave": False}
+        return given
+
+    @model_validator(mode="after")
+    def _check(self) -> Recipe:
+        labels = self.target.target().labels
+        if self.method.concave is not None:
+            self._check_concave()
+        elif self.start.shape is not None:
+            raise ValueError(
+                f"start.shape: expected method: {{concave: {{}}}} with it, got {self.method.name}; "
+                "change the method, or take another start"
+            )
+        if self.any_order:
+            self._check_any_order()
+        elif self.assignment is not None and sorted(self.assignment) != sorted(labels):
+            raise ValueError(
+                f"assignment: expected each of the labels {', '.join(labels)} once, got "
+                f"{', '.join(self.assignment)}; write in_order for the target's order"
+            )
+        self.start.check(len(labels))
+        if self.start.search is not None:
+            self._check_search()
+        if self.min_inradius_mm > 0.0 and self.method.exact is None:
+            raise ValueError(
+                "min_inradius_mm: expected the exact method, which can keep to it, got "
+                f"{self.method.name}; leave it out, or change the method"
+            )
+        if not self.min_inradius_mm < self.size_mm / 2.0:
+            raise ValueError(
+                f"min_inradius_mm: expected less than half of size_mm = {self.size_mm:g}, got "
+                f"{self.min_inradius_mm:g}; lower it"
+            )
+        if self.symmetry is not None:
+            self._check_symmetry(self.symmetry)
+        return self
+
+    def _check_concave(self) -> None:
+        if self.start.name not in ("mesh", "shape"):
+            raise ValueError(
+                "start: expected a surface to keep with the concave method, got "
+                f"{self.start.name}; write start: {{mesh: {{path: FILE}}}}, or start: "
+                "{shape: kitten}"
+            )
+        if self.assignment is not None:
+            raise ValueError(
+                "assignment: expected in_order with the concave method, which finds the sides for "
+                "the outcomes itself, got another; leave it out"
+            )
+        if self.center_of_mass is not None:
+            raise ValueError(
+                "center_of_mass: expected uniform with the concave method, which shapes a solid of "
+                "one material, got a point; leave it out"
+            )
+
+    def _check_any_order(self) -> None:
+        if self.method.exact is None or self.start.search is not None or self.symmetry is not None:
+            raise ValueError(
+                "assignment: expected any with the exact method, a start that is given and no "
+                "symmetry, got it with another; write in_order, or leave it out"
+            )
+
+    def _check_search(self) -> None:
+        if self.method.exact is None:
+            raise ValueError(
+                "start.search: expected method: {exact: {}}, which can begin anywhere, got "
+                f"{self.method.name}; change the method, or take another start"
+            )
+        if self.center_of_mass is not None:
+            raise ValueError(
+                "center_of_mass: expected uniform where the shape is searched, got a point in no "
+                "known coordinates; leave it out, or take another start"
+            )
+
+    def _check_symmetry(self, name: str) -> None:
+        if self.method.exact is None or self.method.exact.coordinates != "facets":
+            raise ValueError(
+                "symmetry: expected the exact method with coordinates: facets, got another; leave "
+                "symmetry out, or change the method"
+            )
+        if self.center_of_mass is not None:
+            raise ValueError(
+                "center_of_mass: expected uniform with a symmetry, got a point; leave one of them "
+                "out"
+            )
+        # Raises where equal probabilities do not fill whole orbits.
+        OrbitLayouts(self.target.target().probabilities, point_group(name))
+
+    def group(self) -> NDArray[np.float64] | None:
+        """(g, 3, 3) the point group that the die has."""
+        return None if self.symmetry is None else point_group(self.symmetry)
+
+    def outcome_of_direction(self) -> list[int]:
+        """For each direction of the start, the index of its outcome in the target."""
+        labels = self.target.target().labels
+        return [labels.index(label) for label in self.assignment or labels]
+
+    @property
+    def any_order(self) -> bool:
+        """Whether the labels may come in any order."""
+        return self.assignment == []
+
+    def doubts(self) -> Iterator[str]:
+        """What is odd about the recipe, though it can be run, in words."""
+        smallest = float(self.target.target().probabilities.min())
+        if self.method.tolerance >= smallest:
+            yield (
+                f"the tolerance is not below the smallest outcome, {smallest:.3g}: set "
+                f"{self.method.limits_key}.tolerance lower"
+            )
+
+    def resolved(self) -> dict[str, Any]:
+        """The recipe with every default written out, as plain data."""
+        plain: dict[str, Any] = TypeAdapter(Recipe).dump_python(self, mode="json")
+        plain["assignment"] = plain["assignment"] or ("any" if self.any_order else "in_order")
+        plain["center_of_mass"] = plain["center_of_mass"] or "uniform"
+        plain["symmetry"] = plain["symmetry"] or "none"
+        plain["engrave"] = plain["engrave"] or False
+        for part in ("target", "start", "method"):
+            plain[part] = {key: value for key, value in plain[part].items() if value is not None}
+        return plain

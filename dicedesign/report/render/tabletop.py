@@ -1,0 +1,97 @@
+"""A solid above a table, seen from the side and a little from above."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.report.render.flat_renderer import render_view
+from dicedesign.report.render.raster import Camera
+from dicedesign.report.render.shadow import shadowed_table
+from dicedesign.runtime.arrays import Floats, Integers
+
+__all__ = ["Tabletop", "side_camera"]
+
+_UP: Final = np.array([0.0, 0.0, 1.0])
+
+_RISE: Final = math.radians(18.0)
+
+_TOP: Final = 0.94
+
+_EDGE: Final = 0.72
+
+_EDGE_HEIGHT: Final = 0.06
+
+
+def side_camera(right: Floats) -> Camera:
+    """A camera at the origin that sees the level direction (3,) run to the right."""
+    direction = math.cos(_RISE) * np.cross(right, _UP) + math.sin(_RISE) * _UP
+    return Camera(direction, _UP, np.zeros(3), 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Tabletop:
+    """Pictures of a solid above a table that is z = 0.
+
+    The table is as wide as the picture, and as deep as two of the solid around its middle.
+
+    Attributes
+    ----------
+    triangles: (t, 3) of the solid.
+    radius: largest distance of its points from its center of mass, in any length unit.
+    depth: distance in the same unit that the solid may move toward the camera and away from it.
+    """
+
+    triangles: Integers
+    radius: float
+    depth: float
+
+    @property
+    def drop(self) -> float:
+        """How far below the table's middle its front edge ends in a picture."""
+        return math.sin(_RISE) * self._half_depth + _EDGE_HEIGHT * self.radius
+
+    @property
+    def _half_depth(self) -> float:
+        return self.depth + 2.0 * self.radius
+
+    def picture(
+        self, points: Floats, center: Floats, middle: Floats, camera: Camera, size: int
+    ) -> NDArray[np.uint8]:
+        """(size, size, 3) picture of the solid.
+
+        points: (n, 3) of the solid; center: (3,) its center of mass, within the picture.
+        middle: (3,) point of the table halfway between its front edge and its back edge.
+        camera: one of `side_camera`, moved.
+        """
+        heights = points[:, 2].clip(0.0)
+        shadow = shadowed_table(points, self.triangles, heights, _UP, camera, size, self.radius)
+        backdrop = self._rows(middle, camera, size)[:, None] * shadow
+        # The solid is drawn by a camera of its own, on the same pixels: most of them do not see it.
+        unit = 2.0 * camera.half_width / size
+        half = math.ceil(self.radius / unit) + 2
+        padded = np.pad(backdrop, half, constant_values=1.0)
+        picture = np.empty((*padded.shape, 3), dtype=np.uint8)
+        picture[:] = np.rint(255.0 * padded)[..., None]
+        column, row, _ = np.rint(camera.pixel_positions(center[None], size)[0]).astype(int)
+        offset = unit * np.array([column - size / 2.0, size / 2.0 - row, 0.0])
+        near = replace(
+            camera, center=camera.center + offset @ camera.frame(), half_width=half * unit
+        )
+        window = np.s_[row : row + 2 * half, column : column + 2 * half]
+        picture[window] = render_view(points, self.triangles, near, 2 * half, padded[window])
+        return picture[half:-half, half:-half]
+
+    def _rows(self, middle: Floats, camera: Camera, size: int) -> Floats:
+        """Brightness (size,) of the table in each row of pixels."""
+        rows = (size / 2.0 - np.arange(size) - 0.5) * 2.0 * camera.half_width / size
+        # Upward from the table's middle.
+        above = rows + (camera.center - middle) @ camera.frame()[1]
+        half = math.sin(_RISE) * self._half_depth
+        bright = np.where(np.abs(above) <= half, _TOP, 1.0)
+        bright[(-self.drop <= above) & (above < -half)] = _EDGE
+        return bright

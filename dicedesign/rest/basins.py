@@ -1,0 +1,180 @@
+"""Resting probabilities: the areas of the basins of attraction."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from dicedesign.errors import DegenerateBodyError, OutsideHullError
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.rest import compiled
+from dicedesign.rest.center_clearance import surroundings
+from dicedesign.rest.equilibria import Equilibria, Tie, classify
+from dicedesign.rest.morse import (
+    Separatrices,
+    basin_references,
+    separatrices,
+    separatrix_points,
+    signed_areas,
+    wraps,
+)
+from dicedesign.rest.ties import aside_directions
+from dicedesign.runtime.arrays import Floats
+from dicedesign.tolerances import (
+    BOUNDARY_TOLERANCE,
+    CLOSURE_TOLERANCE,
+    COPLANAR_COARSEST,
+    COPLANAR_WIDENINGS,
+    TIE_TOLERANCE,
+    WARP_TOLERANCE,
+)
+
+__all__ = ["Basins", "basin_areas", "closed_areas", "find_basins", "tie_distance"]
+
+TIE_STEP = 4.0
+"""How far, in units of the distance within which ties are looked for."""
+
+
+@dataclass(frozen=True)
+class Basins:
+    """The basins of attraction of one body.
+
+    Attributes
+    ----------
+    equilibria: the classified hull.
+    paths: its separatrices.
+    areas: (k,) in steradian, in the order of `paths.rests`, summing to 4 pi.
+    """
+
+    equilibria: Equilibria
+    paths: Separatrices
+    areas: Floats
+
+    @cached_property
+    def points(self) -> Floats:
+        """(2 s, depth + 2, 3) points of the branches, see `separatrix_points`."""
+        vertices, center = self.equilibria.hull.vertices, self.equilibria.center_of_mass
+        return separatrix_points(self.paths, vertices, center, np)
+
+
+def find_basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
+    """The basins of a body; of a tied one, those of an even number of bodies beside it.
+
+    A body is tied if a move of its center of mass by `TIE_TOLERANCE` could change what it does: it
+    balances on an edge, a corner or a saddle, or a path runs into such a balance or through a facet
+    normal. Its mass there could fall either way, and equally often to both sides, whatever rounding
+    says; so its odds are defined as the mean of those with the center of mass moved a little
+    further than that, but not out of the body, in the directions of `aside_directions`: opposite
+    pairs that turn with the body and that its symmetries permute. Where a bound on rounding leaves
+    a decision open, bodies some ten times as far from a balance count as tied too.
+
+    Facets that were merged within a coplanar tolerance are not quite flat, and near a balance the
+    decisions about them can contradict each other: the body seems to roll in a circle, or its
+    basins overlap. Such a body is tied to within its unevenness. If bodies beside it are
+    contradictory too, facets bend by less than they are uneven; the basins are then those of the
+    hull at a coplanar tolerance of the unevenness times the first of `COPLANAR_WIDENINGS` above 1
+    that is enough, or, if none is, at tolerance 0, where facets are exactly flat. The same is done
+    with a hull whose facets are no wider than they are uneven (`WARP_TOLERANCE`).
+
+    hull: the convex hull; center_of_mass: (3,) strictly inside it. The basins' own hull is another
+    one only in that last case; its `source` refers to the same points.
+
+    Raises
+    ------
+    OutsideHullError: the center of mass is not strictly inside the hull.
+    DegenerateBodyError: the basins do not close.
+    """
+    if hull.warp <= WARP_TOLERANCE:
+        with suppress(DegenerateBodyError):
+            return _basins(hull, center_of_mass)
+    unevenness = hull.unevenness / (np.ptp(hull.vertices, axis=0).max() / 2.0)
+    for factor in COPLANAR_WIDENINGS[1:]:
+        with suppress(DegenerateBodyError):
+            coarser = _made_again(hull, min(factor * unevenness, COPLANAR_COARSEST))
+            if coarser.warp <= WARP_TOLERANCE:
+                return _basins(coarser, center_of_mass)
+    return _basins(_made_again(hull, 0.0), center_of_mass)
+
+
+def _made_again(hull: ConvexHull, coplanar_tolerance: float) -> ConvexHull:
+    again = convex_hull(hull.vertices, coplanar_tolerance)
+    return replace(again, source=hull.source[again.source])
+
+
+def _basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
+    """As `find_basins`, of no other hull."""
+    distance = tie_distance(hull, center_of_mass)
+    try:
+        return (_trace(classify(hull, center_of_mass, distance)),)
+    except Tie:
+        with suppress(DegenerateBodyError):
+            return _beside(hull, center_of_mass, distance)
+    except DegenerateBodyError:
+        pass
+    return _beside(hull, center_of_mass, distance + hull.unevenness)
+
+
+def tie_distance(hull: ConvexHull, center_of_mass: Floats) -> float:
+    """Length of a move of the center of mass (3,) that may not change what an untied body does."""
+    place = surroundings(hull, center_of_mass)
+    return TIE_TOLERANCE * (place.far + place.extent)
+
+
+def _beside(hull: ConvexHull, center_of_mass: Floats, distance: float) -> tuple[Basins, ...]:
+    """The basins of a body tied to within a distance."""
+    place = surroundings(hull, center_of_mass)
+    room = place.height - BOUNDARY_TOLERANCE * place.offset
+    move = min(TIE_STEP * distance, room / 2.0) * aside_directions(hull, center_of_mass)
+    try:
+        return tuple(_trace(classify(hull, center)) for center in center_of_mass + move)
+    except OutsideHullError:
+        # No room to move in floating point.
+        return (_trace(classify(hull, center_of_mass)),)
+
+
+def _trace(equilibria: Equilibria) -> Basins:
+    """Source: eq. 9, 10."""
+    paths = separatrices(equilibria)
+    return Basins(equilibria, paths, basin_areas(equilibria, paths))
+
+
+def basin_areas(equilibria: Equilibria, paths: Separatrices) -> Floats:
+    """Areas (k,) in steradian of the basins that a body's separatrices divide, summing to 4 pi.
+
+    Raises
+    ------
+    DegenerateBodyError: the basins do not cover the sphere once.
+    """
+    areas = compiled.basin_areas(equilibria, (paths.rests, *paths.branches))
+    return _areas(equilibria, paths) if areas is None else areas
+
+
+def _areas(equilibria: Equilibria, paths: Separatrices) -> Floats:
+    if len(paths.rests) == 1:
+        return np.array([4.0 * np.pi])
+    hull = equilibria.hull
+    points = separatrix_points(paths, hull.vertices, equilibria.center_of_mass, np)
+    references = basin_references(paths, points, hull.normals[paths.rests])
+    return closed_areas(signed_areas(paths, points, references))
+
+
+def closed_areas(signed: Floats) -> Floats:
+    """Areas (k,) of basins from their signed areas (k,), which are right up to multiples of 4 pi.
+
+    Raises
+    ------
+    DegenerateBodyError: the basins do not cover the sphere once.
+    """
+    areas = signed + 4.0 * np.pi * wraps(signed)
+    gap = abs(float(areas.sum()) - 4.0 * np.pi)
+    if not (gap <= CLOSURE_TOLERANCE and (areas > -CLOSURE_TOLERANCE).all()):
+        raise DegenerateBodyError(
+            f"body: expected basins that cover the sphere once, got a difference of {gap:.3g} "
+            "steradian; its facets are flat only within the coplanar tolerance, so give a smaller "
+            "or larger one"
+        )
+    # The smallest of basins come out as rounding noise.
+    return np.maximum(areas, np.finfo(np.float64).tiny)

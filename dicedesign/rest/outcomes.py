@@ -1,0 +1,200 @@
+"""Which rests of a die show which of the outcomes that somebody counted.
+
+What a concave die does, whatever it was designed for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.sphere import angle_between
+from dicedesign.rest.poses import RestPoses
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import EQUAL_ODDS, MATCHED_ODDS, SAME_REST_ANGLE
+
+__all__ = [
+    "ClusterOdds",
+    "OutcomeGroups",
+    "cluster_odds",
+    "clustered",
+    "facet_of_rest",
+    "match_by_normals",
+    "match_by_odds",
+    "sums_by_outcome",
+]
+
+
+@dataclass(frozen=True)
+class OutcomeGroups:
+    """Outcomes that can be told apart, or groups of those that cannot.
+
+    Attributes
+    ----------
+    members: of each of g groups, the places of its outcomes in the list that was matched.
+    group_of_rest: (k,) group that each rest belongs to; -1 where it shows no outcome.
+    """
+
+    members: tuple[tuple[int, ...], ...]
+    group_of_rest: Integers
+
+
+def facet_of_rest(normals: Floats, shown: Floats) -> Integers:
+    """(k,) the facet that each rest is on: the nearest, unless it is farther from the rest than
+    `SAME_REST_ANGLE`, then -1. normals: (k, 3) of the rests; shown: (f, 3) of the facets."""
+    if len(shown) == 0:
+        return np.full(len(normals), -1)
+    angles = angle_between(normals[:, None], shown[None])
+    return np.where(angles.min(axis=1) <= SAME_REST_ANGLE, angles.argmin(axis=1), -1)
+
+
+def sums_by_outcome(
+    of_rests: NDArray[Any], outcome_of_rest: Integers, outcomes: int
+) -> NDArray[Any]:
+    """Sums (g,) of numbers of rests (k,) over those of each outcome; those of none, -1, are left
+    out."""
+    sums = np.zeros(outcomes, dtype=of_rests.dtype)
+    shown = outcome_of_rest >= 0
+    np.add.at(sums, outcome_of_rest[shown], of_rests[shown])
+    return sums
+
+
+def match_by_normals(normals: Floats, shown: Floats, outcomes: Sequence[int]) -> OutcomeGroups:
+    """Groups of one outcome each, from the facets that are known to show them; see
+    `facet_of_rest`.
+
+    Parameters
+    ----------
+    normals: (k, 3) of the rests; shown: (f, 3) of the facets, f >= 1.
+    outcomes: (f,) place of the outcome that each facet shows, each place at least once.
+    """
+    facets = facet_of_rest(normals, shown)
+    group_of_rest = np.where(facets >= 0, np.asarray(outcomes, dtype=np.int64)[facets], -1)
+    return OutcomeGroups(tuple((i,) for i in range(max(outcomes) + 1)), group_of_rest)
+
+
+def match_by_odds(name: str, normals: Floats, odds: Floats, wanted: ArrayLike) -> OutcomeGroups:
+    """Groups of outcomes of which no more is known than their odds without momentum.
+
+    Rests whose normals are closest are joined until there are as many as outcomes: a facet that
+    broke in two is one to the eye. Then the most probable outcome is the most probable rest, and so
+    on. Outcomes whose odds differ by no more than this match is wrong by cannot be told apart, and
+    come into one group.
+
+    Parameters
+    ----------
+    name: of the die, for messages.
+    normals: (k, 3) of the rests; odds: (k,) of theirs.
+    wanted: (n,) odds of the outcomes, n >= 1.
+
+    Raises
+    ------
+    InputError: the die has fewer rests than outcomes, an outcome's odds are farther from its
+        rests' than `MATCHED_ODDS`, or no two outcomes can be told apart.
+    """
+    given = np.asarray(wanted, dtype=np.float64)
+    if len(odds) < len(given):
+        raise InputError(
+            f"{name}: expected at least as many rests as outcomes, got {len(odds)} rests for "
+            f"{len(given)} outcomes; correct the mesh or join outcomes"
+        )
+    part = _joined(normals, len(given))
+    found = np.bincount(part, weights=odds)
+    parts, places = np.argsort(-found, kind="stable"), np.argsort(-given, kind="stable")
+    off = float(np.abs(found[parts] - given[places]).max())
+    if off > MATCHED_ODDS:
+        worst = int(np.abs(found[parts] - given[places]).argmax())
+        raise InputError(
+            f"{name}: expected rests with the geometric odds of the outcomes to within "
+            f"{MATCHED_ODDS:g}, got {found[parts][worst]:.4f} for {given[places][worst]:.4f}; "
+            "correct the odds, or give the center of mass in a column com, or leave the die out"
+        )
+    apart = -np.diff(given[places]) > max(off, EQUAL_ODDS)
+    group_of_place = np.concatenate([[0], np.cumsum(apart)])
+    if len(given) > 1 and not apart.any():
+        raise InputError(
+            f"{name}: expected outcomes that differ in their geometric odds by more than the "
+            f"{off:.2g} by which the mesh misses them, got {_listed(given)}; name the folder of "
+            "the die's run, which says which facet is which, or leave the die out"
+        )
+    members = tuple(
+        tuple(sorted(places[group_of_place == group].tolist()))
+        for group in range(int(group_of_place[-1]) + 1)
+    )
+    group_of_part = np.empty(len(parts), dtype=np.int64)
+    group_of_part[parts] = group_of_place
+    return OutcomeGroups(members, group_of_part[part])
+
+
+def _joined(normals: Floats, wanted: int) -> Integers:
+    """(k,) the part of each rest when the closest are joined until there are so many parts."""
+    part = np.arange(len(normals))
+    angles = angle_between(normals[:, None], normals[None])
+    for _ in range(len(normals) - wanted):
+        between = np.where(part[:, None] != part[None], angles, np.inf)
+        i, j = np.unravel_index(int(between.argmin()), between.shape)
+        part[part == part[j]] = part[i]
+    return np.unique(part, return_inverse=True)[1]
+
+
+def _listed(values: Floats) -> str:
+    return ", ".join(f"{value:.4f}" for value in values)
+
+
+@dataclass(frozen=True)
+class ClusterOdds:
+    """Odds by outcome.
+
+    Attributes
+    ----------
+    odds: (k,) of the rests within `SAME_REST_ANGLE` of the outcome's own.
+    main: (k,) number of that one among the rests, the most probable near the outcome's direction.
+    outcome_of_rest: (r,) or -1.
+    elsewhere: odds of all other rests together.
+    """
+
+    odds: Floats
+    main: Integers
+    outcome_of_rest: Integers
+    elsewhere: float
+
+    @property
+    def rest_counts(self) -> Integers:
+        """(k,) rests in each cluster."""
+        counted = self.outcome_of_rest[self.outcome_of_rest >= 0]
+        return np.asarray(np.bincount(counted, minlength=len(self.odds)), dtype=np.int64)
+
+    def max_abs_error(self, target: Floats) -> float:
+        """Largest |p - q|."""
+        return float(np.abs(self.odds - target).max())
+
+    def error(self, target: Floats) -> float:
+        """The larger of that and of the odds elsewhere."""
+        return max(self.max_abs_error(target), self.elsewhere)
+
+
+def cluster_odds(poses: RestPoses, directions: Floats) -> ClusterOdds:
+    """Odds of the clusters of rests about the outcomes' directions (k, 3), unit."""
+    return clustered(poses.normals, poses.probabilities, directions)
+
+
+def clustered(normals: Floats, probabilities: Floats, directions: Floats) -> ClusterOdds:
+    """The same of rests with normals (r, 3) and probabilities (r,)."""
+    angles = angle_between(normals[:, None, :], directions[None, :, :])
+    near = angles <= SAME_REST_ANGLE
+    main = np.where(
+        near.any(axis=0),
+        np.argmax(np.where(near, probabilities[:, None], -1.0), axis=0),
+        angles.argmin(axis=0),
+    )
+    apart = angle_between(normals[:, None, :], normals[main][None, :, :])
+    of_rest = np.where(apart.min(axis=1) <= SAME_REST_ANGLE, apart.argmin(axis=1), -1)
+    counted = of_rest >= 0
+    sums = np.bincount(of_rest[counted], probabilities[counted], minlength=len(directions))
+    odds = np.asarray(sums, dtype=np.float64)
+    elsewhere = float(probabilities[~counted].sum())
+    return ClusterOdds(odds, np.asarray(main, dtype=np.int64), of_rest, elsewhere)

@@ -1,0 +1,219 @@
+"""Where work runs: `concurrent.futures.Executor`s of local processes or of a Dask cluster."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from importlib.metadata import version
+from typing import Any, Final, TypeVar
+
+from dicedesign.errors import DiceError, InputError, missing_extra
+
+__all__ = ["cluster_workers", "in_order", "is_lost_worker", "local_workers", "no_worker_left"]
+
+PATIENCE: Final = 30.0
+"""Seconds that a cluster may take to answer."""
+
+PACKAGE_VERSION: Final = version("dicedesign")
+"""Of this package; the workers of a cluster need the same."""
+
+QUIET: Final = 10.0
+"""Seconds without a result after which a caller is told so."""
+
+MOST_LOSSES: Final = 5
+"""How often the worker of one task may be lost."""
+
+Result = TypeVar("Result")
+
+
+class _LocalWorkers(Executor):
+    """Processes that are started again when one of them dies, which fails what they all ran."""
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self._others = set(multiprocessing.active_children())
+        self._pool = self._start()
+
+    def _start(self) -> ProcessPoolExecutor:
+        context = multiprocessing.get_context("spawn")
+        return ProcessPoolExecutor(self._jobs, context, _begin_worker)
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        try:
+            return self._pool.submit(function, *args, **kwargs)
+        except BrokenExecutor:
+            self._pool.shutdown(wait=True)
+            self._pool = self._start()
+            return self._pool.submit(function, *args, **kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Without `wait`, what is running ends at once."""
+        if not wait:
+            for process in set(multiprocessing.active_children()) - self._others:
+                process.terminate()
+        self._pool.shutdown(wait=True, cancel_futures=cancel_futures)
+
+
+def _begin_worker() -> None:
+    """Leave interrupts to the parent, and end with it even if it is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+@contextmanager
+def local_workers(jobs: int) -> Iterator[Executor]:
+    """So many processes of this machine; those that die are replaced."""
+    workers = _LocalWorkers(jobs)
+    try:
+        yield workers
+    finally:
+        workers.shutdown(wait=False, cancel_futures=True)
+
+
+class _ClusterWorkers(Executor):
+    """A Dask client as an executor that says so when the scheduler has gone for good."""
+
+    def __init__(self, client: Any, address: str) -> None:
+        self._client = client
+        self._address = address
+        # Without `pure`, a task that is submitted again runs again.
+        self._workers: Executor = client.get_executor(pure=False)
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        while self._client.status == "connecting":
+            time.sleep(0.1)
+        if self._client.status != "running":
+            raise DiceError(
+                f"--scheduler {self._address}: expected a Dask scheduler until the end, but it has "
+                "gone; run the same command to go on"
+            )
+        return self._workers.submit(function, *args, **kwargs)
+
+    def is_empty(self) -> bool:
+        """Whether the scheduler answers and has no worker."""
+        return self._client.status == "running" and not self._client.scheduler_info()["workers"]
+
+
+@contextmanager
+def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
+    """The workers of a Dask cluster, and how many tasks they can run at a time. Those that join
+    later help; while there are none, tasks wait.
+
+    address: of its scheduler, such as tcp://10.0.0.5:8786.
+
+    Raises
+    ------
+    InputError: distributed is not installed here, no scheduler or worker answers, or the workers
+        have another version of this package, or none.
+    DiceError: by `submit`, when the scheduler has gone.
+    """
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise missing_extra("cluster", "--scheduler", error) from error
+    log = logging.getLogger("distributed.client")
+    level = log.level
+    # What it would log is said here by errors.
+    log.setLevel(logging.CRITICAL)
+    client = None
+    try:
+        try:
+            client = Client(address, timeout=PATIENCE, set_as_default=False)
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except (OSError, ValueError) as error:
+            missing = "a Dask scheduler" if client is None else "at least one worker"
+            raise InputError(
+                f"--scheduler {address}: expected {missing} that answers within {PATIENCE:g} "
+                f"seconds, got none; start it with `dask {missing.split()[-1]}`"
+            ) from error
+        _check_versions(client, address)
+        yield _ClusterWorkers(client, address), sum(client.nthreads().values())
+    finally:
+        if client is not None:
+            # Nobody wants what still runs there then.
+            client.close(timeout=PATIENCE)
+        log.setLevel(level)
+
+
+def _check_versions(client: Any, address: str) -> None:
+    wanted = f"--scheduler {address}: expected workers with dicedesign {PACKAGE_VERSION}"
+    try:
+        found = set(client.run(_installed_version).values())
+    except Exception as error:
+        # Errors of the workers come in types of their own, or in none.
+        raise InputError(f"{wanted}, but {error}; install it where they run") from error
+    if found != {PACKAGE_VERSION}:
+        raise InputError(
+            f"{wanted}, got {', '.join(sorted(found))}; install the same version everywhere"
+        )
+
+
+def _installed_version() -> str:
+    return PACKAGE_VERSION
+
+
+def no_worker_left(executor: Executor) -> bool:
+    """Whether tasks of `cluster_workers` wait because all workers have gone."""
+    return isinstance(executor, _ClusterWorkers) and executor.is_empty()
+
+
+def is_lost_worker(error: BaseException) -> bool:
+    """Whether a future failed because its worker went away, not because of what it ran."""
+    lost: tuple[type[BaseException], ...] = (BrokenExecutor, CancelledError)
+    if "distributed" in sys.modules:
+        from distributed import CancelledError as Cancelled
+        from distributed import KilledWorker
+        from distributed.comm import CommClosedError
+
+        lost += (Cancelled, KilledWorker, CommClosedError)
+    return isinstance(error, lost)
+
+
+def in_order(
+    tasks: Sequence[Callable[[], Result]],
+    workers: Executor,
+    on_quiet: Callable[[], None] | None = None,
+) -> Iterator[Result]:
+    """What tasks return, in their order. One whose worker is lost runs again.
+
+    on_quiet: called whenever the task that is waited for has not ended for `QUIET` seconds.
+
+    Raises DiceError: workers are lost again and again, or the executor cannot go on.
+    """
+    futures = [workers.submit(task) for task in tasks]
+    for task, first in zip(tasks, futures, strict=True):
+        future, losses = first, 0
+        while True:
+            try:
+                result = future.result(QUIET)
+            except TimeoutError:
+                if on_quiet is not None:
+                    on_quiet()
+            except Exception as error:
+                if not is_lost_worker(error):
+                    raise
+                losses += 1
+                if losses == MOST_LOSSES:
+                    raise DiceError(
+                        f"workers: expected some that stay, but {losses} were lost while one task "
+                        "ran; see whether memory suffices or take fewer --jobs"
+                    ) from error
+                future = workers.submit(task)
+            else:
+                yield result
+                break

@@ -1,0 +1,94 @@
+"""Whether a table explains what came up with real dice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.throws.counts.throw_counts import ThrownDie
+from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.statistics.goodness_of_fit import (
+    ChiSquareTest,
+    MultinomialTest,
+    chi_square,
+    exact_multinomial,
+    two_sample_chi_square,
+)
+from dicedesign.throws.tables import Table
+
+__all__ = ["DieCheck", "check_table"]
+
+
+@dataclass(frozen=True)
+class DieCheck:
+    """Real throws of one die beside simulated ones.
+
+    Attributes
+    ----------
+    die: what was thrown.
+    simulated: (g,) how often each outcome came up in simulation.
+    unresolved: simulated drops that ended nowhere.
+    chi_square: whether real and simulated throws can have the same odds, whatever these are.
+    exact: whether the real ones can have the odds simulated, as if those were known.
+    geometric: whether the real ones can have the odds without momentum.
+    """
+
+    die: ThrownDie
+    simulated: NDArray[np.int64]
+    unresolved: int
+    chi_square: ChiSquareTest
+    exact: MultinomialTest
+    geometric: ChiSquareTest
+
+    @property
+    def odds(self) -> NDArray[np.float64]:
+        """(g,) simulated odds, above 0, by the prior of Jeffreys."""
+        return _odds(self.simulated)
+
+
+def check_table(
+    dice: Sequence[ThrownDie],
+    table: Table,
+    drops: int,
+    seed: int,
+    *,
+    workers: Executor | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> tuple[DieCheck, ...]:
+    """Throw each die so many times on a table, and compare.
+
+    Parameters and errors: as of `simulate`. Dice whose size is unknown have the table's.
+    """
+    return tuple(
+        _check(die, table, drops, seed, workers=workers, progress=progress) for die in dice
+    )
+
+
+def _check(
+    die: ThrownDie,
+    table: Table,
+    drops: int,
+    seed: int,
+    *,
+    workers: Executor | None,
+    progress: Callable[[int], None] | None,
+) -> DieCheck:
+    sized = table if die.size is None else replace(table, size=die.size)
+    throws = simulate(die.body, sized, drops, seed, workers=workers, progress=progress)
+    simulated = die.by_outcome(throws.counts)
+    return DieCheck(
+        die=die,
+        simulated=simulated,
+        unresolved=throws.unresolved,
+        chi_square=two_sample_chi_square(die.counts, simulated),
+        exact=exact_multinomial(die.counts, _odds(simulated)),
+        geometric=chi_square(die.counts, die.geometric),
+    )
+
+
+def _odds(simulated: NDArray[np.int64]) -> NDArray[np.float64]:
+    return np.asarray((simulated + 0.5) / (simulated + 0.5).sum())

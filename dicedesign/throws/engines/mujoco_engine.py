@@ -1,0 +1,104 @@
+"""Throws in MuJoCo, with the same contacts and the same end as the package's own."""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.errors import missing_extra
+from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.engines.contact import GRAVITY, IMPEDANCE, Contact, contact_of
+from dicedesign.throws.engines.landing import final_rest
+from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.tables import Table
+
+__all__ = ["require", "throw_states"]
+
+STEPS_PER_CHECK: Final = 32
+
+_SCENE: Final = """<mujoco>
+<compiler boundmass="0" boundinertia="0" inertiafromgeom="false"/>
+<option timestep="{step}" gravity="0 0 {gravity}" cone="elliptic" tolerance="1e-12"/>
+<asset><mesh name="hull" vertex="{vertices}"/></asset>
+<worldbody><geom name="table" type="plane" size="1 1 1"/>
+<body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="{moments}"/>
+<geom name="die" type="mesh" mesh="hull" mass="0"/></body></worldbody>
+<contact><pair geom1="table" geom2="die" condim="{rows}" friction="{friction} {friction}"
+ solref="{stiffness} {damping}" solreffriction="-1 {sliding}" solimp="{impedance} {impedance}"/>
+</contact></mujoco>"""
+"""The inertia is the body's own, so it does not matter that the mesh is turned into the principal
+frame of its hull: MuJoCo turns it back within the body. Restitution is a spring with a damper,
+which negative numbers of `solref` stand for."""
+
+
+def require() -> ModuleType:
+    """MuJoCo. Raises InputError: it is not installed."""
+    try:
+        import mujoco
+    except ImportError as error:
+        raise missing_extra("throws", "engine mujoco", error) from error
+    found: ModuleType = mujoco
+    return found
+
+
+def throw_states(
+    body: RigidBody, table: Table, states: Floats, refinement: float = 1.0
+) -> NDArray[np.int64]:
+    """As `dicedesign.throws.engines.native.throw_states`, in MuJoCo.
+
+    Raises InputError: MuJoCo is not installed.
+    """
+    mujoco = require()
+    contact = contact_of(table, refinement)
+    model = mujoco.MjModel.from_xml_string(_scene(body, table, contact))
+    # Of the spin alone: a brake of the fall would not make a die stand otherwise, only later.
+    scale = table.size / 2.0
+    model.dof_damping[3:6] = table.drag * scale**2 * body.moments.mean()
+    data = mujoco.MjData(model)
+    steps = round(contact.seconds / contact.step)
+    outcome = np.full(len(states), -1, dtype=np.int64)
+    for i, state in enumerate(states):
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:] = state[:7], state[7:]
+        for _ in range(0, steps, STEPS_PER_CHECK):
+            mujoco.mj_step(model, data, STEPS_PER_CHECK)
+            outcome[i] = _rest(body, scale, contact, data.qpos, data.qvel)
+            if outcome[i] >= 0:
+                break
+    return outcome
+
+
+def _scene(body: RigidBody, table: Table, contact: Contact) -> str:
+    scale = table.size / 2.0
+    return _SCENE.format(
+        step=contact.step,
+        gravity=-GRAVITY,
+        vertices=_listed((body.vertices * scale).ravel()),
+        moments=_listed(body.moments * scale**2),
+        rows=3 if table.friction > 0.0 else 1,
+        friction=table.friction,
+        stiffness=-contact.stiffness,
+        damping=-contact.damping,
+        sliding=-contact.sliding_damping,
+        impedance=IMPEDANCE,
+    )
+
+
+def _listed(numbers: Floats) -> str:
+    return " ".join(repr(float(x)) for x in numbers)
+
+
+def _rest(body: RigidBody, scale: float, contact: Contact, place: Any, velocity: Any) -> int:
+    """The rest that a body with a position and quaternion (7,) and velocities (6,) cannot miss."""
+    moving = velocity[:3] @ velocity[:3] + scale**2 * velocity[3:] ** 2 @ body.moments
+    least = place[2] + 0.5 * moving / GRAVITY
+    if least >= scale * body.barriers.max():
+        return -1
+    w, x, y, z = place[3:]
+    up = np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)])
+    depths = np.minimum(place[2] + scale * (body.vertices @ up), 0.0)
+    stored = 0.5 * contact.stiffness * float(depths @ depths) / GRAVITY
+    return final_rest(body, -up, (least + stored) / scale)

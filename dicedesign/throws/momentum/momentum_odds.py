@@ -1,0 +1,157 @@
+"""The momentum model: odds of a thrown die from its Morse-Smale complex.
+
+A die that hits the table with much energy leaves it in some basin with the odds of its area. From
+then on every impact takes energy, and lets the die leave its basin over one of the saddles around
+it, the less often the higher that is above the rest compared with the energy that is left; the
+latter is a temperature that falls from impact to impact. A die that has gone over a saddle may be
+carried on over the next at once, if it keeps enough of its speed. How often it leaves and is
+carried on depends on the features of `dicedesign.throws.momentum.transition_features`, by two small
+networks that are fitted to simulated throws of random dice, one pair for each table. A table on
+which dice bounce a little more or less changes the temperature, and the networks' linear parts.
+
+Written once, for NumPy and torch alike; a compiled kernel takes the place of all of it where NumPy
+would be slow.
+"""
+
+from __future__ import annotations
+
+import math
+from types import ModuleType
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.meshes.body import Body
+from dicedesign.kernels import ops as kernels
+from dicedesign.rest.morse import Separatrices
+from dicedesign.rest.poses import RestPoses
+from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.momentum.momentum_model import MomentumModel, momentum_model
+from dicedesign.throws.momentum.transition_features import Features, features
+from dicedesign.throws.momentum.transitions import Passes
+from dicedesign.throws.rigid_body import RigidBody, rigid_body
+from dicedesign.tolerances import ROUNDING
+
+__all__ = ["hull_odds", "kernel_arrays", "landing_odds", "momentum_odds", "thrown_odds"]
+
+IMPACTS: Final = 12
+"""Impacts in which a die may leave its basin."""
+
+CARRIES: Final = 3
+"""How often it may be carried on after one of them."""
+
+MOST_RATE: Final = 8.0
+"""Logarithm of the rates of passes and carries, at most; a die as good as certainly goes then."""
+
+MOST_STRETCH: Final = 3.0
+"""Logarithm of the factor that a pass's features may put before its barrier, at most."""
+
+NO_BARRIER: Final = 0.003
+"""Barrier over the radius below which a rest is left the more surely the lower it is."""
+
+
+def landing_odds(seen: Features, passes: Passes, model: MomentumModel, xp: ModuleType) -> Any:
+    """Odds (k,) of the rests of a thrown body, nonnegative and with the sum of the odds without
+    momentum."""
+    rests, ways = passes.rests, len(passes.source)
+    if ways == 0:
+        return seen.odds
+    source, target = xp.asarray(passes.source), xp.asarray(passes.target)
+    first, second = xp.asarray(passes.first), xp.asarray(passes.second)
+    time = 0.5 - (np.arange(IMPACTS) + 0.5) / IMPACTS
+    terms = xp.asarray(np.stack([np.ones(IMPACTS), time, time**2 - 0.08]))
+    temperature = xp.exp(model.hot + model.cooling * (xp.asarray(time) - 0.5))[:, None]
+    going, going_on = model.passes(seen.passes, xp), model.carries(seen.carries, xp)
+    stretch = xp.exp(MOST_STRETCH * xp.tanh(going[:, 3] / MOST_STRETCH))
+    # One of no height may come out below 0 by rounding.
+    barriers = xp.where(seen.barriers > ROUNDING, seen.barriers, 0.0 * seen.barriers + ROUNDING)
+    free = -xp.log(-xp.expm1(-barriers / NO_BARRIER))
+    rates = _bounded((going[:, :3] @ terms).T - stretch * seen.barriers / temperature + free, xp)
+    weights = _bounded((going_on @ terms).T - model.carry_barrier * seen.exits / temperature, xp)
+    odds = seen.odds
+    for rate, weight in zip(rates, weights, strict=True):
+        leaving = _sums(rate, source, rests)
+        # A rest that nothing leads away from is never left.
+        share = -xp.expm1(-leaving) / (leaving + 1e-300)
+        gone = odds * share
+        flow = gone[source] * rate
+        odds = odds - gone * leaving
+        stays = 1.0 / (1.0 + _sums(weight, first, ways))
+        carried = weight * stays[first]
+        for _ in range(CARRIES):
+            odds = odds + _sums(flow * stays, target, rests)
+            flow = _sums(flow[first] * carried, second, ways)
+        odds = odds + _sums(flow, target, rests)
+    return odds
+
+
+def _bounded(logarithm: Any, xp: ModuleType) -> Any:
+    """Exponential of a logarithm that is smoothly kept below `MOST_RATE`."""
+    return xp.exp(-xp.logaddexp(-logarithm, 0.0 * logarithm - MOST_RATE))
+
+
+def _sums(values: Any, index: Any, count: int) -> Any:
+    """(count,) sums of the values of each index."""
+    if isinstance(values, np.ndarray):
+        return np.bincount(index, values, count)
+    return values.new_zeros(count).index_add(0, index, values)
+
+
+def hull_odds(
+    hull: ConvexHull,
+    paths: Separatrices,
+    center: Floats,
+    inertia: Floats,
+    odds: Floats,
+    model: MomentumModel,
+) -> Floats:
+    """Odds (k,) of a thrown body's rests, numbered as in `paths.rests`.
+
+    center: (3,) center of mass; inertia: (3, 3) tensor of inertia about it over the mass, in the
+    squared unit of length; odds: (k,) without momentum; model: in NumPy.
+    """
+    compiled = kernels.compiled
+    if compiled is not None:
+        arrays = kernel_arrays(hull, paths, model)
+        found: Floats = compiled.thrown_odds(*arrays, hull.vertices, center, inertia, odds)
+        return found
+    passes = Passes.of(hull, paths)
+    seen = features(passes, hull.vertices, center, inertia, odds, np)
+    found = landing_odds(seen, passes, model, np)
+    return found
+
+
+def kernel_arrays(
+    hull: ConvexHull, paths: Separatrices, model: MomentumModel
+) -> tuple[NDArray[Any], ...]:
+    """What the kernels of the momentum model are told first."""
+    ways = paths.rests, paths.basins, paths.saddle_ends
+    return hull.facet_start, hull.tail, *ways, *model.flat
+
+
+def thrown_odds(body: Body, poses: RestPoses, table: str = "board-game") -> Floats:
+    """Odds (k,) of the rests of a body that is thrown onto a table, in the order of `poses`, by the
+    momentum model. The body has the inertia that `rigid_body` gives it.
+
+    table: its name, or the path of its .json file. Raises InputError: as `momentum_model`.
+    """
+    return momentum_odds(poses, rigid_body(body, poses), momentum_model(table))
+
+
+def momentum_odds(poses: RestPoses, body: RigidBody, model: MomentumModel | None) -> Floats:
+    """Odds (k,) of a thrown body's rests, in the order of `poses`.
+
+    Of a body that balances within rounding they are the mean of both sides, as those of `poses`.
+    """
+    if model is None or len(poses.facets) == 1:
+        return poses.probabilities
+    inertia = (body.axes * body.moments) @ body.axes.T * body.radius**2
+    total = np.zeros(len(poses.hull.normals))
+    for side in poses.basins:
+        hull, center = side.equilibria.hull, side.equilibria.center_of_mass
+        odds = side.areas / (4.0 * math.pi)
+        total[side.paths.rests] += hull_odds(hull, side.paths, center, inertia, odds, model)
+    found: Floats = total[poses.facets] / len(poses.basins)
+    return found

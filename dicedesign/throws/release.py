@@ -1,0 +1,114 @@
+"""How a die lies in the hand: orientations and motions at the moment it is let go."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Final, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.tables import Table
+
+__all__ = [
+    "ORIENTATIONS",
+    "PAPER_DIRECTIONS",
+    "Orientations",
+    "drop_weights",
+    "released",
+    "up_directions",
+]
+
+Orientations = Literal["uniform", "icosahedron"]
+"""At random, or the paper's: up directions at the vertices of a subdivided icosahedron."""
+
+ORIENTATIONS: Final[tuple[Orientations, ...]] = get_args(Orientations)
+
+PAPER_DIRECTIONS: Final = 1212
+"""Vertices of the icosahedron whose edges are cut into `SUBDIVISIONS` parts: 10 times their square
+plus 2. Source: section 4.1."""
+
+SUBDIVISIONS: Final = 11
+
+
+@cache
+def up_directions() -> tuple[Floats, Floats]:
+    """The paper's up directions (1212, 3), unit vectors, and the part of the sphere that each
+    stands for, (1212,) summing to 1: the area of its Voronoi cell."""
+    # Imported here, as most throws do without.
+    from scipy.spatial import ConvexHull, SphericalVoronoi
+
+    golden = (1.0 + np.sqrt(5.0)) / 2.0
+    corners = np.array([(0.0, a, b * golden) for a in (-1.0, 1.0) for b in (-1.0, 1.0)])
+    corners = np.concatenate([np.roll(corners, shift, axis=1) for shift in range(3)])
+    parts = np.arange(SUBDIVISIONS + 1)
+    i, j = (grid.ravel() for grid in np.meshgrid(parts, parts, indexing="ij"))
+    inside = i + j <= SUBDIVISIONS
+    weights = np.stack([i, j, SUBDIVISIONS - i - j], axis=1)[inside] / SUBDIVISIONS
+    points = (weights @ corners[ConvexHull(corners).simplices]).reshape(-1, 3)
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    _, first = np.unique(points.round(9), axis=0, return_index=True)
+    directions = points[np.sort(first)]
+    areas = SphericalVoronoi(directions).calculate_areas()
+    return directions, areas / areas.sum()
+
+
+def drop_weights(drops: int, orientations: Orientations) -> Floats:
+    """How much each of so many drops (n,) counts: 1 on the mean over the paper's directions."""
+    if orientations == "uniform":
+        return np.ones(drops)
+    return PAPER_DIRECTIONS * up_directions()[1][np.arange(drops) % PAPER_DIRECTIONS]
+
+
+def released(
+    body: RigidBody,
+    table: Table,
+    numbers: NDArray[np.int64],
+    orientations: Orientations,
+    rng: np.random.Generator,
+) -> Floats:
+    """States (n, 13) of a body as it is let go: position (m), quaternion w, x, y, z from principal
+    axes to the world, velocity (m/s), angular velocity about the principal axes (rad/s).
+
+    numbers: (n,) of the drops, which say the paper's direction. Of those the body is turned about
+    the vertical at random.
+    """
+    count = len(numbers)
+    states = np.zeros((count, 13))
+    turns = rng.normal(size=(count, 4))
+    turns /= np.linalg.norm(turns, axis=1)[:, None]
+    if orientations == "icosahedron":
+        yaw = np.arctan2(turns[:, 1], turns[:, 0])
+        turns = _standing(up_directions()[0][numbers % PAPER_DIRECTIONS] @ body.axes, yaw)
+    axes = rng.normal(size=(count, 3))
+    states[:, 3:7] = turns
+    states[:, 10:13] = table.spin * axes / np.linalg.norm(axes, axis=1)[:, None]
+    states[:, 7] = table.speed
+    w, x, y, z = turns.T
+    up = np.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], 1)
+    lowest = (up @ body.vertices.T).min(axis=1) * table.size / 2.0
+    states[:, 2] = table.height - lowest
+    return states
+
+
+def _standing(up: Floats, yaw: Floats) -> Floats:
+    """Quaternions (n, 4) that turn directions (n, 3) of the body up, and then by angles (n,) about
+    the vertical, in radians."""
+    # The shortest turn from u to z has the axis u x z; near its antipode that is any across it.
+    real = 1.0 + up[:, 2]
+    turn = np.stack([real, up[:, 1], -up[:, 0], np.zeros(len(up))], axis=1)
+    turn[real < 1e-12] = (0.0, 1.0, 0.0, 0.0)
+    turn /= np.linalg.norm(turn, axis=1)[:, None]
+    cosine, sine = np.cos(yaw / 2.0), np.sin(yaw / 2.0)
+    w, x, y, z = turn.T
+    return np.stack(
+        [
+            cosine * w - sine * z,
+            cosine * x - sine * y,
+            cosine * y + sine * x,
+            cosine * z + sine * w,
+        ],
+        axis=1,
+    )

@@ -1,0 +1,186 @@
+"""Many throws of one body: where they end, whatever engine and however many workers ran them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Final
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.executors import in_order
+from dicedesign.throws.engines.engine import ENGINES, Engine, engine_module
+from dicedesign.throws.release import (
+    ORIENTATIONS,
+    PAPER_DIRECTIONS,
+    Orientations,
+    drop_weights,
+    released,
+)
+from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.tables import Table
+
+__all__ = ["DROPS_PER_TASK", "Throws", "check_throws", "simulate", "throw_task"]
+
+DROPS_PER_TASK: Final = 500
+"""Drops that share a generator of random numbers, so that they fall alike whoever runs them."""
+
+
+@dataclass(frozen=True)
+class Throws:
+    """Simulated throws of one body.
+
+    Attributes
+    ----------
+    table: how it was thrown; engine: by which simulator; seed: of its random numbers.
+    outcomes: (n,) the rest at which each drop ended, in the order of `RestPoses`; -1 for those that
+        ended on no facet in time.
+    weights: (n,) how much each drop counts, 1 on the mean.
+    rests: how many rests the body has.
+    """
+
+    table: Table
+    engine: Engine
+    seed: int
+    outcomes: Integers
+    weights: Floats
+    rests: int
+
+    @property
+    def drops(self) -> int:
+        """How many in all."""
+        return len(self.outcomes)
+
+    @cached_property
+    def counts(self) -> Integers:
+        """(k,) drops that ended at each rest."""
+        return np.bincount(self.outcomes[self.outcomes >= 0], minlength=self.rests)
+
+    @cached_property
+    def unresolved(self) -> int:
+        """Drops that ended on an edge, stuck or still moving; they count for no rest."""
+        return int(np.count_nonzero(self.outcomes < 0))
+
+    @cached_property
+    def frequencies(self) -> Floats:
+        """(k,) of the rests among the drops that were resolved, by weight; NaN if none was."""
+        landed = self.outcomes >= 0
+        weights = self.weights[landed]
+        total = np.bincount(self.outcomes[landed], weights, minlength=self.rests)
+        with np.errstate(invalid="ignore"):
+            frequencies: Floats = total / weights.sum()
+        return frequencies
+
+
+def check_throws(drops: int, seed: int, engine: str, orientations: str) -> None:
+    """Raise InputError for a number of drops or a seed that cannot be used, or an engine or kind of
+    orientations that there is not."""
+    for name, value, least in (("drops", drops, 1), ("seed", seed, 0)):
+        if value < least:
+            raise InputError(
+                f"{name}: expected a whole number of at least {least}, got {value}; raise it"
+            )
+    for name, given, known in (
+        ("engine", engine, ENGINES),
+        ("orientations", orientations, ORIENTATIONS),
+    ):
+        if given not in known:
+            raise InputError(
+                f"{name}: expected {', '.join(known)}, got {given!r}; take one of them"
+            )
+    if orientations == "icosahedron" and drops % PAPER_DIRECTIONS != 0:
+        raise InputError(
+            f"drops: expected a multiple of {PAPER_DIRECTIONS} with orientations icosahedron, "
+            f"whose directions count only together, got {drops}; take "
+            f"{PAPER_DIRECTIONS * max(1, round(drops / PAPER_DIRECTIONS))}"
+        )
+
+
+def simulate(
+    body: RigidBody,
+    table: Table,
+    drops: int,
+    seed: int = 0,
+    *,
+    engine: Engine = "native",
+    orientations: Orientations = "uniform",
+    refinement: float = 1.0,
+    workers: Executor | None = None,
+    progress: Callable[[int], None] | None = None,
+    on_quiet: Callable[[], None] | None = None,
+) -> Throws:
+    """Throw a body many times. No engine knows of the momentum-free model, except that a drop ends
+    where that says it must.
+
+    Parameters
+    ----------
+    drops: how many, above 0. seed: the same gives the same drops, in whatever number of workers.
+    orientations: at which it is let go. refinement: divides the time step.
+    workers: run tasks of `DROPS_PER_TASK` drops; None runs them here. A task whose worker is lost
+        runs again.
+    progress: called with the number of drops of each task that ended.
+    on_quiet: called whenever the task that is waited for has not ended for some seconds.
+
+    Raises
+    ------
+    InputError: as `check_throws`, the engine is not installed, or a table without friction would
+        let the die slide or spin for ever.
+    DiceError: workers are lost again and again, or the executor cannot go on.
+    """
+    check_throws(drops, seed, engine, orientations)
+    if table.friction == 0.0 and (table.speed > 0.0 or table.spin > 0.0):
+        raise InputError(
+            f"table {table.name}: expected friction above 0 with a speed or a spin, which nothing "
+            "would take from the die, got 0; raise it"
+        )
+    tasks = [
+        partial(
+            throw_task,
+            body,
+            table,
+            first,
+            min(DROPS_PER_TASK, drops - first),
+            seed,
+            engine,
+            orientations,
+            refinement,
+        )
+        for first in range(0, drops, DROPS_PER_TASK)
+    ]
+    ended = (task() for task in tasks) if workers is None else in_order(tasks, workers, on_quiet)
+    outcomes = []
+    for outcome in ended:
+        outcomes.append(outcome)
+        if progress is not None:
+            progress(len(outcome))
+    return Throws(
+        table,
+        engine,
+        seed,
+        np.concatenate(outcomes),
+        drop_weights(drops, orientations),
+        len(body.rest_heights),
+    )
+
+
+def throw_task(
+    body: RigidBody,
+    table: Table,
+    first: int,
+    count: int,
+    seed: int,
+    engine: Engine,
+    orientations: Orientations,
+    refinement: float,
+) -> Integers:
+    """The rests (count,) of the drops from number `first` on, which is a multiple of
+    `DROPS_PER_TASK`; -1 for those that found none."""
+    rng = np.random.default_rng([seed, first // DROPS_PER_TASK])
+    states = released(body, table, np.arange(first, first + count), orientations, rng)
+    # Each engine loads a library of its own.
+    outcomes: Integers = engine_module(engine).throw_states(body, table, states, refinement)
+    return outcomes

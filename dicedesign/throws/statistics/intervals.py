@@ -1,0 +1,66 @@
+"""What counts say about each probability alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import betaincinv
+
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["Posterior", "exact_intervals", "jeffreys_posterior"]
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """What is believed of k probabilities after some throws.
+
+    Attributes
+    ----------
+    means: (k,) summing to 1.
+    intervals: (k, 2) that hold each probability with the asked-for belief, and leave as much below
+        as above.
+    """
+
+    means: Floats
+    intervals: Floats
+
+
+def exact_intervals(counts: ArrayLike, throws: float, confidence: float) -> Floats:
+    """Lower and upper limits (..., 2) of the probabilities of what came up `counts` (...) times.
+
+    Whatever the probability is, its interval holds it in at least the part `confidence`, in (0, 1),
+    of all series of throws.
+
+    Parameters
+    ----------
+    counts: from 0 to `throws`; whole numbers, or those of `effective_counts`.
+    throws: how many in all; 0 says nothing about any.
+
+    Source: Clopper and Pearson, Biometrika 26(4), 1934.
+    """
+    came = np.asarray(counts, dtype=np.float64)
+    tail = (1.0 - confidence) / 2.0
+    # At the ends, where the beta distribution has no second parameter, the limit is 0 or 1.
+    lower = np.where(came > 0, betaincinv(np.maximum(came, 1), throws - came + 1, tail), 0.0)
+    missed = throws - came
+    upper = np.where(missed > 0, 1.0 - betaincinv(np.maximum(missed, 1), came + 1, tail), 1.0)
+    return np.stack([lower, upper], axis=-1)
+
+
+def jeffreys_posterior(counts: ArrayLike, confidence: float) -> Posterior:
+    """Belief about k probabilities after `counts` (k,), at least 0, by the prior of Jeffreys, a
+    Dirichlet distribution with all parameters 1/2, of which `counts` makes one with `counts` + 1/2.
+
+    confidence: belief in (0, 1) that each interval holds its probability.
+
+    Source: Jeffreys, Proc. R. Soc. A 186, 1946.
+    """
+    weights = np.asarray(counts, dtype=np.float64) + 0.5
+    others = weights.sum() - weights
+    # What lies above, too, by its own small part: 1 less a very small one is rounded to 1.
+    tail = (1.0 - confidence) / 2.0
+    limits = [betaincinv(weights, others, tail), 1.0 - betaincinv(others, weights, tail)]
+    return Posterior(weights / weights.sum(), np.stack(limits, axis=-1))
