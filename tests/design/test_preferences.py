@@ -10,17 +10,13 @@ import pytest
 import torch
 
 from dicedesign.design.coordinates.facets import FacetCoordinates
-from dicedesign.design.preferences.weights import (
-    CIRCLE_POWER,
-    USUAL_CIRCLE,
-    USUAL_HELPERS,
-    USUAL_INEQUALITY,
-    USUAL_OFFSET,
-    USUAL_RATIO,
-    USUAL_SPREAD,
-    Preferences,
-    preference_residuals,
-)
+from dicedesign.design.preferences.areas import USUAL_RATIO
+from dicedesign.design.preferences.asymmetry import USUAL_INEQUALITY
+from dicedesign.design.preferences.circles import CIRCLE_POWER, USUAL_CIRCLE
+from dicedesign.design.preferences.margin import USUAL_OFFSET
+from dicedesign.design.preferences.roundness import USUAL_SPREAD
+from dicedesign.design.preferences.small_helpers import USUAL_HELPERS
+from dicedesign.design.preferences.weights import Preferences, preference_residuals
 from dicedesign.design.solvers.candidate import Trial, TrialMaker
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.errors import InputError
