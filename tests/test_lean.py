@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from blade import blade
-from dented_cube import write_cube
+from common.blade import blade
+from common.dented_cube import write_cube
 
 from dicedesign import rest_poses
 from dicedesign.bench.bodies.extremes import large, weighted_sphere

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from inline_executor import Inline
+from common.inline_executor import Inline
 
 from dicedesign.batch import file_batches as running
 from dicedesign.batch.file_batches import run_batch

@@ -11,7 +11,7 @@ from typing import Any
 
 import pyarrow
 import pytest
-from long_run import FILES, begun, shorten
+from common.long_run import FILES, begun, shorten
 from pyarrow import parquet
 
 from dicedesign.batch.analyse import analyse_files

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from inline_executor import Inline
-from long_run import FILES, begun, shorten
+from common.inline_executor import Inline
+from common.long_run import FILES, begun, shorten
 
 from dicedesign.batch import file_batches as running
 from dicedesign.batch.analyse import analyse_files

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from dented_cube import MadeUpSearch, dented_cube, write_cube
+from common.dented_cube import MadeUpSearch, dented_cube, write_cube
 
 from dicedesign.bench import concave
 from dicedesign.bench.concave import (

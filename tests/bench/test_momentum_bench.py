@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from inline_executor import Inline
+from common.inline_executor import Inline
+from common.thrown import compiled_only
 from scipy.stats import chisquare
-from throws.thrown import compiled_only
 
 from dicedesign.bench import momentum as momentum_bench
 from dicedesign.bench.momentum import (

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from inline_executor import Inline
+from common.inline_executor import Inline
 from scipy.stats import binom
 
 from dicedesign.bench.measures import thrown_dice as thrown
@@ -206,7 +206,7 @@ def test_tables_that_cannot_be_are_left_out(
 
 
 def _table_text() -> str:
-    path = Path(thrown.__file__).parents[1] / "throws" / "named" / "board-game.json"
+    path = Path(thrown.__file__).parents[2] / "throws" / "named" / "board-game.json"
     return path.read_text()
 
 
@@ -269,7 +269,7 @@ def recipe_file(tmp_path: Path) -> Path:
 def test_the_command_prints_tables_or_json_and_draws(
     recipe_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    drawn = tmp_path / "thrown.png"
+    drawn = tmp_path / "common.thrown.png"
     arguments = ["bench", "thrown", str(recipe_file), "--quick", "--jobs", "1"]
     few = ["--drops", "600", "--variation-drops", "200"]
     assert main([*arguments, *few, "--figure", str(drawn)]) == 0

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bumpy import bent_capsule, bumpy_sphere
+from common.bumpy import bent_capsule, bumpy_sphere
 from numpy.typing import NDArray
 
 from dicedesign import rest_poses

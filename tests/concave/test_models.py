@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from common.paths import DATA
 
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.search import make_concave_die
@@ -16,7 +17,7 @@ from dicedesign.geometry.surfaces.self_intersections import intersecting_triangl
 from dicedesign.rest.outcomes import cluster_odds
 from dicedesign.rest.poses import rest_poses
 
-SPOT = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "models" / "spot.obj"
+SPOT = DATA / "models" / "spot.obj"
 
 
 @pytest.mark.skipif(not SPOT.exists(), reason="the public models are not beside this checkout")

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from common.paths import DATA
 from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.meshes.winding import consistent_winding
 from dicedesign.geometry.solid import is_closed, solid_properties, stretch_matrix
 
-MODELS = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "models"
+MODELS = DATA / "models"
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from common.flow_oracle import flow_frequencies
+from common.paths import DATA
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rest.flow_oracle import flow_frequencies
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import OutsideHullError
@@ -21,7 +21,6 @@ from dicedesign.rest.morse import border_areas, separatrices, separatrix_points,
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
 from dicedesign.rest.roll import roll
 
-DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data"
 REFERENCE = DATA / "reference_rest.json"
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))

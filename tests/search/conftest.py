@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from made_up_trial import made_up_trial
+from common.made_up_trial import made_up_trial
 
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from common.inline_executor import Inline
 from distributed import Client
-from inline_executor import Inline
 
 from dicedesign import __version__
 from dicedesign.cli.main import main

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from inline_executor import Inline
+from common.inline_executor import Inline
 
 from dicedesign.cli.main import main
 from dicedesign.geometry.hulls.hull import convex_hull

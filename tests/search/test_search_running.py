@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from inline_executor import Inline
+from common.inline_executor import Inline
 
 from dicedesign.cli.main import main
 from dicedesign.errors import DiceError

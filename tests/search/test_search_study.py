@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from inline_executor import Inline
+from common.inline_executor import Inline
 
 from dicedesign.errors import InputError, OutputError
 from dicedesign.recipe.schema.reading import checked_recipe

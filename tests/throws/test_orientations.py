@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from common.thrown import random_body
 from scipy.spatial.transform import Rotation
 from scipy.special import sph_harm_y
-from thrown import random_body
 
 from dicedesign.throws.release import (
     PAPER_DIRECTIONS,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from common.thrown import OCTAHEDRON, box, random_body, random_points, thrown
 from scipy.spatial.transform import Rotation
-from thrown import OCTAHEDRON, box, random_body, random_points, thrown
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import make_body

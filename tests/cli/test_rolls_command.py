@@ -1,0 +1,199 @@
+"""`dicedesign rolls`: tables, JSON, figure, errors."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from common.paths import DATA
+
+from dicedesign.cli.main import main
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.rest.poses import rest_poses
+
+PUBLISHED = DATA / "published"
+
+
+def finished(folder: Path, labels: list[str], target: list[float], status: str) -> Path:
+    """What a run leaves of a die."""
+    folder.mkdir()
+    result = {
+        "status": status,
+        "labels": labels,
+        "target": target,
+        "files": {"die_plain": "die_plain.stl"},
+        "center_of_mass": [0.0, 0.0, 0.0],
+        "facets": [],
+    }
+    (folder / "result.json").write_text(json.dumps(result))
+    return folder
+
+
+@pytest.fixture
+def die(tmp_path: Path) -> Path:
+    target = [1 / 16, 2 / 16, 3 / 16, 4 / 16, 3 / 16, 2 / 16, 1 / 16]
+    return finished(tmp_path / "2d4", ["2", "3", "4", "5", "6", "7", "8"], target, "converged")
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Path:
+    path = tmp_path / "box.obj"
+    trimesh.creation.box((1.0, 1.2, 1.5)).export(path)
+    return path
+
+
+def counts(tmp_path: Path, values: dict[str, int]) -> Path:
+    path = tmp_path / "counts.csv"
+    path.write_text("label,count\n" + "".join(f"{k},{v}\n" for k, v in values.items()))
+    return path
+
+
+def answer(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict:
+    assert main(["rolls", *map(str, arguments), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_designed_die(die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    throws = counts(tmp_path, {"8": 9, "2": 11, "3": 20, "4": 30, "5": 45, "6": 27, "7": 18})
+    found = answer(capsys, die, throws)
+    assert list(found) == [
+        "odds_source",
+        "throws",
+        "confidence",
+        "outcomes",
+        "chi_square",
+        "exact_test",
+        "p_value",
+        "rejected",
+        "total_variation",
+        "throws_to_reject",
+        "throws_to_confirm",
+    ]
+    assert (found["throws"], found["rejected"], found["exact_test"]) == (160, False, None)
+    assert [outcome["label"] for outcome in found["outcomes"]] == list("2345678")
+    first = found["outcomes"][0]
+    assert (first["count"], first["odds"]) == (11, 1 / 16)
+    assert first["interval"][0] < first["frequency"] < first["interval"][1]
+    assert first["posterior_mean"] == pytest.approx(11.5 / 163.5)
+    assert found["chi_square"]["degrees"] == 6
+    assert found["total_variation"]["noise_floor"] > 0.0
+
+
+def test_as_a_table(die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    throws = counts(tmp_path, {"2": 1, "3": 2, "4": 3, "5": 4, "6": 3, "7": 2, "8": 2})
+    assert main(["rolls", str(die), str(throws), "--confidence", "0.9"]) == 0
+    out = capsys.readouterr().out
+    assert "17 throws, tested for the target of its design" in out
+    assert "90 % interval" in out
+    assert "exact multinomial test, as some outcomes are rare: p = 0.98" in out
+    assert "do not reject these odds at the level 0.1" in out
+    assert "more throws would reject these odds with probability 0.8" in out
+    assert "would show that they are, to within a total variation of 0.02" in out
+
+
+def test_a_wrong_die_ends_well_too(
+    die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    throws = tmp_path / "log.csv"
+    throws.write_text("label\n" + "2\n" * 40 + "5\n" * 60)
+    figure = tmp_path / "rolls.png"
+    assert main(["rolls", str(die), str(throws), "--figure", str(figure)]) == 0
+    assert "The throws reject these odds at the level 0.05" in capsys.readouterr().out
+    assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_mesh_has_its_rests_for_labels(
+    box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = answer(capsys, box, counts(tmp_path, {"1": 30, "2": 28, "6": 2}))
+    odds = [outcome["odds"] for outcome in found["outcomes"]]
+    np.testing.assert_allclose(odds, rest_poses(read_body(box)).probabilities)
+    assert [outcome["label"] for outcome in found["outcomes"]] == list("123456")
+    assert [outcome["count"] for outcome in found["outcomes"]] == [30, 28, 0, 0, 0, 2]
+    assert found["odds_source"] == "geometric odds of its rests"
+
+
+def test_a_designed_die_needs_neither_its_mesh_nor_what_draws(die: Path, tmp_path: Path) -> None:
+    throws = counts(tmp_path, {"5": 3})
+    code = (
+        "import sys; from dicedesign.cli.main import main; main(sys.argv[1:]); "
+        "print(sorted(name for name in ('torch', 'matplotlib', 'pydantic', 'trimesh', "
+        "'dicedesign.geometry', 'dicedesign.report') if name in sys.modules))"
+    )
+    command = [sys.executable, "-c", code, "rolls", str(die), str(throws)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_published_throws_of_a_published_mesh(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Throws of the two outcomes of a pair cannot be told apart, so that only their sums are
+    certain; the test rejects the geometric odds as these do, and those of three coins not."""
+    if not PUBLISHED.exists():
+        pytest.skip("no published throws")
+    with (PUBLISHED / "throws.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    for name, rejected in (("2d6_hendecahedron", True), ("binomial2", False)):
+        mine = [row for row in rows if row["die"] == name]
+        odds = np.array([float(row["geometric"]) for row in mine])
+        labels = [row["outcome"] for row in mine]
+        folder = finished(tmp_path / name, labels, (odds / odds.sum()).tolist(), "off_target")
+        throws = counts(tmp_path, {row["outcome"]: int(row["throws"]) for row in mine})
+        assert main(["rolls", str(folder), str(throws), "--json"]) == 0
+        captured = capsys.readouterr()
+        found = json.loads(captured.out)
+        assert found["throws"] == sum(int(row["throws"]) for row in mine)
+        assert found["rejected"] is rejected
+        assert "does not meet its target (off_target)" in captured.err
+
+
+def test_a_folder_without_a_die(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    throws = counts(tmp_path, {"1": 3})
+    one = finished(tmp_path / "one", ["1"], [1.0], "converged")
+    for folder, message in (
+        (tmp_path, "result.json: expected status, labels, target"),
+        (one, "expected a die with at least 2 outcomes, got 1"),
+    ):
+        assert main(["rolls", str(folder), str(throws)]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert message in error
+
+
+def test_the_confidence_next_to_1(
+    die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = answer(
+        capsys, die, counts(tmp_path, {"5": 30, "4": 20}), "--confidence", "0.9999999999999999"
+    )
+    assert found["confidence"] == 1.0 - 2.0**-53
+    assert found["throws_to_confirm"] > found["throws_to_reject"] > 0
+    assert all(outcome["posterior_interval"][1] < 1.0 for outcome in found["outcomes"])
+
+
+@pytest.mark.parametrize("confidence", ["0", "1", "0.49", "nan", "95"])
+def test_confidence(
+    box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], confidence: str
+) -> None:
+    throws = counts(tmp_path, {"1": 3})
+    assert main(["rolls", str(box), str(throws), "--confidence", confidence]) == 2
+    assert "--confidence: expected at least 0.5 and less than 1" in capsys.readouterr().err
+
+
+def test_unknown_labels_and_files(
+    box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    throws = counts(tmp_path, {"7": 3})
+    assert main(["rolls", str(box), str(throws)]) == 2
+    assert "expected a label of the die (1, 2, 3, 4, 5, 6), got '7'" in capsys.readouterr().err
+    assert main(["rolls", str(box), str(tmp_path / "none.csv")]) == 2
+    assert main(["rolls", str(tmp_path / "none.obj"), str(throws)]) == 2
+    assert capsys.readouterr().err.count("dicedesign: ") == 2

@@ -1,0 +1,100 @@
+"""`dicedesign table`: fitted tables, JSON, files, errors."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from common.thrown import compiled_only
+
+from dicedesign.cli.main import main
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.tables import table_named
+
+
+@pytest.fixture
+def throws(tmp_path: Path) -> Path:
+    """Counts of a box that lands on its small sides more often than without momentum."""
+    mesh = tmp_path / "box.obj"
+    trimesh.creation.box((1.0, 1.1, 1.25)).export(mesh)
+    odds = rest_poses(read_body(mesh)).probabilities
+    counts = (60, 60, 24, 26, 14, 16)
+    rows = [
+        f"box,box.obj,{name},{count},{p}"
+        for name, count, p in zip("ABCDEF", counts, odds, strict=True)
+    ]
+    path = tmp_path / "throws.csv"
+    path.write_text("die,mesh,outcome,throws,geometric\n" + "\n".join(rows) + "\n")
+    return path
+
+
+def fit(*arguments: object) -> int:
+    return main(
+        ["table", "fit", "--evaluations", "32", "--drops", "10", *map(str, arguments), "--jobs=1"]
+    )
+
+
+@compiled_only
+def test_fit(throws: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "mine.json"
+    assert fit("--throws", throws, "--out", out, "--json") == 0
+    told, noted = capsys.readouterr()
+    assert noted == f"note: wrote {out}\n"
+    found = json.loads(told)
+    assert list(found) == [
+        "table",
+        "parameters",
+        "correlations",
+        "evaluations",
+        "drops",
+        "log_likelihood",
+        "surprise",
+        "effective_points",
+        "dice",
+    ]
+    table = table_named(str(out))
+    assert table.as_dict() == found["table"]
+    assert (table.name, table.source) == ("mine", "fitted to 200 throws of box")
+    assert table.restitution == found["parameters"]["restitution"]["fitted"]
+    assert np.diag(found["correlations"]) == pytest.approx(np.ones(5))
+    (die,) = found["dice"]
+    assert die["outcomes"] == ["A or B", "C or D", "E or F"]
+    assert die["throws"] == [120, 50, 30]
+    assert sum(die["simulated"]) + die["unresolved"] == 200
+    assert die["degrees"] == 2
+
+    assert fit("--throws", throws, "--dice", "box") == 0
+    text = capsys.readouterr().out
+    for name, entry in found["parameters"].items():
+        line = next(line for line in text.splitlines() if line.startswith(f"{name} "))
+        assert float(line.split()[1]) == entry["fitted"]
+    row = next(line for line in text.splitlines() if line.startswith("box  "))
+    assert float(row.split()[3]) == pytest.approx(die["chi_square"], abs=0.006)
+    assert "32 sets of parameters, 10 drops of each die for each" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--evaluations", "5"], "evaluations: expected a whole number of at least 32, got 5"),
+        (["--drops", "0"], "drops: expected a whole number of at least 1, got 0"),
+        (["--seed", "-1"], "seed: expected a whole number of at least 0, got -1"),
+        (["--out", "table.txt"], "--out: expected a path that ends in .json, got table.txt"),
+        (["--dice", "cone"], "expected a die 'cone', got box; take one of them"),
+        (["--jobs", "0"], "--jobs: expected a whole number above 0, got 0"),
+    ],
+)
+def test_bad_input(
+    throws: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main(["table", "fit", "--throws", str(throws), *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_missing_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["table", "fit", "--throws", "none.csv"]) == 2
+    assert "none.csv: expected a CSV file of throws in UTF-8" in capsys.readouterr().err

@@ -1,0 +1,261 @@
+"""`dicedesign throw`: JSON, table, folders and errors."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from scipy import stats
+
+from dicedesign.cli.main import main
+from dicedesign.cli.throw import throw_summary
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.kernels import ops as kernels
+from dicedesign.rest.asymmetry import asymmetry
+from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.momentum.momentum_odds import thrown_odds
+from dicedesign.throws.simulation.simulation import Throws
+from dicedesign.throws.tables import Table, table_named
+
+compiled_only = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
+
+FEW = ("--drops", "300", "--jobs", "1", "--table", "carpet")
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Path:
+    path = tmp_path / "box.obj"
+    trimesh.creation.box((1.0, 1.2, 1.5)).export(path)
+    return path
+
+
+@pytest.fixture
+def folder(tmp_path: Path, box: Path) -> Path:
+    """What a run leaves of a die that shows its larger sides alone; its center is low."""
+    trimesh.load(box).apply_scale(10.0).export(tmp_path / "die_plain.stl")
+    normals = {"one": [1.0, 0.0, 0.0], "two": [-1.0, 0.001, 0.0], "three": [0.0, 1.0, 0.0]}
+    result = {
+        "status": "converged",
+        "labels": list(normals),
+        "target": [0.25, 0.25, 0.5],
+        "files": {"die": "die.stl", "die_plain": "die_plain.stl"},
+        "center_of_mass": [0.5, 0.0, 0.0],
+        "facets": [{"label": label, "normal": normal} for label, normal in normals.items()],
+    }
+    result["facets"].append({"label": None, "normal": [0.0, -1.0, 0.0]})
+    (tmp_path / "result.json").write_text(json.dumps(result))
+    return tmp_path
+
+
+def answer(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict:
+    assert main(["throw", *map(str, arguments), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+@compiled_only
+def test_the_answer(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = answer(capsys, box, *FEW, "--seed", 3)
+    assert list(found) == [
+        "drops",
+        "unresolved",
+        "table",
+        "engine",
+        "seed",
+        "orientations",
+        "rests",
+        "total_variation",
+        "wasserstein",
+        "chi_square",
+        "asymmetry",
+        "seconds",
+    ]
+    assert (found["drops"], found["unresolved"], found["seed"]) == (300, 0, 3)
+    assert (found["engine"], found["orientations"]) == ("native", "uniform")
+    assert Table(**found["table"]) == table_named("carpet")
+    poses = rest_poses(read_body(box))
+    assert len(found["rests"]) == 6
+    for rest, normal, odds in zip(found["rests"], poses.normals, poses.probabilities, strict=True):
+        assert list(rest) == ["normal", "count", "frequency", "interval", "geometric"]
+        assert rest["normal"] == normal.tolist()
+        assert rest["geometric"] == odds
+        assert rest["frequency"] == rest["count"] / 300
+        exact = stats.binomtest(rest["count"], 300).proportion_ci(0.95, "exact")
+        np.testing.assert_allclose(rest["interval"], [exact.low, exact.high], rtol=1e-9)
+    assert sum(rest["count"] for rest in found["rests"]) == 300
+    variation = found["total_variation"]
+    low, high = variation["interval"]
+    assert low <= variation["value"] <= high
+    assert 0.0 < variation["noise_floor"] < 0.1
+    counts = [rest["count"] for rest in found["rests"]]
+    expected = stats.chisquare(counts, 300 * poses.probabilities)
+    assert found["chi_square"]["statistic"] == pytest.approx(expected.statistic)
+    assert found["chi_square"]["p_value"] == pytest.approx(expected.pvalue)
+    assert found["chi_square"]["degrees"] == 5
+    assert found["asymmetry"] == asymmetry(poses)
+    # To move a part of the odds takes at most pi, and at least the least angle of two rests.
+    moved = found["wasserstein"]["value"] / variation["value"]
+    assert 0.5 * np.pi <= moved <= np.pi
+
+
+@compiled_only
+def test_a_table_with_a_momentum_model_adds_its_odds(
+    box: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = ("--drops", "300", "--jobs", "1")
+    found = answer(capsys, box, *few)
+    body = read_body(box)
+    odds = [rest["momentum"] for rest in found["rests"]]
+    np.testing.assert_allclose(odds, thrown_odds(body, rest_poses(body)), rtol=1e-12)
+    assert main(["throw", str(box), *few]) == 0
+    assert "geometric %   momentum %   facet normal" in capsys.readouterr().out
+
+
+@compiled_only
+def test_part_of_the_papers_orientations_is_refused(
+    box: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["throw", str(box), "--table", "paper", "--drops", "300"]) == 2
+    assert "drops: expected a multiple of 1212 with" in capsys.readouterr().err
+
+
+@compiled_only
+def test_jobs_do_not_matter(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    answers = [
+        answer(capsys, box, "--drops", 1200, "--table", "carpet", "--jobs", jobs) for jobs in (1, 2)
+    ]
+    for found in answers:
+        del found["seconds"]
+    assert answers[0] == answers[1]
+
+
+@compiled_only
+def test_the_papers_orientations(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = answer(capsys, box, "--orientations", "icosahedron", "--table", "carpet", "--jobs", 1)
+    assert found["drops"] == 1212
+    assert sum(rest["frequency"] for rest in found["rests"]) == pytest.approx(1.0)
+    weighted = [rest["frequency"] != rest["count"] / 1212 for rest in found["rests"]]
+    assert any(weighted)
+    for rest in found["rests"]:
+        assert rest["interval"][0] < rest["frequency"] < rest["interval"][1]
+
+
+@compiled_only
+def test_a_table_for_people(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["throw", str(box), *FEW, "--size", "16"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith(f"{box}: 300 drops on carpet, 16 mm, engine native, ")
+    heading = "rest count frequency % 95 % interval geometric % facet normal (down)"
+    assert " ".join(lines[2].split()) == heading
+    assert len({len(line) for line in lines[3:9]}) == 1
+    assert lines[-3].startswith("total variation from the odds without momentum 0.0")
+    assert lines[-2].startswith("Wasserstein distance from them, in radians, 0.")
+    assert lines[-1].startswith("chi-square against them ")
+    assert len(lines) == 13
+
+
+@compiled_only
+def test_a_folder_of_a_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = answer(capsys, folder, *FEW)
+    labels = {tuple(np.round(rest["normal"])): rest["label"] for rest in found["rests"]}
+    assert labels[1.0, 0.0, 0.0] == "one"
+    assert labels[-1.0, 0.0, 0.0] == "two"
+    assert labels[0.0, 1.0, 0.0] == "three"
+    assert list(labels.values()).count(None) == 3
+    # Its center of mass is that of the design, nearer to the side of "one".
+    odds = {rest["label"]: rest["geometric"] for rest in found["rests"]}
+    assert odds["one"] > 1.1 * odds["two"]
+    # It is thrown at its own size, in mm.
+    assert found["table"]["size"] == pytest.approx(2e-3 * np.linalg.norm([5.5, 6.0, 7.5]))
+    assert main(["throw", str(folder), *FEW]) == 0
+    assert "  three  " in capsys.readouterr().out
+
+
+@compiled_only
+def test_another_center_and_inertia(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    heavy = ("--com", "-0.2,0,0", "--inertia", "0.3,0.25,0.2,-0.01,0,0")
+    found = answer(capsys, box, "--drops", 100, "--jobs", 1, *heavy)
+    best = max(found["rests"], key=lambda rest: rest["count"])
+    assert best["normal"] == [-1.0, 0.0, 0.0]
+
+
+def test_drops_that_found_no_rest(box: Path) -> None:
+    """Nothing is told of frequencies then, and the answer is JSON all the same."""
+    poses = rest_poses(read_body(box))
+    throws = Throws(table_named("paper"), "bullet", 0, np.array([-1, -1]), np.ones(2), 6)
+    summary = throw_summary(throws, poses, "uniform")
+    assert (summary["unresolved"], summary["total_variation"]) == (2, None)
+    for rest in json.loads(json.dumps(summary, allow_nan=False))["rests"]:
+        assert (rest["count"], rest["frequency"], rest["interval"]) == (0, None, [0.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--drops", "0"], "drops: expected a whole number of at least 1, got 0; raise it"),
+        (["--engine", "havok"], "engine: expected native, mujoco, bullet, got 'havok'"),
+        (["--orientations", "any"], "orientations: expected uniform, icosahedron, got 'any'"),
+        (["--table", "felt"], "--table felt: expected board-game, hard-wood, carpet, paper or the"),
+        (["--size", "5000"], "expected a die no larger than the drop height of"),
+        (["--size", "nan"], "expected a size of 0.0001 to 10 m, got nan"),
+        (["--inertia", "1,2,3"], "--inertia: expected six numbers xx,yy,zz,xy,xz,yz, got '1,2,3'"),
+        (["--inertia", "-1,1,1,0,0,0"], "inertia: expected a positive definite tensor"),
+        (["--com", "9,0,0"], "center of mass: expected a point strictly inside the hull"),
+        (["--jobs", "0"], "--jobs: expected a whole number above 0, got 0; raise it"),
+        (["--seed", "-1"], "seed: expected a whole number of at least 0, got -1"),
+    ],
+)
+def test_what_is_refused(
+    box: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main(["throw", str(box), *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert message in captured.err
+
+
+def test_a_mesh_without_volume(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "sheet.obj"
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+    path.write_text(corners + "f 1 2 3\nf 1 3 4\nf 3 2 1\nf 4 3 1\n")
+    assert main(["throw", str(path), "--com", "0.2,0.2,0.2"]) == 2
+    assert "expected a closed mesh that encloses a volume, got 0" in capsys.readouterr().err
+
+
+@compiled_only
+def test_a_run_without_a_labelled_facet(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = folder / "result.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "facets": []}))
+    found = answer(capsys, folder, *FEW)
+    assert [rest["label"] for rest in found["rests"]] == [None] * 6
+
+
+def test_a_folder_that_no_run_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["throw", str(tmp_path)]) == 2
+    message = "result.json: expected status, labels, target, facets, files and center of mass of a"
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("engine", "extra", "module"),
+    [("mujoco", "throws", "mujoco"), ("bullet", "bullet", "pybullet")],
+)
+def test_a_missing_extra(box: Path, engine: str, extra: str, module: str) -> None:
+    """It is told from the worker that misses it."""
+    script = (
+        f"import sys; sys.modules[{module!r}] = None;"
+        "from common.inline_executor import Inline; from contextlib import nullcontext;"
+        "from dicedesign.runtime import executors;"
+        "executors.local_workers = lambda jobs: nullcontext(Inline());"
+        "from dicedesign.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    )
+    command = [sys.executable, "-c", script, "throw", str(box), "--engine", engine, "--drops", "1"]
+    tests = Path(__file__).parents[1]
+    done = subprocess.run(command, cwd=tests, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"engine {engine}: expected the optional extra '{extra}', but" in done.stderr
+    assert f"pip install 'dicedesign[{extra}]'" in done.stderr

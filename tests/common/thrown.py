@@ -1,0 +1,82 @@
+"""Bodies to throw, and whether two sets of counts are of one die."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+from scipy import stats
+from scipy.spatial.transform import Rotation
+
+from common.paths import DATA
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.kernels import ops as kernels
+from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.throws.rigid_body import RigidBody, rigid_body
+
+DIE = DATA / "published/final/2d6_hendecahedron.obj"
+
+compiled_only = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
+published_only = pytest.mark.skipif(
+    not DIE.exists(), reason="the published dice are not beside this checkout"
+)
+
+
+def thrown(points: ArrayLike, center: ArrayLike | None = None) -> tuple[RigidBody, RestPoses]:
+    """The uniform hull of points."""
+    body = make_body(points)
+    poses = rest_poses(body, center)
+    return rigid_body(body, poses), poses
+
+
+def box(*half: float) -> np.ndarray:
+    """Corners."""
+    return np.array(list(product((-1.0, 1.0), repeat=3))) * half
+
+
+OCTAHEDRON = np.concatenate([np.eye(3), -np.eye(3)])
+
+
+def random_points(seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(6 + 2 * seed, 3)) * [1.0, 0.8, 0.6] + [3.0, 2.0, 1.0]
+
+
+def random_body(seed: int) -> tuple[RigidBody, RestPoses]:
+    """Its center of mass is not its centroid."""
+    points = random_points(seed)
+    hull = convex_hull(points)
+    somewhere = np.random.default_rng(seed).dirichlet(np.ones(len(points))) @ points
+    return thrown(points, 0.6 * hull.centroid + 0.4 * somewhere)
+
+
+def published_die() -> tuple[RigidBody, RestPoses]:
+    body = read_body(DIE)
+    poses = rest_poses(body)
+    return rigid_body(body, poses), poses
+
+
+def turn_down(direction: ArrayLike) -> np.ndarray:
+    """A quaternion w, x, y, z that turns a direction (3,) of the body down."""
+    turn, _ = Rotation.align_vectors([[0.0, 0.0, -1.0]], [direction])
+    return np.roll(turn.as_quat(), 1)
+
+
+def fits(counts: ArrayLike, odds: ArrayLike) -> float:
+    """p-value of Pearson's test of odds."""
+    came = np.asarray(counts, dtype=np.float64)
+    return float(stats.chisquare(came, came.sum() * np.asarray(odds)).pvalue)
+
+
+def alike(first: ArrayLike, second: ArrayLike) -> float:
+    """p-value of the test that two sets of counts are of one die; rare outcomes count together."""
+    both = np.array([first, second])
+    rare = both.sum(axis=0) < 20
+    if rare.any():
+        both = np.column_stack([both[:, ~rare], both[:, rare].sum(axis=1)])
+    both = both[:, both.sum(axis=0) > 0]
+    return float(stats.chi2_contingency(both).pvalue)

@@ -1,0 +1,166 @@
+"""The elastic space about a surface: its kernel, what it leaves in place, and its inverse."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import pytest
+from common.bumpy import bent_capsule, bumpy_sphere
+from numpy.typing import NDArray
+
+from dicedesign.concave.fill.space_elasticity import (
+    FREE,
+    HANDLES,
+    Elasticity,
+    HeldCorners,
+    point_masses,
+    spread_points,
+)
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.surfaces.surface import Surface
+
+Floats = NDArray[np.float64]
+
+
+def unit(surface: Surface) -> Surface:
+    """About its center of mass, of circumscribed radius 1."""
+    offsets = surface.points - surface.centroid
+    return surface.moved(offsets / np.linalg.norm(offsets, axis=1).max())
+
+
+class Bodies:
+    """Bodies in the space, made once."""
+
+    @cached_property
+    def bumpy(self) -> HeldCorners:
+        surface = unit(bumpy_sphere())
+        return HeldCorners(Elasticity(surface), convex_hull(surface.points).source)
+
+    @cached_property
+    def capsule(self) -> HeldCorners:
+        surface = unit(bent_capsule(14, 8))
+        return HeldCorners(Elasticity(surface), convex_hull(surface.points).source)
+
+
+BODIES = Bodies()
+
+
+def kernel(held: HeldCorners) -> Floats:
+    """(n, n) that of all points."""
+    return held.elasticity.responses(np.arange(len(held.elasticity.surface.points)))
+
+
+@pytest.mark.parametrize("held", [BODIES.bumpy, BODIES.capsule], ids=["bumpy", "capsule"])
+def test_the_kernel_is_symmetric_and_positive_definite(held: HeldCorners) -> None:
+    every = kernel(held)
+    np.testing.assert_array_equal(every, every.T)
+    assert np.linalg.eigvalsh(every).min() > 1e-3
+
+
+def test_work_is_least_among_displacements_that_move_the_corners_alike() -> None:
+    held = BODIES.bumpy
+    stiffness = np.linalg.inv(kernel(held))
+    rng = np.random.default_rng(1)
+    wanted = rng.normal(size=(len(held.corners), 3))
+    found = held.followed(wanted)
+    np.testing.assert_allclose(found[held.corners], wanted, atol=1e-10)
+    free = np.setdiff1d(np.arange(len(found)), held.corners)
+    forces = stiffness @ found
+    assert np.abs(forces[free]).max() < 1e-8 * np.abs(forces).max()
+
+
+def test_to_move_a_body_as_a_whole_costs_next_to_nothing() -> None:
+    held = BODIES.bumpy
+    shift = np.tile([0.1, -0.2, 0.3], (len(held.corners), 1))
+    found = held.followed(shift)
+    np.testing.assert_allclose(found, np.tile(shift[0], (len(found), 1)), atol=2e-3)
+    corner = held.by_corner[held.corners]
+    whole = np.ones(len(corner)) @ np.linalg.solve(corner, np.ones(len(corner)))
+    rough = np.random.default_rng(2).normal(size=len(corner))
+    assert whole < 1.1 / FREE
+    assert rough @ np.linalg.solve(corner, rough) > 1e4 * whole
+
+
+def test_what_is_held_stays_at_the_corners() -> None:
+    held = BODIES.capsule
+    others = np.setdiff1d(np.arange(len(held.by_corner)), held.corners)[::5]
+    left = held.held(held.elasticity.responses(others))
+    np.testing.assert_allclose(left[held.corners], 0.0, atol=1e-10)
+    among = left[others]
+    np.testing.assert_allclose(among, among.T, atol=1e-10)
+    assert np.linalg.eigvalsh(0.5 * (among + among.T)).min() > 0.0
+
+
+def test_forces_on_the_center_of_mass_act_on_every_point_of_a_small_surface() -> None:
+    held = BODIES.bumpy
+    gradient = np.random.default_rng(3).normal(size=(len(held.by_corner), 3, 3))
+    assert len(gradient) < HANDLES
+    expected = np.tensordot(kernel(held), gradient, (1, 0))
+    np.testing.assert_allclose(
+        held.elasticity.center_responses(gradient), expected, rtol=1e-12, atol=1e-9
+    )
+
+
+def test_on_a_larger_one_they_are_lumped() -> None:
+    surface = unit(bumpy_sphere(3))
+    assert len(surface.points) > HANDLES
+    elasticity = Elasticity(surface)
+    gradient = np.moveaxis(surface.centroid_derivatives(), 0, -1)
+    exact = np.tensordot(elasticity.responses(np.arange(len(gradient))), gradient, (1, 0))
+    found = elasticity.center_responses(gradient)
+    np.testing.assert_allclose(found, exact, atol=2e-3 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("held", [BODIES.bumpy, BODIES.capsule], ids=["bumpy", "capsule"])
+def test_relative_displacements_by_brute_force(held: HeldCorners) -> None:
+    """Least work, over displacements of all points, with wanted places of the corners relative to
+    the center of mass, whose motion is linearised: dense, in all coordinates at once."""
+    surface = held.elasticity.surface
+    size, count = len(surface.points), len(held.corners)
+    compliance = np.kron(kernel(held), np.eye(3))
+    center = surface.centroid_derivatives().reshape(3, -1)
+    rows = np.zeros((3 * count, 3 * size))
+    for place, corner in enumerate(held.corners):
+        rows[3 * place : 3 * place + 3, 3 * corner : 3 * corner + 3] = np.eye(3)
+        rows[3 * place : 3 * place + 3] -= center
+    wanted = 0.1 * np.random.default_rng(4).normal(size=(count, 3))
+    expected_forces = np.linalg.solve(rows @ compliance @ rows.T, wanted.ravel())
+    moved = compliance @ rows.T @ expected_forces
+    forces, centers = held.relative
+    np.testing.assert_array_equal(forces, forces.transpose(2, 3, 0, 1))
+    scale = np.abs(expected_forces).max()
+    found = np.tensordot(wanted, forces, 2)
+    np.testing.assert_allclose(found.ravel(), expected_forces, atol=1e-5 * scale)
+    np.testing.assert_allclose(np.tensordot(wanted, centers, 2), center @ moved, atol=1e-6)
+
+
+def test_a_convex_surface_has_nothing_to_move_the_center_of_mass_with() -> None:
+    ball = unit(bumpy_sphere(1))
+    lengths = np.linalg.norm(ball.points, axis=1)[:, None]
+    convex = unit(ball.moved(ball.points / lengths))
+    held = HeldCorners(Elasticity(convex), convex_hull(convex.points).source)
+    text = "surface: expected one with dents, but 42 of its 42 points are corners of its hull, and"
+    with pytest.raises(InputError, match=text):
+        _ = held.relative
+
+
+def test_masses_are_parts_of_the_area() -> None:
+    surface = bumpy_sphere(1)
+    masses = point_masses(surface)
+    a, b, c = surface.points[surface.triangles].transpose(1, 0, 2)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+    expected = [areas[(surface.triangles == point).any(axis=1)].sum() / 3.0 for point in range(42)]
+    np.testing.assert_allclose(masses, np.array(expected) / areas.sum(), rtol=1e-12)
+
+
+def test_spread_points_are_each_the_farthest_from_those_before() -> None:
+    points = np.random.default_rng(5).normal(size=(40, 3))
+    chosen = spread_points(points, 12)
+    assert len(set(chosen.tolist())) == 12
+    for number in range(1, 12):
+        before = points[chosen[:number]]
+        nearest = np.linalg.norm(points[:, None] - before, axis=2).min(axis=1)
+        assert nearest[chosen[number]] == nearest.max()
+    assert sorted(spread_points(points, 100).tolist()) == list(range(40))

@@ -1,0 +1,447 @@
+"""Files of every kind: what is read, and the one line that tells what is wrong."""
+
+from __future__ import annotations
+
+import logging
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from common.paths import DATA, ROOT
+
+from dicedesign.errors import DegenerateBodyError, MeshFileError
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.meshes.stl import read_stl
+from dicedesign.geometry.solid import is_closed, solid_properties
+
+MODELS = DATA / "models"
+
+CUBE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
+CUBE_FACES = "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n"
+
+
+def asymmetric() -> trimesh.Trimesh:
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    mesh.vertices = mesh.vertices * [1.0, 1.3, 0.7] + [0.1, 0.2, 0.3]
+    return mesh
+
+
+def write(folder: Path, name: str, content: str | bytes) -> Path:
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def assert_unit_cube(path: Path) -> None:
+    body = read_body(path)
+    assert body.triangles is not None
+    assert len(body.points) == 8
+    assert is_closed(body.triangles)
+    volume, centroid = solid_properties(body.points, body.triangles)
+    assert volume == pytest.approx(1.0)
+    np.testing.assert_allclose(centroid, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "tolerance"),
+    [("a.stl", 1e-7), ("a.ply", 1e-7), ("a.obj", 1e-7), ("a.off", 1e-9), ("a.glb", 1e-7)],
+)
+def test_a_written_mesh_is_read_back(tmp_path: Path, name: str, tolerance: float) -> None:
+    mesh = asymmetric()
+    mesh.export(tmp_path / name)
+    body = read_body(tmp_path / name)
+    assert body.triangles is not None
+    assert body.name == str(tmp_path / name)
+    assert body.single_precision
+    assert len(body.points) == len(mesh.vertices)
+    assert is_closed(body.triangles)
+    np.testing.assert_allclose(body.points[body.triangles], mesh.triangles, atol=tolerance)
+
+
+@pytest.mark.parametrize("name", ["A.STL", "a.stl"])
+def test_ascii_stl_in_any_case_of_the_ending(tmp_path: Path, name: str) -> None:
+    mesh = asymmetric()
+    path = write(tmp_path, name, mesh.export(file_type="stl_ascii"))
+    body = read_body(path)
+    assert len(body.points) == len(mesh.vertices)
+    assert body.notes == ()
+
+
+@pytest.mark.parametrize("kind", ["stl", "stl_ascii"])
+@pytest.mark.parametrize("solids", [1, 2])
+def test_stl_agrees_with_trimesh(tmp_path: Path, kind: str, solids: int) -> None:
+    meshes = [asymmetric().apply_translation([5.0 * i, 0, 0]) for i in range(solids)]
+    if kind == "stl":
+        content = trimesh.util.concatenate(meshes).export(file_type="stl")
+    else:
+        content = "\n".join(mesh.export(file_type="stl_ascii") for mesh in meshes)
+    path = write(tmp_path, "a.stl", content)
+    other = trimesh.util.concatenate(trimesh.load(path, force="scene", process=False).dump())
+    points, triangles = read_stl(path)
+    np.testing.assert_array_equal(points[triangles], other.triangles)
+    assert read_body(path).single_precision == (kind == "stl")  # text keeps all digits
+
+
+def test_a_binary_stl_may_begin_with_solid(tmp_path: Path) -> None:
+    mesh = asymmetric()
+    binary = mesh.export(file_type="stl")
+    header = b"solid exported by some program\nfacet normal 0 0 1\n"
+    path = write(tmp_path, "a.stl", header + binary[len(header) :])
+    body = read_body(path)
+    assert body.triangles is not None
+    assert is_closed(body.triangles)
+    np.testing.assert_array_equal(body.points[body.triangles], mesh.triangles.astype(np.float32))
+
+
+def test_ascii_stl_in_any_spelling(tmp_path: Path) -> None:
+    text = str(asymmetric().export(file_type="stl_ascii"))
+    expected = read_body(write(tmp_path, "a.stl", text))
+    for other in ("\ufeff" + text.upper(), "\n\n" + text.replace("\n", "\r\n").replace(" ", "\t ")):
+        body = read_body(write(tmp_path, "b.stl", other))
+        np.testing.assert_array_equal(body.points, expected.points)
+        np.testing.assert_array_equal(body.triangles, expected.triangles)
+
+
+@pytest.mark.parametrize("name", ["c.ply", "c.xyz", "c.obj"])
+def test_a_point_cloud_is_read_back(tmp_path: Path, name: str) -> None:
+    points = np.random.default_rng(1).normal(size=(30, 3))
+    if name == "c.obj":
+        write(tmp_path, name, "".join(f"v {x} {y} {z}\n" for x, y, z in points))
+    else:
+        trimesh.PointCloud(points).export(tmp_path / name)
+    body = read_body(tmp_path / name)
+    assert body.triangles is None
+    np.testing.assert_allclose(body.points, points, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0 0 0\n1 0 0\n0 1 0\n0 0 1",
+        "0,0,0\n1,0,0\n0,1,0\n0,0,1\n",
+        "0; 0; 0\r\n1; 0; 0\r\n0; 1; 0\r\n0; 0; 1\r\n",
+        "# x y z\n\n0 0 0 255 9 9\n1 0 0 1 2 3\n0 1 0 7 7 7 # point\n0\t0\t1 0 0 0\n",
+        "0 0 0 .5\n1 0 0 .5\n0 1 0 .5\n0 0 1 .5\n",
+    ],
+)
+def test_xyz_in_all_its_columns(tmp_path: Path, text: str) -> None:
+    body = read_body(write(tmp_path, "c.xyz", text))
+    np.testing.assert_array_equal(body.points, [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        CUBE + CUBE_FACES,
+        CUBE + re.sub(r"(\d)", r"\1/7/9", CUBE_FACES),
+        CUBE + re.sub(r"(\d)", r"\1//9", CUBE_FACES),
+        CUBE + re.sub(r"(\d)", lambda m: str(int(m[1]) - 9), CUBE_FACES),
+        CUBE_FACES + CUBE,
+        "\ufeff" + (CUBE + "# cube\nmtllib none.mtl\n" + CUBE_FACES).replace("\n", " # x\r\n"),
+        (CUBE + CUBE_FACES).replace("f 4 3", "f 4 \\\n3").replace("v 0 0 0\n", "v 0 0 0 1 0 0\n"),
+        CUBE + "g top\n" + CUBE_FACES.replace("f 1 2 6 5", "usemtl red\no b\nf 1 2 6\nf 1 6 5"),
+    ],
+)
+def test_obj_polygons_indices_and_comments(tmp_path: Path, text: str) -> None:
+    assert_unit_cube(write(tmp_path, "cube.obj", text))
+
+
+def test_relative_obj_indices_count_from_the_face_line(tmp_path: Path) -> None:
+    shifted = CUBE.replace("v 0", "v 10").replace("v 1 ", "v 11 ")
+    faces = re.sub(r"(\d)", lambda m: str(int(m[1]) - 9), CUBE_FACES)
+    body = read_body(write(tmp_path, "two.obj", CUBE + faces + shifted + faces))
+    assert body.triangles is not None
+    assert len(body.points) == 16
+    np.testing.assert_array_equal(body.triangles[12:], body.triangles[:12] + 8)
+
+
+def test_a_polygon_that_is_not_convex_keeps_its_volume(tmp_path: Path) -> None:
+    outline = [(0, 0), (4, 0), (4, 1), (1, 1), (1, 4), (0, 4)]  # an L of area 7, height 2
+    points = "".join(f"v {x} {y} {z}\n" for z in (0, 2) for x, y in outline)
+    faces = "f 6 5 4 3 2 1\nf 7 8 9 10 11 12\n"
+    faces += "".join(
+        f"f {i + 1} {j + 1} {j + 7} {i + 7}\n" for i in range(6) for j in [(i + 1) % 6]
+    )
+    for rotation in range(6):
+        order = np.roll(np.arange(1, 7), rotation)
+        renumbered = re.sub(
+            r"\d+", lambda m, o=order: str(o[(int(m[0]) - 1) % 6] + 6 * (int(m[0]) > 6)), faces
+        )
+        rolled = np.array(points.splitlines()).reshape(2, 6)[:, np.argsort(order)]
+        body = read_body(write(tmp_path, "l.obj", "\n".join(rolled.ravel()) + "\n" + renumbered))
+        assert body.triangles is not None
+        assert is_closed(body.triangles)
+        volume, centroid = solid_properties(body.points, body.triangles)
+        assert volume == pytest.approx(14.0)
+        np.testing.assert_allclose(centroid, [(4 * 2 + 3 * 0.5) / 7, (4 * 0.5 + 3 * 2.5) / 7, 1])
+
+
+@pytest.mark.parametrize(
+    "head", ["OFF\n8 7 0", "OFF 8 7 0", "COFF\n# colored\n\n8 7", "off\n8 7 0"]
+)
+def test_off_polygons_of_mixed_size(tmp_path: Path, head: str) -> None:
+    points = CUBE.replace("v ", "")
+    faces = re.sub(r"(\d)", lambda m: str(int(m[1]) - 1), CUBE_FACES).replace("f", "4")
+    faces = faces.replace("4 0 1 5 4\n", "3 0 1 5\n3 0 5 4 255 0 0\n")
+    assert_unit_cube(write(tmp_path, "cube.off", f"{head}\n{points}{faces}"))
+
+
+def test_off_without_faces_is_a_point_cloud(tmp_path: Path) -> None:
+    body = read_body(write(tmp_path, "c.off", "OFF\n8 0 0\n" + CUBE.replace("v ", "")))
+    assert len(body.points) == 8
+    assert body.triangles is None
+
+
+def test_ply_polygons(tmp_path: Path) -> None:
+    header = "ply\nformat ascii 1.0\nelement vertex 8\n"
+    header += "".join(f"property double {axis}\n" for axis in "xyz")
+    header += "element face 6\nproperty list uchar int vertex_indices\nend_header\n"
+    faces = re.sub(r"(\d)", lambda m: str(int(m[1]) - 1), CUBE_FACES).replace("f", "4")
+    assert_unit_cube(write(tmp_path, "cube.ply", header + CUBE.replace("v ", "") + faces))
+
+
+def test_a_texture_that_cannot_be_loaded_is_not_spoken_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write(tmp_path, "skin.png", "no image")
+    header = "ply\nformat ascii 1.0\ncomment TextureFile skin.png\nelement vertex 8\n"
+    header += "".join(f"property double {axis}\n" for axis in "xyz")
+    path = write(tmp_path, "c.ply", header + "end_header\n" + CUBE.replace("v ", ""))
+    trimesh.load(path)
+    assert caplog.records != []
+    caplog.clear()
+    level = logging.getLogger("trimesh").level
+    assert len(read_body(path).points) == 8
+    assert caplog.records == []
+    assert logging.getLogger("trimesh").level == level
+
+
+def test_a_scene_is_joined_with_its_transforms(tmp_path: Path) -> None:
+    mesh = asymmetric()
+    mirrored = np.diag([-2.0, 1.0, 1.0, 1.0])
+    mirrored[:3, 3] = [10.0, 0.0, 0.0]
+    scene = trimesh.Scene()
+    scene.add_geometry(mesh, geom_name="part")
+    scene.graph.update(frame_to="again", matrix=mirrored, geometry="part")
+    path = write(tmp_path, "two.glb", scene.export(file_type="glb"))
+    body = read_body(path)
+    assert body.triangles is not None
+    assert body.notes == ("joined 2 parts of the file",)
+    assert body.single_precision
+    assert is_closed(body.triangles)
+    volume, centroid = solid_properties(body.points, body.triangles)
+    middle = mesh.center_mass
+    image = middle * [-2, 1, 1] + [10, 0, 0]
+    assert volume == pytest.approx(3 * mesh.volume, rel=1e-6)
+    np.testing.assert_allclose(centroid, (middle + 2 * image) / 3, atol=1e-5)
+
+
+def test_points_beside_a_mesh_are_ignored(tmp_path: Path) -> None:
+    mesh = asymmetric()
+    cloud = trimesh.PointCloud(10 * mesh.vertices)
+    path = write(tmp_path, "both.glb", trimesh.Scene([cloud, mesh]).export(file_type="glb"))
+    body = read_body(path)
+    assert body.triangles is not None
+    assert body.notes == ()
+    np.testing.assert_allclose(body.points[body.triangles], mesh.triangles, atol=1e-7)
+
+
+def test_an_open_mesh_is_read(tmp_path: Path) -> None:
+    mesh = asymmetric()
+    trimesh.Trimesh(mesh.vertices, mesh.faces[2:], process=False).export(tmp_path / "open.stl")
+    body = read_body(str(tmp_path / "open.stl"))
+    assert body.triangles is not None
+    assert len(body.triangles) == len(mesh.faces) - 2
+    assert not is_closed(body.triangles)
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [("spot", 829), ("bunny", 3301), ("koala", 3560), ("penguin", 3362), ("armadillo", 14587)],
+)
+def test_models_with_seams_are_closed(name: str, count: int, tmp_path: Path) -> None:
+    path = MODELS / f"{name}.obj"
+    if not path.exists():
+        pytest.skip(f"model file {path} is not here")
+    body = read_body(path)
+    assert body.triangles is not None
+    assert len(body.points) == count
+    assert is_closed(body.triangles)
+    split = trimesh.load_mesh(path, process=False)
+    split.export(tmp_path / "split.ply")  # the vertices as trimesh splits them at the seams
+    again = read_body(tmp_path / "split.ply")
+    assert again.triangles is not None
+    assert len(again.points) == count
+    assert is_closed(again.triangles)
+
+
+def test_text_with_all_digits_is_double_precision(tmp_path: Path) -> None:
+    points = np.random.default_rng(5).normal(size=(20, 3))
+    text = "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in points.tolist())
+    body = read_body(write(tmp_path, "c.xyz", text))
+    assert not body.single_precision
+    np.testing.assert_array_equal(body.points, points)
+
+
+GARBAGE = np.random.default_rng(0).bytes(3000)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        (
+            "a.stl",
+            b"",
+            "expected a mesh or point file, got an empty one; export it again as STL, PLY or OBJ",
+        ),
+        (
+            "a.xyz",
+            b"",
+            "expected a mesh or point file, got an empty one; export it again as STL, PLY or OBJ",
+        ),
+        ("a.obj", "# nothing\n", "expected a mesh or points, found neither; export it again"),
+        (
+            "a.stl",
+            "hello world\n",
+            "expected a .stl file, text that begins with solid or binary of 84",
+        ),
+        ("a.stl", "solid\nendsolid\n", "expected a mesh or points, found neither; export it again"),
+        ("a.stl", bytes(84), "expected a mesh or points, found neither; export it again"),
+        ("a.stl", b"solid" + bytes(80), "got 85 bytes; export it again as STL, PLY or OBJ"),
+        (
+            "a.stl",
+            GARBAGE,
+            "expected a .stl file, text that begins with solid or binary of 84 + 50",
+        ),
+        ("a.stl", "solid\nfacet\nvertex 1 2\n", "line 3: expected three coordinates, got 'vert"),
+        ("a.stl", "solid\nvertex 1 2 x\n", "line 2: expected three coordinates, got 'vertex 1 "),
+        ("a.stl", "solid\nvertex 1 2 3 4\n", "line 2: expected three coordinates, got 'vertex"),
+        ("a.stl", "solid\nvertex 1 2 3\nfacet\n", "line 3: expected three corners before the"),
+        ("a.stl", "solid\nvertex 1 2 3\n", "got a file that ends within one; export it again"),
+        ("a.ply", GARBAGE, "expected a .ply file, got one that cannot be read; export"),
+        ("a.glb", GARBAGE, "expected a .glb file, got one that cannot be read; export"),
+        ("a.obj", GARBAGE, "expected a mesh or points, found neither"),
+        ("a.off", GARBAGE, "expected an ASCII OFF file, whose first line is OFF"),
+        ("a.xyz", GARBAGE, "line 1: expected three coordinates, got "),
+        ("a.foo", "hello", "got '.foo'; export it again as STL, PLY or OBJ"),
+        ("a", "hello", "expected a file ending out of .3"),
+        (
+            "a.xyz",
+            "0 0 0\n1 2\n",
+            "line 2: expected three coordinates, got '1 2'; correct the line",
+        ),
+        ("a.xyz", "0 0 0\n1 2 x\n", "line 2: expected three coordinates, got '1 2 x'"),
+        ("a.obj", "v 0 0 0\nv 1 1\n", "line 2: expected three coordinates, got '1 1'"),
+        ("a.obj", CUBE + "f 1 2\n", "line 9: expected a face of at least 3 vertices, got 'f 1 2'"),
+        (
+            "a.obj",
+            CUBE + "f 1 2 0\n",
+            "line 9: expected vertex numbers other than 0, got 'f 1 2 0'",
+        ),
+        ("a.obj", CUBE + "f 1 2 b\n", "line 9: expected whole numbers, got '1 2 b'"),
+        (
+            "a.obj",
+            CUBE + "f 1 2 9\n",
+            "expected triangles of points 0 to 7, got point 8 in triangle 0",
+        ),
+        (
+            "a.obj",
+            CUBE + "f 1 2 -9\n",
+            "expected triangles of points 0 to 7, got point -1 in triangle 0",
+        ),
+        ("a.off", "OFF\n", "expected the numbers of vertices and faces and then as many lines"),
+        ("a.off", "OFF\n4 1 0\n0 0 0\n", "got [4, 1] and 1 lines; export the file again"),
+        ("a.off", "OFF\n1 1\n0 0 0\n4 0 0 0\n", "line 4: expected 4 vertex numbers, got '4 0 0 0'"),
+        ("a.off", "OFF\n1 1\n0 0 0\n3 0 0 5\n", "expected triangles of points 0 to 0, got point 5"),
+    ],
+)
+def test_bad_files_are_refused_in_one_line(
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    name: str,
+    content: str | bytes,
+    message: str,
+) -> None:
+    path = write(tmp_path, name, content)
+    with pytest.raises(MeshFileError) as caught:
+        read_body(path)
+    text = str(caught.value)
+    assert text.startswith(f"{path}: ")
+    assert message in text
+    assert text.isprintable()
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", ["a.stl", "a.ply", "a.glb"])
+def test_truncated_files_are_refused(tmp_path: Path, name: str) -> None:
+    asymmetric().export(tmp_path / name)
+    whole = (tmp_path / name).read_bytes()
+    path = write(tmp_path, name, whole[:-30])
+    with pytest.raises(MeshFileError, match=f"expected a .{name[2:]} file, .*; export it again as"):
+        read_body(path)
+
+
+def test_missing_files_and_directories_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(MeshFileError, match=r"none\.stl: no such file; check the path$"):
+        read_body(tmp_path / "none.stl")
+    (tmp_path / "folder.stl").mkdir()
+    message = r"folder\.stl: expected a mesh or point file, got a directory; name a file$"
+    with pytest.raises(MeshFileError, match=message):
+        read_body(tmp_path / "folder.stl")
+    below = write(tmp_path, "file.txt", "x") / "a.stl"
+    with pytest.raises(
+        MeshFileError, match=r"a\.stl: expected a readable file, got 'Not a directory'; check"
+    ):
+        read_body(below)
+
+
+def test_bodies_without_solid_are_refused_by_the_path(tmp_path: Path) -> None:
+    path = write(tmp_path, "three.xyz", "0 0 0\n1 0 0\n0 1 0\n")
+    with pytest.raises(DegenerateBodyError, match=r"three\.xyz: expected at least 4 distinct"):
+        read_body(path)
+    path = write(tmp_path, "nan.xyz", "0 0 0\n1 0 0\n0 1 0\nnan 0 1\n0 0 1\n")
+    with pytest.raises(
+        DegenerateBodyError, match=r"nan\.xyz: expected finite coordinates, .* \(1 of 5 "
+    ):
+        read_body(path)
+
+
+@pytest.mark.parametrize("name", ["a.obj", "a.off", "a.xyz", "a.stl", "a.ply", "a.glb"])
+def test_reading_imports_no_more_than_it_needs(tmp_path: Path, name: str) -> None:
+    mesh = asymmetric()
+    cloud = trimesh.PointCloud(mesh.vertices)
+    (cloud if name == "a.xyz" else mesh).export(tmp_path / name)
+    heavy = {"torch", "matplotlib"}
+    if name in {
+        "a.obj",
+        "a.off",
+        "a.xyz",
+        "a.stl",
+    }:  # trimesh itself imports manifold3d where it is there
+        heavy |= {"trimesh", "manifold3d"}
+    code = (
+        "import sys; from dicedesign.geometry.meshes.reading import read_body; "
+        f"read_body({str(tmp_path / name)!r}); print(sorted({heavy!r} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "[]\n", "")
+
+
+def test_decimal_commas_are_not_taken_for_separators(tmp_path: Path) -> None:
+    path = write(tmp_path, "a.xyz", "1,234 2,345 3,456\n" * 4)
+    with pytest.raises(MeshFileError, match="line 1: expected decimal points, got '1,234 2,345"):
+        read_body(path)
+    path = write(tmp_path, "b.xyz", "1, 2, 3\n4,5,6\n7;8;9\n1.5 2,2 7\n")
+    np.testing.assert_array_equal(
+        read_body(path).points, [[1, 2, 3], [4, 5, 6], [7, 8, 9], [1.5, 2, 2]]
+    )

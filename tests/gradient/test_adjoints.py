@@ -1,0 +1,268 @@
+"""Hand-derived adjoints against the same functions in torch's own operations, on bodies of every
+kind."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from common.attached_points import corner_formula
+from common.blade import blade
+
+from dicedesign.bench.bodies import solids
+from dicedesign.bench.bodies.extremes import large
+from dicedesign.design.coordinates.facets import FacetCoordinates
+from dicedesign.design.energy.clusters import Clusters, cluster
+from dicedesign.design.energy.total import Energy, total_energy
+from dicedesign.design.energy.weights import REGULARIZERS, EnergyWeights
+from dicedesign.design.starts.hendecahedron import hendecahedron
+from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.repulsion import repulsion
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.gradient.differentiable_rest import differentiable_rest
+from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.solid_moments import centroid_gradient, hull_centroid
+from dicedesign.kernels import ops as kernels
+from dicedesign.rest.equilibria import classify
+
+compiled_only = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
+
+WEIGHTS = EnergyWeights(0.3, 1.7, 0.4, neighbor_radius=0.6, stability=0.2, stability_margin=0.3)
+
+
+def needle(length: float) -> np.ndarray:
+    points = np.random.default_rng(3).normal(size=(14, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    return points * [1.0, 0.9, length] @ np.linalg.qr(points[:3])[0]
+
+
+BODIES: dict[str, Callable[[], np.ndarray]] = {
+    **{f"random {n}": lambda n=n: np.random.default_rng(n).normal(size=(n, 3)) for n in (4, 9, 40)},
+    "ellipsoid": lambda: large(300).points,
+    "long paths": lambda: blade(40, 100).vertices,
+    "needle": lambda: needle(30.0),
+    "thin needle": lambda: needle(1000.0),
+    "plate": lambda: needle(1e-4),
+    "box": lambda: solids.box(1.0, 2.0, 3.0).points,
+    "prism": lambda: prism(7, height=1.0, cap=0.3).points * [1.0, 1.1, 1.2],
+    "die": lambda: hendecahedron("circus").points,
+    "far away": lambda: 1e3 * repulsion(8, 1).points + [1e5, -2e5, 3e5],
+}
+
+
+@pytest.fixture(params=BODIES)
+def points(request: pytest.FixtureRequest) -> np.ndarray:
+    return BODIES[request.param]()
+
+
+@contextmanager
+def without_kernels() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernels, "compiled", None)
+        yield
+
+
+def both_ways(points: np.ndarray) -> list[RestEvaluation]:
+    """The uniform solid, and the body with its center of mass given a bit aside."""
+    hull = convex_hull(points)
+    vertices = torch.tensor(hull.vertices, requires_grad=True)
+    aside = 0.9 * hull.centroid + 0.1 * hull.vertices[:3].mean(axis=0)
+    center = torch.tensor(aside, requires_grad=True)
+    return [
+        RestEvaluation(classify(hull, hull.centroid), vertices),
+        RestEvaluation(classify(hull, aside), vertices, center),
+    ]
+
+
+def again(rests: RestEvaluation) -> RestEvaluation:
+    """The same body with nothing computed yet."""
+    return RestEvaluation(rests.equilibria, rests.vertices, rests.given_center)
+
+
+def gradients(value: torch.Tensor, rests: RestEvaluation) -> np.ndarray:
+    """(n, 3) or, with a center of its own as the last row, (n + 1, 3)."""
+    leaves = [rests.vertices] + ([] if rests.given_center is None else [rests.given_center])
+    found = torch.autograd.grad(value, leaves, retain_graph=True, materialize_grads=True)
+    return np.concatenate([part.numpy().reshape(-1, 3) for part in found])
+
+
+def assert_same(
+    found: np.ndarray, expected: np.ndarray, tolerance: float = 1e-9, least: float = 0.0
+) -> None:
+    """Relative to the largest entry, or to a size that counts as large enough."""
+    size = max(float(np.abs(expected).max()), least, np.finfo(np.float64).tiny)
+    assert float(np.abs(found - expected).max()) <= tolerance * size
+
+
+def test_the_bodies_have_what_is_hard() -> None:
+    lengths = {name: both_ways(make())[0].paths.lengths for name, make in BODIES.items()}
+    assert max(lengths["long paths"]) > 40
+    assert max(lengths["ellipsoid"]) > 10
+    assert max(lengths["box"]) == 0
+
+
+@compiled_only
+def test_probabilities_and_depths(points: np.ndarray) -> None:
+    for rests in both_ways(points):
+        twin = again(rests)
+        with without_kernels():
+            expected = [twin.probabilities, twin.facet_depths]
+        rng = np.random.default_rng(0)
+        for ours, theirs in zip([rests.probabilities, rests.facet_depths], expected, strict=True):
+            np.testing.assert_allclose(ours.detach(), theirs.detach(), rtol=0, atol=1e-12)
+            weights = torch.tensor(rng.normal(size=len(ours)))
+            assert_same(gradients(ours @ weights, rests), gradients(theirs @ weights, twin), 1e-8)
+
+
+@compiled_only
+def test_normals(points: np.ndarray) -> None:
+    rests = both_ways(points)[0]
+    facets = np.concatenate([np.arange(len(rests.hull.normals))[::-1], [0, 1, 0]])
+    with without_kernels():
+        expected = again(rests).facet_normals(facets)
+    found = rests.facet_normals(facets)
+    np.testing.assert_allclose(found.detach(), expected.detach(), rtol=0, atol=1e-9)
+    weights = torch.tensor(np.random.default_rng(0).normal(size=found.shape))
+    ours, theirs = (gradients((one * weights).sum(), rests) for one in (found, expected))
+    assert_same(ours, theirs, 1e-8)
+
+
+@compiled_only
+def test_the_jacobian_has_the_gradients_as_rows(points: np.ndarray) -> None:
+    for rests in both_ways(points):
+        jacobian = rests.jacobian
+        assert jacobian is not None
+        assert jacobian.shape == (len(rests.paths.rests), rests.vertices.numel())
+        for place in range(0, len(jacobian), max(1, len(jacobian) // 5)):
+            row = gradients(rests.probabilities[place], rests)[: len(rests.vertices)]
+            assert_same(jacobian[place].reshape(-1, 3), row, 1e-10)
+
+
+@compiled_only
+def test_the_centroid(points: np.ndarray) -> None:
+    hull = convex_hull(points)
+    vertices = torch.tensor(hull.vertices, requires_grad=True)
+    along = np.array([0.3, -0.8, 0.5])
+    found, slope = hull_centroid(vertices, hull), centroid_gradient(hull, along)
+    by_torch = torch.autograd.grad(found @ torch.tensor(along), vertices)[0].numpy()
+    np.testing.assert_array_equal(by_torch, slope)
+    extent = np.ptp(hull.vertices, axis=0).max()
+    with without_kernels():
+        expected = hull_centroid(vertices, hull)
+        assert_same(slope, centroid_gradient(hull, along))
+    np.testing.assert_allclose(found.detach(), expected.detach(), rtol=1e-15, atol=1e-12 * extent)
+
+
+def clusters_of(rests: RestEvaluation, outcomes: int) -> Clusters:
+    rng = np.random.default_rng(outcomes)
+    directions = rng.normal(size=(outcomes, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    return cluster(rests.hull.normals[rests.paths.rests], directions)
+
+
+def gradient_of(term: torch.Tensor, rests: RestEvaluation) -> np.ndarray:
+    """(n, 3) in the vertices; 0 of a term that does not depend on them."""
+    count = len(rests.vertices)
+    return gradients(term, rests)[:count] if term.requires_grad else np.zeros((count, 3))
+
+
+@compiled_only
+@pytest.mark.parametrize("outcomes", [1, 3, 12])
+def test_energies(points: np.ndarray, outcomes: int) -> None:
+    """With few outcomes most clusters have several rests, with many some are empty."""
+    target = np.random.default_rng(0).dirichlet(np.ones(outcomes))
+    for rests in both_ways(points):
+        clusters, twin = clusters_of(rests, outcomes), again(rests)
+        least = 1e-3 / np.ptp(rests.hull.vertices, axis=0).max()
+        with without_kernels():
+            expected = total_energy(twin, clusters, target, WEIGHTS)
+            plain = Energy(twin, clusters, target, WEIGHTS)
+            assert plain.terms == {name: term.item() for name, term in expected.items()}
+            slopes = {name: gradient_of(term, twin) for name, term in expected.items()}
+            assert_same(plain.gradient, np.sum(list(slopes.values()), axis=0), 1e-13)
+        whole = Energy(rests, clusters, target, WEIGHTS)
+        assert list(whole.terms) == list(expected)
+        for name, term in expected.items():
+            assert whole.terms[name] == pytest.approx(term.item(), rel=1e-10, abs=1e-12)
+        assert_same(whole.gradient, plain.gradient, 1e-8)
+        for name in REGULARIZERS:
+            others = dict.fromkeys(set(REGULARIZERS) - {name}, 0.0)
+            alone = Energy(rests, clusters, target, replace(WEIGHTS, **others))
+            assert alone.terms == {term: whole.terms[term] for term in ("dice", name)}
+            assert_same(alone.gradient, slopes["dice"] + slopes[name], 1e-8, least)
+
+
+@compiled_only
+def test_equally_near_edges_share_a_depth() -> None:
+    """As symmetry wants it: the foot is as far from all four edges of a cube's face."""
+    cube = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    rests = evaluate_rests(torch.tensor(cube, requires_grad=True), torch.zeros(3).double())
+    (slope,) = torch.autograd.grad(rests.facet_depths[0], rests.vertices)
+    normal = rests.hull.normals[0]
+    turned = np.linalg.cross(normal, rests.hull.vertices)
+    # A turn about the face's normal changes nothing, and corners of one face are all alike.
+    assert abs((slope.numpy() * turned).sum()) < 1e-15
+    lengths = np.round(np.linalg.norm(slope.numpy(), axis=1), 12)
+    assert len(np.unique(lengths)) == 2
+
+
+def test_derivatives_can_be_differentiated_again(random_points) -> None:
+    points = torch.tensor(random_points(3, 7), requires_grad=True)
+    center = evaluate_rests(points).center.detach().clone().requires_grad_()
+
+    def probabilities(*arguments: torch.Tensor) -> torch.Tensor:
+        return differentiable_rest(*arguments)[1]
+
+    assert torch.autograd.gradgradcheck(probabilities, (points, center), atol=1e-5, rtol=1e-4)
+    assert torch.autograd.gradgradcheck(probabilities, (points,), atol=1e-5, rtol=1e-4)
+
+
+@pytest.mark.parametrize("compiled", [True, False], ids=["kernels", "no kernels"])
+def test_corners_of_half_spaces_pull_gradients_back(
+    random_points, monkeypatch: pytest.MonkeyPatch, compiled: bool
+) -> None:
+    """Row by row as the formula in torch does, with a half-space that cuts nothing."""
+    if not compiled:
+        monkeypatch.setattr(kernels, "compiled", None)
+    elif kernels.compiled is None:
+        pytest.skip("no compiled kernels")
+    points = random_points(6, 10)
+    coordinates, values = FacetCoordinates.of(points, points.mean(axis=0))
+    count = len(values) // 4
+    parameters = np.concatenate([values[: 3 * count], [3.0, 0, 0], values[3 * count :], [3.0]])
+    shape = coordinates.shape(parameters)
+    leaf = torch.tensor(parameters, requires_grad=True)
+    by_formula = corner_formula(leaf, coordinates.origin)
+    np.testing.assert_allclose(shape.points, by_formula.detach(), atol=1e-13)
+    rows = np.random.default_rng(0).normal(size=(4, *shape.points.shape))
+    found = shape.pulled_back(rows)
+    assert found.shape == (4, len(parameters))
+    assert shape.pulled_back(rows[:0]).shape == (0, len(parameters))
+    for row, slope in zip(rows, found, strict=True):
+        expected = torch.autograd.grad(
+            (by_formula * torch.tensor(row)).sum(), leaf, retain_graph=True
+        )
+        assert_same(slope, expected[0].numpy(), 1e-12)
+    idle = [3 * count, 3 * count + 1, 3 * count + 2, len(parameters) - 1]
+    assert (found[:, idle] == 0.0).all()
+
+
+def test_evaluations_go_with_their_last_reference(random_points) -> None:
+    """Tensors and what their gradients need hold each other in no circle."""
+    gc.disable()
+    try:
+        for center in (None, torch.zeros(3, dtype=torch.float64)):
+            rests = evaluate_rests(torch.tensor(random_points(1, 9), requires_grad=True), center)
+            value = rests.probabilities[0] + rests.facet_depths[0] + rests.center.sum()
+            assert value.requires_grad
+            seen = weakref.ref(rests)
+            del rests, value
+            assert seen() is None
+    finally:
+        gc.enable()

@@ -1,0 +1,192 @@
+"""The momentum model learned from throws: of real ones, and of a world that it knows exactly."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from common.inline_executor import Inline
+from common.thrown import compiled_only
+
+from dicedesign.errors import InputError
+from dicedesign.learning import random_throws
+from dicedesign.learning.random_dice import random_die
+from dicedesign.learning.random_throws import (
+    ThrownRandomDie,
+    deviation,
+    mean_deviations,
+    throw_random_dice,
+    throw_random_die,
+    training_die,
+)
+from dicedesign.learning.table_learning import learn_momentum, throws_of_die
+from dicedesign.runtime.executors import local_workers
+from dicedesign.throws.engines.engine import Engine
+from dicedesign.throws.momentum.momentum_model import MomentumModel, Network, Slopes, model_of
+from dicedesign.throws.momentum.momentum_odds import landing_odds, momentum_odds
+from dicedesign.throws.momentum.transition_features import CARRY_FEATURES, PASS_FEATURES
+from dicedesign.throws.release import drop_weights
+from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.simulation.simulation import Throws
+from dicedesign.throws.tables import Table, table_named
+
+TABLE = table_named("board-game")
+
+
+def network(features: int, outputs: int, bias: float) -> Network:
+    """One that gives the same for all but its first feature, on whose size the rate depends."""
+    linear = np.zeros((features, outputs))
+    linear[0, 0] = -0.5
+    return Network(
+        np.full(features, 0.1),
+        np.ones(features),
+        linear,
+        np.array([bias, *np.zeros(outputs - 1)]),
+        np.zeros((features, 1)),
+        np.zeros(1),
+        np.zeros((1, outputs)),
+    )
+
+
+def slope(features: int, outputs: int) -> np.ndarray:
+    """A livelier table is one of more passes, and of more that the first feature makes few."""
+    array = np.zeros((1 + features, outputs))
+    array[0, 0], array[1, 0] = 1.5, 0.5
+    return array
+
+
+TRUTH = MomentumModel(
+    np.log(0.12),
+    np.float64(2.0),
+    np.float64(1.0),
+    network(len(PASS_FEATURES), 4, -0.6),
+    network(len(CARRY_FEATURES), 3, -2.0),
+    Slopes(np.array([0.5, 0.0, 0.0]), slope(len(PASS_FEATURES), 4), slope(len(CARRY_FEATURES), 3)),
+)
+
+
+@pytest.fixture
+def known_world(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dice fall as `TRUTH` says, without chance."""
+    makers = {}
+
+    def make(number: int, seed: int, rests: tuple[int, int]) -> object:
+        die = random_die(number, seed, rests)
+        makers[die.body.name] = die.poses
+        return die
+
+    def throw(body: RigidBody, table: Table, drops: int, seed: int, *, engine: Engine) -> Throws:
+        model = TRUTH.at(table.restitution / TABLE.restitution - 1.0)
+        odds = momentum_odds(makers[body.name], body, model)
+        ends = np.round(np.cumsum(odds) * drops).astype(np.int64)
+        outcomes = np.repeat(np.arange(len(odds)), np.diff(ends, prepend=0))
+        return Throws(table, engine, seed, outcomes, drop_weights(drops, "uniform"), len(odds))
+
+    monkeypatch.setattr(random_throws, "random_die", make)
+    monkeypatch.setattr(random_throws, "simulate", throw)
+
+
+def test_a_world_that_is_the_model_is_learned(known_world: None) -> None:
+    dice: list[int] = []
+    losses: list[float] = []
+    found = learn_momentum(
+        TABLE, 32, 100_000, 0, 60, workers=Inline(), on_die=dice.append, on_loss=losses.append
+    )
+    assert dice == 32 * [1]
+    assert len(losses) >= 60
+    assert losses[-1] < 0.1 * losses[0]
+    assert (found.fitted.dice, found.held_out.dice, found.unresolved) == (28, 4, 0)
+    assert found.fitted.geometric > 0.1
+    assert found.fitted.momentum < 0.004
+    assert found.held_out.momentum < 0.006
+    assert found.held_out.geometric > 0.08
+
+
+@compiled_only
+def test_the_same_numbers_give_the_same_model_on_two_processes() -> None:
+    def learned(workers: Executor) -> object:
+        return learn_momentum(TABLE, 8, 40, 1, 2, workers=workers)
+
+    with local_workers(2) as workers:
+        assert learned(workers) == learned(Inline())
+
+
+def test_the_slopes_are_learned_too(known_world: None) -> None:
+    found = learn_momentum(TABLE, 32, 300_000, 0, 150, workers=Inline())
+    model, dice = model_of(found.plain), [random_die(number, 7) for number in range(5)]
+    for die in dice:
+        seen, true = (
+            momentum_odds(die.poses, die.body, one.at(0.2))
+            - momentum_odds(die.poses, die.body, one.at(-0.2))
+            for one in (model, TRUTH)
+        )
+        assert np.abs(true).sum() > 0.01
+        assert np.abs(seen - true).sum() < 0.3 * np.abs(true).sum()
+
+
+def test_every_eighth_die_is_held_out_and_thrown_more() -> None:
+    shared = [(0.0, 4), (0.2, 4), (-0.2, 4)]
+    found = [throws_of_die(TABLE, number, 10) for number in range(17)]
+    assert found == ([shared] * 7 + [[(0.0, 40)]]) * 2 + [shared]
+
+
+def test_a_table_changes_no_further_than_there_are_tables(known_world: None) -> None:
+    dead, lively, most = (replace(TABLE, restitution=value) for value in (0.0, 0.9, 0.95))
+    assert throws_of_die(dead, 0, 10) == [(0.0, 10)]
+    changes = [change for change, _ in throws_of_die(lively, 0, 10)]
+    assert changes == pytest.approx([0.0, 0.95 / 0.9 - 1.0, -0.2])
+    assert throws_of_die(most, 0, 10) == [(0.0, 5), (-0.2, 5)]
+    # Rounding makes 0.9 (0.95 / 0.9) more than 0.95.
+    assert learn_momentum(lively, 8, 30, 0, 1, workers=Inline()).fitted.dice == 7
+
+
+def test_a_training_die_has_its_frequencies_in_the_order_of_its_basins() -> None:
+    die = random_die(0, 0)
+    counts = np.round(1e9 * die.poses.probabilities).astype(np.int64)
+    found = training_die(ThrownRandomDie(0, die, counts, 0))
+    np.testing.assert_allclose(found.frequencies, found.seen.odds, atol=1e-8)
+    by_basin = landing_odds(found.seen, found.passes, TRUTH, np)
+    np.testing.assert_allclose(
+        np.sort(by_basin), np.sort(momentum_odds(die.poses, die.body, TRUTH)), atol=1e-12
+    )
+
+
+def test_deviations() -> None:
+    die = random_die(1, 0)
+    odds = momentum_odds(die.poses, die.body, TRUTH)
+    counts = np.round(1e9 * odds).astype(np.int64)
+    found = deviation(ThrownRandomDie(1, die, counts, 0), TRUTH)
+    assert found.momentum == pytest.approx(0.0, abs=1e-8)
+    expected = np.abs(odds - die.poses.probabilities).sum() / 2.0
+    assert found.geometric == pytest.approx(expected, abs=1e-7)
+    # De Moivre's mean absolute deviation for many throws.
+    floor = np.sqrt(odds * (1.0 - odds) / (2.0 * np.pi * 1e9)).sum()
+    assert found.noise_floor == pytest.approx(floor, rel=1e-3)
+    assert (found.kind, found.rests, found.drops) == (die.kind, len(odds), counts.sum())
+    both = mean_deviations([found, deviation(ThrownRandomDie(1, die, counts[::-1], 0), TRUTH)])
+    assert both.dice == 2
+    assert both.worst_momentum == pytest.approx(2.0 * both.momentum, abs=1e-7)
+
+
+@compiled_only
+def test_dice_are_thrown_alike_by_whoever_does() -> None:
+    livelier = replace(TABLE, restitution=0.78)
+    plan = [[(TABLE, 30)], [(livelier, 60), (TABLE, 60)]]
+    dice = list(throw_random_dice(plan, 4, Inline(), rests=(7, 13)))
+    drops = [[one.counts.sum() + one.unresolved for one in of_die] for of_die in dice]
+    assert drops == [[30], [60, 60]]
+    (alone,) = throw_random_die(1, 4, [(TABLE, 60)], (7, 13))
+    np.testing.assert_array_equal(alone.counts, dice[1][1].counts)
+    assert (dice[1][0].counts != alone.counts).any()
+
+
+def test_drops_that_never_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    def throw(body: RigidBody, table: Table, drops: int, seed: int, *, engine: Engine) -> Throws:
+        weights = drop_weights(drops, "uniform")
+        return Throws(table, engine, seed, np.full(drops, -1), weights, len(body.rest_heights))
+
+    monkeypatch.setattr(random_throws, "simulate", throw)
+    with pytest.raises(InputError, match=r"^table board-game: expected drops that come to rest"):
+        throw_random_die(0, 0, [(TABLE, 5)])

@@ -1,0 +1,508 @@
+"""A recipe of a concave die run end to end: with a made-up search what is written, told and kept,
+and with the real one what comes out."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+import yaml
+from check_outputs import check
+from common.dented_cube import MadeUpSearch, write_cube
+
+from dicedesign import rest_poses
+from dicedesign.cli.main import main
+from dicedesign.concave.result import ConcaveStep
+from dicedesign.errors import InputError, LabelRoomError, OutputError
+from dicedesign.recipe.concave_judging import make_input_surface
+from dicedesign.recipe.concave_run import run_concave_recipe
+from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.results.folder import RunResult
+
+PICTURES = ("rests", "before_after", "odds", "hull", "displacement", "energy")
+
+
+@pytest.fixture
+def recipe_path(tmp_path: Path) -> Path:
+    """Of a cube, which is a fair die whatever its dents."""
+    write_cube(tmp_path / "cube.obj")
+    path = tmp_path / "cube.yaml"
+    entries = {
+        "name": "cube",
+        "target": {"fair": 6},
+        "start": {"mesh": {"path": "cube.obj"}},
+        "method": "concave",
+        "size_mm": 40,
+    }
+    path.write_text(yaml.safe_dump(entries))
+    return path
+
+
+@pytest.fixture
+def search(monkeypatch: pytest.MonkeyPatch) -> MadeUpSearch:
+    """Takes the place of the real one."""
+    made_up = MadeUpSearch()
+    monkeypatch.setattr("dicedesign.recipe.concave_run.make_concave_die", made_up)
+    return made_up
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No pictures are drawn."""
+    monkeypatch.setattr(
+        "dicedesign.recipe.concave_figures.concave_figures",
+        lambda *arguments: dict.fromkeys(PICTURES, b"\x89PNG\r\n\x1a\n"),
+    )
+
+
+def run(path: Path, folder: Path, *changes: str, resume: bool = False) -> RunResult:
+    return run_concave_recipe(read_recipe(path, changes), folder, resume=resume)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_recipe_becomes_a_checked_die(
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch
+) -> None:
+    stages: list[str] = []
+    steps: list[tuple[int, str]] = []
+    recipe = read_recipe(recipe_path, ["engrave=true"])
+    result = run_concave_recipe(
+        recipe,
+        tmp_path / "new" / "die",
+        on_stage=stages.append,
+        on_step=lambda step: steps.append((step.attempt, step.stage)),
+    )
+    assert result.converged
+    summary = check(result.folder)
+    assert summary == json.loads(json.dumps(result.summary))
+    assert summary["message"].startswith("reached the tolerance; max |p - q| is ")
+    assert steps == [(k, stage) for k in (1, 2, 3) for stage in ("hull", "fill")]
+    assert [stage["name"] for stage in summary["stages"]] == stages
+    assert stages == [
+        "start", "design", "export", "check", "engrave", "summary", "figures", "report",
+    ]  # fmt: skip
+    assert set(summary["files"]) == {"die", "die_plain", "recipe", "report", "result", *PICTURES}
+    # The dents went from 0.1 to 0.13 in 6 of 14 points, where the side is 2.
+    assert summary["displacement"]["largest"] == pytest.approx(0.03 / np.sqrt(12.0))
+    assert summary["displacement"]["mean"] == pytest.approx(6 / 14 * 0.03 / np.sqrt(12.0))
+    assert summary["hull"]["gap"] < 1e-6
+    assert summary["rest_counts"] == [1] * 6
+    assert 0.0 < summary["engraved_max_abs_error"] < 0.002
+    assert summary["message"].endswith(" with the marks cut in")
+    assert read_recipe(result.folder / "recipe.yaml") == recipe
+    page = (result.folder / "report.html").read_text()
+    for name in ("before_after.png", "die_plain.stl", "max |p - q| is "):
+        assert name in page
+
+
+def test_the_verdict_is_that_of_the_file(
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
+) -> None:
+    """A search that says all is well, where the die is a box: its odds are those of its file."""
+    search.change = lambda points: points * [1.0, 1.1, 1.25]
+    result = run(recipe_path, tmp_path / "out")
+    assert result.status == "off_target"
+    assert not result.converged
+    summary = result.summary
+    mesh = trimesh.load_mesh(result.folder / "die_plain.stl")
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    poses = rest_poses(mesh)
+    outcome = np.argmax(poses.normals @ np.concatenate([np.eye(3), -np.eye(3)]).T, axis=1)
+    odds = np.empty(6)
+    odds[outcome] = poses.probabilities
+    np.testing.assert_allclose(summary["probabilities"], odds, atol=1e-12)
+    assert summary["max_abs_error"] == pytest.approx(np.abs(odds - 1 / 6).max(), abs=1e-12)
+    assert summary["max_abs_error"] > 0.02
+    assert "the odds of the outcomes are off by more than the tolerance" in result.message
+    # The hull was to be a cube; its corners are (1, 1, 1) from the middle, now (1, 1.1, 1.25).
+    assert "the surface does not fill the designed hull" in result.message
+    outside = 0.25 / (2.0 * np.sqrt(1.0 + 1.1**2 + 1.25**2))
+    assert summary["hull"]["gap"] >= outside - 1e-6
+    assert "this is the best of 3 attempts" in result.message
+
+
+def test_rests_that_are_no_outcome_are_told(
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
+) -> None:
+    changes = ["target={probabilities: [0.5, 0.25, 0.25]}", "method.concave.tolerance=0.4"]
+    result = run(recipe_path, tmp_path / "out", *changes)
+    assert result.status == "stray"
+    assert result.summary["elsewhere"] == pytest.approx(0.5)
+    assert "the die also rests elsewhere, more often than the tolerance" in result.message
+    assert "the tolerance is not below the smallest outcome, 0.25" in result.message
+    check(result.folder)
+
+
+def test_a_surface_that_meets_itself_did_not_converge(
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
+) -> None:
+    """Two opposite dents so deep that they go through each other."""
+
+    def push(points: np.ndarray) -> np.ndarray:
+        deep = points.copy()
+        deep[[8, 11], 0] *= -0.5
+        return deep
+
+    search.change = push
+    result = run(recipe_path, tmp_path / "out")
+    assert result.status == "self_intersecting"
+    assert result.summary["file_self_intersections"] > 0
+    assert any("meets itself" in sentence for sentence in result.summary["quality"])
+    assert any("meets itself" in note for note in result.notes)
+
+
+def test_a_surface_that_is_no_printable_solid_is_written_as_it_is(
+    recipe_path: Path,
+    tmp_path: Path,
+    search: MadeUpSearch,
+    quick: None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refused(surface: object) -> None:
+        raise InputError("printable solid: expected one piece of positive volume, got 2")
+
+    monkeypatch.setattr("dicedesign.recipe.concave_run.printable_solid", refused)
+    result = run(recipe_path, tmp_path / "out")
+    assert result.status == "unprintable"
+    assert result.notes == ("printable solid: expected one piece of positive volume, got 2",)
+    assert len(trimesh.load_mesh(result.folder / "die_plain.stl").vertices) == 14
+
+
+def test_files_of_a_former_run_that_do_not_belong_are_removed(
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
+) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    for name in ("die.stl", "bars.png", "gauss_map.png", "checkpoint.npz", "result.json", "mine"):
+        (folder / name).write_bytes(b"of an earlier run")
+    result = run(recipe_path, folder)
+    assert names(folder) == sorted(["mine", *result.summary["files"].values()])
+    assert "engraved_probabilities" not in result.summary
+    assert "engrave" not in [stage["name"] for stage in result.summary["stages"]]
+
+
+def test_marks_that_do_not_fit(
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
+) -> None:
+    """An error where the die is good; else one more remark on it."""
+    folder = tmp_path / "out"
+    with pytest.raises(LabelRoomError, match="min_height_mm"):
+        run(recipe_path, folder, "engrave=true", "size_mm=5")
+    assert names(folder) == ["checkpoint.npz"]
+    # The search needs not be done again.
+    search.attempted.clear()
+    assert run(recipe_path, folder, "engrave=true", "size_mm=50", resume=True).converged
+    assert search.attempted == []
+    search.change = lambda points: points * [1.0, 1.1, 1.25]
+    result = run(recipe_path, folder, "engrave=true", "size_mm=5")
+    assert result.status == "off_target"
+    assert "; not engraved: mark '" in result.message
+    assert "die.stl" not in names(folder)
+
+
+def test_an_outcome_without_a_side(
+    recipe_path: Path,
+    tmp_path: Path,
+    search: MadeUpSearch,
+    quick: None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    crowded = np.concatenate([np.eye(3), -np.eye(3)])
+    crowded[5] = [0.9, 0.43, 0.0] / np.hypot(0.9, 0.43)
+    monkeypatch.setattr("common.dented_cube.NORMALS", crowded)
+    monkeypatch.setattr(
+        "common.dented_cube.dented_cube", lambda depth: dented_cube_of_file(recipe_path)
+    )
+    result = run(recipe_path, tmp_path / "out", "engrave=true")
+    assert result.status == "off_target"
+    assert "1 outcomes have no side to rest on" in result.message
+    assert "not engraved: label '6': expected a side to rest on" in result.message
+    assert result.summary["rest_counts"][5] == 0
+
+
+def dented_cube_of_file(recipe_path: Path):
+    return make_input_surface(read_recipe(recipe_path))[0]
+
+
+# What is kept.
+
+
+def test_an_interrupted_search_goes_on_and_ends_as_if_it_had_not_been(
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
+) -> None:
+    whole = run(recipe_path, tmp_path / "whole").summary
+    search.attempted.clear()
+    folder = tmp_path / "out"
+    for done in (1, 2):
+        search.interrupt_after = done
+        with pytest.raises(KeyboardInterrupt, match=rf"^{done} attempts? done, the best is off by"):
+            run(recipe_path, folder, resume=done > 1)
+        assert names(folder) == ["checkpoint.npz"]
+    search.interrupt_after = None
+    parts = run(recipe_path, folder, resume=True).summary
+    assert search.attempted == [1, 2, 3]
+    assert "checkpoint.npz" not in names(folder)
+    for summary in (whole, parts):
+        del summary["stages"]
+    assert whole == parts
+
+
+def test_a_search_that_was_done_is_finished_at_once(
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
+) -> None:
+    """Limits may be others than before, and so may all that does not concern the search."""
+    folder = tmp_path / "out"
+    search.interrupt_after = 2
+    with pytest.raises(KeyboardInterrupt):
+        run(recipe_path, folder)
+    changes = ["method.concave.attempts=2", "method.concave.displacement=0.1", "size_mm=60"]
+    result = run(recipe_path, folder, *changes, resume=True)
+    assert result.converged
+    assert search.attempted == [1, 2]
+    assert result.summary["attempts"] == result.summary["attempt"] == 2
+    check(folder)
+
+
+@pytest.mark.parametrize(
+    ("change", "kind"),
+    [
+        ("target={probabilities: [0.5, 0.5]}", "target"),
+        ("seed=1", "seed"),
+        ("method.concave={fill: quadratic}", "method"),
+        ("method.concave={tolerance: 0.01}", "method"),
+        ("start={shape: gear}", "surface"),
+    ],
+)
+def test_a_checkpoint_of_another_search_is_refused(
+    change: str,
+    kind: str,
+    recipe_path: Path,
+    tmp_path: Path,
+    search: MadeUpSearch,
+) -> None:
+    folder = tmp_path / "out"
+    search.interrupt_after = 1
+    with pytest.raises(KeyboardInterrupt):
+        run(recipe_path, folder)
+    before = (folder / "checkpoint.npz").read_bytes()
+    with pytest.raises(InputError, match=f"expected a checkpoint of this {kind}, got"):
+        run(recipe_path, folder, change, resume=True)
+    assert (folder / "checkpoint.npz").read_bytes() == before
+    assert names(folder) == ["checkpoint.npz"]
+
+
+def test_an_interrupt_while_a_checkpoint_is_written_keeps_the_one_before(
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dicedesign.recipe import concave_run as concave_pipeline
+    from dicedesign.runtime import files
+
+    folder, calls = tmp_path / "out", []
+
+    def interrupted(path: Path, data: bytes) -> None:
+        calls.append(path)
+        if len(calls) == 2:
+            monkeypatch.setattr("os.replace", cut)
+        files.atomic_write(path, data)
+
+    def cut(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(concave_pipeline, "atomic_write", interrupted)
+    with pytest.raises(KeyboardInterrupt, match=r"^1 attempt done"):
+        run(recipe_path, folder)
+    assert names(folder) == ["checkpoint.npz"]
+    with np.load(io.BytesIO((folder / "checkpoint.npz").read_bytes())) as content:
+        assert json.loads(str(content["about"]))["attempts"] == 1
+
+
+def test_an_interrupt_while_results_are_written_keeps_the_search(
+    recipe_path: Path,
+    tmp_path: Path,
+    search: MadeUpSearch,
+    quick: None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from dicedesign.results import folder as results
+    from dicedesign.runtime import files
+
+    folder = tmp_path / "out"
+
+    def interrupted(path: Path, data: bytes) -> None:
+        if path.name == "report.html":
+            raise KeyboardInterrupt
+        files.atomic_write(path, data)
+
+    monkeypatch.setattr(results, "atomic_write", interrupted)
+    with pytest.raises(KeyboardInterrupt, match=r"^3 attempts done"):
+        run(recipe_path, folder)
+    assert "result.json" not in names(folder)
+    monkeypatch.setattr(results, "atomic_write", files.atomic_write)
+    search.attempted.clear()
+    assert run(recipe_path, folder, resume=True).converged
+    assert search.attempted == []
+
+
+def test_an_interrupt_before_anything_is_kept_says_no_more_than_that(
+    recipe_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*arguments: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("dicedesign.recipe.concave_run.make_concave_die", interrupted)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        run(recipe_path, tmp_path / "out")
+    assert str(caught.value) == ""
+    assert names(tmp_path / "out") == []
+
+
+def test_an_error_of_the_search_leaves_no_new_folder(
+    recipe_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*arguments: object, **options: object) -> None:
+        raise InputError("target: expected at most 6 outcomes, got 9; take fewer")
+
+    monkeypatch.setattr("dicedesign.recipe.concave_run.make_concave_die", refused)
+    with pytest.raises(InputError, match="at most 6"):
+        run(recipe_path, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+    (tmp_path / "old").mkdir()
+    with pytest.raises(InputError, match="at most 6"):
+        run(recipe_path, tmp_path / "old")
+    assert names(tmp_path / "old") == []
+
+
+def test_a_folder_that_cannot_be_made(
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch
+) -> None:
+    with pytest.raises(OutputError, match=r"folder that can be written.*--out"):
+        run(recipe_path, recipe_path / "die")
+    assert search.attempted == []
+
+
+# From the command line.
+
+
+def test_the_command_line_prints_the_odds_and_what_was_moved(
+    recipe_path: Path,
+    tmp_path: Path,
+    search: MadeUpSearch,
+    quick: None,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = str(tmp_path / "out")
+    assert main(["run", str(recipe_path), "--out", out]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    lines = captured.out.splitlines()
+    assert lines[0].startswith("cube: converged (reached the tolerance; max |p - q| is ")
+    assert lines[1:3] == ["label  target      achieved", "    1  0.16667     0.16667"]
+    assert lines[8].split() == ["other", "0.0000", "0.0000"]
+    assert lines[9] == "displacement: mean 0.371 %, largest 0.866 % of the diagonal"
+    search.change = lambda points: points * [1.0, 1.1, 1.25]
+    assert main(["run", str(recipe_path), "--out", out]) == 1
+    assert capsys.readouterr().out.startswith("cube: off_target (")
+
+
+def test_an_interrupt_is_one_line_that_says_how_to_go_on(
+    recipe_path: Path,
+    tmp_path: Path,
+    search: MadeUpSearch,
+    quick: None,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    arguments = ["run", str(recipe_path), "--out", str(tmp_path / "out")]
+    search.interrupt_after = 2
+    assert main(arguments) == 130
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == (
+        "",
+        "dicedesign: interrupted; 2 attempts done, the best is off by 0.00e+00, its mean "
+        "displacement 2 % of the diagonal; run it again with --resume to go on\n",
+    )
+    search.leads_nowhere = True
+    assert main(arguments) == 130
+    assert "; 2 attempts done, none led to a die yet; run it" in capsys.readouterr().err
+    search.leads_nowhere = False
+    search.interrupt_after = None
+    assert main([*arguments, "--resume"]) == 0
+    assert search.attempted == [1, 2, 1, 2, 3]
+    capsys.readouterr()
+    assert main([*arguments, "--resume"]) == 2
+    assert "got none; run without --resume to begin" in capsys.readouterr().err
+
+
+# The surface.
+
+
+def surface_recipe(tmp_path: Path, *changes: str) -> Recipe:
+    path = tmp_path / "r.yaml"
+    path.write_text("name: r\ntarget: {fair: 3}\nstart: {shape: knot}\nmethod: concave\n")
+    return read_recipe(path, changes)
+
+
+@pytest.mark.parametrize("points", [400, 5000])
+def test_a_surface_is_brought_to_a_number_of_points(points: int, tmp_path: Path) -> None:
+    surface, notes = make_input_surface(surface_recipe(tmp_path))
+    assert notes == ()
+    changed, notes = make_input_surface(surface_recipe(tmp_path, f"method.concave.points={points}"))
+    assert len(notes) == 1
+    assert notes[0].startswith("decimated" if points < len(surface.points) else "refined")
+    # Even triangles are cut all at once.
+    assert 0.9 * points < len(changed.points) < (1.4 if points == 400 else 2.0) * points
+    assert changed.volume == pytest.approx(surface.volume, rel=0.03)
+
+
+def test_what_was_repaired_is_told(
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
+) -> None:
+    mesh = tmp_path / "cube.obj"
+    lines = mesh.read_text().splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("f "))
+    a, b, c = lines[first].split()[1:]
+    lines[first] = f"f {a} {c} {b}"
+    lines.insert(first, "v 9 9 9")
+    mesh.write_text("\n".join(lines) + "\n")
+    result = run(recipe_path, tmp_path / "out")
+    assert result.notes == (
+        "ignored 1 points that are on no triangle",
+        "reversed 1 triangles that were wound against their neighbors",
+    )
+    assert result.summary["notes"] == list(result.notes)
+
+
+# The real search.
+
+
+def test_a_knot_becomes_a_loaded_die_interrupted_or_not(tmp_path: Path, quick: None) -> None:
+    path = tmp_path / "knot.yaml"
+    path.write_text(
+        "name: knot\ntarget: {probabilities: [0.5, 0.3, 0.2]}\nstart: {shape: knot}\n"
+        "method: {concave: {points: 300, attempts: 2, displacement: 1e-3, seconds: 600}}\n"
+    )
+    whole, parts, steps = tmp_path / "whole", tmp_path / "parts", []
+
+    def interrupt(step: ConcaveStep) -> None:
+        steps.append(step)
+        if step.attempt == 2:
+            raise KeyboardInterrupt
+
+    result = run(path, whole)
+    assert result.converged, result.message
+    assert result.summary["attempts"] == 2
+    assert result.summary["displacement"]["mean"] < 0.05
+    check(whole)
+    with pytest.raises(KeyboardInterrupt, match=r"^1 attempt done, the best is off by "):
+        run_concave_recipe(read_recipe(path), parts, on_step=interrupt)
+    assert {step.stage for step in steps} == {"hull", "fill"}
+    run(path, parts, resume=True)
+    assert (parts / "die_plain.stl").read_bytes() == (whole / "die_plain.stl").read_bytes()

@@ -1,0 +1,52 @@
+"""Tables against what came up with real dice."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from common.paths import DATA
+from common.thrown import box, compiled_only, published_only, thrown
+
+from dicedesign.throws.counts.table_check import check_table
+from dicedesign.throws.counts.throw_counts import ThrownDie, read_throw_counts
+from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.statistics.goodness_of_fit import chi_square, two_sample_chi_square
+from dicedesign.throws.tables import Table, table_named
+
+THROWS = DATA / "published/throws.csv"
+DEAD = Table("dead", 0.0, 0.5, 0.03, 0.0, 0.0)
+
+
+@compiled_only
+def test_a_die_thrown_on_the_same_table() -> None:
+    """Sides of a box that was dropped without a bounce, and one that nobody counts."""
+    body, poses = thrown(box(1.0, 1.2, 1.4))
+    sides = np.abs(poses.normals).argmax(axis=1)
+    groups = np.where(poses.normals[:, 2] > 0.5, -1, sides)
+    seen = simulate(body, DEAD, 600, seed=1).counts
+    real = np.array([seen[groups == side].sum() for side in range(3)])
+    odds = np.array([0.1, 0.2, 0.7])
+    die = ThrownDie("box", body, 0.03, ("x", "y", "z"), real, odds, groups, poses)
+    told: list[int] = []
+    (check,) = check_table([die], DEAD, 700, 2, progress=told.append)
+    assert sum(told) == 700
+    assert check.unresolved == 0
+    same = simulate(body, Table("dead", 0.0, 0.5, 0.03, 0.0, 0.0, size=0.03), 700, seed=2).counts
+    wanted = [same[groups == side].sum() for side in range(3)]
+    assert check.simulated.tolist() == wanted
+    assert check.odds.sum() == pytest.approx(1.0)
+    assert check.chi_square == two_sample_chi_square(real, wanted)
+    assert check.chi_square.p_value > 0.01
+    assert check.exact.p_value > 0.005
+    assert check.geometric == chi_square(real, [0.1, 0.2, 0.7])
+    assert check.geometric.p_value < 1e-9
+
+
+@compiled_only
+@published_only
+def test_no_published_die_rejects_the_board_game() -> None:
+    """While the odds without momentum are rejected by the printed 2d6."""
+    dice = read_throw_counts(THROWS, ["binomial2", "binomial3", "2d6_hendecahedron"])
+    checks = check_table(dice, table_named("board-game"), 4000, 12)
+    assert all(check.chi_square.p_value > 0.05 for check in checks)
+    assert [check.geometric.p_value > 0.05 for check in checks] == [True, True, False]

@@ -1,0 +1,195 @@
+"""Files of counts of several dice."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from common.paths import DATA
+
+from dicedesign.errors import InputError
+from dicedesign.throws.counts.throw_counts import read_throw_counts
+
+PUBLISHED = DATA / "published"
+
+needs_published = pytest.mark.skipif(
+    not PUBLISHED.exists(), reason="the published dice are not beside this checkout"
+)
+
+HEADER = "die,mesh,outcome,throws,geometric\n"
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Path:
+    path = tmp_path / "box.obj"
+    trimesh.creation.box((1.0, 1.2, 1.5)).export(path)
+    return path
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """What a run leaves of a box with three labels, one of them on a facet it calls a slope."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    trimesh.creation.box((10.0, 12.0, 15.0)).export(folder / "plain.stl")
+    normals = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
+    labels = ["x", "x", "y", "y", None, "z"]
+    facets = [{"label": a, "normal": n} for a, n in zip(labels, normals, strict=True)]
+    result = {
+        "status": "converged",
+        "labels": ["x", "y", "z", "w"],
+        "target": [0.25] * 4,
+        "files": {"die_plain": "plain.stl"},
+        "center_of_mass": [0.0, 0.0, 1.0],
+        "facets": facets,
+    }
+    (folder / "result.json").write_text(json.dumps(result))
+    return folder
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "throws.csv"
+    path.write_text(text)
+    return path
+
+
+@needs_published
+def test_the_published_dice() -> None:
+    names = ["binomial2", "binomial3", "2d6_hendecahedron"]
+    dice = read_throw_counts(PUBLISHED / "throws.csv", names)
+    assert [die.name for die in dice] == names
+    two, three, many = dice
+    # The middle outcome of the first is a facet that is broken in two by 0.7 degrees.
+    assert two.labels == ("1", "0 or 2")
+    assert two.counts.tolist() == [49, 51]
+    assert two.group_of_rest.tolist() == [1, 1, 0, 0]
+    assert three.labels == ("1 or 2", "0 or 3")
+    assert three.counts.tolist() == [255, 74]
+    assert many.labels == ("7", "6 or 8", "5 or 9", "4 or 10", "3 or 11", "2 or 12")
+    assert many.counts.tolist() == [105, 189, 197, 100, 60, 13]
+    wanted = np.array([6, 10, 8, 6, 4, 2]) / 36.0
+    assert many.geometric == pytest.approx(wanted, abs=4e-3)
+    assert many.by_outcome(np.arange(11)).tolist() == [0, 3, 7, 11, 15, 19]
+    assert all(die.size is None for die in dice)
+
+
+@needs_published
+def test_published_dice_that_are_not_uniform(tmp_path: Path) -> None:
+    """The armadillo's hull has the published odds about the published center of mass only."""
+    with pytest.raises(InputError, match=r"die armadillo_d3: .* center of mass in a column com"):
+        read_throw_counts(PUBLISHED / "throws.csv", ["armadillo_d3"])
+    hull = PUBLISHED / "hulls" / "armadillo_d3_hull.obj"
+    center = (PUBLISHED / "hulls" / "armadillo_d3_com.txt").read_text().strip()
+    rows = [f"a,{hull},{i + 1},{n},{p},{center}" for i, (n, p) in enumerate(ARMADILLO)]
+    path = written(tmp_path, HEADER.strip() + ",com\n" + "\n".join(rows))
+    (die,) = read_throw_counts(path)
+    assert die.labels == ("1 or 2", "3")
+    assert die.counts.tolist() == [224, 106]
+    assert die.geometric == pytest.approx([0.68, 0.32], abs=5e-3)
+
+
+ARMADILLO = ((109, 0.34), (115, 0.34), (106, 0.32))
+
+
+def test_a_mesh(box: Path, tmp_path: Path) -> None:
+    """Other columns and empty lines do not matter, nor blanks; sizes are in millimetres."""
+    text = "note,die,mesh,outcome,throws,geometric,size_mm\n"
+    odds = _odds(box)
+    for i, name in enumerate("ABCDEF"):
+        text += f"x, b ,{box.name},{name}, {i + 1} ,{odds[i]},16\n\n"
+    (die,) = read_throw_counts(written(tmp_path, text))
+    assert die.labels == ("A or B", "C or D", "E or F")
+    assert die.counts.tolist() == [3, 7, 11]
+    assert die.size == 0.016
+    assert die.geometric == pytest.approx([odds[0] * 2, odds[2] * 2, odds[4] * 2])
+
+
+def _odds(box: Path) -> np.ndarray:
+    """Of a box's sides without momentum, from the solid angles of its spherical caps: here from
+    `dicedesign rest`, which other tests prove."""
+    from dicedesign.geometry.meshes.reading import read_body
+    from dicedesign.rest.poses import rest_poses
+
+    return rest_poses(read_body(box)).probabilities
+
+
+def test_a_run(run: Path, tmp_path: Path) -> None:
+    """Its labels say which facet is which, its size is in millimetres, and it needs no odds."""
+    text = "die,mesh,outcome,throws\nb,run,z,5\nb,run,x,7\nb,run,y,9\n"
+    (die,) = read_throw_counts(written(tmp_path, text))
+    assert die.labels == ("z", "x", "y")
+    assert die.counts.tolist() == [5, 7, 9]
+    assert die.size == pytest.approx(2e-3 * np.linalg.norm([5.0, 6.0, 8.5]), rel=1e-6)
+    normals = die.body.rest_normals @ die.body.axes.T
+    for normal, group in zip(normals.round(6).tolist(), die.group_of_rest.tolist(), strict=True):
+        axis = int(np.abs(normal).argmax())
+        assert group == (-1 if axis == 2 and normal[2] > 0 else (1, 2, 0)[axis])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "expected the columns die, mesh, outcome, throws, each once, got none"),
+        ("die,mesh,throws\n", "got die, mesh, throws; write them on the first line"),
+        (HEADER, "expected a line for each outcome, got none"),
+        (HEADER + "b,box.obj,1,2\n", "line 2: expected 5 entries, got 4"),
+        (HEADER + "b,box.obj,1,2.5,0.4\n", "line 2: expected a whole number of throws"),
+        (HEADER + "b,box.obj,1,-2,0.4\n", "line 2: expected a whole number of throws"),
+        (HEADER + "b,box.obj,1,0,0.4\n", "expected throws of 'b', got none"),
+        (HEADER + "b,box.obj,1,2,0.4\nb,box.obj,1,2,0.4\n", "line 3: expected each outcome of 'b'"),
+        (HEADER + "b,box.obj,1,2,0.4\nb,x.obj,2,2,0.4\n", "expected the mesh of the other lines"),
+        (HEADER + "b,none.obj,1,2,0.4\n", "none.obj: no such file"),
+        (HEADER + "b,box.obj,1,2,often\n", "line 2: expected a finite number as geometric"),
+        (HEADER + "b,box.obj,1,2,0.9\nb,box.obj,2,3,0.1\n", "expected rests with the geometric"),
+        ("die,mesh,outcome,throws\nb,box.obj,1,2\n", "expected a column geometric"),
+        ("die,mesh,outcome,throws\nb,run,q,2\n", r"expected a label of the die \(x, y, z, w\)"),
+        ("die,mesh,outcome,throws\nb,run,x,2\n", "expected two outcomes or more of 'b', got x"),
+        ("die,mesh,outcome,throws\nb,run,x,2\nb,run,w,1\n", "expected a stable facet with the"),
+        ("die,mesh,outcome,throws\nb,.,x,2\n", "result.json: expected status, labels"),
+    ],
+)
+def test_files_that_cannot_be_used(
+    box: Path, run: Path, tmp_path: Path, text: str, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        read_throw_counts(written(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("com", "size", "message"),
+    [
+        ("", "0", "line 2: expected a size_mm of 0.1 to 10000, got '0'; correct it"),
+        ("", "-16", "line 2: expected a size_mm of 0.1 to 10000, got '-16'"),
+        ("", "1e9", "line 2: expected a size_mm of 0.1 to 10000, got '1e9'"),
+        ("", "nan", "line 2: expected a finite number as size_mm, got 'nan'"),
+        ("0 0", "", "line 2: expected three numbers x y z as com, got '0 0'; correct it"),
+        ("0 0 0 0", "", "line 2: expected three numbers x y z as com, got '0 0 0 0'"),
+        ("0 inf 0", "", "line 2: expected a finite number as com, got 'inf'"),
+        ("9 0 0", "", r"throws.csv, line 2: center of mass: expected a point strictly inside"),
+    ],
+)
+def test_sizes_and_centers_that_cannot_be(
+    box: Path, tmp_path: Path, com: str, size: str, message: str
+) -> None:
+    rows = [f"b,{box.name},{i},2,{p},{com},{size}\n" for i, p in enumerate(_odds(box))]
+    with pytest.raises(InputError, match=message):
+        read_throw_counts(written(tmp_path, HEADER.strip() + ",com,size_mm\n" + "".join(rows)))
+
+
+def test_a_run_whose_center_is_outside(run: Path, tmp_path: Path) -> None:
+    path = run / "result.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "center_of_mass": [0, 0, 8]}))
+    text = "die,mesh,outcome,throws\nb,run,z,5\nb,run,x,7\n"
+    with pytest.raises(InputError, match=r"run: center of mass: expected a point strictly inside"):
+        read_throw_counts(written(tmp_path, text))
+
+
+def test_unknown_die_and_unreadable_file(box: Path, tmp_path: Path) -> None:
+    path = written(tmp_path, HEADER + "b,box.obj,1,2,0.4\n")
+    with pytest.raises(InputError, match="expected a die 'c', got b; take one of them"):
+        read_throw_counts(path, ["c"])
+    with pytest.raises(InputError, match="expected a CSV file of throws in UTF-8, but No such"):
+        read_throw_counts(tmp_path / "none.csv")

@@ -1,0 +1,77 @@
+"""The package's own engine against MuJoCo, throw by throw and by frequency."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+from common.thrown import OCTAHEDRON, alike, compiled_only, random_body, random_points, thrown
+
+from dicedesign.errors import InputError
+from dicedesign.throws.engines.contact import contact_of
+from dicedesign.throws.engines.mujoco_engine import _scene, throw_states
+from dicedesign.throws.engines.native import advance
+from dicedesign.throws.release import released
+from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.tables import Table, table_named
+
+BOARD, CARPET, PAPER = (table_named(name) for name in ("board-game", "carpet", "paper"))
+
+
+def let_go(body: RigidBody, table: Table, drops: int) -> np.ndarray:
+    return released(body, table, np.arange(drops), "uniform", np.random.default_rng(0))
+
+
+@compiled_only
+@pytest.mark.parametrize("table", [BOARD, PAPER])
+@pytest.mark.parametrize("points", [OCTAHEDRON * [1.0, 1.1, 1.2], random_points(1)])
+def test_throw_by_throw(table: Table, points: np.ndarray) -> None:
+    """Most to 1e-5 until well after the first impacts: MuJoCo rounds corners to 24 bits, and
+    differs where more of them touch than it looks for."""
+    mujoco = pytest.importorskip("mujoco", reason="the extra 'throws' is not installed")
+    body, _ = thrown(points)
+    contact = contact_of(table)
+    model = mujoco.MjModel.from_xml_string(_scene(body, table, contact))
+    data = mujoco.MjData(model)
+    states = let_go(body, table, 20)
+    steps = round((np.sqrt(2.0 * table.height / 9.81) + 0.02) / contact.step)
+    bounced, errors = [], []
+    for state in states:
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:] = state[:7], state[7:]
+        mujoco.mj_step(model, data, steps)
+        ours = state[None].copy()
+        advance(body, table, ours, steps)
+        bounced.append(np.abs(ours[0, 10:] - state[10:]).max() > 1.0)
+        turn = ours[0, 3:7] * np.sign(ours[0, 3:7] @ data.qpos[3:])
+        errors.append(
+            max(
+                np.abs(ours[0, :3] - data.qpos[:3]).max() / (table.size / 2.0),
+                np.abs(turn - data.qpos[3:]).max(),
+                np.abs(ours[0, 7:10] - data.qvel[:3]).max(),
+                np.abs(ours[0, 10:] - data.qvel[3:]).max() / 100.0,
+            )
+        )
+    assert all(bounced)
+    assert np.median(errors) < 2e-6
+    assert np.quantile(errors, 0.75) < 1e-5
+
+
+@compiled_only
+@pytest.mark.parametrize(("table", "drops"), [(BOARD, 150), (CARPET, 150)])
+def test_frequencies(table: Table, drops: int) -> None:
+    pytest.importorskip("mujoco", reason="the extra 'throws' is not installed")
+    body, _ = random_body(1)
+    ours = simulate(body, table, 2000, 1).counts
+    theirs = simulate(body, table, drops, 2, engine="mujoco")
+    assert theirs.unresolved == 0
+    assert alike(ours, theirs.counts) > 1e-3
+
+
+def test_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    body, _ = random_body(1)
+    with pytest.raises(InputError, match=r"engine mujoco: expected the optional extra 'throws'"):
+        throw_states(body, BOARD, let_go(body, BOARD, 1))

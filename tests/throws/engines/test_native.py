@@ -1,0 +1,351 @@
+"""The package's own engine: free flight, bounces, odds by symmetry and without momentum, and ends
+that hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from common.thrown import (
+    OCTAHEDRON,
+    alike,
+    box,
+    compiled_only,
+    fits,
+    random_body,
+    random_points,
+    thrown,
+    turn_down,
+)
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from dicedesign.errors import InputError
+from dicedesign.kernels import ops as kernels
+from dicedesign.throws.engines.contact import GRAVITY, contact_of
+from dicedesign.throws.engines.native import advance, throw_states
+from dicedesign.throws.release import released
+from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.tables import TABLE_NAMES, Table, table_named
+
+BOARD, WOOD, CARPET = (table_named(name) for name in ("board-game", "hard-wood", "carpet"))
+
+TALL = replace(BOARD, height=10.0, restitution=0.95)
+"""On which spin is integrated so that its energy stays."""
+
+
+def turn_of(states: np.ndarray) -> np.ndarray:
+    """Matrices (n, 3, 3) from principal axes to the world."""
+    return Rotation.from_quat(np.roll(states[:, 3:7], -1, axis=1)).as_matrix()
+
+
+def let_go(body: RigidBody, table: Table, drops: int, seed: int = 0) -> np.ndarray:
+    return released(body, table, np.arange(drops), "uniform", np.random.default_rng(seed))
+
+
+def flown(body: RigidBody, table: Table, seconds: float, refinement: float) -> tuple:
+    """States before and after a flight high above the table."""
+    before = let_go(body, table, 20)
+    before[:, 2] = 1000.0
+    after = before.copy()
+    steps = round(seconds / contact_of(table).step * refinement)
+    rests, taken = advance(body, table, after, steps, refinement)
+    assert (rests == -1).all()
+    assert (taken == steps).all()
+    return before, after, steps * contact_of(table, refinement).step
+
+
+@compiled_only
+def test_a_symmetric_top_in_flight() -> None:
+    """Without torque the spin turns about the axis of symmetry, in the body's frame."""
+    body, _ = thrown(box(1.0, 1.0, 2.0))
+    along, across = body.moments[0], body.moments[1]
+    assert body.moments[2] == pytest.approx(across)
+    errors = []
+    for refinement in (1.0, 4.0):
+        before, after, seconds = flown(body, WOOD, 0.3, refinement)
+        angle = (across - along) / across * before[:, 10] * seconds
+        cosine, sine = np.cos(angle), np.sin(angle)
+        w = before[:, 10:]
+        expected = np.stack(
+            [w[:, 0], cosine * w[:, 1] + sine * w[:, 2], cosine * w[:, 2] - sine * w[:, 1]], axis=1
+        )
+        errors.append(np.abs(after[:, 10:] - expected).max() / WOOD.spin)
+    assert errors[0] < 5e-3
+    assert errors[1] < 0.3 * errors[0]
+
+
+@compiled_only
+def test_energy_and_angular_momentum_in_flight() -> None:
+    body, _ = thrown(random_points(2))
+    drifts = []
+    for refinement in (1.0, 4.0):
+        before, after, seconds = flown(body, WOOD, 0.3, refinement)
+        fallen = before[:, 9] * seconds - 0.5 * GRAVITY * seconds**2
+        np.testing.assert_allclose(after[:, 2] - before[:, 2], fallen, rtol=1e-3)
+        np.testing.assert_allclose(after[:, 7:9], before[:, 7:9])
+        spins = [
+            np.einsum("nij,nj->ni", turn_of(state), state[:, 10:] * body.moments)
+            for state in (before, after)
+        ]
+        energies = [(state[:, 10:] ** 2) @ body.moments for state in (before, after)]
+        drifts.append(
+            (
+                np.abs(spins[1] - spins[0]).max() / np.abs(spins[0]).max(),
+                np.abs(energies[1] / energies[0] - 1.0).max(),
+            )
+        )
+    assert max(drifts[0]) < 1e-2
+    assert max(drifts[1]) < 0.3 * max(drifts[0])
+
+
+def spin_energies(body: RigidBody, states: np.ndarray) -> np.ndarray:
+    """Twice those of a body of unit radius and mass, (n,)."""
+    return states[:, 10:] ** 2 @ body.moments
+
+
+@compiled_only
+@pytest.mark.parametrize("points", [box(1.0, 1.2, 1.5), box(0.3, 1.0, 2.0), random_points(1)])
+def test_a_fast_spin_in_a_long_flight(points: np.ndarray) -> None:
+    """300 rad against Euler's equations by another method, whose solution is approached with the
+    square of the step."""
+    body, _ = thrown(points)
+    a, b, c = body.moments
+    table = replace(TALL, spin=1000.0)
+    errors = []
+    for refinement in (1.0, 4.0):
+        before, after, seconds = flown(body, table, 0.3, refinement)
+        np.testing.assert_allclose(
+            spin_energies(body, after), spin_energies(body, before), rtol=1e-4
+        )
+        first, last = (
+            np.einsum("nij,nj->ni", turn_of(state), state[:, 10:] * body.moments)
+            for state in (before, after)
+        )
+        np.testing.assert_allclose(last, first, rtol=1e-9, atol=1e-9 * table.spin)
+        found = [
+            solve_ivp(
+                lambda _, w: (
+                    (b - c) / a * w[1] * w[2],
+                    (c - a) / b * w[2] * w[0],
+                    (a - b) / c * w[0] * w[1],
+                ),
+                (0.0, seconds),
+                state[10:],
+                method="DOP853",
+                rtol=1e-11,
+                atol=1e-8,
+            ).y[:, -1]
+            for state in before[:4]
+        ]
+        errors.append(np.abs(after[:4, 10:] - found).max() / table.spin)
+    assert errors[0] < 5e-3
+    assert errors[1] < 0.08 * errors[0]
+
+
+@compiled_only
+def test_spin_keeps_its_energy_between_bounces() -> None:
+    """Throughout throws, in which it is thrown from one axis to another."""
+    body, _ = thrown(box(1.0, 1.2, 1.5))
+    states = let_go(body, TALL, 3)
+    contact = contact_of(TALL)
+    steps = 64
+    # Of a die that is as high before and after so many steps, and did not touch the table between.
+    safe = TALL.size / 2.0 + np.sqrt(2.0 * GRAVITY * TALL.height) * steps * contact.step
+    begun = np.full(len(states), np.nan)
+    rests = np.full(len(states), -1)
+    flights, drift = 0, 0.0
+    while (rests < 0).any():
+        rests, _ = advance(body, TALL, states, steps)
+        energies = spin_energies(body, states)
+        flies = states[:, 2] > safe
+        starts = flies & np.isnan(begun)
+        flights += int(np.count_nonzero(starts))
+        begun[starts] = energies[starts]
+        begun[~flies] = np.nan
+        drift = max(drift, np.abs(energies[flies] / begun[flies] - 1.0).max(initial=0.0))
+    assert flights > 30
+    assert drift < 1e-3
+
+
+@compiled_only
+@pytest.mark.parametrize(
+    ("body", "table", "drops"),
+    [
+        (thrown(box(1.0, 1.2, 1.5))[0], TALL, 12),
+        (thrown(box(1.0, 1.2, 1.5))[0], replace(BOARD, height=100.0, restitution=0.8), 4),
+        (random_body(1)[0], replace(BOARD, height=1.0, restitution=0.95, friction=1.0), 24),
+        (thrown(box(1.0, 1.3, 6.0))[0], WOOD, 200),
+    ],
+    ids=["lively", "tall", "rough", "slender"],
+)
+def test_throws_that_fly_long_or_spin_fast_come_to_rest(
+    body: RigidBody, table: Table, drops: int
+) -> None:
+    """With MuJoCo's steps alone most of these would spin without end."""
+    states = let_go(body, table, drops)
+    contact = contact_of(table)
+    rests, taken = advance(body, table, states, round(contact.seconds / contact.step))
+    assert np.isfinite(states).all()
+    assert (rests >= 0).all()
+    assert taken.max() * contact.step < 0.9 * contact.seconds
+
+
+@compiled_only
+@pytest.mark.parametrize("entry", [2, 3, 9, 12])
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_a_motion_that_is_not_finite_ends(entry: int, number: float) -> None:
+    body, _ = random_body(1)
+    states = let_go(body, BOARD, 3)
+    states[1, entry] = number
+    rests, taken = advance(body, BOARD, states, 400)
+    assert rests.tolist() == [-1, -1, -1]
+    assert taken.tolist() == [400, 16, 400]
+
+
+@pytest.mark.parametrize("name", TABLE_NAMES)
+def test_tables_that_come_with_the_package_have_the_steps_of_mujoco(name: str) -> None:
+    """As do those with a restitution higher by a fifth, onto which dice are thrown as well: for all
+    spin that a throw can have."""
+    table = table_named(name)
+    for changed in (table, replace(table, restitution=1.2 * table.restitution)):
+        radius = table.size / 2.0
+        total = GRAVITY * (table.height + 2.0 * radius) + table.speed**2 / 2.0
+        assert contact_of(changed).explicit_energy > total + (table.spin * radius) ** 2 / 2.0
+    assert contact_of(TALL).explicit_energy == 0.0
+
+
+@compiled_only
+@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8])
+def test_a_ball_bounces(restitution: float) -> None:
+    """An octahedron that falls straight onto a vertex keeps that part of its speed, and comes up to
+    its square of the height."""
+    body, _ = thrown(OCTAHEDRON)
+    table = replace(BOARD, restitution=restitution, speed=0.0, spin=0.0)
+    state = let_go(body, table, 1)
+    state[0, 3:7] = turn_down(body.vertices[0])
+    radius = table.size / 2.0
+    state[0, 2] = table.height + radius
+    fall = np.sqrt(2.0 * table.height / GRAVITY)
+    finer = 16.0
+    before = round(0.99 * fall / contact_of(table, finer).step)
+    advance(body, table, state, before, finer)
+    assert state[0, 9] < 0.0
+    while state[0, 9] < 0.0 or state[0, 2] < radius:
+        advance(body, table, state, 1, finer)
+    top = state[0, 2] - radius + state[0, 9] ** 2 / 2.0 / GRAVITY
+    assert np.sqrt(top / table.height) == pytest.approx(restitution, abs=0.008)
+
+
+@compiled_only
+@pytest.mark.parametrize("table", [BOARD, WOOD])
+def test_what_a_body_cannot_miss_it_does_not(table: Table) -> None:
+    """Throws go on after their rest is certain, and end at no other."""
+    for seed in (1, 4):
+        body, _ = random_body(seed)
+        states = let_go(body, table, 80)
+        rests, _ = advance(body, table, states, 100_000)
+        assert (rests >= 0).all()
+        for _ in range(100):
+            # Until it is looked at again. Steps of finite length may lift its energy for a moment.
+            again, _ = advance(body, table, states, 16)
+            assert ((again == rests) | (again == -1)).all()
+        np.testing.assert_array_equal(again, rests)
+
+
+@compiled_only
+def test_a_throw_in_parts_is_the_same_throw() -> None:
+    body, _ = random_body(3)
+    whole = let_go(body, BOARD, 50)
+    parts = whole.copy()
+    advance(body, BOARD, whole, 2000)
+    for _ in range(4):
+        advance(body, BOARD, parts, 500)
+    going = np.abs(whole - parts).max(axis=1)
+    assert np.median(going) < 1e-6
+
+
+@compiled_only
+@pytest.mark.parametrize("name", TABLE_NAMES)
+def test_vertices_far_from_the_table_are_safely_left_out(name: str) -> None:
+    """Of 400 vertices most are looked at once in many steps. A throw that is taken up anew at every
+    step, and so looks at all of them, is the same throw."""
+    points = np.random.default_rng(6).normal(size=(400, 3))
+    body, _ = thrown(points / np.linalg.norm(points, axis=1)[:, None] * [1.0, 0.9, 0.8])
+    assert len(body.vertices) == 400
+    table = table_named(name)
+    listed = let_go(body, table, 20)
+    fall = np.sqrt(2.0 * table.height / GRAVITY)
+    advance(body, table, listed, round(0.97 * fall / contact_of(table).step))
+    anew = listed.copy()
+    rests, _ = advance(body, table, listed, 600)
+    assert (rests == -1).all()
+    for _ in range(600):
+        advance(body, table, anew, 1)
+    np.testing.assert_allclose(listed, anew, atol=1e-6)
+
+
+@compiled_only
+@pytest.mark.parametrize("seed", [1, 2, 5])
+def test_without_momentum_odds_are_the_geometric_ones(seed: int) -> None:
+    body, poses = random_body(seed)
+    throws = simulate(body, CARPET, 2000, 7)
+    assert throws.unresolved == 0
+    likely = poses.probabilities > 5e-3
+    counts = np.append(throws.counts[likely], throws.counts[~likely].sum())
+    odds = np.append(poses.probabilities[likely], poses.probabilities[~likely].sum())
+    assert fits(counts[odds > 0], odds[odds > 0]) > 1e-3
+
+
+@compiled_only
+def test_a_box_has_the_odds_of_its_symmetry() -> None:
+    body, poses = thrown(box(1.0, 1.15, 1.3))
+    throws = simulate(body, BOARD, 3000, 1)
+    assert throws.unresolved == 0
+    pairs = throws.counts.reshape(3, 2)
+    # Opposite sides are alike.
+    for pair in pairs:
+        assert fits(pair, [0.5, 0.5]) > 1e-3
+    # Momentum makes the likely ones likelier.
+    assert fits(throws.counts, poses.probabilities) < 1e-6
+    assert pairs[0].sum() / 3000 > poses.probabilities[:2].sum()
+
+
+@compiled_only
+def test_a_cube_is_fair() -> None:
+    body, _ = thrown(box(1.0, 1.0, 1.0))
+    assert fits(simulate(body, WOOD, 1500, 2).counts, np.full(6, 1 / 6)) > 1e-3
+
+
+@compiled_only
+def test_half_the_step_changes_nothing() -> None:
+    body, _ = random_body(1)
+    coarse = simulate(body, BOARD, 2000, 1).counts
+    fine = simulate(body, BOARD, 2000, 2, refinement=2.0).counts
+    assert alike(coarse, fine) > 1e-3
+
+
+@compiled_only
+def test_turning_a_body_in_its_file_changes_nothing() -> None:
+    points = random_points(1)
+    turn = Rotation.random(random_state=3).as_matrix()
+    first, second = thrown(points)[0], thrown(points @ turn.T)[0]
+    assert alike(simulate(first, BOARD, 2000).counts, simulate(second, BOARD, 2000).counts) > 1e-3
+
+
+@compiled_only
+def test_a_throw_that_is_not_over_has_no_rest() -> None:
+    body, _ = random_body(1)
+    states = let_go(body, BOARD, 10)
+    rests, taken = advance(body, BOARD, states, 100)
+    assert (rests == -1).all()
+    assert (taken == 100).all()
+
+
+def test_without_the_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernels, "compiled", None)
+    body, _ = random_body(1)
+    with pytest.raises(InputError, match=r"engine native: expected the compiled kernels, .*mujoco"):
+        throw_states(body, BOARD, let_go(body, BOARD, 1))

@@ -1,0 +1,124 @@
+"""Many throws: the same whoever runs them, and counted without loss."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any
+
+import numpy as np
+import pytest
+from common.inline_executor import Inline
+from common.thrown import compiled_only, random_body
+
+from dicedesign.errors import DiceError, InputError
+from dicedesign.runtime import executors
+from dicedesign.runtime.executors import local_workers
+from dicedesign.throws.release import PAPER_DIRECTIONS
+from dicedesign.throws.simulation.simulation import DROPS_PER_TASK, Throws, simulate
+from dicedesign.throws.tables import table_named
+
+BOARD, CARPET = table_named("board-game"), table_named("carpet")
+
+
+@compiled_only
+def test_the_same_in_any_number_of_workers() -> None:
+    body, _ = random_body(1)
+    alone = simulate(body, CARPET, 1100, 5)
+    with local_workers(2) as workers:
+        together = simulate(body, CARPET, 1100, 5, workers=workers)
+    np.testing.assert_array_equal(together.outcomes, alone.outcomes)
+    with ThreadPoolExecutor(3) as workers:
+        together = simulate(body, CARPET, 1100, 5, workers=workers)
+    np.testing.assert_array_equal(together.outcomes, alone.outcomes)
+    assert not np.array_equal(simulate(body, CARPET, 1100, 6).outcomes, alone.outcomes)
+
+
+@compiled_only
+def test_more_drops_begin_with_the_same() -> None:
+    body, _ = random_body(1)
+    few, many = simulate(body, CARPET, DROPS_PER_TASK), simulate(body, CARPET, 700)
+    np.testing.assert_array_equal(many.outcomes[:DROPS_PER_TASK], few.outcomes)
+
+
+@compiled_only
+def test_progress() -> None:
+    body, _ = random_body(1)
+    for workers in (None, Inline()):
+        told: list[int] = []
+        simulate(body, CARPET, 2 * DROPS_PER_TASK + 7, workers=workers, progress=told.append)
+        assert told == [DROPS_PER_TASK, DROPS_PER_TASK, 7]
+
+
+@compiled_only
+def test_the_papers_orientations() -> None:
+    body, poses = random_body(1)
+    throws = simulate(body, CARPET, PAPER_DIRECTIONS, orientations="icosahedron")
+    assert throws.frequencies.sum() == pytest.approx(1.0)
+    # A grid is better than chance.
+    errors = throws.frequencies - poses.probabilities
+    chance = np.sqrt(poses.probabilities * (1.0 - poses.probabilities) / PAPER_DIRECTIONS)
+    assert np.sqrt((errors**2).mean()) < 0.7 * np.sqrt((chance**2).mean())
+
+
+def test_no_drop_is_dropped() -> None:
+    outcomes, weights = np.array([0, 2, -1, 2, -1]), np.array([1.0, 2.0, 3.0, 1.0, 1.0])
+    throws = Throws(BOARD, "native", 0, outcomes, weights, 4)
+    assert (throws.drops, throws.unresolved) == (5, 2)
+    assert throws.counts.tolist() == [1, 0, 2, 0]
+    np.testing.assert_allclose(throws.frequencies, [0.25, 0.0, 0.75, 0.0])
+    nothing = Throws(BOARD, "native", 0, outcomes[2:3], weights[2:3], 4)
+    assert np.isnan(nothing.frequencies).all()
+
+
+class Unlucky(Executor):
+    """Loses the first workers that it is given."""
+
+    def __init__(self, losses: int) -> None:
+        self.losses = losses
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        if not self.losses:
+            return Inline().submit(function, *args, **kwargs)
+        self.losses -= 1
+        future: Future[Any] = Future()
+        future.set_exception(BrokenProcessPool())
+        return future
+
+
+@compiled_only
+def test_lost_workers() -> None:
+    body, _ = random_body(1)
+    expected = simulate(body, CARPET, 600).outcomes
+    found = simulate(body, CARPET, 600, workers=Unlucky(3)).outcomes
+    np.testing.assert_array_equal(found, expected)
+    with pytest.raises(
+        DiceError, match=r"workers: expected some that stay, but 5 were lost while one"
+    ):
+        simulate(body, CARPET, 600, workers=Unlucky(99))
+
+
+@compiled_only
+def test_a_worker_that_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(executors, "QUIET", 1e-4)
+    body, _ = random_body(1)
+    told: list[int] = []
+    with ThreadPoolExecutor(1) as workers:
+        simulate(body, CARPET, 300, workers=workers, on_quiet=lambda: told.append(1))
+    assert told
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"drops": 0}, "drops: expected a whole number of at least 1, got 0; raise it"),
+        ({"seed": -1}, "seed: expected a whole number of at least 0, got -1; raise it"),
+        ({"engine": "havok"}, "engine: expected native, mujoco, bullet, got 'havok'; take one of"),
+        ({"orientations": "cube"}, "orientations: expected uniform, icosahedron, got 'cube'"),
+    ],
+)
+def test_what_cannot_be_asked(given: dict[str, Any], message: str) -> None:
+    body, _ = random_body(1)
+    with pytest.raises(InputError, match=message):
+        simulate(body, CARPET, **{"drops": 10, **given})
