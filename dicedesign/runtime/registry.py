@@ -1,11 +1,110 @@
-"""What all option classes share."""
+"""Extensions of one kind by name: one file each, found in a folder or registered from outside.
+
+A kind of extension (energy terms, starting shapes, preferences, engines, stages, figures, benches)
+is a subclass of `Extension` and a `Registry` of them. A file of the registry's folder makes one and
+registers it when it is imported; the folder is imported on first use. What others write does the
+same from a module of theirs: it is imported before use, or named by an entry point of the group
+`ENTRY_POINTS`. Files of extensions import what is heavy inside their functions, so that names,
+options and lines of documentation cost nothing.
+"""
 
 from __future__ import annotations
 
-from typing import Final
+import pkgutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Final, Generic, TypeVar
 
-__all__ = ["STRICT"]
+from dicedesign.errors import InputError
+
+__all__ = ["STRICT", "Extension", "Registry"]
 
 STRICT: Final = {"extra": "forbid", "strict": True}
 """Class attribute `__pydantic_config__` of every option dataclass: when a recipe is read into it,
 unknown keys and wrong types are errors. Nothing else in those classes knows of pydantic."""
+
+ENTRY_POINTS: Final = "dicedesign.extensions"
+"""Group of entry points of installed packages; each names a module that registers extensions."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Extension:
+    """What every extension declares.
+
+    Attributes
+    ----------
+    name: by which recipes and commands call it.
+    line: of documentation; help texts and tables of the documentation are made from it.
+    rank: place in lists, the lowest first; equal ones by name.
+    """
+
+    name: str
+    line: str
+    rank: int = 100
+
+
+Kind = TypeVar("Kind", bound=Extension)
+
+
+class Registry(Generic[Kind]):
+    """The extensions of one kind.
+
+    Attributes
+    ----------
+    kind: what they are, for messages, in the singular.
+    folder: package whose modules are imported on first use, each of which registers one.
+    """
+
+    def __init__(self, kind: str, folder: str) -> None:
+        self.kind = kind
+        self.folder = folder
+        self._entries: dict[str, Kind] = {}
+        self._is_read = False
+
+    def register(self, entry: Kind) -> Kind:
+        """Add an extension and return it. Raises InputError where its name is taken."""
+        known = self._entries.get(entry.name)
+        if known is not None and known != entry:
+            raise InputError(
+                f"{self.kind} {entry.name!r}: expected a name of its own, got one that is taken; "
+                "choose another"
+            )
+        self._entries[entry.name] = entry
+        return entry
+
+    def unregister(self, name: str) -> None:
+        """Take an extension out again."""
+        del self._entries[name]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all extensions, in their order."""
+        return tuple(entry.name for entry in self)
+
+    def __iter__(self) -> Iterator[Kind]:
+        self._read()
+        return iter(sorted(self._entries.values(), key=lambda entry: (entry.rank, entry.name)))
+
+    def __contains__(self, name: object) -> bool:
+        self._read()
+        return name in self._entries
+
+    def __getitem__(self, name: str) -> Kind:
+        """Raises InputError where there is no such extension."""
+        self._read()
+        if name not in self._entries:
+            raise InputError(
+                f"{self.kind}: expected {', '.join(self.names)}, got {name!r}; take one of them"
+            )
+        return self._entries[name]
+
+    def _read(self) -> None:
+        if self._is_read:
+            return
+        self._is_read = True
+        for module in pkgutil.iter_modules(import_module(self.folder).__path__):
+            import_module(f"{self.folder}.{module.name}")
+        for point in entry_points(group=ENTRY_POINTS):
+            point.load()

@@ -1,0 +1,57 @@
+"""Extensions are found in a folder, and added from outside."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from dicedesign.errors import InputError
+from dicedesign.runtime.registry import Extension, Registry
+
+FILE = """
+from dicedesign.runtime.registry import Extension
+from toys import TOYS
+
+TOYS.register(Extension(name={name!r}, line="A toy.", rank={rank}))
+"""
+
+
+@pytest.fixture
+def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Registry[Extension]:
+    """A registry whose folder holds a late "ball" and an early "kite"."""
+    (tmp_path / "box").mkdir()
+    (tmp_path / "box/__init__.py").touch()
+    for name, rank in (("ball", 2), ("kite", 1)):
+        (tmp_path / f"box/{name}.py").write_text(FILE.format(name=name, rank=rank))
+    text = "from dicedesign.runtime.registry import Registry\nTOYS = Registry('toy', 'box')\n"
+    (tmp_path / "toys.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("toys", "box", "box.ball", "box.kite"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    import toys
+
+    found: Registry[Extension] = toys.TOYS
+    return found
+
+
+def test_a_file_in_the_folder_is_an_extension(toys: Registry[Extension]) -> None:
+    assert toys.names == ("kite", "ball")
+    assert toys["ball"].line == "A toy."
+    assert "ball" in toys
+
+
+def test_one_from_outside_is_like_the_others(toys: Registry[Extension]) -> None:
+    top = toys.register(Extension(name="top", line="It spins.", rank=0))
+    assert toys.names == ("top", "kite", "ball")
+    assert toys["top"] is top
+    toys.unregister("top")
+    assert "top" not in toys
+
+
+def test_unknown_and_taken_names(toys: Registry[Extension]) -> None:
+    with pytest.raises(InputError, match="toy: expected kite, ball, got 'car'; take one of them"):
+        toys["car"]
+    with pytest.raises(InputError, match="toy 'ball': expected a name of its own"):
+        toys.register(Extension(name="ball", line="Another."))
