@@ -21,6 +21,7 @@ __all__ = [
     "ENGRAVED_VOLUME_TOLERANCE",
     "EQUAL_LIKELIHOOD",
     "EQUAL_ODDS",
+    "FILE_ODDS",
     "FILLED_GAP",
     "FLATNESS_TOLERANCE",
     "FLAT_FOLD",
@@ -116,6 +117,10 @@ ENGRAVED_VOLUME_TOLERANCE: Final = 1e-4
 """The volume that engraving takes away must be that of the labels within this part of it: the
 unevenness of a facet with float32 corners over the depth of a pocket."""
 
+FILE_ODDS: Final = 1e-6
+"""Odds may change by this, and the die's tolerance be exceeded up to it, where coordinates are
+rounded to the single precision of an STL file."""
+
 FILLED_GAP: Final = 1e-4
 """A surface fills a hull when the two are no farther apart than this, relative to the diagonal of
 the surface's box."""
@@ -126,6 +131,10 @@ this, in radians: a surface that was pressed onto a plane keeps to it only to wi
 
 INERTIA_TOLERANCE: Final = 1e-9
 """A tensor of inertia that was given may miss its laws by this, relative to its largest entry."""
+
+LEAST_MARGIN: Final = math.radians(0.1)
+"""A die that leaves an outcome when it is tipped by less than this, in radians, is left at a nudge:
+no table is more level."""
 
 MATCHED_ODDS: Final = 0.02
 """Outcomes whose odds without momentum are told belong to the rests of a mesh that have these to

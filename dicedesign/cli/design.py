@@ -6,7 +6,7 @@ import argparse
 import re
 from typing import Any, Final
 
-from dicedesign.cli.run_recipe import add_out_option, run_and_print
+from dicedesign.cli.run_recipe import add_result_options, run_and_print, with_result_options
 from dicedesign.errors import RecipeError
 
 __all__ = ["add_parser"]
@@ -42,7 +42,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--labels", metavar="a,b,...", help="a label for each of them (default: 1,2,...)"
     )
-    add_out_option(parser)
+    add_result_options(parser)
     parser.add_argument("--name", default="die", help="name of the die (default: die)")
     parser.add_argument(
         "--seed", type=int, default=0, metavar="N", help="another seed gives another shape"
@@ -75,6 +75,7 @@ def _design(options: argparse.Namespace) -> int:
         recipe = checked_recipe(entries)
     except RecipeError as error:
         raise RecipeError(_with_option(str(error))) from error
+    recipe = with_result_options(recipe, options)
     return run_and_print(recipe, options.out, enlarge=options.size_mm is None)
 
 

@@ -95,12 +95,12 @@ def _rolls(options: argparse.Namespace) -> int:
 
 def _finished(folder: Path) -> _Die:
     """The labels and the target of a die that was designed here."""
-    from dicedesign.results.finished_die import finished_die
+    from dicedesign.results.record import read_result
 
-    die = finished_die(folder)
-    if die.status != "converged":
+    die = read_result(folder)
+    if not die.converged:
         print(f"note: {folder}: this die does not meet its target ({die.status})", file=sys.stderr)
-    return _Die(list(die.labels), die.target.tolist(), "target of its design")
+    return _Die(list(die.labels), list(die.target), "target of its design")
 
 
 def _mesh(path: Path) -> _Die:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from dicedesign.cli.run_recipe import add_out_option, run_and_print
+from dicedesign.cli.run_recipe import add_result_options, run_and_print, with_result_options
 
 __all__ = ["add_parser"]
 
@@ -19,7 +19,7 @@ def add_parser(commands: Any) -> None:
         description="Turn a YAML recipe into an engraved, printable die with a report.",
     )
     parser.add_argument("recipe", type=Path, metavar="RECIPE", help="YAML file")
-    add_out_option(parser)
+    add_result_options(parser)
     parser.add_argument(
         "--set",
         action="append",
@@ -41,5 +41,5 @@ def add_parser(commands: Any) -> None:
 def _run(options: argparse.Namespace) -> int:
     from dicedesign.recipe.schema.reading import read_recipe
 
-    recipe = read_recipe(options.recipe, options.changes)
+    recipe = with_result_options(read_recipe(options.recipe, options.changes), options)
     return run_and_print(recipe, options.out, resume=options.resume)

@@ -52,7 +52,7 @@ def add_parser(commands: Any) -> None:
 
 
 def _search(options: argparse.Namespace) -> int:
-    from dicedesign.recipe.design_stage import make_start
+    from dicedesign.recipe.design_die import design_recipe
     from dicedesign.recipe.schema.reading import read_recipe
     from dicedesign.search.leaderboard import write_results
     from dicedesign.search.study import open_study
@@ -69,7 +69,7 @@ def _search(options: argparse.Namespace) -> int:
             "seconds, got one; leave it out, and add it to the best recipe found"
         )
     # A start that does not suit the target suits it in no trial.
-    make_start(recipe)
+    design_recipe(recipe, last="start")
     folder = options.out or Path("outputs") / f"{recipe.name}_search"
     with open_study(folder, recipe) as study:
         before = len(study.finished())

@@ -189,17 +189,20 @@ def _mesh(options: argparse.Namespace) -> _Die:
 
 def _finished(options: argparse.Namespace) -> _Die:
     """A die that was designed here, without its marks, and the labels of its rests."""
+    import numpy as np
+
     from dicedesign.geometry.meshes.reading import read_body
     from dicedesign.rest.outcomes import facet_of_rest
     from dicedesign.rest.poses import rest_poses
-    from dicedesign.results.finished_die import finished_die
+    from dicedesign.results.record import read_result
 
-    die = finished_die(options.die)
-    body = read_body(die.mesh)
-    center = die.center_of_mass if options.com is None else center_of_mass(options.com)
+    die = read_result(options.die)
+    body = read_body(die.plain_file)
+    center = np.array(die.center_of_mass) if options.com is None else center_of_mass(options.com)
     poses = rest_poses(body, center)
-    facets = facet_of_rest(poses.normals, die.normals).tolist()
-    return _Die(body, poses, [None if facet < 0 else die.shown[facet] for facet in facets])
+    normals = np.array([normal for _, normal in die.shown]).reshape(-1, 3)
+    facets = facet_of_rest(poses.normals, normals).tolist()
+    return _Die(body, poses, [None if facet < 0 else die.shown[facet][0] for facet in facets])
 
 
 def throw_summary(

@@ -26,7 +26,7 @@ from dicedesign.geometry.procrustes import best_similarity
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.rest.outcomes import cluster_odds
+from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -249,7 +249,7 @@ class _Making:
         poses = analyse(reached, rounded.centroid, "uniform solid")
         directions = directions @ back.rotation.T
         wanted = back(hull.vertices)
-        error = cluster_odds(poses, directions).error(self.target)
+        error = outcome_odds(poses, directions).error(self.target)
         self._record(number, "fill", sum(filled.history[-1].terms.values()), error)
         displacement = norms(solid.points - unit.points).mean() / unit.diagonal
         return FilledHull(

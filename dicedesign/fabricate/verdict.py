@@ -1,87 +1,119 @@
-"""What a finished die really does, in millimetres, by the forward model alone."""
+"""The verdict on a die: the file that was written, read back and analysed by the forward model."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dicedesign.design.energy.clusters import cluster
-from dicedesign.design.targets import Target
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.sphere import angle_between
-from dicedesign.rest.poses import RestPoses, analyse
-from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.tolerances import SAME_REST_ANGLE
+from dicedesign.geometry.hulls.polygons import facet_inradius
+from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.geometry.meshes.stl import parsed_stl
+from dicedesign.rest.asymmetry import border_margins
+from dicedesign.rest.outcomes import OutcomeOdds, outcome_margins, outcome_odds
+from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.results.record import FacetOfDie
+from dicedesign.results.status import Status
+from dicedesign.runtime.arrays import Floats
+from dicedesign.tolerances import FILE_ODDS, LEAST_MARGIN, SAME_REST_ANGLE
 
-__all__ = ["Verdict", "judge"]
+__all__ = ["Verdict", "judged"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Verdict:
-    """A die of its final size and its odds.
+    """What a die does, by its file.
 
     Attributes
     ----------
-    hull: the die in mm, center of mass at the origin.
+    body: the solid in mm as it was read back.
     poses: its rests.
-    facet_of_outcome: (k,) facet of `hull` that bears each label, or -1 where an outcome has none.
-    outcome_of_rest: (r,) outcome each rest counts for, or -1: a rest counts if it lies within
-        `SAME_REST_ANGLE` of the facet with the label.
-    probabilities: (k,) of the outcomes; what is missing to 1 lies on rests without a label.
-    max_abs_error: largest |p - q|.
-    uniform: the center of mass is that of the uniform solid, not a given one.
+    outcomes: what they count for.
+    target: (k,) wanted odds.
     """
 
-    hull: ConvexHull
+    body: Body
     poses: RestPoses
-    facet_of_outcome: Integers
-    outcome_of_rest: Integers
-    probabilities: Floats
-    max_abs_error: float
-    uniform: bool
+    outcomes: OutcomeOdds
+    target: Floats
+
+    @property
+    def max_abs_error(self) -> float:
+        """Largest |p - q|."""
+        return self.outcomes.max_abs_error(self.target)
+
+    @cached_property
+    def margins(self) -> Floats:
+        """(k,) least angle in radians by which the die must be tipped to leave each outcome."""
+        return outcome_margins(self.poses, self.outcomes)
+
+    def flaws(self, tolerance: float | None) -> Iterator[Status]:
+        """What is wrong with the die, the worst first.
+
+        tolerance: largest |p - q| and odds elsewhere; None for a die whose odds without momentum
+            are not meant to be the target.
+        """
+        if tolerance is not None:
+            most = max(tolerance, FILE_ODDS)
+            if self.max_abs_error > most:
+                yield Status.OFF_TARGET
+            if self.outcomes.elsewhere > most:
+                yield Status.STRAY
+        if self.outcomes.least_angle < SAME_REST_ANGLE:
+            yield Status.CROWDED
+        if self.margins.min() < LEAST_MARGIN:
+            yield Status.UNSTEADY
+
+    def facets(self, labels: tuple[str, ...]) -> tuple[FacetOfDie, ...]:
+        """Each facet that the die can rest on, the most probable first; an outcome's own bears its
+        label."""
+        poses, of_rest = self.poses, self.outcomes.outcome_of_rest.tolist()
+        own = {int(rest): labels[k] for k, rest in enumerate(self.outcomes.main) if rest >= 0}
+        margins, borders = np.degrees(poses.margins), np.degrees(border_margins(poses))
+        return tuple(
+            FacetOfDie(
+                label=own.get(rest),
+                outcome=None if outcome < 0 else labels[outcome],
+                normal=tuple(poses.normals[rest].tolist()),
+                probability=float(poses.probabilities[rest]),
+                polygon_area_mm2=float(poses.areas[rest]),
+                inradius_mm=facet_inradius(poses.hull, int(poses.facets[rest])),
+                margin_deg=float(margins[rest]),
+                border_deg=float(borders[rest]),
+            )
+            for rest, outcome in enumerate(of_rest)
+        )
+
+    def odds(self, prefix: str = "") -> dict[str, Any]:
+        """Probabilities, odds elsewhere and error as keys of result.json."""
+        return {
+            f"{prefix}probabilities": tuple(self.outcomes.odds.tolist()),
+            f"{prefix}elsewhere": self.outcomes.elsewhere,
+            f"{prefix}max_abs_error": self.max_abs_error,
+        }
 
 
-def judge(
-    hull: ConvexHull,
-    directions: Floats,
-    target: Target,
-    size_mm: float,
-    center_of_mass: Floats | None = None,
+def judged(
+    data: bytes, directions: Floats, target: Floats, center_of_mass: Floats | None = None
 ) -> Verdict:
-    """Scale a designed hull and find the odds of its outcomes.
+    """The verdict on a file.
 
     Parameters
     ----------
-    hull: the design, any unit.
-    directions: (k, 3) where the outcomes are meant to be, in the order of the target.
-    target: outcomes.
-    size_mm: largest vertex-to-vertex distance, positive.
-    center_of_mass: (3,) in the design's unit, or None for the uniform solid.
+    data: content of the STL file.
+    directions: (k, 3) unit, down in the outcomes, in the order of the target (k,).
+    center_of_mass: (3,) in the file's coordinates, or None for that of the uniform solid.
+
+    Raises
+    ------
+    DegenerateBodyError, OutsideHullError: as `rest_poses`.
     """
-    center = hull.centroid if center_of_mass is None else center_of_mass
-    scale = size_mm / hull.diameter
-    sized = convex_hull((hull.vertices - center) * scale)
-    uniform = center_of_mass is None
-    at = sized.centroid if uniform else np.zeros(3)
-    poses = analyse(sized, at, "uniform solid" if uniform else "given")
-    of_rest = cluster(poses.normals, directions).of_rest
-    outcomes = len(target.labels)
-    main = np.full(outcomes, -1, dtype=np.int64)
-    # Rests come the most probable first, so the first of each cluster bears the label.
-    clusters, first = np.unique(of_rest, return_index=True)
-    main[clusters] = first
-    counted = of_rest.copy()
-    apart = angle_between(poses.normals, poses.normals[main[of_rest]]) > SAME_REST_ANGLE
-    counted[apart] = -1
-    sums = np.zeros(outcomes)
-    np.add.at(sums, counted[~apart], poses.probabilities[~apart])
-    return Verdict(
-        hull=sized,
-        poses=poses,
-        facet_of_outcome=np.where(main >= 0, poses.facets[main], -1),
-        outcome_of_rest=counted,
-        probabilities=sums,
-        max_abs_error=float(np.abs(sums - target.probabilities).max()),
-        uniform=uniform,
-    )
+    points, triangles = parsed_stl(data, Path("die.stl"))
+    # The coordinates are those of the file, float32.
+    body = make_body(points, triangles, "die.stl", single_precision=True)
+    poses = rest_poses(body, center_of_mass)
+    return Verdict(body, poses, outcome_odds(poses, directions), target)

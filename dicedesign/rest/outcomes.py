@@ -1,6 +1,10 @@
-"""Which rests of a die show which of the outcomes that somebody counted.
+"""The rule from rests to outcomes, for every kind of die; and rests of outcomes that were counted.
 
-What a concave die does, whatever it was designed for."""
+An outcome is where somebody meant it to be, a direction that is down then. Its own rest is the most
+probable within `SAME_REST_ANGLE` of that direction; every rest within the same angle of an
+outcome's own rest counts for it, of the nearest one if there are several, as one facet that broke
+in two is one to the eye. All other rests are elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +22,99 @@ from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import EQUAL_ODDS, MATCHED_ODDS, SAME_REST_ANGLE
 
 __all__ = [
-    "ClusterOdds",
     "OutcomeGroups",
-    "cluster_odds",
-    "clustered",
+    "OutcomeOdds",
     "facet_of_rest",
+    "gathered",
     "match_by_normals",
     "match_by_odds",
+    "outcome_margins",
+    "outcome_odds",
     "sums_by_outcome",
 ]
+
+
+@dataclass(frozen=True)
+class OutcomeOdds:
+    """Odds by outcome.
+
+    Attributes
+    ----------
+    odds: (k,) of the rests that count for each outcome.
+    main: (k,) number of each outcome's own rest among the rests; -1 where it has none.
+    outcome_of_rest: (r,) or -1.
+    elsewhere: odds of all rests that count for none, together.
+    least_angle: between two outcomes' own rests, in radians; pi with fewer than two.
+    """
+
+    odds: Floats
+    main: Integers
+    outcome_of_rest: Integers
+    elsewhere: float
+    least_angle: float
+
+    @property
+    def rest_counts(self) -> Integers:
+        """(k,) rests that count for each outcome."""
+        return self.sums(np.ones(len(self.outcome_of_rest), dtype=np.int64))
+
+    def sums(self, of_rests: NDArray[Any]) -> NDArray[Any]:
+        """Sums (k,) of numbers of rests (r,) over those of each outcome."""
+        return sums_by_outcome(of_rests, self.outcome_of_rest, len(self.odds))
+
+    def max_abs_error(self, target: Floats) -> float:
+        """Largest |p - q|."""
+        return float(np.abs(self.odds - target).max())
+
+    def error(self, target: Floats) -> float:
+        """The larger of that and of the odds elsewhere."""
+        return max(self.max_abs_error(target), self.elsewhere)
+
+
+def outcome_odds(poses: RestPoses, directions: Floats) -> OutcomeOdds:
+    """Odds of the outcomes of a body, whose directions (k, 3), unit, are down in them."""
+    return gathered(poses.normals, poses.probabilities, directions)
+
+
+def gathered(normals: Floats, probabilities: Floats, directions: Floats) -> OutcomeOdds:
+    """The same of rests with normals (r, 3) and probabilities (r,).
+
+    Where no rest is within `SAME_REST_ANGLE` of an outcome's direction, its own is the nearest of
+    the rests that are nearer to it than to any other direction; without any of those it has none.
+    """
+    angles = angle_between(normals[:, None, :], directions[None, :, :])
+    own = angles.argmin(axis=1)[:, None] == np.arange(len(directions))
+    # Being near is worth more than any odds, these more than any angle.
+    worth = np.where(angles <= SAME_REST_ANGLE, np.pi + probabilities[:, None], np.pi - angles)
+    worth = np.where(own, worth, -1.0)
+    main = np.where(own.any(axis=0), worth.argmax(axis=0), -1)
+    shown = np.flatnonzero(main >= 0)
+    nearest = facet_of_rest(normals, normals[main[shown]])
+    of_rest = np.where(nearest >= 0, shown[nearest], -1)
+    odds = sums_by_outcome(probabilities, of_rest, len(directions))
+    elsewhere = float(probabilities[of_rest < 0].sum())
+    return OutcomeOdds(odds, main, of_rest, elsewhere, _least_angle(normals[main[shown]]))
+
+
+def _least_angle(normals: Floats) -> float:
+    if len(normals) < 2:
+        return float(np.pi)
+    angles = angle_between(normals[:, None], normals[None])
+    return float(angles[np.triu_indices(len(normals), 1)].min())
+
+
+def outcome_margins(poses: RestPoses, outcomes: OutcomeOdds) -> Floats:
+    """(k,) least angle in radians by which a body must be tipped to leave each outcome, from the
+    normal of one of its rests to the nearest saddle with another outcome beyond; pi where there is
+    no such saddle, or no rest."""
+    sides = outcomes.outcome_of_rest[poses.morse.saddle_basins]
+    leaves = sides[:, 0] != sides[:, 1]
+    margins = np.full(len(outcomes.odds) + 1, np.pi)
+    for basin, side in zip(poses.morse.saddle_basins.T, sides.T, strict=True):
+        angles = angle_between(poses.normals[basin], poses.morse.saddles)
+        # The last place gathers rests of no outcome.
+        np.minimum.at(margins, side[leaves], angles[leaves])
+    return margins[:-1]
 
 
 @dataclass(frozen=True)
@@ -143,58 +231,3 @@ def _joined(normals: Floats, wanted: int) -> Integers:
 
 def _listed(values: Floats) -> str:
     return ", ".join(f"{value:.4f}" for value in values)
-
-
-@dataclass(frozen=True)
-class ClusterOdds:
-    """Odds by outcome.
-
-    Attributes
-    ----------
-    odds: (k,) of the rests within `SAME_REST_ANGLE` of the outcome's own.
-    main: (k,) number of that one among the rests, the most probable near the outcome's direction.
-    outcome_of_rest: (r,) or -1.
-    elsewhere: odds of all other rests together.
-    """
-
-    odds: Floats
-    main: Integers
-    outcome_of_rest: Integers
-    elsewhere: float
-
-    @property
-    def rest_counts(self) -> Integers:
-        """(k,) rests in each cluster."""
-        counted = self.outcome_of_rest[self.outcome_of_rest >= 0]
-        return np.asarray(np.bincount(counted, minlength=len(self.odds)), dtype=np.int64)
-
-    def max_abs_error(self, target: Floats) -> float:
-        """Largest |p - q|."""
-        return float(np.abs(self.odds - target).max())
-
-    def error(self, target: Floats) -> float:
-        """The larger of that and of the odds elsewhere."""
-        return max(self.max_abs_error(target), self.elsewhere)
-
-
-def cluster_odds(poses: RestPoses, directions: Floats) -> ClusterOdds:
-    """Odds of the clusters of rests about the outcomes' directions (k, 3), unit."""
-    return clustered(poses.normals, poses.probabilities, directions)
-
-
-def clustered(normals: Floats, probabilities: Floats, directions: Floats) -> ClusterOdds:
-    """The same of rests with normals (r, 3) and probabilities (r,)."""
-    angles = angle_between(normals[:, None, :], directions[None, :, :])
-    near = angles <= SAME_REST_ANGLE
-    main = np.where(
-        near.any(axis=0),
-        np.argmax(np.where(near, probabilities[:, None], -1.0), axis=0),
-        angles.argmin(axis=0),
-    )
-    apart = angle_between(normals[:, None, :], normals[main][None, :, :])
-    of_rest = np.where(apart.min(axis=1) <= SAME_REST_ANGLE, apart.argmin(axis=1), -1)
-    counted = of_rest >= 0
-    sums = np.bincount(of_rest[counted], probabilities[counted], minlength=len(directions))
-    odds = np.asarray(sums, dtype=np.float64)
-    elsewhere = float(probabilities[~counted].sum())
-    return ClusterOdds(odds, np.asarray(main, dtype=np.int64), of_rest, elsewhere)

@@ -2,114 +2,34 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+import contextlib
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from dicedesign.errors import OutputError
-from dicedesign.runtime.clock import Clock
+from dicedesign.errors import DiceError, OutputError
+from dicedesign.results.record import RESULT, Result
 from dicedesign.runtime.files import atomic_write
 
-__all__ = ["CHECKPOINT", "CONVERGED", "RunResult", "add_report", "write_results"]
-
-CONVERGED: Final = "converged"
-"""The one status of success."""
-
-RESULT: Final = "result.json"
-
-OWNED: Final = (
-    "die.stl",
-    "die_plain.stl",
-    "recipe.yaml",
-    "report.html",
-    "bars.png",
-    "convergence.png",
-    "gauss_map.png",
-    "views.png",
-    "labels.png",
-    "rests.png",
-    "before_after.png",
-    "odds.png",
-    "hull.png",
-    "displacement.png",
-    "crossings.png",
-    "energy.png",
-    "table.png",
-    "rounds.png",
-    "film.png",
-    "throw.gif",
-)
-"""Files that a run may write besides `RESULT`; those that it does not write are removed."""
+__all__ = ["CHECKPOINT", "PAGE", "RECIPE", "kept_folder", "write_results"]
 
 CHECKPOINT: Final = "checkpoint.npz"
-"""What a run that is not finished goes on from; removed once the results are there."""
+"""State of a search that can be resumed; gone once the search is finished."""
+
+RECIPE: Final = "recipe.yaml"
+"""The recipe with every default written out."""
+
+PAGE: Final = "report.html"
+"""The report."""
+
+SOLIDS: Final = ("die.stl", "die_plain.stl")
+"""The die with its labels cut in, and without."""
 
 
-@dataclass(frozen=True)
-class RunResult:
-    """What a run produced.
-
-    Attributes
-    ----------
-    status: as in result.json; `CONVERGED` only if the finished die is within the tolerance.
-    message: the same in a sentence.
-    notes: what was repaired or assumed about the start, a size other than the recipe's, what was
-        changed for printing, and odds that the engraving changes much, one sentence each.
-    folder: where the files are.
-    summary: the content of result.json.
-    """
-
-    status: str
-    message: str
-    notes: tuple[str, ...]
-    folder: Path
-    summary: dict[str, Any]
-
-    @property
-    def converged(self) -> bool:
-        """Whether the die meets the recipe's tolerance."""
-        return self.status == CONVERGED
-
-
-def _files_by_kind(names: Iterable[str]) -> dict[str, str]:
-    """Names of the files that are to be written, the page and `RESULT` included, by what they
-    are."""
-    given = {*names, "report.html"}
-    written = [name for name in OWNED if name in given]
-    return {Path(name).stem: name for name in [*written, RESULT]}
-
-
-def add_report(
-    files: dict[str, bytes],
-    summary: dict[str, Any],
-    images: Mapping[str, bytes],
-    recipe: str,
-    clock: Clock,
-    page: Callable[[Mapping[str, Any], Mapping[str, bytes]], str],
+def write_results(
+    folder: Path, files: Mapping[str, bytes], result: Result, figures: Iterable[str]
 ) -> None:
-    """Complete what a run leaves: add figures, recipe and page to the files, and to the summary
-    "files", "stages" and "peak_since".
-
-    images: bytes of the figures by name, "throw" as GIF and all others as PNG; page: makes the page
-    of summary and figures.
-    """
-    files.update({_image_file(name): data for name, data in images.items()})
-    files["recipe.yaml"] = recipe.encode("utf-8")
-    summary["files"] = _files_by_kind(files)
-    # The same list as the clock's: the page shows the stages before its own, result.json all.
-    summary["stages"] = clock.stages
-    summary["peak_since"] = clock.peak_since
-    with clock.stage("report"):
-        files["report.html"] = page(summary, images).encode("utf-8")
-
-
-def _image_file(name: str) -> str:
-    return f"{name}.gif" if name == "throw" else f"{name}.png"
-
-
-def write_results(folder: Path, files: Mapping[str, bytes], summary: Mapping[str, Any]) -> None:
     """Write the files of a finished run, and remove those that an earlier run left.
 
     Each file appears whole or not at all, and `RESULT` last: a folder that has it is complete.
@@ -117,19 +37,33 @@ def write_results(folder: Path, files: Mapping[str, bytes], summary: Mapping[str
     Parameters
     ----------
     folder: an existing one.
-    files: contents by name, all names in `OWNED`.
-    summary: the content of `RESULT`.
+    files: contents by name. result: the content of `RESULT`.
+    figures: names of the files that runs may leave beside `SOLIDS`, `RECIPE` and `PAGE`.
 
     Raises
     ------
     OutputError: a file cannot be removed or written.
     """
-    _remove(folder, [RESULT, *(name for name in OWNED if name not in files)])
+    owned = dict.fromkeys([*SOLIDS, RECIPE, PAGE, *figures])
+    _remove(folder, [RESULT, *(name for name in owned if name not in files)])
     for name, data in files.items():
         atomic_write(folder / name, data)
-    text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
-    atomic_write(folder / RESULT, text.encode("utf-8"))
+    atomic_write(folder / RESULT, result.json_text().encode("utf-8"))
     _remove(folder, [CHECKPOINT])
+
+
+@contextmanager
+def kept_folder(folder: Path) -> Iterator[None]:
+    """Take away a folder that was made on the way where an error left nothing in it."""
+    existed = folder.exists()
+    try:
+        yield
+    except DiceError:
+        if not existed:
+            # It may not have been made yet, or hold a checkpoint.
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
 
 
 def _remove(folder: Path, names: Iterable[str]) -> None:

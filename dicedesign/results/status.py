@@ -1,4 +1,4 @@
-"""Why a design stopped."""
+"""How a design ended, and what a finished die is like."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ __all__ = ["Status"]
 
 
 class Status(Enum):
-    """Why a design stopped; the value is the message."""
+    """Why a design stopped, or what is wrong with the finished die; the value is the message."""
 
     CONVERGED = "reached the tolerance"
-    OFF_TARGET = (
-        "reached the tolerance counting all rests near an outcome, but the die also rests "
-        "elsewhere; raise weights.stability or weights.coplanar"
-    )
+    OFF_TARGET = "the odds of the outcomes are off by more than the tolerance"
+    STRAY = "the die also rests elsewhere, more often than the tolerance"
+    CROWDED = "two outcomes are nearer than 5 degrees to each other, which is one to the eye"
+    UNSTEADY = "an outcome is left at a nudge"
+    LOOSE = "the surface does not fill the designed hull"
+    SELF_INTERSECTING = "the surface meets itself"
+    OPEN = "the surface is not closed, as rounded to the single precision of its file"
+    UNPRINTABLE = "the surface cannot be cleaned for printing"
     OFF_TABLE = (
         "reached the tolerance by the momentum model, but not in simulated throws; allow more with "
         "method.exact.refine.rounds or .drops"

@@ -6,15 +6,9 @@ import time
 from collections.abc import Mapping
 from typing import Any, Final
 
-import numpy as np
-
 from dicedesign.errors import NoStartError, OutsideHullError
-from dicedesign.fabricate.verdict import Verdict
-from dicedesign.recipe.design_stage import design_die, make_start
+from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.schema.reading import checked_recipe
-from dicedesign.recipe.summary import odds_summary
-from dicedesign.rest.asymmetry import asymmetry, border_margins
-from dicedesign.results.status import Status
 
 __all__ = ["NO_DIE", "run_trial"]
 
@@ -36,13 +30,9 @@ def run_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
 
     Raises InputError where no other seed would help: a mesh that cannot be read here, say.
     """
-    import torch
-
-    # Trials run side by side, one on each core.
-    torch.set_num_threads(1)
     recipe, started = checked_recipe(entries), time.perf_counter()
     try:
-        die = design_die(recipe, make_start(recipe))
+        work = design_recipe(recipe, last="check")
     except (NoStartError, OutsideHullError) as error:
         # The start depends on the seed, and so does whether a given center is inside.
         measured = dict.fromkeys(
@@ -50,26 +40,19 @@ def run_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
         )
         result = {"status": NO_DIE.lower(), "message": str(error), **measured}
     else:
-        verdict = die.verdict
-        facets = odds_summary(verdict, die.target, None)["facets"]
-        complete = bool((verdict.facet_of_outcome >= 0).all())
-        radii = [facet["inradius_mm"] for facet in facets if facet["label"] is not None]
+        die = work.result()
+        shown = [facet for facet in die.facets if facet.label is not None]
+        is_complete = len(shown) == len(die.labels)
         # A tolerance above an outcome's probability is met without it.
-        usable = complete or die.status is not Status.CONVERGED
+        is_usable = is_complete or not die.converged
         result = {
-            "status": (die.status.name if usable else NO_DIE).lower(),
+            "status": die.status if is_usable else NO_DIE.lower(),
             "message": die.message,
-            "max_abs_error": die.design.error if recipe.method.thrown else verdict.max_abs_error,
-            "inradius_mm": min(radii) if complete else None,
-            "margin_deg": _margin(verdict) if complete else None,
-            "asymmetry": asymmetry(verdict.poses),
-            "vertices": verdict.hull.vertices.tolist(),
-            "down": verdict.poses.normals[0].tolist(),
+            "max_abs_error": die.design_max_abs_error,
+            "inradius_mm": min(facet.inradius_mm for facet in shown) if is_complete else None,
+            "margin_deg": min(facet.border_deg for facet in shown) if is_complete else None,
+            "asymmetry": die.asymmetry,
+            "vertices": work.solid.points.tolist(),
+            "down": list(die.facets[0].normal),
         }
     return {**result, "seconds": time.perf_counter() - started}
-
-
-def _margin(verdict: Verdict) -> float:
-    """Degrees from the outcomes' facet normals to the nearest border of their basins."""
-    labelled = np.isin(verdict.poses.facets, verdict.facet_of_outcome)
-    return float(np.degrees(border_margins(verdict.poses)[labelled].min()))

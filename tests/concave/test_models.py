@@ -14,7 +14,7 @@ from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.meshes.stl import stl_bytes
 from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
-from dicedesign.rest.outcomes import cluster_odds
+from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 
 SPOT = DATA / "models" / "spot.obj"
@@ -29,7 +29,7 @@ def test_spot_becomes_a_fair_three_sided_die(tmp_path: Path) -> None:
     (tmp_path / "die.stl").write_bytes(stl_bytes(die.after.points, die.after.triangles))
     poses = rest_poses(read_body(tmp_path / "die.stl"))
     assert poses.center_of_mass_source == "uniform solid"
-    odds = cluster_odds(poses, die.directions)
+    odds = outcome_odds(poses, die.directions)
     assert odds.error(target) <= 0.005
     assert len(intersecting_triangles(die.after.points, die.after.triangles)) == 0
     assert die.progress.best is not None

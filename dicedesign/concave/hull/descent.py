@@ -16,7 +16,7 @@ from dicedesign.design.solvers.descent import DescentOptions, descend_to_target
 from dicedesign.design.solvers.sobolev import SobolevOptions
 from dicedesign.design.starts.start import Start
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.rest.outcomes import cluster_odds
+from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
 
@@ -56,6 +56,6 @@ def descend_hull(
     center = np.tensordot(moved, problem.relative[1], 2)
     hull = convex_hull(design.hull.vertices + center)
     corners = original.source[chosen][hull.source]
-    clusters = cluster_odds(analyse(design.hull, np.zeros(3), "given"), design.directions)
+    clusters = outcome_odds(analyse(design.hull, np.zeros(3), "given"), design.directions)
     error = clusters.error(problem.target)
     return DesignedHull(hull, corners, center, design.directions, error, moved)

@@ -19,7 +19,7 @@ from dicedesign.design.solvers.sobolev import SobolevOptions
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.rest.outcomes import clustered
+from dicedesign.rest.outcomes import gathered
 from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["HullDraft", "change_of_least_work", "designed_hull", "exact_draft"]
@@ -95,7 +95,7 @@ class HullDraft:
 
     def error(self, target: Floats) -> float:
         """See `DesignedHull.error`."""
-        return clustered(self.rest_normals, self.rests.odds, self.normals).error(target)
+        return gathered(self.rest_normals, self.rests.odds, self.normals).error(target)
 
     @property
     def jacobian(self) -> Floats:

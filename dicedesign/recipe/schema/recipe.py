@@ -116,6 +116,7 @@ class Recipe(Strict):
     min_inradius_mm: radius of a circle that the facet of each outcome has room for.
     engrave: engraving options, or None for a plain die, which a concave one is unless the recipe
         says otherwise.
+    figures: whether pictures are drawn. report: whether the page is made.
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
@@ -135,6 +136,9 @@ class Recipe(Strict):
     engrave: Annotated[EngravingOptions | None, BeforeValidator(_switch)] = Field(
         default_factory=EngravingOptions
     )
+
+    figures: bool = True
+    report: bool = True
 
     @model_validator(mode="before")
     @classmethod

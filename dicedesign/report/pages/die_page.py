@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from html import escape
 from typing import Any, Final
@@ -16,8 +17,9 @@ from dicedesign.report.pages.html_parts import (
     text_section,
 )
 from dicedesign.report.pages.throws_section import ROLLING, table_sections, throwing_advice
+from dicedesign.results.record import Result
 
-__all__ = ["report_html"]
+__all__ = ["die_page", "report_html"]
 
 _FIGURES: Final = (
     (
@@ -46,6 +48,11 @@ _PRINTING: Final = (
     "The outcome of a throw is the label on the facet that the die rests on, i.e. the face down: "
     "lift the die and read its underside."
 )
+
+
+def die_page(result: Result, images: Mapping[str, bytes]) -> str:
+    """The page of a finished die as HTML."""
+    return report_html(json.loads(result.json_text()), images)
 
 
 def report_html(result: Mapping[str, Any], images: Mapping[str, bytes]) -> str:

@@ -16,7 +16,7 @@ from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.outcomes import OutcomeGroups, match_by_normals, match_by_odds, sums_by_outcome
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.results.finished_die import finished_die
+from dicedesign.results.record import read_result
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.counts.csv_rows import MOST, csv_rows, whole_count
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
@@ -192,17 +192,16 @@ def _measured(
 
 def _designed(folder: Path, outcomes: Sequence[str]) -> tuple[RigidBody, RestPoses, OutcomeGroups]:
     """The die that a run left, whose facets have labels."""
-    die = finished_die(folder)
+    die = read_result(folder)
     for outcome in outcomes:
         if outcome not in die.labels:
             raise InputError(
                 f"{folder}: expected a label of the die ({', '.join(die.labels)}), got "
                 f"{outcome!r}; correct the outcome"
             )
-    body = read_body(die.mesh)
-    poses = _poses(str(folder), body, die.center_of_mass)
-    facets = zip(die.shown, die.normals, strict=True)
-    counted = [(outcomes.index(label), normal) for label, normal in facets if label in outcomes]
+    body = read_body(die.plain_file)
+    poses = _poses(str(folder), body, np.array(die.center_of_mass))
+    counted = [(outcomes.index(label), normal) for label, normal in die.shown if label in outcomes]
     for i, outcome in enumerate(outcomes):
         if i not in dict(counted):
             raise InputError(

@@ -19,7 +19,7 @@ from dicedesign.concave.hull.problem import DesignedHull, HullMetric, HullProble
 from dicedesign.concave.hull.slopes import SlopeOptions
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.kernels import ops as kernels
-from dicedesign.rest.outcomes import cluster_odds
+from dicedesign.rest.outcomes import outcome_odds
 
 Floats = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ def test_the_odds_are_the_wanted_ones(surface: Surface, target: list[float]) -> 
     design, steps = designed(problem)
     assert design is not None
     poses = rest_poses(design.hull.vertices, center_of_mass=design.center_of_mass)
-    odds = cluster_odds(poses, design.directions)
+    odds = outcome_odds(poses, design.directions)
     assert odds.error(problem.target) == pytest.approx(design.error, abs=1e-9)
     assert design.error <= TOLERANCE
     assert steps[-1][1] == design.error
@@ -187,7 +187,7 @@ def test_easing_keeps_the_odds_and_takes_corners_back() -> None:
     eased = eased_hull(problem, design, places, 0.3)
     assert eased is not None
     poses = rest_poses(eased.hull.vertices, center_of_mass=eased.center_of_mass)
-    assert cluster_odds(poses, eased.directions).error(problem.target) <= TOLERANCE
+    assert outcome_odds(poses, eased.directions).error(problem.target) <= TOLERANCE
     far = np.array([[9.0, 9.0, 9.0]])
     assert eased_hull(problem, design, far, 0.3) is None
 
@@ -213,7 +213,7 @@ def test_descent_as_in_the_paper() -> None:
     directions = outcome_choices(problem.hull, problem.target)[0]
     design = descend_hull(problem, directions, lambda *step: steps.append(step))
     poses = rest_poses(design.hull.vertices, center_of_mass=design.center_of_mass)
-    odds = cluster_odds(poses, design.directions)
+    odds = outcome_odds(poses, design.directions)
     assert odds.error(problem.target) == pytest.approx(design.error, abs=1e-9)
     energies = [energy for energy, _ in steps]
     assert energies[-1] < energies[0]

@@ -8,7 +8,7 @@ from common.dented_cube import CORNERS, NORMALS
 from numpy.typing import NDArray
 
 from dicedesign import rest_poses
-from dicedesign.rest.outcomes import cluster_odds
+from dicedesign.rest.outcomes import outcome_odds
 
 Floats = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ def roof(degrees: float) -> Floats:
 
 
 def test_a_cube_is_a_fair_die() -> None:
-    found = cluster_odds(rest_poses(CORNERS), NORMALS)
+    found = outcome_odds(rest_poses(CORNERS), NORMALS)
     np.testing.assert_allclose(found.odds, 1.0 / 6.0, rtol=1e-12)
     assert found.elsewhere == 0.0
     np.testing.assert_array_equal(found.rest_counts, np.ones(6))
@@ -32,7 +32,7 @@ def test_a_cube_is_a_fair_die() -> None:
 def test_odds_elsewhere_count_as_error() -> None:
     poses = rest_poses(CORNERS * np.array([1.0, 0.9, 0.7]))
     upright = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
-    found = cluster_odds(poses, upright)
+    found = outcome_odds(poses, upright)
     expected = [poses.probabilities[np.argmax(poses.normals @ way)] for way in upright]
     np.testing.assert_allclose(found.odds, expected, rtol=1e-12)
     assert found.elsewhere == pytest.approx(1.0 - sum(expected))
@@ -49,7 +49,7 @@ def test_rests_within_five_degrees_are_one_outcome(degrees: float, together: boo
     directions = NORMALS.copy()
     # The main rest is one of the two, though the direction is that between them or beyond.
     directions[5] = [0.01, 0.0, -1.0] / np.hypot(0.01, 1.0)
-    found = cluster_odds(poses, directions)
+    found = outcome_odds(poses, directions)
     both = float(poses.probabilities[below].sum())
     assert found.rest_counts[5] == (2 if together else 1)
     assert found.odds[5] == pytest.approx(both if together else both / 2.0, rel=1e-9)
@@ -59,6 +59,6 @@ def test_rests_within_five_degrees_are_one_outcome(degrees: float, together: boo
 
 def test_an_outcome_without_a_rest_near_it_counts_the_nearest() -> None:
     away = np.array([[0.3, 0.1, 1.0]]) / np.sqrt(1.1)
-    found = cluster_odds(rest_poses(CORNERS), away)
+    found = outcome_odds(rest_poses(CORNERS), away)
     np.testing.assert_allclose(found.odds, [1.0 / 6.0], rtol=1e-12)
     assert found.elsewhere == pytest.approx(5.0 / 6.0)

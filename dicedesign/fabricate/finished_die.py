@@ -1,0 +1,58 @@
+"""A finished die as figures and pages draw it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dicedesign.concave.result import ConcaveDie
+from dicedesign.fabricate.layout import Placement
+from dicedesign.fabricate.verdict import Verdict
+from dicedesign.geometry.surfaces.quality import SurfaceQuality
+from dicedesign.results.record import Result
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.throws.simulation.die_on_table import ThrownDie
+
+__all__ = ["EngravedFile", "FinishedDie"]
+
+
+@dataclass(frozen=True, eq=False)
+class EngravedFile:
+    """A die with its labels cut in.
+
+    Attributes
+    ----------
+    points, triangles: (n, 3) and (t, 3) of the solid in mm.
+    verdict: on its file; None where the center of mass was given, as nobody knows how marks move
+        it.
+    placements: where the labels are, of a die that has them on its facets.
+    """
+
+    points: Floats
+    triangles: Integers
+    verdict: Verdict | None
+    placements: tuple[Placement, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedDie:
+    """All that a run knows of its die.
+
+    Attributes
+    ----------
+    result: the content of result.json.
+    plain: the verdict on die_plain.stl; engraved: die.stl, or None.
+    tolerance: largest |p - q| that was allowed.
+    upward: (3,) direction that is up in pictures.
+    reshaped: the surface before and after, of a die that keeps the shape of one; quality: of the
+        surface after.
+    thrown: what the die does on its table, of one that is to be thrown.
+    """
+
+    result: Result
+    plain: Verdict
+    engraved: EngravedFile | None
+    tolerance: float
+    upward: Floats
+    reshaped: ConcaveDie | None = None
+    quality: SurfaceQuality | None = None
+    thrown: ThrownDie | None = None

@@ -1,0 +1,236 @@
+"""From odds to a die in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dicedesign.design.targets import Target
+from dicedesign.errors import InputError
+from dicedesign.recipe.run import finish
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.stage import plan
+from dicedesign.recipe.work import Listeners, Work
+
+if TYPE_CHECKING:
+    from dicedesign.results.record import Result, Step
+    from dicedesign.runtime.arrays import Floats, Integers
+
+__all__ = ["Die", "design", "design_recipe"]
+
+
+class Die:
+    """A designed die, with the verdict on the file that it makes.
+
+    Lengths are in millimetres, with the center of mass at the origin. Odds are those without
+    momentum, of the solid as a file holds it, in the order of the labels.
+    """
+
+    def __init__(self, work: Work) -> None:
+        self._work = work
+
+    def __repr__(self) -> str:
+        return f"<Die of {len(self.labels)} outcomes, {self.status}: {self.message}>"
+
+    @property
+    def result(self) -> Result:
+        """All that is known of the die, as in result.json."""
+        return self._work.result()
+
+    @property
+    def recipe(self) -> Recipe:
+        """What was asked for, with every default."""
+        return self._work.recipe
+
+    @property
+    def status(self) -> str:
+        """ "converged", or in one word why the die does not meet its target."""
+        return self._work.status.name.lower()
+
+    @property
+    def converged(self) -> bool:
+        """Whether the die meets its target to within the tolerance."""
+        return self.result.converged
+
+    @property
+    def message(self) -> str:
+        """The status in a sentence, with the error and what would help."""
+        return "; ".join(self._work.remarks)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Of the k outcomes."""
+        return self._work.target.labels
+
+    @property
+    def target(self) -> Floats:
+        """(k,) wanted odds, summing to 1."""
+        return self._work.target.probabilities
+
+    @property
+    def probabilities(self) -> Floats:
+        """(k,) odds of the outcomes; what is missing to 1 lies on rests of no outcome."""
+        return self._work.plain.outcomes.odds
+
+    @property
+    def max_abs_error(self) -> float:
+        """Largest difference of a probability from its target."""
+        return self._work.plain.max_abs_error
+
+    @property
+    def history(self) -> tuple[Step, ...]:
+        """Every accepted step of the design, the first being the start."""
+        return self._work.die.steps
+
+    @property
+    def is_engraved(self) -> bool:
+        """Whether the labels are cut in."""
+        return self._work.engraved is not None
+
+    @property
+    def vertices(self) -> Floats:
+        """(n, 3) corners of the solid; with its labels cut in where it was engraved."""
+        return self._solid[0]
+
+    @property
+    def triangles(self) -> Integers:
+        """(m, 3) triangles between the vertices, counter-clockwise seen from outside."""
+        return self._solid[1]
+
+    @property
+    def _solid(self) -> tuple[Floats, Integers]:
+        engraved = self._work.engraved
+        if engraved is not None:
+            return engraved.points, engraved.triangles
+        return self._work.solid.points, self._work.solid.triangles
+
+    def engrave(self, **options: Any) -> Die:
+        """Cut the labels in, anew if they were; the die itself is returned.
+
+        options: `depth_mm`, `margin`, `min_height_mm`, `max_height_mm` as in a recipe's `engrave`.
+
+        Raises InputError for options that cannot be used, and EngravingError where a label does not
+        fit.
+        """
+        from dicedesign.recipe.stages.engrave import cut_labels
+
+        recipe = checked_recipe({**self.recipe.resolved(), "engrave": options or True})
+        cut_labels(self._work, recipe)
+        return self
+
+    def save(self, path: Path | str) -> None:
+        """Write the solid to a file in the format of its ending: .stl, .obj, .3mf, .ply or .off.
+
+        Raises InputError for another ending, and OutputError where the file cannot be written.
+        """
+        from dicedesign.fabricate.files import save_mesh
+
+        save_mesh(Path(path), *self._solid)
+
+    def report(self, folder: Path | str) -> Result:
+        """Write what `run` leaves: the solids, result.json, recipe, figures and report.html.
+
+        folder: made if missing. Raises OutputError where it cannot be written.
+        """
+        from dicedesign.runtime.files import make_writable_folder
+
+        folder = Path(folder)
+        make_writable_folder(folder)
+        self._work.folder = folder
+        plan(self._work, after="engrave")
+        return finish(self._work)
+
+
+def design(
+    target: Target | Mapping[str, Any] | Sequence[float | str],
+    *,
+    labels: Sequence[str] | None = None,
+    start: str | Mapping[str, Any] | None = None,
+    method: str | Mapping[str, Any] | None = None,
+    center_of_mass: Sequence[float] | None = None,
+    symmetry: str | None = None,
+    seed: int = 0,
+    size_mm: float = 30.0,
+    engrave: bool | Mapping[str, Any] | None = None,
+    on_step: Callable[[Step], None] | None = None,
+) -> Die:
+    """Design a die. Nothing is written.
+
+    Parameters
+    ----------
+    target: k odds above 0 that sum to 1, numbers or fractions such as "1/36"; a mapping such as
+        `{"sum_of_dice": [6, 6]}`, `{"binomial": 4}` or `{"fair": 7}`; or a `Target`.
+    labels: of the outcomes, at most 12 characters each; the target's own by default.
+    start: of the recipe's starting shapes, a name or a mapping such as `{"prism": {"sides": 5}}`;
+        by default shapes are searched.
+    method: "exact", the default, "descent" or "concave", or a mapping with its options such as
+        `{"exact": {"prefer": {"margin": 1.0}}}`.
+    center_of_mass: (3,) in the start's own coordinates; by default that of the uniform solid.
+    symmetry: name of a point group that the die shall have, such as "C2" or "D3h".
+    seed: of everything random, at least 0.
+    size_mm: largest distance between two corners, above 0 and at most 1000.
+    engrave: whether the labels are cut in, or the options of that; by default not.
+    on_step: called after every accepted step.
+
+    Raises
+    ------
+    InputError: something cannot be used, the start does not suit the target, or a label does not
+        fit on a die that converged. A design that does not converge raises nothing: see
+        `Die.status`.
+    """
+    entries: dict[str, Any] = {
+        "name": "die",
+        "target": _target_entries(target, labels),
+        "seed": seed,
+        "size_mm": size_mm,
+        "engrave": False if engrave is None else engrave,
+    }
+    if start is not None:
+        entries["start"] = {start: {}} if isinstance(start, str) else start
+    if method is not None:
+        entries["method"] = method
+    if center_of_mass is not None:
+        entries["center_of_mass"] = np.asarray(center_of_mass, dtype=np.float64).tolist()
+    if symmetry is not None:
+        entries["symmetry"] = symmetry
+    listeners = Listeners() if on_step is None else Listeners(on_step=on_step)
+    return Die(design_recipe(checked_recipe(entries), listeners))
+
+
+def design_recipe(recipe: Recipe, listeners: Listeners | None = None, last: str = "throws") -> Work:
+    """The work of a recipe up to and with a stage; nothing is written. Raises as `design`."""
+    work = Work(recipe, None, listeners or Listeners())
+    plan(work, last=last)
+    return work
+
+
+def _target_entries(
+    target: Target | Mapping[str, Any] | Sequence[float | str], labels: Sequence[str] | None
+) -> dict[str, Any]:
+    """The entries of a recipe's `target`."""
+    if isinstance(target, Target):
+        entries: dict[str, Any] = {
+            "probabilities": target.probabilities.tolist(),
+            "labels": list(target.labels),
+        }
+    elif isinstance(target, Mapping):
+        entries = dict(target)
+    elif isinstance(target, str):
+        raise InputError(
+            f"target: expected a list of odds or a mapping, got {target!r}; write such as "
+            '[1/2, 1/3, 1/6], or {"fair": 6}'
+        )
+    else:
+        entries = {"probabilities": [_plain_number(odds) for odds in target]}
+    if labels is not None:
+        entries["labels"] = [str(label) for label in labels]
+    return entries
+
+
+def _plain_number(odds: float | str) -> float | str:
+    """A fraction as text, or any kind of number as a float."""
+    return odds if isinstance(odds, str) else float(odds)

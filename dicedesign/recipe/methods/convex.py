@@ -1,0 +1,58 @@
+"""What the methods for convex dice share: what they are asked for, and what they return."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from dicedesign.design.refinement import Round
+from dicedesign.design.result import DesignResult, DesignStep
+from dicedesign.design.starts.start import Start
+from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.work import Work
+from dicedesign.results.record import HullsMade, Step
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["designed_die", "normalised_center", "step_listener", "wanted_odds"]
+
+
+def wanted_odds(recipe: Recipe) -> Floats:
+    """(k,) target in the order of the start's directions."""
+    return recipe.target.target().probabilities[recipe.outcome_of_direction()]
+
+
+def normalised_center(recipe: Recipe, start: Start | None) -> Floats | None:
+    """(3,) the given center of mass in the coordinates of `Start.points`; None for the uniform
+    solid."""
+    if recipe.center_of_mass is None or start is None:
+        return None
+    return start.normalised(np.array(recipe.center_of_mass))
+
+
+def step_listener(work: Work) -> Callable[[DesignStep], None]:
+    """What tells a run's listener of a solver's steps."""
+    return lambda step: work.listeners.on_step(_step(step))
+
+
+def designed_die(work: Work, result: DesignResult, rounds: tuple[Round, ...] = ()) -> DesignedDie:
+    """The die of a solver's result."""
+    recipe = work.recipe
+    return DesignedDie(
+        status=result.status,
+        hull=result.hull,
+        directions=result.directions[np.argsort(recipe.outcome_of_direction())],
+        error=result.error,
+        steps=tuple(map(_step, result.history)),
+        center_of_mass=normalised_center(recipe, work.start),
+        terms=result.terms,
+        starts=result.starts,
+        evaluations=result.evaluations,
+        hulls=HullsMade(result.hulls_built, result.hulls_reused),
+        rounds=rounds,
+    )
+
+
+def _step(step: DesignStep) -> Step:
+    return Step(step.step, step.seconds, step.energy, step.error, step.terms)

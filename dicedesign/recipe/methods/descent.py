@@ -1,0 +1,32 @@
+"""`method: descent`: a convex die by descent on the paper's energy."""
+
+from __future__ import annotations
+
+from dicedesign.design.solvers.descent import descend_to_target
+from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.recipe.methods.convex import (
+    designed_die,
+    normalised_center,
+    step_listener,
+    wanted_odds,
+)
+from dicedesign.recipe.work import Work
+
+__all__ = ["design"]
+
+
+def design(work: Work) -> DesignedDie:
+    """The die of a recipe, from its start. Raises InputError if that does not suit the target."""
+    recipe, start = work.recipe, work.start
+    # Only the exact method searches.
+    assert start is not None
+    assert recipe.method.descent is not None
+    result = descend_to_target(
+        start,
+        wanted_odds(recipe),
+        recipe.method.descent,
+        center_of_mass=normalised_center(recipe, start),
+        seed=recipe.seed,
+        on_step=step_listener(work),
+    )
+    return designed_die(work, result)

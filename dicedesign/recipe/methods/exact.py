@@ -1,0 +1,64 @@
+"""`method: exact`: a convex die whose odds are the target's to rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import partial
+
+from dicedesign.design.result import DesignResult
+from dicedesign.design.solvers.exact import ExactOptions, solve_exactly
+from dicedesign.design.starts.search import shapes_near
+from dicedesign.design.starts.start import Start
+from dicedesign.design.starts.symmetric_search import symmetric_shapes_near
+from dicedesign.design.starts.variations import shapes_like
+from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.recipe.methods.convex import (
+    designed_die,
+    normalised_center,
+    step_listener,
+    wanted_odds,
+)
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.work import Work
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["design", "exact_options", "solver", "starts_of"]
+
+
+def design(work: Work) -> DesignedDie:
+    """The die of a recipe, from its start or from shapes that are searched.
+
+    Raises InputError if no start suits the target.
+    """
+    wanted = wanted_odds(work.recipe)
+    return designed_die(work, solver(work)(starts_of(work, wanted), wanted))
+
+
+def exact_options(recipe: Recipe) -> ExactOptions:
+    """The options of a recipe whose method is exact."""
+    assert recipe.method.exact is not None
+    return recipe.method.exact
+
+
+def solver(work: Work) -> Callable[..., DesignResult]:
+    """`solve_exactly` with all that a recipe says but the starts and the target."""
+    recipe = work.recipe
+    return partial(
+        solve_exactly,
+        options=exact_options(recipe),
+        center_of_mass=normalised_center(recipe, work.start),
+        group=recipe.group(),
+        least_circle=recipe.min_inradius_mm / recipe.size_mm,
+        on_step=step_listener(work),
+    )
+
+
+def starts_of(work: Work, wanted: Floats) -> Iterable[Start | None]:
+    """What the solver begins with, one after the other; None where nothing was found for a
+    while."""
+    recipe, group = work.recipe, work.recipe.group()
+    if work.start is not None:
+        return shapes_like(work.start, recipe.seed, group, any_order=recipe.any_order)
+    if group is not None:
+        return symmetric_shapes_near(wanted, group, recipe.seed)
+    return shapes_near(wanted, recipe.seed)

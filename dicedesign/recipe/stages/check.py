@@ -1,0 +1,214 @@
+"""Stage check: the verdict on the file, and what would help a die that did not converge."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from dicedesign.fabricate.designed_die import SizedDie
+from dicedesign.fabricate.verdict import judged
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.recipe.stage import STAGES, Stage
+from dicedesign.recipe.work import Work
+from dicedesign.rest.asymmetry import asymmetry
+from dicedesign.results.status import Status
+
+__all__ = ["check"]
+
+RARE: Final = 1e-5
+"""Outcomes below are seldom met exactly: of the shapes that lead there most lose their facets."""
+
+
+def check(work: Work) -> None:
+    """Read die_plain.stl back and say what it does and what is wrong with it."""
+    die, solid = work.die, work.solid
+    work.plain = judged(
+        work.files["die_plain.stl"],
+        die.directions,
+        work.target.probabilities,
+        solid.center_of_mass,
+    )
+    thrown = work.recipe.method.thrown
+    tolerance = None if thrown else work.recipe.method.tolerance
+    flaws = list(work.plain.flaws(tolerance))
+    designed = die.error if thrown else solid.outcomes.max_abs_error(work.target.probabilities)
+    if die.reshaped is not None:
+        flaws += _surface_flaws(work)
+    if die.status is not Status.CONVERGED:
+        flaws = [die.status]
+    work.status = flaws[0] if flaws else Status.CONVERGED
+    work.details["design_max_abs_error"] = designed
+    work.details["asymmetry"] = asymmetry(work.plain.poses)
+    work.remarks += _remarks(work, flaws, designed)
+
+
+STAGES.register(
+    Stage(
+        name="check",
+        line="reads die_plain.stl back: its rests, their outcomes, and the verdict",
+        rank=50,
+        wanted=lambda work: True,
+        run=check,
+    )
+)
+
+
+def _remarks(work: Work, flaws: list[Status], designed: float) -> Iterator[str]:
+    verdict, recipe = work.plain, work.recipe
+    told = [status.value for status in flaws] or [Status.CONVERGED.value]
+    if recipe.method.thrown:
+        yield (
+            f"{'; '.join(told)} by the momentum model; max |p - q| is {designed:.3g} of the odds "
+            "that it was asked for"
+        )
+    else:
+        yield "; ".join(told)
+        yield (
+            f"max |p - q| is {verdict.max_abs_error:.3g} in the file, {designed:.3g} as designed"
+        )
+    elsewhere = verdict.outcomes.elsewhere
+    if elsewhere > recipe.method.tolerance or work.die.reshaped is not None:
+        yield f"{elsewhere:.3g} of the probability lies on rests without an outcome"
+    missing = int((verdict.outcomes.main < 0).sum())
+    if missing:
+        yield f"{missing} outcomes have no facet to rest on"
+    if flaws:
+        yield from _advice(work, flaws)
+    yield from recipe.doubts()
+
+
+def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
+    """What would help a die that did not converge."""
+    method, die, verdict = work.recipe.method, work.die, work.plain
+    if die.reshaped is not None:
+        yield from _surface_advice(work)
+        return
+    if (die.starts or 1) > 1:
+        yield f"this is the best of {die.starts} starting shapes"
+    if Status.TIME_LIMIT in flaws:
+        yield f"allow more with {method.limits_key}.seconds"
+    if Status.CROWDED in flaws:
+        yield (
+            f"the nearest are {np.degrees(verdict.outcomes.least_angle):.2g} degrees apart; try "
+            "another start, assignment or seed"
+        )
+    if Status.UNSTEADY in flaws:
+        weakest = int(verdict.margins.argmin())
+        yield (
+            f"{work.target.labels[weakest]} is left at {np.degrees(verdict.margins[weakest]):.2g} "
+            "degrees; try another seed, or join what is so rare"
+        )
+    if method.descent is not None and {Status.OFF_TARGET, Status.STRAY} & set(flaws):
+        yield "raise weights.stability or weights.coplanar"
+    if method.exact is not None and method.exact.coordinates == "vertices":
+        yield "facets of more than three sides break under coordinates: vertices; facets keeps them"
+    if Status.TOO_SMALL in flaws:
+        yield f"the smallest circle has a radius of {_smallest_circle(work.solid):.3g} mm"
+    smallest = float(work.target.probabilities.min())
+    if method.exact is not None and smallest < RARE:
+        yield (
+            f"an outcome of {smallest:.2g} is hard to give a facet of its own: leave out or join "
+            "what is so rare"
+        )
+
+
+def _smallest_circle(solid: SizedDie) -> float:
+    from dicedesign.geometry.hulls.polygons import facet_inradius
+
+    rests = solid.outcomes.main[solid.outcomes.main >= 0]
+    return min(facet_inradius(solid.poses.hull, int(facet)) for facet in solid.poses.facets[rests])
+
+
+def _surface_flaws(work: Work) -> Iterator[Status]:
+    """What is wrong with a die that keeps the shape of a surface, beside its odds. Its quality and
+    measures go into the details."""
+    from dicedesign.geometry.meshes.body import make_body
+    from dicedesign.geometry.sphere import norms
+    from dicedesign.geometry.surfaces.quality import surface_quality
+    from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
+    from dicedesign.rest.outcomes import outcome_odds
+    from dicedesign.rest.poses import rest_poses
+    from dicedesign.results.record import Displacement, HullOfSurface, SurfaceSize
+    from dicedesign.tolerances import FILLED_GAP
+
+    made, body = work.die.reshaped, work.plain.body
+    assert made is not None
+    assert body.triangles is not None
+    surface = Surface(body.points, body.triangles)
+    gap = _gap(surface, work)
+    crossings = len(intersecting_triangles(surface.points, surface.triangles))
+    before = outcome_odds(
+        rest_poses(make_body(made.before.points, made.before.triangles)), made.directions
+    )
+    moved = norms(made.after.points - made.before.points) / made.before.diagonal
+    work.quality = surface_quality(made.after, made.before)
+    work.details |= {
+        "probabilities_before": tuple(before.odds.tolist()),
+        "elsewhere_before": before.elsewhere,
+        "displacement": Displacement(float(moved.mean()), float(moved.max())),
+        "hull": HullOfSurface(*made.hull_corners, gap),
+        "surface": SurfaceSize(len(surface.points), len(surface.triangles)),
+        "quality": tuple(_quality(work, crossings)),
+        "surface_quality": work.quality.data(),
+        "file_self_intersections": crossings,
+    }
+    if gap > FILLED_GAP:
+        yield Status.LOOSE
+    if crossings > 0:
+        yield Status.SELF_INTERSECTING
+    if work.plain.poses.center_of_mass_source != "uniform solid":
+        yield Status.OPEN
+    if not work.solid.is_printable:
+        yield Status.UNPRINTABLE
+
+
+def _gap(surface: Surface, work: Work) -> float:
+    """Over the diagonal: how far corners of the designed hull are from the surface, or the surface
+    is outside of that hull."""
+    from dicedesign.geometry.hulls.hull import convex_hull
+    from dicedesign.geometry.surfaces.closest_points import closest_points
+
+    corners = work.solid.hull_points
+    inside = closest_points(surface, corners).distances.max()
+    designed = convex_hull(corners)
+    middle = designed.vertices.mean(axis=0)
+    heights = (work.plain.poses.hull.vertices - middle) @ designed.normals.T
+    outside = (heights - designed.heights(middle)).max()
+    return float(max(inside, outside, 0.0)) / surface.diagonal
+
+
+def _quality(work: Work, crossings: int) -> Iterator[str]:
+    """Defects of the deformed surface and of the file, and how far triangles are distorted."""
+    assert work.quality is not None
+    sentences = list(work.quality.sentences())
+    yield from sentences or [
+        "no triangle meets another, is folded onto its neighbor, turned over or a sliver"
+    ]
+    yield f"{crossings or 'no'} pairs of triangles of the printable file meet that should not"
+    stretched = work.quality.distortion
+    if stretched is not None:
+        yield (
+            "95 % of the surface is distorted in shape by a factor of at most "
+            f"{stretched.shape_most:.3g}, and in size by {stretched.size_most:.3g}"
+        )
+
+
+def _surface_advice(work: Work) -> Iterator[str]:
+    from dicedesign.tolerances import FILLED_GAP
+
+    method, made = work.recipe.method.concave, work.die.reshaped
+    assert method is not None
+    assert made is not None
+    gap, crossings = work.details["hull"].gap, work.details["file_self_intersections"]
+    if gap > FILLED_GAP:
+        yield f"the hull is off by {gap:.2g} of the diagonal"
+    if crossings:
+        yield f"{crossings} pairs of triangles meet"
+    done = made.progress.attempts
+    yield f"this is the best of {done} attempt{'' if done == 1 else 's'}"
+    if done >= method.attempts:
+        yield "allow more with method.concave.attempts, or try another seed"
+    else:
+        yield "try another seed"

@@ -1,0 +1,37 @@
+"""Stage design: the recipe's method makes a die."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from dicedesign.recipe.stage import STAGES, Stage
+from dicedesign.recipe.work import Work
+from dicedesign.runtime.files import make_writable_folder
+from dicedesign.runtime.threads import one_tensor_thread
+
+__all__ = ["run_method"]
+
+
+def run_method(work: Work) -> None:
+    """Design the die of a recipe, in the file of its method in `dicedesign.recipe.methods`.
+
+    The folder of the results is made first: nobody waits for a die that cannot be kept. Raises as
+    the method, or OutputError.
+    """
+    if work.folder is not None:
+        make_writable_folder(work.folder)
+    method = work.recipe.method
+    name = "thrown" if method.thrown else method.name
+    with one_tensor_thread():
+        work.die = import_module(f"dicedesign.recipe.methods.{name}").design(work)
+
+
+STAGES.register(
+    Stage(
+        name="design",
+        line="runs the recipe's method: exact, descent, concave, or exact for thrown dice",
+        rank=20,
+        wanted=lambda work: True,
+        run=run_method,
+    )
+)

@@ -1,0 +1,29 @@
+"""Stage export: the die in millimetres, and its file without labels."""
+
+from __future__ import annotations
+
+from dicedesign.recipe.stage import STAGES, Stage
+from dicedesign.recipe.work import Work
+
+__all__ = ["export"]
+
+
+def export(work: Work) -> None:
+    """Bring the die to its size, clean a surface for printing, and make die_plain.stl."""
+    from dicedesign.fabricate.designed_die import sized
+    from dicedesign.geometry.meshes.stl import stl_bytes
+
+    work.solid = sized(work.die, work.recipe.size_mm)
+    work.notes += work.solid.changes
+    work.files["die_plain.stl"] = stl_bytes(work.solid.points, work.solid.triangles)
+
+
+STAGES.register(
+    Stage(
+        name="export",
+        line="brings the die to its size and makes die_plain.stl",
+        rank=40,
+        wanted=lambda work: True,
+        run=export,
+    )
+)

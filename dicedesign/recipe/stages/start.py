@@ -1,0 +1,124 @@
+"""Stage start: what the design begins with, and whether it suits the recipe."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.stage import STAGES, Stage
+from dicedesign.recipe.work import Work
+
+__all__ = ["make_start"]
+
+
+def make_start(work: Work) -> None:
+    """Make the starting shape of a recipe, or the surface of one whose method is concave.
+
+    Raises InputError if a mesh cannot be read or has too few rests, the center of mass is not
+    inside the shape, a symmetry does not permute its facets or carries labels to less probable
+    ones, the surface is no closed one of one solid, the die cannot be thrown as the recipe says, or
+    a label has a character that no glyph is known of.
+    """
+    recipe = work.recipe
+    if recipe.method.concave is not None:
+        _make_surface(work)
+    else:
+        _make_shape(work)
+    if recipe.engrave is not None:
+        from dicedesign.fabricate.glyphs import require_glyphs
+
+        require_glyphs(work.target.labels)
+
+
+STAGES.register(
+    Stage(
+        name="start",
+        line="makes or reads the starting shape, and checks that it suits the target",
+        rank=10,
+        wanted=lambda work: True,
+        run=make_start,
+    )
+)
+
+
+def _make_surface(work: Work) -> None:
+    from dicedesign.concave.shapes.shapes import shape
+    from dicedesign.geometry.meshes.reading import read_body
+    from dicedesign.geometry.surfaces.closed_surface import make_surface
+    from dicedesign.geometry.surfaces.remeshing import decimated, refined
+
+    choice, method = work.recipe.start, work.recipe.method.concave
+    assert method is not None
+    if choice.mesh is not None:
+        surface, notes = make_surface(read_body(Path(choice.mesh.path)))
+        work.notes += notes
+    else:
+        assert choice.shape is not None
+        surface = shape(choice.shape)
+    if method.points is not None:
+        changed = refined if len(surface.points) < method.points else decimated
+        surface, note = changed(surface, method.points)
+        work.notes.append(note)
+    work.surface = surface
+
+
+def _make_shape(work: Work) -> None:
+    from dicedesign.design.starts.hendecahedron import hendecahedron
+    from dicedesign.design.starts.mesh import mesh_start
+    from dicedesign.design.starts.prism import prism
+    from dicedesign.design.starts.repulsion import repulsion
+    from dicedesign.geometry.hulls.hull import convex_hull
+    from dicedesign.geometry.meshes.reading import read_body
+    from dicedesign.rest.equilibria import classify
+
+    recipe = work.recipe
+    choice, outcomes = recipe.start, len(work.target.labels)
+    center = None if recipe.center_of_mass is None else np.array(recipe.center_of_mass)
+    if recipe.method.exact is not None and recipe.method.thrown:
+        from dicedesign.recipe.methods.thrown import check_table
+
+        check_table(recipe.method.exact, recipe.size_mm)
+    if choice.search is not None:
+        return
+    if choice.mesh is not None:
+        start = mesh_start(read_body(Path(choice.mesh.path)), outcomes, center)
+    elif choice.prism is not None:
+        sides = choice.prism.sides_for(outcomes)
+        start = prism(sides, choice.prism.height, choice.prism.cap)
+    elif choice.hendecahedron is not None:
+        start = hendecahedron(choice.hendecahedron)
+    else:
+        start = repulsion(outcomes, recipe.seed)
+    if center is not None:
+        # Here an error still speaks of the coordinates that the recipe uses.
+        classify(convex_hull(start.origin + start.scale * start.points), center)
+    if recipe.symmetry is not None:
+        # Every symmetry of a body keeps its centroid where it is.
+        start = start.about_centroid()
+        _check_orbits(recipe, start.directions)
+    work.start = start
+    work.notes += start.notes
+
+
+def _check_orbits(recipe: Recipe, directions: np.ndarray) -> None:
+    """Raise InputError unless labels on facets that are images of each other are as probable."""
+    from dicedesign.design.coordinates.symmetric import orbits_of_directions
+    from dicedesign.tolerances import EQUAL_ODDS
+
+    group, target = recipe.group(), recipe.target.target()
+    assert group is not None
+    outcome = np.array(recipe.outcome_of_direction())
+    first: dict[int, int] = {}
+    for orbit, number in zip(orbits_of_directions(directions, group), outcome, strict=True):
+        other = first.setdefault(int(orbit), int(number))
+        odds = target.probabilities[[number, other]]
+        if abs(odds[0] - odds[1]) > EQUAL_ODDS * odds[1]:
+            raise InputError(
+                f"symmetry: expected labels {target.labels[other]} and {target.labels[number]} to "
+                f"be equally probable, as {recipe.symmetry} carries their facets to each other, "
+                f"got {odds[1]:.6g} and {odds[0]:.6g}; change the assignment, or take a smaller "
+                "group"
+            )

@@ -1,0 +1,350 @@
+"""The result of a run: what result.json holds, typed, and read back.
+
+`Result` is written as it stands, a key for each attribute; an attribute that is None has none.
+Odds are in the order of the labels, lengths in millimetres unless they are called relative, angles
+in degrees.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.results.status import Status
+from dicedesign.runtime.arrays import Floats
+from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
+
+__all__ = [
+    "RESULT",
+    "Displacement",
+    "FacetOfDie",
+    "HullOfSurface",
+    "HullsMade",
+    "Result",
+    "RoundOfThrows",
+    "SimulatedThrows",
+    "StageTime",
+    "Step",
+    "SurfaceSize",
+    "ThrownOdds",
+    "read_result",
+]
+
+RESULT: Final = "result.json"
+"""Name of the file, written last: a folder that has it is complete."""
+
+Numbers: TypeAlias = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class FacetOfDie:
+    """A facet that the die can rest on.
+
+    Attributes
+    ----------
+    label: that it bears, or None; outcome: label of the outcome that it counts for, or None. They
+        differ where several facets nearly in one plane show one outcome.
+    normal: (3,) outward unit normal, down when the die rests on it.
+    probability: of coming to rest on it without momentum.
+    polygon_area_mm2: its area. inradius_mm: radius of the largest circle in it.
+    margin_deg: angle by which the die must be tipped to leave it over the nearest saddle.
+    border_deg: least angle from the normal to the border of the basin, at saddles or elsewhere.
+    """
+
+    label: str | None
+    outcome: str | None
+    normal: Numbers
+    probability: float
+    polygon_area_mm2: float
+    inradius_mm: float
+    margin_deg: float
+    border_deg: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """One accepted step of a design.
+
+    Attributes
+    ----------
+    step: its number, from 0, the start, on. seconds: since the design began.
+    energy: what is minimised; terms: its weighted terms, by name.
+    max_abs_error: largest |p - q|, or None where the step does not know.
+    stage, attempt: of a concave die "hull", "fill" or "balance", each with an energy of its own,
+        and the number of the attempt.
+    """
+
+    step: int
+    seconds: float
+    energy: float
+    max_abs_error: float | None
+    terms: dict[str, float] = dataclasses.field(default_factory=dict)
+    stage: str | None = None
+    attempt: int | None = None
+
+
+@dataclass(frozen=True)
+class HullsMade:
+    """Convex hulls of a design: built from scratch, and reused with their corners moved."""
+
+    built: int
+    reused: int
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """How far the points of a surface were moved, relative to its diagonal."""
+
+    mean: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class HullOfSurface:
+    """Corners of a surface's hull before and after, and the largest distance between the hull of
+    the finished surface and the designed one, relative to the diagonal."""
+
+    vertices_before: int
+    vertices_after: int
+    gap: float
+
+
+@dataclass(frozen=True)
+class SurfaceSize:
+    """Numbers of vertices and triangles of the finished surface."""
+
+    vertices: int
+    triangles: int
+
+
+@dataclass(frozen=True)
+class RoundOfThrows:
+    """One round of throws that corrected a design.
+
+    Attributes
+    ----------
+    drops: throws. deviation: total variation of the frequencies from the target; noise_floor: what
+        a perfect die shows.
+    changed: the same on changed tables.
+    asked: odds that the next design was asked for. frequencies: of the outcomes.
+    """
+
+    drops: int
+    deviation: float
+    noise_floor: float
+    changed: Numbers
+    asked: Numbers
+    frequencies: Numbers
+
+
+@dataclass(frozen=True)
+class SimulatedThrows:
+    """Throws of the finished die.
+
+    Attributes
+    ----------
+    engine, seed, drops: how it was thrown. unresolved: throws that came to rest nowhere in time.
+    counts, frequencies: of the outcomes; intervals: of each an exact 95 % interval.
+    total_variation: from the target, with its 95 % interval and what a perfect die shows.
+    """
+
+    engine: str
+    seed: int
+    drops: int
+    unresolved: int
+    counts: tuple[int, ...]
+    frequencies: Numbers
+    intervals: tuple[tuple[float, float], ...]
+    total_variation: float
+    interval: tuple[float, float]
+    noise_floor: float
+
+
+@dataclass(frozen=True)
+class ThrownOdds:
+    """What a die does on a table.
+
+    Attributes
+    ----------
+    table: its numbers by name, with the die's own size.
+    momentum: odds by the momentum model.
+    rounds: of throws that corrected the design.
+    simulated: throws of the finished die, or None.
+    """
+
+    table: dict[str, Any]
+    momentum: Numbers
+    rounds: tuple[RoundOfThrows, ...]
+    simulated: SimulatedThrows | None = None
+
+
+@dataclass(frozen=True)
+class StageTime:
+    """Wall-clock seconds of a stage, and the most memory that the process held, in units of 10^6
+    bytes; None where the system does not tell."""
+
+    name: str
+    seconds: float
+    peak_mb: float | None
+
+
+@dataclass(frozen=True)
+class Result:
+    """All that a run found out about its die.
+
+    Attributes
+    ----------
+    name: of the recipe.
+    status: name of a `Status` in small letters; "converged" alone means success.
+    message: the same in a sentence.
+    labels: of the k outcomes; target: (k,) their wanted odds.
+    probabilities: (k,) odds of the outcomes without momentum, by die_plain.stl as it was read back.
+    elsewhere: odds of all rests that count for no outcome.
+    max_abs_error: largest |p - q|; design_max_abs_error: the same as designed, before coordinates
+        were rounded to those of the file, by the odds that the method is about.
+    center_of_mass: (3,) in the coordinates of the file.
+    facets: those that the die can rest on, the most probable first; unstable_facets: how many
+        others there are.
+    rest_counts: (k,) how many rests count for each outcome.
+    least_angle_deg: between two outcomes' facets; 180 with one outcome.
+    asymmetry: rho of eq. 20 and 21.
+    engraved_probabilities, engraved_elsewhere, engraved_max_abs_error: the same odds by die.stl as
+        it was read back, with what the marks take away; None where it is not engraved, or where the
+        center of mass was given: then nobody knows how marks move it.
+    history: every accepted step.
+    energy: terms of the energy at the end, by name. starts: starting shapes that were tried;
+        evaluations: dice that were tried; hulls: computed for them.
+    probabilities_before, elsewhere_before: of the surface that a concave die was made from.
+    displacement, hull, surface, quality, surface_quality, file_self_intersections: of a concave
+        die, how far its points were moved, its hull, its size, defects and distortion as sentences
+        and as numbers, and the pairs of triangles of its file that meet and should not.
+    attempts, search_seconds, attempt: of the search for a concave die, over all sessions, and the
+        number of the attempt that led to this one.
+    thrown: what the die does on the recipe's table.
+    notes: what was repaired or assumed, one sentence each.
+    files: names of the files of the folder by what they are.
+    stages: what the stages took; peak_since: "stage", or "start" where the system can only tell the
+        most memory since the process started.
+    folder: where the files are, or None for a die that was not written; not in result.json.
+    """
+
+    name: str
+    status: str
+    message: str
+    labels: tuple[str, ...]
+    target: Numbers
+    probabilities: Numbers
+    elsewhere: float
+    max_abs_error: float
+    design_max_abs_error: float
+    center_of_mass: Numbers
+    facets: tuple[FacetOfDie, ...]
+    unstable_facets: int
+    rest_counts: tuple[int, ...]
+    least_angle_deg: float
+    asymmetry: float
+    history: tuple[Step, ...]
+    notes: tuple[str, ...] = ()
+    engraved_probabilities: Numbers | None = None
+    engraved_elsewhere: float | None = None
+    engraved_max_abs_error: float | None = None
+    energy: dict[str, float] | None = None
+    starts: int | None = None
+    evaluations: int | None = None
+    hulls: HullsMade | None = None
+    probabilities_before: Numbers | None = None
+    elsewhere_before: float | None = None
+    displacement: Displacement | None = None
+    hull: HullOfSurface | None = None
+    surface: SurfaceSize | None = None
+    quality: tuple[str, ...] | None = None
+    surface_quality: dict[str, Any] | None = None
+    file_self_intersections: int | None = None
+    attempts: int | None = None
+    search_seconds: float | None = None
+    attempt: int | None = None
+    thrown: ThrownOdds | None = None
+    files: dict[str, str] = dataclasses.field(default_factory=dict)
+    stages: tuple[StageTime, ...] = ()
+    peak_since: str = "start"
+    folder: Path | None = dataclasses.field(default=None, compare=False)
+
+    @property
+    def converged(self) -> bool:
+        """Whether the die meets the recipe's tolerance."""
+        return self.status == Status.CONVERGED.name.lower()
+
+    @property
+    def shown(self) -> tuple[tuple[str, Floats], ...]:
+        """Label of the outcome that a facet counts for, and its normal (3,), for each that does."""
+        return tuple(
+            (facet.outcome, np.array(facet.normal))
+            for facet in self.facets
+            if facet.outcome is not None
+        )
+
+    @property
+    def plain_file(self) -> Path:
+        """The solid without labels."""
+        return (self.folder or Path()) / self.files["die_plain"]
+
+    def json_text(self) -> str:
+        """The content of result.json."""
+        return json.dumps(_plain(self), indent=1, allow_nan=False) + "\n"
+
+
+def _plain(result: Result) -> dict[str, Any]:
+    known = {name: value for name, value in dataclasses.asdict(result).items() if value is not None}
+    known.pop("folder", None)
+    if "thrown" in known and known["thrown"]["simulated"] is None:
+        del known["thrown"]["simulated"]
+    return known
+
+
+def read_result(folder: Path | str) -> Result:
+    """The result in a folder that a run left.
+
+    Raises InputError: no run left that folder, or its result.json is damaged.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    path = Path(folder) / RESULT
+    try:
+        result = TypeAdapter(Result).validate_json(path.read_bytes())
+        _check(result)
+        result = dataclasses.replace(result, folder=Path(folder))
+    except (OSError, ValueError, RecursionError) as error:
+        if isinstance(error, ValidationError):
+            first = error.errors()[0]
+            key = ".".join(str(part) for part in first["loc"]) or "the file"
+            reason = f"{key}: {first['msg']}"
+        else:
+            reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(
+            f"{path}: expected the result of a finished run, got {reason}; name a folder that "
+            "`dicedesign run` left"
+        ) from error
+    return result
+
+
+def _check(result: Result) -> None:
+    """Raise ValueError where labels, odds and facets do not fit together."""
+    labels, target = result.labels, np.array(result.target)
+    if len(set(labels)) < len(labels) or len(target) != len(labels):
+        raise ValueError("labels that are not all different, or not as many as the target's odds")
+    if not (target > 0.0).all() or abs(target.sum() - 1.0) > PROBABILITY_SUM_TOLERANCE:
+        raise ValueError("a target whose odds are not positive or do not sum to 1")
+    lengths = {len(result.center_of_mass), *(len(facet.normal) for facet in result.facets)}
+    vectors = np.concatenate([result.center_of_mass, *(facet.normal for facet in result.facets)])
+    if lengths != {3} or not np.isfinite(vectors).all():
+        raise ValueError("vectors that are not three finite numbers")
+    if not {label for label, _ in result.shown} <= set(labels):
+        raise ValueError("facets with labels that the die has not")
+    if "die_plain" not in result.files:
+        raise ValueError("no file of the die")
