@@ -58,7 +58,7 @@ def check(folder: Path) -> dict[str, object]:
         assert len(die.split()) == 1
         assert 0.8 * plain.volume < die.volume < plain.volume
         # Marks on a concave die may take a little off its hull.
-        flat = 1e-2 if "elsewhere" in result else 1e-5
+        flat = 1e-2 if "displacement" in result else 1e-5
         assert np.allclose(die.convex_hull.volume, plain.convex_hull.volume, rtol=flat)
     corners = plain.convex_hull.vertices
     span = np.linalg.norm(corners[:, None] - corners[None], axis=2).max()
@@ -71,9 +71,9 @@ def check(folder: Path) -> dict[str, object]:
     assert abs(sum(f["probability"] for f in result["facets"]) - 1.0) < 1e-12
     normals = np.array([facet["normal"] for facet in result["facets"]])
     # A hull of many corners has valleys along which little is won by each step.
-    steps = 6000 if "elsewhere" in result else 600
+    steps = 6000 if "displacement" in result else 600
     frequencies = rolled_frequencies(corners, plain.center_mass, normals, steps)
-    if "elsewhere" in result:
+    if "displacement" in result:
         # Rests of one outcome may be too near to each other to tell them apart by rolling.
         outcomes = [facet["outcome"] for facet in result["facets"]]
         names = [*labels, None]

@@ -68,6 +68,11 @@ def _search(options: argparse.Namespace) -> int:
             f"{options.recipe}: expected no method.exact.refine in a search, whose trials take "
             "seconds, got one; leave it out, and add it to the best recipe found"
         )
+    if recipe.method.concave is not None:
+        raise InputError(
+            f"{options.recipe}: expected method exact or descent in a search, got concave; such a "
+            "recipe is for dicedesign run alone, which searches itself"
+        )
     # A start that does not suit the target suits it in no trial.
     design_recipe(recipe, last="start")
     folder = options.out or Path("outputs") / f"{recipe.name}_search"

@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,13 +17,14 @@ from common.dented_cube import MadeUpSearch, write_cube
 
 from dicedesign import rest_poses
 from dicedesign.cli.main import main
-from dicedesign.concave.result import ConcaveStep
 from dicedesign.errors import InputError, LabelRoomError, OutputError
-from dicedesign.recipe.concave_judging import make_input_surface
-from dicedesign.recipe.concave_run import run_concave_recipe
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.recipe import run as pipeline
+from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.results.folder import RunResult
+from dicedesign.recipe.work import Listeners
+from dicedesign.results.record import Result, Step
 
 PICTURES = ("rests", "before_after", "odds", "hull", "displacement", "energy")
 
@@ -47,7 +49,7 @@ def recipe_path(tmp_path: Path) -> Path:
 def search(monkeypatch: pytest.MonkeyPatch) -> MadeUpSearch:
     """Takes the place of the real one."""
     made_up = MadeUpSearch()
-    monkeypatch.setattr("dicedesign.recipe.concave_run.make_concave_die", made_up)
+    monkeypatch.setattr("dicedesign.recipe.methods.concave.make_concave_die", made_up)
     return made_up
 
 
@@ -55,13 +57,18 @@ def search(monkeypatch: pytest.MonkeyPatch) -> MadeUpSearch:
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """No pictures are drawn."""
     monkeypatch.setattr(
-        "dicedesign.recipe.concave_figures.concave_figures",
+        "dicedesign.report.figures.figure.figure_files",
         lambda *arguments: dict.fromkeys(PICTURES, b"\x89PNG\r\n\x1a\n"),
     )
 
 
-def run(path: Path, folder: Path, *changes: str, resume: bool = False) -> RunResult:
-    return run_concave_recipe(read_recipe(path, changes), folder, resume=resume)
+def run(path: Path, folder: Path, *changes: str, resume: bool = False) -> Result:
+    return pipeline.run(path, folder, changes=changes, resume=resume)
+
+
+def summary_of(result: Result) -> dict[str, Any]:
+    """The content of result.json."""
+    return json.loads(result.json_text())
 
 
 def names(folder: Path) -> list[str]:
@@ -74,20 +81,16 @@ def test_a_recipe_becomes_a_checked_die(
     stages: list[str] = []
     steps: list[tuple[int, str]] = []
     recipe = read_recipe(recipe_path, ["engrave=true"])
-    result = run_concave_recipe(
-        recipe,
-        tmp_path / "new" / "die",
-        on_stage=stages.append,
-        on_step=lambda step: steps.append((step.attempt, step.stage)),
-    )
+    listeners = Listeners(stages.append, lambda step: steps.append((step.attempt, step.stage)))
+    result = pipeline.run(recipe, tmp_path / "new" / "die", listeners=listeners)
     assert result.converged
     summary = check(result.folder)
-    assert summary == json.loads(json.dumps(result.summary))
+    assert summary == summary_of(result)
     assert summary["message"].startswith("reached the tolerance; max |p - q| is ")
     assert steps == [(k, stage) for k in (1, 2, 3) for stage in ("hull", "fill")]
     assert [stage["name"] for stage in summary["stages"]] == stages
     assert stages == [
-        "start", "design", "export", "check", "engrave", "summary", "figures", "report",
+        "start", "design", "export", "check", "engrave", "figures", "report",
     ]  # fmt: skip
     assert set(summary["files"]) == {"die", "die_plain", "recipe", "report", "result", *PICTURES}
     # The dents went from 0.1 to 0.13 in 6 of 14 points, where the side is 2.
@@ -96,7 +99,7 @@ def test_a_recipe_becomes_a_checked_die(
     assert summary["hull"]["gap"] < 1e-6
     assert summary["rest_counts"] == [1] * 6
     assert 0.0 < summary["engraved_max_abs_error"] < 0.002
-    assert summary["message"].endswith(" with the marks cut in")
+    assert summary["message"].endswith(" with the labels cut in")
     assert read_recipe(result.folder / "recipe.yaml") == recipe
     page = (result.folder / "report.html").read_text()
     for name in ("before_after.png", "die_plain.stl", "max |p - q| is "):
@@ -111,7 +114,7 @@ def test_the_verdict_is_that_of_the_file(
     result = run(recipe_path, tmp_path / "out")
     assert result.status == "off_target"
     assert not result.converged
-    summary = result.summary
+    summary = summary_of(result)
     mesh = trimesh.load_mesh(result.folder / "die_plain.stl")
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
@@ -136,7 +139,7 @@ def test_rests_that_are_no_outcome_are_told(
     changes = ["target={probabilities: [0.5, 0.25, 0.25]}", "method.concave.tolerance=0.4"]
     result = run(recipe_path, tmp_path / "out", *changes)
     assert result.status == "stray"
-    assert result.summary["elsewhere"] == pytest.approx(0.5)
+    assert result.elsewhere == pytest.approx(0.5)
     assert "the die also rests elsewhere, more often than the tolerance" in result.message
     assert "the tolerance is not below the smallest outcome, 0.25" in result.message
     check(result.folder)
@@ -155,8 +158,8 @@ def test_a_surface_that_meets_itself_did_not_converge(
     search.change = push
     result = run(recipe_path, tmp_path / "out")
     assert result.status == "self_intersecting"
-    assert result.summary["file_self_intersections"] > 0
-    assert any("meets itself" in sentence for sentence in result.summary["quality"])
+    assert result.file_self_intersections > 0
+    assert any("meets itself" in sentence for sentence in result.quality)
     assert any("meets itself" in note for note in result.notes)
 
 
@@ -170,7 +173,7 @@ def test_a_surface_that_is_no_printable_solid_is_written_as_it_is(
     def refused(surface: object) -> None:
         raise InputError("printable solid: expected one piece of positive volume, got 2")
 
-    monkeypatch.setattr("dicedesign.recipe.concave_run.printable_solid", refused)
+    monkeypatch.setattr("dicedesign.fabricate.designed_die.printable_solid", refused)
     result = run(recipe_path, tmp_path / "out")
     assert result.status == "unprintable"
     assert result.notes == ("printable solid: expected one piece of positive volume, got 2",)
@@ -185,9 +188,9 @@ def test_files_of_a_former_run_that_do_not_belong_are_removed(
     for name in ("die.stl", "bars.png", "gauss_map.png", "checkpoint.npz", "result.json", "mine"):
         (folder / name).write_bytes(b"of an earlier run")
     result = run(recipe_path, folder)
-    assert names(folder) == sorted(["mine", *result.summary["files"].values()])
-    assert "engraved_probabilities" not in result.summary
-    assert "engrave" not in [stage["name"] for stage in result.summary["stages"]]
+    assert names(folder) == sorted(["mine", *result.files.values()])
+    assert "engraved_probabilities" not in summary_of(result)
+    assert "engrave" not in [stage.name for stage in result.stages]
 
 
 def test_marks_that_do_not_fit(
@@ -224,13 +227,13 @@ def test_an_outcome_without_a_side(
     )
     result = run(recipe_path, tmp_path / "out", "engrave=true")
     assert result.status == "off_target"
-    assert "1 outcomes have no side to rest on" in result.message
+    assert "1 outcomes have no facet to rest on" in result.message
     assert "not engraved: label '6': expected a side to rest on" in result.message
-    assert result.summary["rest_counts"][5] == 0
+    assert result.rest_counts[5] == 0
 
 
-def dented_cube_of_file(recipe_path: Path):
-    return make_input_surface(read_recipe(recipe_path))[0]
+def dented_cube_of_file(recipe_path: Path) -> Surface:
+    return design_recipe(read_recipe(recipe_path), last="start").surface
 
 
 # What is kept.
@@ -239,7 +242,7 @@ def dented_cube_of_file(recipe_path: Path):
 def test_an_interrupted_search_goes_on_and_ends_as_if_it_had_not_been(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
 ) -> None:
-    whole = run(recipe_path, tmp_path / "whole").summary
+    whole = summary_of(run(recipe_path, tmp_path / "whole"))
     search.attempted.clear()
     folder = tmp_path / "out"
     for done in (1, 2):
@@ -248,7 +251,7 @@ def test_an_interrupted_search_goes_on_and_ends_as_if_it_had_not_been(
             run(recipe_path, folder, resume=done > 1)
         assert names(folder) == ["checkpoint.npz"]
     search.interrupt_after = None
-    parts = run(recipe_path, folder, resume=True).summary
+    parts = summary_of(run(recipe_path, folder, resume=True))
     assert search.attempted == [1, 2, 3]
     assert "checkpoint.npz" not in names(folder)
     for summary in (whole, parts):
@@ -268,7 +271,7 @@ def test_a_search_that_was_done_is_finished_at_once(
     result = run(recipe_path, folder, *changes, resume=True)
     assert result.converged
     assert search.attempted == [1, 2]
-    assert result.summary["attempts"] == result.summary["attempt"] == 2
+    assert result.attempts == result.attempt == 2
     check(folder)
 
 
@@ -303,7 +306,7 @@ def test_a_checkpoint_of_another_search_is_refused(
 def test_an_interrupt_while_a_checkpoint_is_written_keeps_the_one_before(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dicedesign.recipe import concave_run as concave_pipeline
+    from dicedesign.recipe.methods import concave
     from dicedesign.runtime import files
 
     folder, calls = tmp_path / "out", []
@@ -317,7 +320,7 @@ def test_an_interrupt_while_a_checkpoint_is_written_keeps_the_one_before(
     def cut(*arguments: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(concave_pipeline, "atomic_write", interrupted)
+    monkeypatch.setattr(concave, "atomic_write", interrupted)
     with pytest.raises(KeyboardInterrupt, match=r"^1 attempt done"):
         run(recipe_path, folder)
     assert names(folder) == ["checkpoint.npz"]
@@ -358,7 +361,7 @@ def test_an_interrupt_before_anything_is_kept_says_no_more_than_that(
     def interrupted(*arguments: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("dicedesign.recipe.concave_run.make_concave_die", interrupted)
+    monkeypatch.setattr("dicedesign.recipe.methods.concave.make_concave_die", interrupted)
     with pytest.raises(KeyboardInterrupt) as caught:
         run(recipe_path, tmp_path / "out")
     assert str(caught.value) == ""
@@ -371,7 +374,7 @@ def test_an_error_of_the_search_leaves_no_new_folder(
     def refused(*arguments: object, **options: object) -> None:
         raise InputError("target: expected at most 6 outcomes, got 9; take fewer")
 
-    monkeypatch.setattr("dicedesign.recipe.concave_run.make_concave_die", refused)
+    monkeypatch.setattr("dicedesign.recipe.methods.concave.make_concave_die", refused)
     with pytest.raises(InputError, match="at most 6"):
         run(recipe_path, tmp_path / "new")
     assert not (tmp_path / "new").exists()
@@ -452,9 +455,12 @@ def surface_recipe(tmp_path: Path, *changes: str) -> Recipe:
 
 @pytest.mark.parametrize("points", [400, 5000])
 def test_a_surface_is_brought_to_a_number_of_points(points: int, tmp_path: Path) -> None:
-    surface, notes = make_input_surface(surface_recipe(tmp_path))
-    assert notes == ()
-    changed, notes = make_input_surface(surface_recipe(tmp_path, f"method.concave.points={points}"))
+    work = design_recipe(surface_recipe(tmp_path), last="start")
+    surface = work.surface
+    assert work.notes == []
+    recipe = surface_recipe(tmp_path, f"method.concave.points={points}")
+    work = design_recipe(recipe, last="start")
+    changed, notes = work.surface, work.notes
     assert len(notes) == 1
     assert notes[0].startswith("decimated" if points < len(surface.points) else "refined")
     # Even triangles are cut all at once.
@@ -477,7 +483,6 @@ def test_what_was_repaired_is_told(
         "ignored 1 points that are on no triangle",
         "reversed 1 triangles that were wound against their neighbors",
     )
-    assert result.summary["notes"] == list(result.notes)
 
 
 # The real search.
@@ -491,18 +496,18 @@ def test_a_knot_becomes_a_loaded_die_interrupted_or_not(tmp_path: Path, quick: N
     )
     whole, parts, steps = tmp_path / "whole", tmp_path / "parts", []
 
-    def interrupt(step: ConcaveStep) -> None:
+    def interrupt(step: Step) -> None:
         steps.append(step)
         if step.attempt == 2:
             raise KeyboardInterrupt
 
     result = run(path, whole)
     assert result.converged, result.message
-    assert result.summary["attempts"] == 2
-    assert result.summary["displacement"]["mean"] < 0.05
+    assert result.attempts == 2
+    assert result.displacement.mean < 0.05
     check(whole)
     with pytest.raises(KeyboardInterrupt, match=r"^1 attempt done, the best is off by "):
-        run_concave_recipe(read_recipe(path), parts, on_step=interrupt)
+        pipeline.run(path, parts, listeners=Listeners(on_step=interrupt))
     assert {step.stage for step in steps} == {"hull", "fill"}
     run(path, parts, resume=True)
     assert (parts / "die_plain.stl").read_bytes() == (whole / "die_plain.stl").read_bytes()

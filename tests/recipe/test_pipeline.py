@@ -6,17 +6,22 @@ import dataclasses
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from check_outputs import check
 
 from dicedesign import rest_poses
+from dicedesign.design.starts.mesh import mesh_start
 from dicedesign.errors import EngravingError, OutputError
-from dicedesign.recipe.design_stage import design_die, make_start
-from dicedesign.recipe.run import run_recipe
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.recipe.design_die import design_recipe
+from dicedesign.recipe.run import run
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.work import Listeners
+from dicedesign.results.record import Result, read_result
 from dicedesign.results.status import Status
 
 STONE = np.random.default_rng(3).normal(size=(14, 3)) * 20.0 + [100.0, -30.0, 7.0]
@@ -25,36 +30,37 @@ STONE = np.random.default_rng(3).normal(size=(14, 3)) * 20.0 + [100.0, -30.0, 7.
 QUICK = ["method.descent.stopping.seconds=300", "method.descent.stopping.steps=5000"]
 
 
+def summary(result: Result) -> dict[str, Any]:
+    """The content of result.json."""
+    return json.loads(result.json_text())
+
+
 def test_a_recipe_becomes_a_checked_die(repository: Path, tmp_path: Path) -> None:
     recipe = read_recipe(repository / "recipes" / "2d6_descent.yaml", QUICK)
     stages: list[str] = []
     steps: list[int] = []
-    result = run_recipe(
-        recipe,
-        tmp_path / "new" / "die",
-        on_stage=stages.append,
-        on_step=lambda s: steps.append(s.step),
-    )
+    listeners = Listeners(stages.append, lambda step: steps.append(step.step))
+    result = run(recipe, tmp_path / "new" / "die", listeners=listeners)
     assert result.converged
-    summary = check(result.folder)
-    assert summary == json.loads(json.dumps(result.summary))
+    assert check(result.folder) == summary(result)
+    assert read_result(result.folder) == result
     assert steps == list(range(len(steps)))
-    assert [stage["name"] for stage in result.summary["stages"]] == stages
-    assert stages == ["start", "design", "export", "engrave", "summary", "figures", "report"]
-    assert all(stage["seconds"] >= 0.0 for stage in result.summary["stages"])
-    assert result.summary["stages"][1]["seconds"] >= result.summary["history"][-1]["seconds"]
-    first, last = result.summary["history"][0], result.summary["history"][-1]
-    assert first["seconds"] < last["seconds"]
-    assert first["max_abs_error"] > last["max_abs_error"]
-    assert len(result.summary["facets"]) == 11
-    assert result.summary["engraved_max_abs_error"] < 0.01
+    assert [stage.name for stage in result.stages] == stages
+    assert stages == ["start", "design", "export", "check", "engrave", "figures", "report"]
+    assert all(stage.seconds >= 0.0 for stage in result.stages)
+    assert result.stages[1].seconds >= result.history[-1].seconds
+    first, last = result.history[0], result.history[-1]
+    assert first.seconds < last.seconds
+    assert first.max_abs_error > last.max_abs_error
+    assert len(result.facets) == 11
+    assert result.engraved_max_abs_error < 0.01
 
 
 @pytest.mark.parametrize("name", ["fair_d3_descent", "fair_d7"])
 def test_the_same_seed_gives_the_same_bytes(name: str, repository: Path, tmp_path: Path) -> None:
     recipe = read_recipe(repository / "recipes" / f"{name}.yaml")
     folders = [tmp_path / "a", tmp_path / "b"]
-    results = [run_recipe(recipe, folder) for folder in folders]
+    results = [summary(run(recipe, folder)) for folder in folders]
     for name in (
         "die.stl",
         "die_plain.stl",
@@ -65,11 +71,11 @@ def test_the_same_seed_gives_the_same_bytes(name: str, repository: Path, tmp_pat
     ):
         assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes(), name
     for result in results:
-        for reading in (*result.summary["stages"], *result.summary["history"]):
+        for reading in (*result["stages"], *result["history"]):
             del reading["seconds"]
             reading.pop("peak_mb", None)
-    assert results[0].summary == results[1].summary
-    assert results[0].summary["max_abs_error"] <= 1e-6
+    assert results[0] == results[1]
+    assert results[0]["max_abs_error"] <= 1e-6
 
 
 def test_what_is_not_asked_for_is_not_done(repository: Path, tmp_path: Path) -> None:
@@ -82,13 +88,13 @@ def test_what_is_not_asked_for_is_not_done(repository: Path, tmp_path: Path) -> 
         repository / "recipes" / "2d6_descent.yaml",
         ["engrave=false", "method.descent.stopping.steps=3"],
     )
-    result = run_recipe(recipe, folder)
+    result = run(recipe, folder)
     assert result.status == "step_limit"
     assert not result.converged
     for name in of_earlier_runs:
         assert not (folder / name).exists()
-    assert "engraved_probabilities" not in result.summary
-    assert "engrave" not in [stage["name"] for stage in result.summary["stages"]]
+    assert "engraved_probabilities" not in summary(result)
+    assert "engrave" not in [stage.name for stage in result.stages]
     check(folder)
 
 
@@ -97,12 +103,12 @@ def test_a_fixed_center_of_mass_stays(repository: Path, tmp_path: Path) -> None:
         repository / "recipes" / "2d6_descent.yaml",
         ["center_of_mass=[0.1, 0.0, 0.34]", "size_mm=40", "method.descent.stopping.steps=2"],
     )
-    result = run_recipe(recipe, tmp_path)
-    assert np.allclose(result.summary["center_of_mass"], 0.0)
+    result = run(recipe, tmp_path)
+    assert np.allclose(result.center_of_mass, 0.0)
     # The pockets move it by what nobody knows without the density.
-    assert "die.stl" in result.summary["files"].values()
-    assert "engraved_probabilities" not in result.summary
-    assert "engraved_max_abs_error" not in result.summary
+    assert "die.stl" in result.files.values()
+    assert "engraved_probabilities" not in summary(result)
+    assert "engraved_max_abs_error" not in summary(result)
 
 
 def stone_recipe(folder: Path, entries: str, stone: np.ndarray = STONE) -> Recipe:
@@ -121,11 +127,13 @@ def test_a_given_center_of_mass_is_in_the_mesh_s_own_coordinates(tmp_path: Path)
     center = [103.0, -32.5, 8.25]
     poses = rest_poses(STONE, center)
     recipe = stone_recipe(tmp_path, f"target: {{fair: 4}}\ncenter_of_mass: {center}")
-    start = make_start(recipe)
-    found = design_die(recipe, start).verdict.poses
-    np.testing.assert_allclose(start.directions, poses.normals[:4], atol=1e-12)
+    work = design_recipe(recipe, last="check")
+    found = work.solid.poses
+    np.testing.assert_allclose(work.die.directions, poses.normals[:4], atol=1e-12)
     np.testing.assert_allclose(found.probabilities, poses.probabilities, atol=1e-10)
     np.testing.assert_allclose(found.normals, poses.normals, atol=1e-10)
+    # The file holds it to single precision.
+    np.testing.assert_allclose(work.plain.poses.probabilities, poses.probabilities, atol=1e-6)
 
 
 @pytest.mark.parametrize(("smallest", "told"), [(1e-7, True), (1e-6, True), (1.1e-6, False)])
@@ -139,7 +147,8 @@ def test_a_tolerance_that_hides_the_smallest_outcome_is_told(
         f"; the tolerance is not below the smallest outcome, {smallest:g}: set "
         "method.descent.stopping.tolerance lower"
     )
-    assert design_die(recipe, make_start(recipe)).message.endswith(remark) == told
+    work = design_recipe(recipe, last="check")
+    assert "; ".join(work.remarks).endswith(remark) == told
 
 
 def test_a_die_that_also_rests_elsewhere_is_off_target(tmp_path: Path) -> None:
@@ -148,12 +157,14 @@ def test_a_die_that_also_rests_elsewhere_is_off_target(tmp_path: Path) -> None:
     nearest = np.argmax(poses.normals @ poses.normals[:4].T, axis=1)
     sums = np.bincount(nearest, poses.probabilities)
     recipe = stone_recipe(tmp_path, f"target: {{probabilities: {sums.tolist()}}}\nengrave: false")
-    die = design_die(recipe, make_start(recipe))
-    assert die.design.status is Status.CONVERGED
-    assert die.status is Status.OFF_TARGET
-    assert die.message.startswith("reached the tolerance counting all rests near an outcome, but ")
+    work = design_recipe(recipe)
+    assert work.die.status is Status.CONVERGED
+    assert work.status is Status.OFF_TARGET
+    message = "; ".join(work.remarks)
+    assert message.startswith("the odds of the outcomes are off by more than the tolerance; ")
     stray = poses.probabilities[4:].sum()
-    assert f"{stray:.3g} of the probability lies on rests without a label" in die.message
+    assert f"{stray:.3g} of the probability lies on rests without an outcome" in message
+    assert "raise weights.stability" in message
 
 
 def test_a_label_that_does_not_fit_leaves_old_results_alone(
@@ -162,7 +173,7 @@ def test_a_label_that_does_not_fit_leaves_old_results_alone(
     path = repository / "recipes" / "2d6_descent.yaml"
     (tmp_path / "die.stl").write_bytes(b"of an earlier run")
     with pytest.raises(EngravingError, match=r"facet \d+.*use size_mm = "):
-        run_recipe(read_recipe(path, [*QUICK, "size_mm=5"]), tmp_path)
+        run(read_recipe(path, [*QUICK, "size_mm=5"]), tmp_path)
     assert (tmp_path / "die.stl").read_bytes() == b"of an earlier run"
     assert [p.name for p in tmp_path.iterdir()] == ["die.stl"]
 
@@ -173,11 +184,11 @@ def test_labels_that_do_not_fit_an_unfinished_die_are_a_remark(
     path = repository / "recipes" / "2d6_descent.yaml"
     (tmp_path / "die.stl").write_bytes(b"of an earlier run")
     changes = ["method.descent.stopping.steps=2", "size_mm=5"]
-    result = run_recipe(read_recipe(path, changes), tmp_path)
+    result = run(read_recipe(path, changes), tmp_path)
     assert result.status == "step_limit"
     assert re.search(r"; not engraved: .*facet \d+.*size_mm = ", result.message)
     assert not (tmp_path / "die.stl").exists()
-    assert "engraved_probabilities" not in result.summary
+    assert "engraved_probabilities" not in summary(result)
     check(tmp_path)
 
 
@@ -187,17 +198,17 @@ def test_an_outcome_without_a_facet_leaves_the_die_plain(
     """Two rests of a tetrahedron share a direction, and nothing is nearest to the fourth one."""
     corners = np.array([(1.0, 1.0, 1.1), (1.0, -1.0, -1.0), (-1.2, 1.0, -1.0), (-1.0, -1.0, 1.0)])
     recipe = stone_recipe(tmp_path, "target: {fair: 4}", corners)
-    start = make_start(recipe)
+    start = mesh_start(make_body(corners), 4)
     a, b, c, d = start.directions
     directions = np.array([a + d, b, c, b + 0.3 * c])
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     crowded = dataclasses.replace(start, directions=directions)
-    monkeypatch.setattr("dicedesign.recipe.run.make_start", lambda recipe: crowded)
-    result = run_recipe(recipe, tmp_path / "out")
+    monkeypatch.setattr("dicedesign.design.starts.mesh.mesh_start", lambda *_: crowded)
+    result = run(recipe, tmp_path / "out")
     assert result.status == "step_limit"
     assert "1 outcomes have no facet to rest on" in result.message
     assert "not engraved: label '4': expected a facet to rest on" in result.message
-    assert "die.stl" not in result.summary["files"].values()
+    assert "die.stl" not in result.files.values()
     check(tmp_path / "out")
 
 
@@ -221,7 +232,7 @@ def test_an_interrupted_run_leaves_nothing_half_written(
     )
     (tmp_path / "result.json").write_text("{}")
     with pytest.raises(KeyboardInterrupt):
-        run_recipe(recipe, tmp_path)
+        run(recipe, tmp_path)
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(written)
 
 
@@ -229,7 +240,7 @@ def test_a_folder_that_cannot_be_made(repository: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     recipe = read_recipe(repository / "recipes" / "fair_d3.yaml")
     with pytest.raises(OutputError, match=r"folder that can be written.*--out"):
-        run_recipe(recipe, tmp_path / "file" / "die")
+        run(recipe, tmp_path / "file" / "die")
 
 
 def test_a_mesh_as_start(repository: Path, tmp_path: Path) -> None:
@@ -241,7 +252,7 @@ def test_a_mesh_as_start(repository: Path, tmp_path: Path) -> None:
         "name: stone\ntarget: {fair: 4}\nstart: {mesh: {path: stone.obj}}\n"
         "method: {descent: {stopping: {steps: 5}}}\nengrave: false\n"
     )
-    result = run_recipe(read_recipe(recipe_path), tmp_path / "out")
-    energies = [step["energy"] for step in result.summary["history"]]
+    result = run(read_recipe(recipe_path), tmp_path / "out")
+    energies = [step.energy for step in result.history]
     assert len(energies) == 6
     assert min(energies) < energies[0]

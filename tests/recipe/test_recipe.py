@@ -10,9 +10,9 @@ import pytest
 import yaml
 
 from dicedesign.concave.shapes.shapes import SHAPES
-from dicedesign.errors import InputError, RecipeError
+from dicedesign.errors import RecipeError
 from dicedesign.fabricate.options import EngravingOptions
-from dicedesign.recipe.design_stage import design_die, make_start
+from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.schema.reading import read_recipe, recipe_text
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.status import Status
@@ -121,11 +121,6 @@ def test_bad_recipes_of_concave_dice_are_explained(
         read(tmp_path, {**CONCAVE, **entries})
 
 
-def test_a_concave_recipe_has_no_convex_start(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="method: expected exact or descent, got concave"):
-        make_start(read(tmp_path, CONCAVE))
-
-
 def test_any_order_of_the_labels_is_tried(tmp_path: Path) -> None:
     """Binomial odds in their own order around a prism lead nowhere; in another order they do."""
     entries = {
@@ -137,10 +132,10 @@ def test_any_order_of_the_labels_is_tried(tmp_path: Path) -> None:
     recipe = read(tmp_path, {**entries, "assignment": "any"})
     assert recipe.resolved()["assignment"] == "any"
     assert recipe.outcome_of_direction() == list(range(6))
-    die = design_die(recipe, make_start(recipe))
-    assert die.status is Status.CONVERGED
-    directions = make_start(recipe).directions
-    assert np.argmax(die.design.directions @ directions.T, axis=1).tolist() != list(range(6))
+    work = design_recipe(recipe, last="check")
+    assert work.status is Status.CONVERGED
+    directions = work.start.directions
+    assert np.argmax(work.die.directions @ directions.T, axis=1).tolist() != list(range(6))
     for other in ({"symmetry": "Cs"}, {"start": {"search": {}}}, {"method": "descent"}):
         with pytest.raises(RecipeError, match="assignment: expected any with the exact method"):
             read(tmp_path, {**entries, "assignment": "any", **other})

@@ -11,10 +11,10 @@ from common.paths import ROOT
 
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.meshes.stl import stl_bytes
-from dicedesign.recipe.concave_run import run_concave_recipe
-from dicedesign.recipe.design_stage import DesignedDie, design_die, make_start, thrown_die
+from dicedesign.recipe.design_die import design_recipe
+from dicedesign.recipe.run import run
 from dicedesign.recipe.schema.reading import read_recipe
-from dicedesign.recipe.table_summary import table_outcome
+from dicedesign.recipe.work import Work
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.status import Status
 from dicedesign.throws.statistics.total_variation import total_variation
@@ -38,19 +38,20 @@ LARGEST_DISPLACEMENT = 0.05
 @pytest.mark.parametrize("path", CONVEX, ids=lambda path: path.stem)
 def test_a_recipe_gives_its_die_in_time(path: Path, tmp_path: Path) -> None:
     recipe = read_recipe(path)
-    die = design_die(recipe, make_start(recipe))
-    verdict = die.verdict
-    assert die.status is Status.CONVERGED
+    work = design_recipe(recipe, last="check")
+    solid, target = work.solid, work.target.probabilities
+    assert work.status is Status.CONVERGED
     allowed = LARGEST_ERROR.get(path.stem, EXACT)
-    assert verdict.max_abs_error <= allowed
-    assert verdict.max_abs_error <= recipe.method.tolerance
-    assert sorted(verdict.outcome_of_rest) == list(range(len(die.target.labels)))
-    assert die.design.history[-1].seconds <= LARGEST_SECONDS
+    assert solid.outcomes.max_abs_error(target) <= min(allowed, recipe.method.tolerance)
+    assert sorted(solid.outcomes.outcome_of_rest) == list(range(len(target)))
+    assert work.plain.max_abs_error <= allowed + SINGLE
+    assert work.plain.outcomes.elsewhere == 0.0
+    assert work.die.steps[-1].seconds <= LARGEST_SECONDS
     stl, obj = tmp_path / "die.stl", tmp_path / "die.obj"
-    stl.write_bytes(stl_bytes(verdict.hull.vertices, verdict.hull.triangles))
-    obj.write_text(obj_text(verdict.hull.vertices, verdict.hull.triangles))
-    assert error_of_file(stl, die) <= allowed + SINGLE
-    assert error_of_file(obj, die) <= allowed + DOUBLE
+    stl.write_bytes(stl_bytes(solid.points, solid.triangles))
+    obj.write_text(obj_text(solid.points, solid.triangles))
+    assert error_of_file(stl, work) <= allowed + SINGLE
+    assert error_of_file(obj, work) <= allowed + DOUBLE
 
 
 FEW = {"drops": 2000, "rounds": 3, "verdict": 5000, "within": 0.04}
@@ -61,22 +62,19 @@ FEW = {"drops": 2000, "rounds": 3, "verdict": 5000, "within": 0.04}
 def test_a_recipe_gives_its_die_for_the_table(path: Path) -> None:
     changes = [f"method.exact.refine.{key}={value}" for key, value in FEW.items()]
     recipe = read_recipe(path, changes)
-    start = make_start(recipe)
-    die = design_die(recipe, start)
-    assert die.status is Status.CONVERGED
-    assert sorted(die.verdict.outcome_of_rest) == list(range(len(die.target.labels)))
-    on_table = thrown_die(recipe, die, start, None)
-    status, _ = table_outcome(die.status, "", on_table, die.target, recipe)
-    assert status is Status.CONVERGED
-    assert total_variation(on_table.momentum, die.target.probabilities) < 0.1
+    work = design_recipe(recipe)
+    target = work.target.probabilities
+    assert work.status is Status.CONVERGED
+    assert sorted(work.plain.outcomes.outcome_of_rest) == list(range(len(target)))
+    assert total_variation(work.thrown.momentum, target) < 0.1
 
 
 @pytest.mark.parametrize("path", CONCAVE, ids=lambda path: path.stem)
 def test_a_recipe_gives_its_concave_die_in_time(path: Path, tmp_path: Path) -> None:
     recipe = read_recipe(path)
-    result = run_concave_recipe(recipe, tmp_path)
+    result = run(recipe, tmp_path)
     assert result.status == "converged", result.message
-    assert result.summary["search_seconds"] <= LARGEST_SECONDS
+    assert result.search_seconds <= LARGEST_SECONDS
     summary = check(tmp_path)
     assert summary["max_abs_error"] <= recipe.method.tolerance
     assert summary["elsewhere"] <= recipe.method.tolerance
@@ -89,11 +87,11 @@ def obj_text(vertices: np.ndarray, triangles: np.ndarray) -> str:
     return "\n".join(lines) + "\n"
 
 
-def error_of_file(path: Path, die: DesignedDie) -> float:
+def error_of_file(path: Path, work: Work) -> float:
     """Largest |p - q| of the solid in a file; infinite unless it has one rest for each outcome."""
     poses = rest_poses(read_body(path))
-    verdict, target = die.verdict, die.target.probabilities
-    directions = verdict.hull.normals[verdict.facet_of_outcome]
+    target, solid = work.target.probabilities, work.solid
+    directions = solid.poses.normals[solid.outcomes.main]
     outcome = np.argmax(poses.normals @ directions.T, axis=1)
     if not np.array_equal(np.sort(outcome), np.arange(len(target))):
         return np.inf

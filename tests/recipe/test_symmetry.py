@@ -9,7 +9,7 @@ import pytest
 
 from dicedesign.errors import InputError, RecipeError
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.recipe.design_stage import design_die, make_start
+from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.status import Status
@@ -44,14 +44,14 @@ def test_a_symmetric_die_is_symmetric_to_rounding(
     entries: dict[str, object], group: str, pairs: int
 ) -> None:
     given = recipe(**entries, symmetry=group)
-    die = design_die(given, make_start(given))
-    assert die.status is Status.CONVERGED
-    odds = die.verdict.probabilities
-    assert np.abs(odds - die.target.probabilities).max() <= 1e-12
+    work = design_recipe(given, last="check")
+    assert work.status is Status.CONVERGED
+    odds = work.solid.outcomes.odds
+    assert np.abs(odds - work.target.probabilities).max() <= 1e-12
     # Mirror images or half-turns of each other: 2 and 12, 3 and 11, ...
     assert np.abs(odds - odds[::-1]).max() <= 1e-15
     assert np.sum(np.abs(np.diff(np.sort(odds))) <= 1e-15) >= pairs
-    hull = die.design.hull
+    hull = work.die.hull
     for element in point_group(group):
         apart = hull.vertices @ element.T @ hull.vertices.T
         images = hull.vertices[np.argmax(apart - (hull.vertices**2).sum(1) / 2.0, axis=1)]
@@ -70,9 +70,9 @@ def test_a_die_whose_odds_symmetry_fixes_is_improved_too(
     entries: dict[str, object], group: str
 ) -> None:
     given = recipe(**entries, symmetry=group)
-    die = design_die(given, make_start(given))
-    assert die.status is Status.CONVERGED
-    values = [s.terms["preferences"] for s in die.design.history if "preferences" in s.terms]
+    work = design_recipe(given, last="check")
+    assert work.status is Status.CONVERGED
+    values = [s.terms["preferences"] for s in work.die.steps if "preferences" in s.terms]
     assert (np.diff(values) <= 1e-15).all()
     # A dodecahedron has one parameter, which is its size.
     assert len(values) > 2 or group == "Ih"
@@ -111,7 +111,7 @@ def test_a_start_without_the_symmetry_is_refused() -> None:
         target={"sum_of_dice": [6, 6]}, start={"hendecahedron": "bisymmetric"}, symmetry="Cs"
     )
     with pytest.raises(InputError, match="expected directions that the point group maps onto"):
-        make_start(given)
+        design_recipe(given, last="start")
 
 
 def test_images_with_unequal_odds_are_refused() -> None:
@@ -119,7 +119,7 @@ def test_images_with_unequal_odds_are_refused() -> None:
         target={"sum_of_dice": [6, 6]}, start={"hendecahedron": "bisymmetric"}, symmetry="C2"
     )
     with pytest.raises(InputError, match="expected labels 4 and 9 to be equally probable, as C2"):
-        make_start(given)
+        design_recipe(given, last="start")
 
 
 def test_none_is_no_symmetry_and_is_written_so(tmp_path: Path) -> None:

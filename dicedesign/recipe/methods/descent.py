@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
+from dicedesign.design.energy.clusters import cluster
+from dicedesign.design.result import DesignResult
 from dicedesign.design.solvers.descent import descend_to_target
 from dicedesign.fabricate.designed_die import DesignedDie
 from dicedesign.recipe.methods.convex import (
@@ -11,6 +17,8 @@ from dicedesign.recipe.methods.convex import (
     wanted_odds,
 )
 from dicedesign.recipe.work import Work
+from dicedesign.rest.poses import analyse
+from dicedesign.runtime.arrays import Floats
 
 __all__ = ["design"]
 
@@ -18,6 +26,7 @@ __all__ = ["design"]
 def design(work: Work) -> DesignedDie:
     """The die of a recipe, from its start. Raises InputError if that does not suit the target."""
     recipe, start = work.recipe, work.start
+    center = normalised_center(recipe, start)
     # Only the exact method searches.
     assert start is not None
     assert recipe.method.descent is not None
@@ -25,8 +34,19 @@ def design(work: Work) -> DesignedDie:
         start,
         wanted_odds(recipe),
         recipe.method.descent,
-        center_of_mass=normalised_center(recipe, start),
+        center_of_mass=center,
         seed=recipe.seed,
         on_step=step_listener(work),
     )
-    return designed_die(work, result)
+    return designed_die(work, replace(result, directions=_own_directions(result, center)))
+
+
+def _own_directions(result: DesignResult, center: Floats | None) -> Floats:
+    """(k, 3) normals of the most probable rest of each cluster, whose mean may be no rest at all;
+    an empty cluster keeps its direction."""
+    hull, directions = result.hull, result.directions.copy()
+    poses = analyse(hull, hull.centroid if center is None else center)
+    # Rests come the most probable first.
+    clusters, first = np.unique(cluster(poses.normals, directions).of_rest, return_index=True)
+    directions[clusters] = poses.normals[first]
+    return directions
