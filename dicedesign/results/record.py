@@ -328,7 +328,7 @@ def read_result(folder: Path | str) -> Result:
             reason = getattr(error, "strerror", None) or str(error)
         raise InputError(
             f"{path}: expected the result of a finished run, got {reason}; name a folder that "
-            "`dicedesign run` left"
+            "`dicedesign run` left, or run its recipe.yaml again"
         ) from error
     return result
 

@@ -1,0 +1,107 @@
+"""The verdict on a die's file, on solids whose odds are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dicedesign.fabricate.verdict import Verdict, judged
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.results.status import Status
+
+AXES = np.concatenate([np.eye(3), -np.eye(3)])
+CUBE = 10.0 * np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+
+
+def roofed(degrees: float) -> np.ndarray:
+    """Corners of a cube whose lower side is bent along its middle: two rests so far apart."""
+    rise = 10.0 * np.tan(np.radians(degrees / 2.0))
+    raised = CUBE + np.array([0.0, 0.0, rise]) * (CUBE[:, 2:] < 0.0)
+    return np.concatenate([raised, [[0.0, -10.0, -10.0], [0.0, 10.0, -10.0]]])
+
+
+def verdict_on(corners: np.ndarray, directions: np.ndarray, target: np.ndarray) -> Verdict:
+    hull = convex_hull(corners)
+    return judged(stl_bytes(hull.vertices, hull.triangles), directions, target)
+
+
+def test_a_cube_is_a_fair_die_in_its_file() -> None:
+    verdict = verdict_on(CUBE, AXES, np.full(6, 1 / 6))
+    assert verdict.max_abs_error < 1e-7
+    assert verdict.outcomes.elsewhere == 0.0
+    np.testing.assert_allclose(np.degrees(verdict.margins), 45.0, atol=1e-4)
+    assert np.degrees(verdict.outcomes.least_angle) == pytest.approx(90.0, abs=1e-4)
+    assert list(verdict.flaws(1e-12)) == []
+    facets = verdict.facets(tuple("abcdef"))
+    assert sorted(facet.label for facet in facets) == list("abcdef")
+    for facet in facets:
+        assert facet.label == facet.outcome
+        assert facet.polygon_area_mm2 == pytest.approx(400.0, rel=1e-6)
+        assert facet.inradius_mm == pytest.approx(10.0, rel=1e-6)
+
+
+def test_a_facet_in_two_parts_is_one_outcome() -> None:
+    """Which part bears the label is as good as the other; tipping over their ridge leaves
+    nothing."""
+    whole = verdict_on(CUBE, AXES, np.full(6, 1 / 6))
+    verdict = verdict_on(roofed(0.6), AXES, np.full(6, 1 / 6))
+    assert verdict.outcomes.rest_counts.tolist() == [1, 1, 1, 1, 1, 2]
+    np.testing.assert_allclose(verdict.outcomes.odds, whole.outcomes.odds, atol=2e-3)
+    assert np.degrees(verdict.margins).min() > 44.0
+    assert list(verdict.flaws(2e-3)) == []
+    labels = [facet.label for facet in verdict.facets(tuple("abcdef")) if facet.outcome == "f"]
+    assert sorted(labels, key=str) == ["None", "f"] or set(labels) == {None, "f"}
+
+
+@pytest.mark.parametrize(("degrees", "crowded"), [(0.6, True), (4.9, True), (5.1, False)])
+def test_two_outcomes_nearer_than_five_degrees_are_not_converged(
+    degrees: float, crowded: bool
+) -> None:
+    """Their odds may be as exact as one likes."""
+    half = np.radians(degrees / 2.0)
+    below = np.array([[np.sin(half), 0.0, -np.cos(half)], [-np.sin(half), 0.0, -np.cos(half)]])
+    directions = np.concatenate([AXES[:5], below])
+    odds = verdict_on(roofed(degrees), directions, np.zeros(7)).outcomes.odds
+    verdict = verdict_on(roofed(degrees), directions, odds)
+    assert verdict.max_abs_error == 0.0
+    assert (verdict.outcomes.rest_counts == 1).all()
+    assert list(verdict.flaws(1e-12)) == ([Status.CROWDED] if crowded else [])
+
+
+def test_an_outcome_that_is_left_at_a_nudge_is_not_converged() -> None:
+    """A corner that was cut off so little that the new facet is hardly a rest."""
+    normal = unit_vectors(np.array([[1.0, 1.0, 0.0]]))[0]
+    for depth, unsteady in ((0.03, True), (0.5, False)):
+        # An edge with a flat of this width, in mm: the die stands on it as on a narrow foot.
+        flat = np.array(
+            [
+                [10.0, 10.0 - depth, -10.0],
+                [10.0 - depth, 10.0, -10.0],
+                [10.0, 10.0 - depth, 10.0],
+                [10.0 - depth, 10.0, 10.0],
+            ]
+        )
+        corners = np.concatenate([CUBE[~(CUBE[:, :2] == 10.0).all(axis=1)], flat])
+        directions = np.concatenate([AXES, normal[None]])
+        odds = verdict_on(corners, directions, np.zeros(7)).outcomes.odds
+        verdict = verdict_on(corners, directions, odds)
+        assert verdict.outcomes.main[6] >= 0
+        assert (Status.UNSTEADY in verdict.flaws(1e-12)) == unsteady
+
+
+def test_rests_of_no_outcome_are_elsewhere() -> None:
+    verdict = verdict_on(CUBE, AXES[:4], np.array([1 / 6, 1 / 6, 1 / 6, 0.5]))
+    assert verdict.outcomes.elsewhere == pytest.approx(1 / 3, abs=1e-7)
+    assert verdict.max_abs_error == pytest.approx(1 / 3, abs=1e-7)
+    assert list(verdict.flaws(0.1)) == [Status.OFF_TARGET, Status.STRAY]
+    assert list(verdict.flaws(None)) == []
+
+
+def test_a_given_center_of_mass() -> None:
+    hull = convex_hull(CUBE)
+    data = stl_bytes(hull.vertices, hull.triangles)
+    low = judged(data, AXES, np.full(6, 1 / 6), np.array([0.0, 0.0, -8.0]))
+    assert low.outcomes.odds[5] > 0.3
+    assert low.poses.center_of_mass_source == "given"

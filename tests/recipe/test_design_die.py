@@ -1,0 +1,110 @@
+"""Dice designed in Python."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from check_outputs import check
+
+from dicedesign import rest_poses
+from dicedesign.design.targets import Target
+from dicedesign.errors import InputError, LabelRoomError
+from dicedesign.recipe.design_die import Die, design
+from dicedesign.results.record import Step
+
+
+@pytest.fixture(scope="module")
+def coin() -> Die:
+    return design(["1/2", 1 / 3, 1 / 6], labels=["heads", "tails", "edge"], seed=3, size_mm=40.0)
+
+
+def test_a_die_of_odds(coin: Die) -> None:
+    """Its odds are those of its corners, by the forward model on its own."""
+    assert (coin.status, coin.converged, coin.is_engraved) == ("converged", True, False)
+    assert coin.message.startswith("reached the tolerance; ")
+    assert coin.labels == ("heads", "tails", "edge")
+    np.testing.assert_allclose(coin.target, [1 / 2, 1 / 3, 1 / 6], rtol=1e-15)
+    assert coin.max_abs_error < 1e-7
+    np.testing.assert_allclose(coin.probabilities, coin.target, atol=1e-7)
+    poses = rest_poses(coin.vertices)
+    np.testing.assert_allclose(poses.probabilities, [1 / 2, 1 / 3, 1 / 6], atol=1e-12)
+    span = np.linalg.norm(coin.vertices[:, None] - coin.vertices[None], axis=2).max()
+    assert span == pytest.approx(40.0, rel=1e-12)
+    solid = trimesh.Trimesh(coin.vertices, coin.triangles, process=False)
+    assert solid.is_watertight
+    assert solid.volume > 0.0
+    assert coin.history[0].step == 0
+    assert coin.history[-1].max_abs_error < 1e-12
+
+
+def test_what_makes_a_target(coin: Die) -> None:
+    """A list, a mapping as in a recipe, and a Target are the same."""
+    target = Target(coin.labels, coin.target)
+    mapping = {"probabilities": ["1/2", "1/3", "1/6"], "labels": list(coin.labels)}
+    for same in (target, mapping):
+        die = design(same, seed=3, size_mm=40.0)
+        assert die.labels == coin.labels
+        np.testing.assert_array_equal(die.vertices, coin.vertices)
+    fair = design({"fair": 4}, labels="abcd", start="repulsion", method={"exact": {"prefer": {}}})
+    assert fair.labels == ("a", "b", "c", "d")
+    np.testing.assert_allclose(fair.probabilities, 0.25, atol=1e-7)
+
+
+def test_steps_are_told() -> None:
+    steps: list[Step] = []
+    die = design({"fair": 5}, on_step=steps.append)
+    assert [step.step for step in steps][-1] > 0
+    assert steps[-1].energy == die.history[-1].energy
+
+
+def test_engraved_saved_and_read_back(coin: Die, tmp_path: Path) -> None:
+    plain = design(["1/2", 1 / 3, 1 / 6], labels=["heads", "tails", "edge"], seed=3, size_mm=40.0)
+    corners = len(plain.vertices)
+    assert plain.engrave(depth_mm=0.6) is plain
+    assert plain.is_engraved
+    assert len(plain.vertices) > corners
+    assert 0.0 < plain.result.engraved_max_abs_error < 5e-3
+    volumes = []
+    for ending in ("stl", "obj", "3mf"):
+        path = tmp_path / f"die.{ending}"
+        plain.save(path)
+        mesh = trimesh.load(path, force="mesh")
+        volumes.append(mesh.volume)
+    coin.save(tmp_path / "plain.stl")
+    whole = trimesh.load_mesh(tmp_path / "plain.stl").volume
+    np.testing.assert_allclose(volumes, volumes[0], rtol=1e-5)
+    assert 0.9 * whole < volumes[0] < whole
+
+
+def test_a_report_is_what_a_run_leaves(tmp_path: Path) -> None:
+    die = design({"fair": 3}, engrave=True)
+    result = die.report(tmp_path / "new")
+    assert result.folder == tmp_path / "new"
+    assert check(tmp_path / "new")["status"] == "converged"
+
+
+def test_what_cannot_be_used() -> None:
+    for target in ([0.5, 0.4], {"fare": 3}, "fair", [0.5, "x"]):
+        with pytest.raises(InputError, match="target"):
+            design(target)
+    with pytest.raises(InputError, match=r"start"):
+        design({"fair": 3}, start="nowhere")
+    with pytest.raises(LabelRoomError):
+        design({"fair": 11}, size_mm=4.0, engrave=True)
+    die = design({"fair": 3}, size_mm=4.0)
+    with pytest.raises(LabelRoomError):
+        die.engrave()
+    assert not die.is_engraved
+
+
+def test_a_design_that_does_not_converge_says_so() -> None:
+    die = design(
+        {"sum_of_dice": [6, 6]},
+        start={"hendecahedron": "circus"},
+        method={"descent": {"stopping": {"steps": 2}}},
+    )
+    assert (die.status, die.converged) == ("step_limit", False)
+    assert die.max_abs_error > 1e-3

@@ -1,0 +1,107 @@
+"""Dice that are thrown onto changed tables while they are designed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from dicedesign.design.preferences.weights import Preferences
+from dicedesign.design.refinement import Round
+from dicedesign.design.result import DesignResult
+from dicedesign.design.solvers.exact import ExactOptions, solve_exactly
+from dicedesign.design.starts.search import shapes_near
+from dicedesign.gradient.rest_odds import evaluate_rests
+from dicedesign.gradient.restitution_sensitivity import Swing
+from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.stage import plan
+from dicedesign.recipe.work import Listeners, Work
+from dicedesign.results.status import Status
+from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.simulation import die_on_table
+from dicedesign.throws.simulation.simulation import Throws
+from dicedesign.throws.tables import Table, table_named
+
+TARGET = np.array([1, 4, 6, 4, 1]) / 16.0
+OPTIONS = ExactOptions(odds="thrown", prefer=Preferences(circles=1.0), seconds=20.0)
+
+
+def model_of(table: str) -> Swing:
+    """What is known of dice that are yet to be thrown."""
+    return Swing(ThrownOdds.on(table), TARGET, np.zeros((2, len(TARGET))))
+
+
+def solved(options: ExactOptions) -> DesignResult:
+    return solve_exactly(shapes_near(TARGET, 0), TARGET, options, swing=model_of("board-game"))
+
+
+@pytest.fixture(scope="module")
+def die() -> DesignResult:
+    return solved(OPTIONS)
+
+
+def changes_of(die: DesignResult) -> float:
+    """Sum of the changes of a die's odds, by the momentum model, on both tables."""
+    rests = evaluate_rests(torch.as_tensor(die.hull.vertices))
+    thrown = ThrownOdds.on("board-game")
+    return sum(
+        float(np.abs(thrown.at(change).odds(rests) - thrown.odds(rests)).sum())
+        for change in (0.2, -0.2)
+    )
+
+
+def test_a_robust_die_has_the_same_odds_and_changes_less(die: DesignResult) -> None:
+    robust = solved(replace(OPTIONS, prefer=Preferences(circles=1.0, robustness=1.0)))
+    for one in (die, robust):
+        assert one.status is Status.CONVERGED
+        assert one.history[-1].error < 1e-12
+    assert changes_of(robust) < 0.6 * changes_of(die)
+
+
+ROBUST = {
+    "name": "robust",
+    "target": {"probabilities": TARGET.tolist()},
+    "seed": 2,
+    "size_mm": 25.0,
+    "engrave": False,
+    "method": {
+        "exact": {
+            "odds": "thrown",
+            "prefer": {"circles": 1.0, "robustness": 1.0},
+            "refine": {"drops": 300, "rounds": 3, "verdict": 300, "within": 0.5},
+        }
+    },
+}
+
+
+def test_rounds_throw_onto_the_tables_of_robust_dice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Livelier and duller ones in the first rounds alone, each throw with numbers of its own."""
+    tables: list[tuple[float, int]] = []
+    simulate = die_on_table.simulate
+
+    def told(body: RigidBody, table: Table, drops: int, seed: int, **options: Any) -> Throws:
+        tables.append((table.restitution, seed))
+        return simulate(body, table, drops, seed, **options)
+
+    monkeypatch.setattr(die_on_table, "simulate", told)
+    rounds: list[Round] = []
+    work = Work(checked_recipe(ROBUST), listeners=Listeners(on_round=rounds.append))
+    plan(work, last="throws")
+    assert work.status is Status.CONVERGED
+    usual = table_named("board-game").restitution
+    assert {value for value, _ in tables} == pytest.approx({usual, 1.2 * usual, 0.8 * usual})
+    assert len({seed for _, seed in tables}) == len(tables)
+    assert rounds == list(work.die.rounds)
+    assert len(rounds[0].changed) == 2
+    assert all(len(one.changed) == 0 for one in rounds[1:])
+    assert work.result().thrown.simulated.drops == 300
+
+
+@pytest.mark.parametrize("table", ["carpet", "paper"])
+def test_where_nothing_bounces_nothing_swings(table: str) -> None:
+    assert not model_of(table).is_known
+    assert model_of("board-game").is_known
