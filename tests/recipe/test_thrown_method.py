@@ -93,7 +93,8 @@ def test_rounds_throw_onto_the_tables_of_robust_dice(monkeypatch: pytest.MonkeyP
     plan(work, last="throws")
     assert work.status is Status.CONVERGED
     usual = table_named("board-game").restitution
-    assert {value for value, _ in tables} == pytest.approx({usual, 1.2 * usual, 0.8 * usual})
+    restitutions = sorted({value for value, _ in tables})
+    assert restitutions == pytest.approx([0.8 * usual, usual, 1.2 * usual])
     assert len({seed for _, seed in tables}) == len(tables)
     assert rounds == list(work.die.rounds)
     assert len(rounds[0].changed) == 2
