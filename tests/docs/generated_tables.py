@@ -1,0 +1,238 @@
+"""Tables of the documentation that are made from the code: recipe keys, and what each registry
+has.
+
+    python tests/docs/generated_tables.py
+
+writes them anew, between a line `<!-- table: NAME -->` and the next `<!-- end -->` of each page.
+A test compares them with what the pages say.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import json
+import re
+import sys
+import types
+import typing
+from collections.abc import Callable, Iterator
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic_core import to_jsonable_python
+
+ROOT = Path(__file__).resolve().parents[2]
+
+REGISTRIES = {
+    "energy terms": "dicedesign.design.energy.term:TERMS",
+    "benches": "dicedesign.bench.frame:BENCHES",
+}
+"""Name of a table, and where its registry is: "module:attribute"."""
+
+COMMANDS = {"benches": "dicedesign bench "}
+"""What is written before the names of a table's entries."""
+
+BLOCK = re.compile(r"(<!-- table: ([\w ]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+
+
+def tables() -> dict[str, Callable[[], str]]:
+    """Makers of all tables by name."""
+    makers: dict[str, Callable[[], str]] = {"recipe keys": recipe_table}
+    for name, place in REGISTRIES.items():
+        if is_there(place):
+            makers[name] = partial(registry_table, place, COMMANDS.get(name, ""))
+    return makers
+
+
+def is_there(place: str) -> bool:
+    """Whether a registry can be imported."""
+    module, _, attribute = place.partition(":")
+    try:
+        return hasattr(import_module(module), attribute)
+    except ModuleNotFoundError:
+        return False
+
+
+def pages() -> list[Path]:
+    """The pages that a reader may open."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def blocks(page: Path) -> dict[str, str]:
+    """The tables of a page by name, as they stand."""
+    return {match[2]: match[3] for match in BLOCK.finditer(page.read_text(encoding="utf-8"))}
+
+
+def rewritten(text: str, only: dict[str, Callable[[], str]]) -> str:
+    """The text of a page with its tables made anew."""
+    return BLOCK.sub(
+        lambda match: match[1] + (only[match[2]]() if match[2] in only else match[3]) + match[4],
+        text,
+    )
+
+
+def markdown(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    """A table. Bars within cells are escaped."""
+    lines = [header, ("---",) * len(header), *rows]
+    return "".join(
+        "|" + "|".join(cell if cell == "---" else f" {cell} " for cell in line) + "|\n"
+        for line in ([cell.replace("|", "\\|") for cell in line] for line in lines)
+    )
+
+
+def registry_table(place: str, command: str) -> str:
+    """Name and line of each extension of a registry."""
+    module, _, attribute = place.partition(":")
+    entries = getattr(import_module(module), attribute)
+    return markdown(
+        ("name", "meaning"), [(f"`{command}{entry.name}`", entry.line) for entry in entries]
+    )
+
+
+def recipe_table() -> str:
+    """Dotted key, default and meaning of each entry of a recipe."""
+    from dicedesign.recipe.schema.recipe import Recipe
+
+    return markdown(("key", "default", "meaning"), list(recipe_rows(Recipe)))
+
+
+MISSING = object()
+
+
+def recipe_rows(
+    schema: type, parent: str = "", instance: object = None
+) -> Iterator[tuple[str, str, str]]:
+    """The entries of a model or option class and of those within, depth first."""
+    if hasattr(schema, "declared"):  # Numbers that extensions declare.
+        for number in schema.declared().values():
+            default = getattr(instance, number.name, number.default)
+            yield f"`{parent}{number.name}`", written(default), number.line
+        return
+    meanings = documented(schema)
+    hints = typing.get_type_hints(schema)
+    for name, default in defaults(schema, instance):
+        key, nested = f"{parent}{name}", nested_type(hints[name])
+        parts = (
+            [] if nested is None else list(recipe_rows(nested, f"{key}.", made(nested, default)))
+        )
+        shown = "required" if default is MISSING else "" if parts else written(default)
+        meaning = meanings.get(name) or summary(nested, name)
+        yield f"`{key}`", shown, with_numbers(meaning, schema)
+        yield from parts
+
+
+def defaults(schema: type, instance: object) -> Iterator[tuple[str, object]]:
+    """Names of the fields with the values of an instance, or with their own defaults."""
+    if issubclass(schema, BaseModel):
+        for name, entry in schema.model_fields.items():
+            own = MISSING if entry.is_required() else entry.get_default(call_default_factory=True)
+            yield name, getattr(instance, name, own)
+    else:
+        for entry in dataclasses.fields(schema):
+            own = entry.default
+            if own is dataclasses.MISSING and entry.default_factory is not dataclasses.MISSING:
+                own = entry.default_factory()
+            yield (
+                entry.name,
+                getattr(instance, entry.name, MISSING if own is dataclasses.MISSING else own),
+            )
+
+
+def nested_type(hint: Any) -> type | None:
+    """The class of options within a type, through optional and annotated ones."""
+    if isinstance(hint, type) and not isinstance(hint, types.GenericAlias):
+        is_options = (
+            issubclass(hint, BaseModel)
+            or dataclasses.is_dataclass(hint)
+            or hasattr(hint, "declared")
+        )
+        return hint if is_options else None
+    found = (nested_type(part) for part in typing.get_args(hint) if part is not type(None))
+    return next((part for part in found if part is not None), None)
+
+
+def made(schema: type, default: object) -> object:
+    """The default itself, or where it is None the options as they are once asked for."""
+    if default is not None and default is not MISSING:
+        return default
+    try:
+        return schema()
+    except (TypeError, ValueError):
+        return None
+
+
+def written(value: object) -> str:
+    """A default as a recipe would say it."""
+    if value is None:
+        return ""
+    plain = to_jsonable_python(value)
+    return f"`{plain if isinstance(plain, str) else json.dumps(plain)}`"
+
+
+def documented(schema: type) -> dict[str, str]:
+    """What a class says about its fields: under "Attributes" of its docstring, or below each."""
+    text = inspect.getdoc(schema) or ""
+    section = re.search(r"^Attributes\n-+\n(.*?)(?=^\w+\n-+\n|^\S+: *\n|\Z)", text, re.S | re.M)
+    meanings: dict[str, str] = {}
+    for entry in re.split(r"\n(?=\S)", section[1]) if section else ():
+        for names, meaning in re.findall(
+            r"(?:^|(?<=; ))(\w+(?:, \w+)*): (.*?)(?=(?:; \w+(?:, \w+)*: )|\Z)", entry, re.S
+        ):
+            for name in names.split(", "):
+                meanings[name] = tidy(meaning)
+    source = ast.parse(inspect.cleandoc("\n" + inspect.getsource(schema))).body[0]
+    assert isinstance(source, ast.ClassDef)
+    for entry, below in zip(source.body, source.body[1:], strict=False):
+        if isinstance(entry, ast.AnnAssign) and isinstance(entry.target, ast.Name):
+            value = below.value if isinstance(below, ast.Expr) else None
+            if isinstance(value, ast.Constant) and isinstance(value.value, str):
+                meanings[entry.target.id] = tidy(value.value)
+    if issubclass(schema, BaseModel):
+        for name, entry in schema.model_fields.items():
+            if entry.description:
+                meanings[name] = tidy(entry.description)
+    return meanings
+
+
+def summary(schema: type | None, name: str) -> str:
+    """What the class of an entry says first."""
+    first = (inspect.getdoc(schema) or "").split("\n\n")[0] if schema is not None else ""
+    first = tidy(first).split(". ")[0]
+    return re.sub(rf"^`[\w.]*\b{name}`[:,] *", "", first)
+
+
+def with_numbers(meaning: str, schema: type) -> str:
+    """A meaning with the numbers that its module's constants stand for."""
+    constants = vars(sys.modules[schema.__module__])
+
+    def number(match: re.Match[str]) -> str:
+        value = constants.get(match[1])
+        return f"{value:g}" if isinstance(value, int | float) else match[0]
+
+    return re.sub(r"`([A-Z][A-Z_]+)`", number, meaning)
+
+
+def tidy(text: str) -> str:
+    """One line, which ends without a full stop."""
+    return " ".join(text.split()).rstrip(".").replace("``", "`")
+
+
+def main() -> int:
+    """Write all tables anew, and say which pages changed."""
+    makers = tables()
+    for page in pages():
+        old = page.read_text(encoding="utf-8")
+        new = rewritten(old, makers)
+        if new != old:
+            page.write_text(new, encoding="utf-8")
+            print(page.relative_to(ROOT))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,102 @@
+"""What the pages say of files, equations, floors and options is what there is."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import generated_tables
+import pytest
+from common.doc_pages import PAGES
+from common.paths import ROOT
+from test_architecture import FLOORS
+
+from dicedesign.recipe.schema.recipe import Recipe
+
+COMING = {"figures", "report"}
+"""Keys of recipes that the pages know already."""
+
+
+def anchors(page: Path) -> set[str]:
+    """What a link to a heading of a page is called."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def links(page: Path) -> list[str]:
+    """Targets of the links and pictures of a page that do not leave the repository."""
+    targets = re.findall(r"\]\(([^)]+)\)", page.read_text(encoding="utf-8"))
+    return [target for target in targets if "://" not in target]
+
+
+def first_column(text: str) -> list[str]:
+    """First cells of the rows of all tables in a text, without their headings."""
+    rows = re.findall(r"(?:^\|.*\n\|---.*\n)((?:^\|.*\n)+)", text, re.MULTILINE)
+    return [line.split("|")[1].strip() for table in rows for line in table.splitlines()]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in links(page):
+        path, _, anchor = target.partition("#")
+        place = (page.parent / path).resolve() if path else page
+        assert place.exists(), target
+        assert not anchor or anchor in anchors(place), target
+
+
+def test_every_page_is_linked_from_the_readme() -> None:
+    linked = {(ROOT / target.partition("#")[0]).resolve() for target in links(ROOT / "README.md")}
+    assert linked >= set(PAGES) - {ROOT / "README.md"}
+
+
+def expanded(text: str) -> set[int]:
+    """The numbers in a text such as "7, 8", "9 and 10" or "26 to 30"; decimals are not ours."""
+    text = re.sub(r"\d+\.\d+", "", text)
+    numbers = set()
+    for first, last in re.findall(r"(\d+)(?: to (\d+))?", text):
+        numbers |= set(range(int(first), int(last or first) + 1))
+    return numbers
+
+
+CITED = re.compile(r"\b(?:eqs?\.|equations?)\s+(\d[\d.]*(?:(?:, | and | to )\d[\d.]*)*)")
+
+
+def cited(text: str) -> set[str]:
+    """Equations, algorithms and appendices of the paper that a text names."""
+    found = {f"eq. {number}" for part in CITED.findall(text) for number in expanded(part)}
+    found |= {f"algorithm {number}" for number in re.findall(r"\balgorithm\s+(\d+)", text)}
+    return found | {f"appendix {name}" for name in re.findall(r"\bappendix\s+([A-Z]\.\d)", text)}
+
+
+def test_the_method_knows_every_equation_that_the_code_names() -> None:
+    text = (ROOT / "docs" / "method.md").read_text(encoding="utf-8")
+    table = {name for cell in first_column(text) for name in cited(cell)}
+    for path in sorted((ROOT / "dicedesign").rglob("*")):
+        if path.suffix in (".py", ".cpp", ".hpp"):
+            unknown = cited(path.read_text(encoding="utf-8")) - table
+            assert not unknown, f"{path}: {unknown}"
+
+
+def test_the_floors_are_those_of_the_architecture_test() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    names = re.findall(r"^\| \[([\w\\]+)\]\(", text, re.MULTILINE)
+    assert tuple(name.replace("\\", "") for name in names) == FLOORS
+
+
+def test_dice_makers_read_of_every_key() -> None:
+    text = (ROOT / "docs" / "dice-makers.md").read_text(encoding="utf-8")
+    cells = first_column(text[text.index("\n## Recipes") : text.index("\n## A better die")])
+    assert {cell.strip("`") for cell in cells} - COMING == set(Recipe.model_fields) - COMING
+
+
+@pytest.mark.parametrize("page", generated_tables.pages(), ids=lambda page: page.stem)
+def test_tables_are_what_the_code_has(page: Path) -> None:
+    makers = generated_tables.tables()
+    for name, text in generated_tables.blocks(page).items():
+        if name in makers:
+            assert text == makers[name](), f"{name}: run python tests/docs/generated_tables.py"
+
+
+def test_every_table_has_a_page() -> None:
+    shown = {name for page in generated_tables.pages() for name in generated_tables.blocks(page)}
+    assert shown >= set(generated_tables.tables())
