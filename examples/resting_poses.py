@@ -1,6 +1,6 @@
 """List the resting poses of a mesh, and follow it from one orientation to rest.
 
-    python examples/resting_poses.py [MESH]
+python examples/resting_poses.py [MESH]
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Design dice of several targets with several seeds, and tell which has the safest rests.
 
-    python examples/sweep.py
+python examples/sweep.py
 """
 
 from __future__ import annotations

@@ -18,12 +18,12 @@ def unevenness(corners: torch.Tensor) -> tuple[torch.Tensor, int]:
 
 
 def main() -> None:
-    """A hundred steps of Adam from twelve random points near a sphere."""
+    """Sixty steps of Adam from twelve random points near a sphere."""
     torch.manual_seed(0)
     corners = torch.nn.functional.normalize(torch.randn(12, 3, dtype=torch.float64), dim=1)
     corners.requires_grad_()
     optimizer = torch.optim.Adam([corners], lr=0.005)
-    for step in range(101):
+    for step in range(61):
         optimizer.zero_grad()
         energy, rests = unevenness(corners)
         energy.backward()

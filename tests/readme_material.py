@@ -1,4 +1,5 @@
-"""Make what the README shows from finished runs: the tables of recipes and the gallery.
+"""Make what README.md, docs/concave.md and docs/table.md show from finished runs: the tables of
+recipes and the gallery.
 
 Usage, after `dicedesign run` of every recipe and the benches that draw:
     python tests/readme_material.py outputs
@@ -23,11 +24,12 @@ def row(result: dict) -> str:
     seconds = {stage["name"]: stage["seconds"] for stage in result["stages"]}
     # Unknown for a given center of mass; not there without engraving.
     engraved = result.get("engraved_max_abs_error")
+    designed = result.get("design_max_abs_error", result["max_abs_error"])
     cells = [
         f"`{result['name']}`",
         str(len(result["labels"])),
         f"{len(facets)} + {len(result['facets']) - len(facets)}",
-        f"{result['max_abs_error']:.1e}",
+        f"{designed:.1e}",
         f"{engraved:.1e}" if engraved is not None else "unknown",
         f"{2.0 * min(facet['inradius_mm'] for facet in facets):.1f}",
         f"{min(facet['margin_deg'] for facet in facets):.0f}",

@@ -26,10 +26,17 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import to_jsonable_python
 
+from dicedesign.runtime.registry import Registry
+
 ROOT = Path(__file__).resolve().parents[2]
 
 REGISTRIES = {
+    "starting shapes": "dicedesign.design.starts.start:STARTS",
     "energy terms": "dicedesign.design.energy.term:TERMS",
+    "preferences": "dicedesign.design.preferences.preference:PREFERENCES",
+    "engines": "dicedesign.throws.engines.engine:ENGINES",
+    "stages": "dicedesign.recipe.stage:STAGES",
+    "figures": "dicedesign.report.figures.figure:FIGURES",
     "benches": "dicedesign.bench.frame:BENCHES",
 }
 """Name of a table, and where its registry is: "module:attribute"."""
@@ -53,7 +60,7 @@ def is_there(place: str) -> bool:
     """Whether a registry can be imported."""
     module, _, attribute = place.partition(":")
     try:
-        return hasattr(import_module(module), attribute)
+        return isinstance(getattr(import_module(module), attribute, None), Registry)
     except ModuleNotFoundError:
         return False
 

@@ -12,13 +12,21 @@ from pathlib import Path
 import pytest
 from common.doc_pages import PAGES, blocks, commands, not_there_yet, run_python
 
+from dicedesign.recipe.schema.recipe import Recipe
+
 SLOW = {
     "dicedesign run recipes/fair_d3_duck.yaml",
     "dicedesign run recipes/fair_d7_table.yaml",
 }
 """Shipped recipes that take long; `test_recipes` has them."""
 
-FEWER = {"--trials 20": "--trials 3", " throw ": " throw --drops 500 "}
+WITHOUT_PICTURES = " --set figures=false" if "figures" in Recipe.model_fields else ""
+
+FEWER = {
+    "--trials 20": "--trials 2",
+    " throw ": " throw --drops 500 ",
+    "best.yaml": "best.yaml" + WITHOUT_PICTURES,
+}
 """What a command is shortened by."""
 
 FEW_THROWS = "method.exact.refine={drops: 2000, rounds: 3, verdict: 5000, within: 0.04}"
@@ -53,26 +61,32 @@ def having(language: str) -> list[Path]:
     return [page for page in PAGES if blocks(page, language)]
 
 
-@pytest.mark.parametrize("page", having("sh"), ids=lambda page: page.stem)
-def test_commands_run(page: Path, workplace: Path) -> None:
-    for line in commands(page):
-        if not line.startswith("dicedesign ") or line.startswith("dicedesign bench "):
-            continue
-        if line in SLOW:
-            assert (workplace / line.split()[-1]).exists()
-            continue
-        for long, short in FEWER.items():
-            line = line.replace(long, short)
-        assert run_dicedesign(line.removeprefix("dicedesign "), workplace), line
+def is_quick(line: str) -> bool:
+    """Whether a line is a command of the package that takes seconds. Benches are run by the script
+    that checks a change."""
+    is_command = line.startswith("dicedesign ") and not line.startswith("dicedesign bench ")
+    return is_command and line not in SLOW
+
+
+TYPED = list(dict.fromkeys(line for page in PAGES for line in commands(page)))
+"""All lines of all pages, each once."""
+
+
+@pytest.mark.parametrize("line", list(filter(is_quick, TYPED)))
+def test_a_command_runs(line: str, workplace: Path) -> None:
+    for long, short in FEWER.items():
+        line = line.replace(long, short)
+    assert run_dicedesign(line.removeprefix("dicedesign "), workplace)
 
 
 def test_what_is_typed_is_known(repository: Path) -> None:
-    lines = {line for page in PAGES for line in commands(page)}
+    lines = set(TYPED)
     others = {line for line in lines if not line.startswith("dicedesign ")}
     assert {line for line in others if not line.startswith("python3 -m venv .venv && ")} == {
         "pytest tests/fuzz --hypothesis-profile=nightly"
     }
     assert lines >= SLOW
+    assert all((repository / line.split()[-1]).exists() for line in SLOW)
 
 
 @pytest.mark.parametrize("page", having("python"), ids=lambda page: page.stem)
@@ -91,5 +105,7 @@ def test_python_runs(page: Path, workplace: Path) -> None:
 def test_recipes_converge(page: Path, tmp_path: Path) -> None:
     for block in blocks(page, "yaml"):
         (tmp_path / "recipe.yaml").write_text(block)
-        changes = f" --set '{FEW_THROWS}'" if "thrown" in block else ""
+        changes = WITHOUT_PICTURES
+        if "thrown" in block:
+            changes += f" --set '{FEW_THROWS}'"
         assert ": converged" in run_dicedesign(f"run recipe.yaml{changes}", tmp_path)

