@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import dicedesign
@@ -50,6 +51,8 @@ def run_python(code: str, folder: Path) -> str:
 def not_there_yet(code: str) -> list[str]:
     """Names of the package that code uses and that are not there."""
     missing = []
+    if ".save(" in code and find_spec("dicedesign.fabricate.files") is None:
+        missing.append("Die.save")
     for node in ast.walk(ast.parse(code)):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             if node.value.id == "dd" and not is_public(node.attr):
@@ -73,4 +76,8 @@ def is_public(name: str) -> bool:
     """Whether the package has a name, as these pages tell of it."""
     if name == "roll":
         return next(iter(inspect.signature(dicedesign.roll).parameters)) != "equilibria"
+    if name == "design":
+        # Also the name of a folder of the package.
+        import_module("dicedesign.design.targets")
+        return callable(dicedesign.design)
     return name in dicedesign.__all__

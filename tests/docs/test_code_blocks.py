@@ -12,15 +12,13 @@ from pathlib import Path
 import pytest
 from common.doc_pages import PAGES, blocks, commands, not_there_yet, run_python
 
-from dicedesign.recipe.schema.recipe import Recipe
-
 SLOW = {
     "dicedesign run recipes/fair_d3_duck.yaml",
     "dicedesign run recipes/fair_d7_table.yaml",
 }
 """Shipped recipes that take long; `test_recipes` has them."""
 
-WITHOUT_PICTURES = " --set figures=false" if "figures" in Recipe.model_fields else ""
+WITHOUT_PICTURES = " --set figures=false"
 
 FEWER = {
     "--trials 20": "--trials 2",
