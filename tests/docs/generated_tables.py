@@ -12,9 +12,11 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
+import itertools
 import json
 import re
 import sys
+import textwrap
 import types
 import typing
 from collections.abc import Callable, Iterator
@@ -120,6 +122,14 @@ def recipe_rows(
             default = getattr(instance, number.name, number.default)
             yield f"`{parent}{number.name}`", written(default), number.line
         return
+    if schema.__name__ == "StartRecipe" and is_there(REGISTRIES["starting shapes"]):
+        from dicedesign.design.starts.start import STARTS
+
+        for kind in STARTS:
+            nested = nested_type(kind.options)
+            yield f"`{parent}{kind.name}`", "", kind.line
+            yield from () if nested is None else recipe_rows(nested, f"{parent}{kind.name}.")
+        return
     meanings = documented(schema)
     hints = typing.get_type_hints(schema)
     for name, default in defaults(schema, instance):
@@ -186,15 +196,17 @@ def documented(schema: type) -> dict[str, str]:
     text = inspect.getdoc(schema) or ""
     section = re.search(r"^Attributes\n-+\n(.*?)(?=^\w+\n-+\n|^\S+: *\n|\Z)", text, re.S | re.M)
     meanings: dict[str, str] = {}
+    names = "|".join(typing.get_type_hints(schema))
+    field = rf"(?:{names})(?:, (?:{names}))*"
     for entry in re.split(r"\n(?=\S)", section[1]) if section else ():
-        for names, meaning in re.findall(
-            r"(?:^|(?<=; ))(\w+(?:, \w+)*): (.*?)(?=(?:; \w+(?:, \w+)*: )|\Z)", entry, re.S
+        for found in re.finditer(
+            rf"(?:^|[;.]\s)({field}): (.*?)(?=[;.]\s{field}: |\Z)", entry, re.S
         ):
-            for name in names.split(", "):
-                meanings[name] = tidy(meaning)
-    source = ast.parse(inspect.cleandoc("\n" + inspect.getsource(schema))).body[0]
+            for name in found[1].split(", "):
+                meanings[name] = tidy(found[2])
+    source = ast.parse(textwrap.dedent(inspect.getsource(schema))).body[0]
     assert isinstance(source, ast.ClassDef)
-    for entry, below in zip(source.body, source.body[1:], strict=False):
+    for entry, below in itertools.pairwise(source.body):
         if isinstance(entry, ast.AnnAssign) and isinstance(entry.target, ast.Name):
             value = below.value if isinstance(below, ast.Expr) else None
             if isinstance(value, ast.Constant) and isinstance(value.value, str):
