@@ -18,7 +18,7 @@ SLOW = {
 }
 """Shipped recipes that take long; `test_recipes` has them."""
 
-WITHOUT_PICTURES = " --set figures=false"
+WITHOUT_PICTURES = " --no-figures"
 
 FEWER = {
     "--trials 20": "--trials 2",
@@ -27,7 +27,7 @@ FEWER = {
 }
 """What a command is shortened by."""
 
-FEW_THROWS = "method.exact.refine={drops: 2000, rounds: 3, verdict: 5000, within: 0.04}"
+FEW_THROWS = "method.exact.refine={drops: 1000, rounds: 1, verdict: 2000, within: 0.06}"
 
 EACH_ALONE = """
 for code in {codes!r}:
