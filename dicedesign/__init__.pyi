@@ -23,9 +23,9 @@ from dicedesign.rest.poses import RestPoses as RestPoses
 from dicedesign.rest.poses import rest_poses as rest_poses
 from dicedesign.rest.roll import RollStep as RollStep
 from dicedesign.rest.roll import roll as roll
+from dicedesign.results.reading import read_result as read_result
 from dicedesign.results.record import Result as Result
 from dicedesign.results.record import Step as Step
-from dicedesign.results.record import read_result as read_result
 from dicedesign.throws.momentum.momentum_odds import thrown_odds as thrown_odds
 from dicedesign.throws.rigid_body import RigidBody as RigidBody
 from dicedesign.throws.rigid_body import rigid_body as rigid_body

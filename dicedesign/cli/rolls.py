@@ -95,7 +95,7 @@ def _rolls(options: argparse.Namespace) -> int:
 
 def _finished(folder: Path) -> _Die:
     """The labels and the target of a die that was designed here."""
-    from dicedesign.results.record import read_result
+    from dicedesign.results.reading import read_result
 
     die = read_result(folder)
     if not die.converged:

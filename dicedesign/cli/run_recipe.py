@@ -44,8 +44,8 @@ def run_and_print(
     """
     from tqdm import tqdm
 
+    from dicedesign.recipe.planning.work import Listeners
     from dicedesign.recipe.run import run
-    from dicedesign.recipe.work import Listeners
 
     concave = recipe.method.concave
     with tqdm(file=sys.stderr, disable=not sys.stderr.isatty(), unit=" steps") as bar:

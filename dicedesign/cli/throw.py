@@ -194,7 +194,7 @@ def _finished(options: argparse.Namespace) -> _Die:
     from dicedesign.geometry.meshes.reading import read_body
     from dicedesign.rest.outcomes import facet_of_rest
     from dicedesign.rest.poses import rest_poses
-    from dicedesign.results.record import read_result
+    from dicedesign.results.reading import read_result
 
     die = read_result(options.die)
     body = read_body(die.plain_file)

@@ -10,11 +10,11 @@ import numpy as np
 
 from dicedesign.design.targets import Target
 from dicedesign.errors import InputError
+from dicedesign.recipe.planning.stage import plan
+from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.run import finish
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.recipe.stage import plan
-from dicedesign.recipe.work import Listeners, Work
 
 if TYPE_CHECKING:
     from dicedesign.results.record import Result, Step

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dicedesign.errors import InputError
+from dicedesign.recipe.planning.stage import plan
+from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.schema.reading import checked_recipe, read_recipe, recipe_text
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.recipe.stage import plan
-from dicedesign.recipe.work import Listeners, Work
 
 if TYPE_CHECKING:
     from dicedesign.results.record import Result

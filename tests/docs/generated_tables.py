@@ -37,7 +37,7 @@ REGISTRIES = {
     "energy terms": "dicedesign.design.energy.term:TERMS",
     "preferences": "dicedesign.design.preferences.preference:PREFERENCES",
     "engines": "dicedesign.throws.engines.engine:ENGINES",
-    "stages": "dicedesign.recipe.stage:STAGES",
+    "stages": "dicedesign.recipe.planning.stage:STAGES",
     "figures": "dicedesign.report.figures.figure:FIGURES",
     "benches": "dicedesign.bench.frame:BENCHES",
 }

@@ -21,9 +21,9 @@ from dicedesign.errors import InputError, LabelRoomError, OutputError
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.recipe import run as pipeline
 from dicedesign.recipe.design_die import design_recipe
+from dicedesign.recipe.planning.work import Listeners
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.recipe.work import Listeners
 from dicedesign.results.record import Result, Step
 
 PICTURES = ("rests", "before_after", "odds", "hull", "displacement", "energy")

@@ -17,11 +17,12 @@ from dicedesign.design.starts.mesh import mesh_start
 from dicedesign.errors import EngravingError, OutputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.recipe.design_die import design_recipe
+from dicedesign.recipe.planning.work import Listeners
 from dicedesign.recipe.run import run
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.recipe.work import Listeners
-from dicedesign.results.record import Result, read_result
+from dicedesign.results.reading import read_result
+from dicedesign.results.record import Result
 from dicedesign.results.status import Status
 
 STONE = np.random.default_rng(3).normal(size=(14, 3)) * 20.0 + [100.0, -30.0, 7.0]

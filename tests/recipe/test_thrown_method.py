@@ -17,9 +17,9 @@ from dicedesign.design.starts.search import shapes_near
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.gradient.restitution_sensitivity import Swing
 from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.recipe.planning.stage import plan
+from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.schema.reading import checked_recipe
-from dicedesign.recipe.stage import plan
-from dicedesign.recipe.work import Listeners, Work
 from dicedesign.results.status import Status
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation import die_on_table

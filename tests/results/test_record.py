@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
+from dicedesign.results.reading import read_result
 from dicedesign.results.record import (
     FacetOfDie,
     Result,
@@ -17,7 +18,6 @@ from dicedesign.results.record import (
     StageTime,
     Step,
     ThrownOdds,
-    read_result,
 )
 
 

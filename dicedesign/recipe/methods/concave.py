@@ -16,8 +16,8 @@ from dicedesign.concave.result import ConcaveProgress, ConcaveStep
 from dicedesign.concave.search import make_concave_die
 from dicedesign.fabricate.designed_die import DesignedDie
 from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.recipe.work import Work
 from dicedesign.results.folder import CHECKPOINT
 from dicedesign.results.record import Step
 from dicedesign.results.status import Status

@@ -10,8 +10,8 @@ from dicedesign.design.refinement import Round
 from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.starts.start import Start
 from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.recipe.work import Work
 from dicedesign.results.record import HullsMade, Step
 from dicedesign.runtime.arrays import Floats
 

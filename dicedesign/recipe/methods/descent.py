@@ -16,7 +16,7 @@ from dicedesign.recipe.methods.convex import (
     step_listener,
     wanted_odds,
 )
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.planning.work import Work
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
 

@@ -18,8 +18,8 @@ from dicedesign.recipe.methods.convex import (
     step_listener,
     wanted_odds,
 )
+from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.recipe.work import Work
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["design", "exact_options", "solver", "starts_of"]

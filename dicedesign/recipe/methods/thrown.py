@@ -22,7 +22,7 @@ from dicedesign.gradient.restitution_sensitivity import CHANGES, Swing
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.recipe.methods.convex import designed_die, normalised_center, wanted_odds
 from dicedesign.recipe.methods.exact import exact_options, solver, starts_of
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.planning.work import Work
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines.engine import require_engine

@@ -10,8 +10,8 @@ import numpy as np
 from dicedesign.fabricate.designed_die import SizedDie
 from dicedesign.fabricate.verdict import judged
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.recipe.stage import STAGES, Stage
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.planning.stage import STAGES, Stage
+from dicedesign.recipe.planning.work import Work
 from dicedesign.rest.asymmetry import asymmetry
 from dicedesign.results.status import Status
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from dicedesign.recipe.stage import STAGES, Stage
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.planning.stage import STAGES, Stage
+from dicedesign.recipe.planning.work import Work
 from dicedesign.runtime.files import make_writable_folder
 from dicedesign.runtime.threads import one_tensor_thread
 

@@ -10,9 +10,9 @@ import numpy as np
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.designed_die import SizedDie
 from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.recipe.planning.stage import STAGES, Stage
+from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.recipe.stage import STAGES, Stage
-from dicedesign.recipe.work import Work
 from dicedesign.results.status import Status
 
 if TYPE_CHECKING:

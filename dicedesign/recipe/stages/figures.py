@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from dicedesign.fabricate.finished_die import FinishedDie
-from dicedesign.recipe.stage import STAGES, Stage
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.planning.stage import STAGES, Stage
+from dicedesign.recipe.planning.work import Work
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["draw_figures", "finished_die"]

@@ -6,9 +6,9 @@ import math
 from typing import Final
 
 from dicedesign.errors import EngravingError, LabelRoomError
+from dicedesign.recipe.planning.stage import STAGES, Stage
+from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import MOST_MM
-from dicedesign.recipe.stage import STAGES, Stage
-from dicedesign.recipe.work import Work
 
 __all__ = ["enlarge"]
 

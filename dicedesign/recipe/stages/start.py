@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from dicedesign.errors import InputError
+from dicedesign.recipe.planning.stage import STAGES, Stage
+from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.recipe.stage import STAGES, Stage
-from dicedesign.recipe.work import Work
 
 __all__ = ["make_start"]
 

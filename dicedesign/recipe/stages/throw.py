@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dicedesign.recipe.stage import STAGES, Stage
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.planning.stage import STAGES, Stage
+from dicedesign.recipe.planning.work import Work
 from dicedesign.results.status import Status
 
 __all__ = ["throw"]

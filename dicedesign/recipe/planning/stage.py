@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.planning.work import Work
 from dicedesign.runtime.registry import Extension, Registry
 
 __all__ = ["STAGES", "Stage", "plan"]
