@@ -106,7 +106,7 @@ def test_a_query_loads_nothing_heavy(tmp_path: Path, suffix: str) -> None:
         heavy |= {"trimesh", "lxml"}
     assert loaded & (heavy | SOLVERS) == set()
     floors = {name.split(".")[1] for name in loaded if name.startswith("dicedesign.")}
-    assert floors & {"design", "fabricate", "show", "recipe", "pipeline", "concave"} == set()
+    assert floors & {"design", "fabricate", "report", "recipe", "results", "concave"} == set()
 
 
 def test_a_query_in_python_loads_nothing_heavy(repository: Path) -> None:
@@ -354,7 +354,7 @@ def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -
     )
     stages = json.loads((tmp_path / "d4" / "result.json").read_text())["stages"]
     assert [stage["name"] for stage in stages] == [
-        "start", "design", "export", "summary", "figures", "report",
+        "start", "design", "export", "check", "figures", "report",
     ]  # fmt: skip
     assert all(stage["seconds"] >= 0.0 for stage in stages)
     assert all(50.0 < stage["peak_mb"] < 5000.0 for stage in stages)
@@ -373,8 +373,8 @@ def test_a_plain_concave_recipe_loads_no_engraver_no_solver_and_no_remesher(tmp_
     write_cube(tmp_path / "cube.obj")
     (tmp_path / "cube.yaml").write_text(CONCAVE)
     loaded = modules_after(["run", "cube.yaml", "--out", "cube"], tmp_path)
-    assert {f"dicedesign.concave.{name}" for name in ("making", "hull_design")} <= loaded
-    assert {"dicedesign.recipe.concave_run", "manifold3d"} <= loaded
+    assert {"dicedesign.concave.search", "dicedesign.concave.hull.design"} <= loaded
+    assert {"dicedesign.recipe.methods.concave", "manifold3d"} <= loaded
     others = {"fast_simplification", "trimesh", "fontTools.ttLib", "matplotlib.pyplot"}
     others |= {f"dicedesign.fabricate.{name}" for name in ("marks", "glyphs", "layout")}
     assert loaded & (others | SOLVERS) == set()

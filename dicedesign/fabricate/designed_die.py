@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dicedesign.concave.result import ConcaveDie
-from dicedesign.design.refinement import Round
 from dicedesign.errors import InputError
-from dicedesign.fabricate.printable import printable_solid
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
@@ -18,6 +16,10 @@ from dicedesign.rest.poses import RestPoses, analyse, rest_poses
 from dicedesign.results.record import HullsMade, Step
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats, Integers
+
+if TYPE_CHECKING:
+    from dicedesign.concave.result import ConcaveDie
+    from dicedesign.design.refinement import Round
 
 __all__ = ["DesignedDie", "SizedDie", "sized"]
 
@@ -101,6 +103,9 @@ def sized(die: DesignedDie, size_mm: float) -> SizedDie:
 
 
 def _sized_surface(die: DesignedDie, made: ConcaveDie, size_mm: float) -> SizedDie:
+    # It brings a library of solids along, which no convex die needs.
+    from dicedesign.fabricate.printable import printable_solid
+
     center = made.after.centroid
     scale = size_mm / convex_hull(made.after.points).diameter
     placed = made.after.moved((made.after.points - center) * scale)

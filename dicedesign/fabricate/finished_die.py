@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from dicedesign.concave.result import ConcaveDie
-from dicedesign.fabricate.layout import Placement
 from dicedesign.fabricate.verdict import Verdict
-from dicedesign.geometry.surfaces.quality import SurfaceQuality
 from dicedesign.results.record import Result
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.simulation.die_on_table import ThrownDie
+
+if TYPE_CHECKING:
+    from dicedesign.concave.result import ConcaveDie
+    from dicedesign.fabricate.layout import Placement
+    from dicedesign.geometry.surfaces.quality import SurfaceQuality
+    from dicedesign.throws.simulation.die_on_table import ThrownDie
 
 __all__ = ["EngravedFile", "FinishedDie"]
 

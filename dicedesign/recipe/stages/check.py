@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from dicedesign.fabricate.designed_die import SizedDie
 from dicedesign.fabricate.verdict import judged
-from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
 from dicedesign.rest.asymmetry import asymmetry
 from dicedesign.results.status import Status
+
+if TYPE_CHECKING:
+    from dicedesign.geometry.surfaces.surface import Surface
 
 __all__ = ["check"]
 
@@ -129,6 +131,7 @@ def _surface_flaws(work: Work) -> Iterator[Status]:
     from dicedesign.geometry.sphere import norms
     from dicedesign.geometry.surfaces.quality import surface_quality
     from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
+    from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.rest.outcomes import outcome_odds
     from dicedesign.rest.poses import rest_poses
     from dicedesign.results.record import Displacement, HullOfSurface, SurfaceSize

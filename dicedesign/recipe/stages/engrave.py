@@ -87,7 +87,6 @@ def place_on_facets(
 def _cut(work: Work) -> None:
     from dicedesign.fabricate.engraving import engrave
     from dicedesign.fabricate.finished_die import EngravedFile
-    from dicedesign.fabricate.marks import engrave_marks
     from dicedesign.fabricate.verdict import judged
     from dicedesign.geometry.meshes.stl import stl_bytes
 
@@ -98,6 +97,8 @@ def _cut(work: Work) -> None:
         placements = place_on_facets(solid, labels, options)
         marked = engrave(solid.points, solid.triangles, placements, options)
     else:
+        from dicedesign.fabricate.marks import engrave_marks
+
         main = work.plain.outcomes.main
         _require_rests(labels, main, "a side")
         downs = work.plain.poses.normals[main]
