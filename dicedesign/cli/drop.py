@@ -12,10 +12,8 @@ from dicedesign.cli.rest import add_body_options, poses_of
 from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from dicedesign.rest.roll import RollStep
+    from dicedesign.runtime.arrays import Integers
 
 __all__ = ["add_parser"]
 
@@ -69,7 +67,7 @@ def _drop(options: argparse.Namespace) -> int:
     return 0
 
 
-def _plain(step: RollStep, source: NDArray[np.int64]) -> dict[str, Any]:
+def _plain(step: RollStep, source: Integers) -> dict[str, Any]:
     return {
         "down": step.down.tolist(),
         "contact": step.contact,

@@ -13,14 +13,10 @@ from dicedesign.cli.options import vector
 from dicedesign.cli.rest_folder import add_folder_options, refuse_folder_options, rest_folder
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from dicedesign.batch.analyse import Center
     from dicedesign.geometry.meshes.body import Body
     from dicedesign.rest.poses import RestPoses
-
-    Floats = NDArray[np.float64]
+    from dicedesign.runtime.arrays import Floats
 
 __all__ = ["add_body_options", "add_parser", "center_of_mass", "poses_of", "rest_summary"]
 

@@ -21,11 +21,9 @@ from dicedesign.cli.rest import center_of_mass
 from dicedesign.runtime.workers import open_workers
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from dicedesign.geometry.meshes.body import Body
     from dicedesign.rest.poses import RestPoses
+    from dicedesign.runtime.arrays import Floats
     from dicedesign.throws.release import Orientations
     from dicedesign.throws.simulation.simulation import Throws
     from dicedesign.throws.statistics.total_variation import MeasuredVariation
@@ -210,7 +208,7 @@ def throw_summary(
     poses: RestPoses,
     orientations: Orientations,
     labels: list[str | None] | None = None,
-    momentum: NDArray[np.float64] | None = None,
+    momentum: Floats | None = None,
 ) -> dict[str, Any]:
     """The answer as plain data. labels: (k,) of the rests, None for a rest or a die without;
     momentum: (k,) odds by the momentum model, where the table has one.

@@ -24,8 +24,8 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum.momentum_model import MomentumModel, momentum_model
 from dicedesign.throws.momentum.momentum_odds import hull_odds, kernel_arrays, landing_odds
-from dicedesign.throws.momentum.transition_features import features
-from dicedesign.throws.momentum.transitions import Passes
+from dicedesign.throws.momentum.transition_features import body_features
+from dicedesign.throws.momentum.transitions import Transitions
 
 __all__ = ["ThrownOdds"]
 
@@ -123,9 +123,9 @@ class ThrownOdds:
         center, inertia = hull_inertia(vertices, rests.hull)
         if given is not None:
             center = given
-        passes = Passes.of(rests.hull, rests.paths)
-        seen = features(passes, vertices, center, inertia, resting, _TORCH)
-        found: Tensor = landing_odds(seen, passes, self.model[1], _TORCH)
+        transitions = Transitions.of(rests.hull, rests.paths)
+        features = body_features(transitions, vertices, center, inertia, resting, _TORCH)
+        found: Tensor = landing_odds(features, transitions, self.model[1], _TORCH)
         return found
 
 

@@ -3,29 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Integers
 from dicedesign.throws.momentum.momentum_model import (
     CARRY_OUTPUTS,
-    PASS_OUTPUTS,
+    TRANSITION_OUTPUTS,
     MomentumModel,
     Network,
     Slopes,
 )
 from dicedesign.throws.momentum.momentum_odds import IMPACTS, landing_odds
 from dicedesign.throws.momentum.transition_features import Features
-from dicedesign.throws.momentum.transitions import Passes
+from dicedesign.throws.momentum.transitions import Transitions
 
-__all__ = ["TrainingDie", "plain_model", "train"]
+__all__ = ["TrainingDie", "train"]
 
-PASS_HIDDEN: Final = 24
+TRANSITION_HIDDEN: Final = 24
 
 CARRY_HIDDEN: Final = 12
 """Hidden units of the networks."""
@@ -36,7 +35,7 @@ FIRST_TEMPERATURE: Final = 0.17
 FIRST_COOLING: Final = 2.5
 
 FIRST_RATE: Final = 4.0
-"""Passes over no barrier in all impacts together, to begin with."""
+"""Transitions over no barrier in all impacts together, to begin with."""
 
 FIRST_CARRY: Final = -3.0
 """Logarithm of the rate of carries, to begin with."""
@@ -44,70 +43,62 @@ FIRST_CARRY: Final = -3.0
 WEIGHT_DECAY: Final = 1e-4
 """Weight of the squared parameters of the networks in the loss."""
 
-DIGITS: Final = 6
-"""Significant digits of parameters that are kept."""
-
 
 @dataclass(frozen=True)
 class TrainingDie:
-    """A die that was thrown.
+    """A die that was thrown, or several as one body whose parts know nothing of each other.
 
     Attributes
     ----------
-    passes, seen: what the model knows of it. frequencies: (k,) of its rests in the order of them.
+    transitions, features: what the model knows of it.
+    frequencies: (k,) of its rests in the order of those, NumPy or torch.
     change: part by which the table's restitution was higher.
     """
 
-    passes: Passes
-    seen: Features
-    frequencies: Floats
+    transitions: Transitions
+    features: Features
+    frequencies: Any
     change: float = 0.0
 
 
-@dataclass(frozen=True)
-class _Union:
-    """Dice as one body whose parts know nothing of each other, on tables of one restitution."""
+def _joined(dice: Sequence[TrainingDie]) -> TrainingDie:
+    """Dice that were thrown onto tables of one restitution as one body, in torch."""
+    rests = np.cumsum([0, *(die.transitions.rests for die in dice)])
+    ways = np.cumsum([0, *(len(die.transitions.source) for die in dice)])
 
-    passes: Passes
-    seen: Features
-    frequencies: Tensor
-    change: float
+    def joined(name: str, offsets: Integers | None = None) -> Integers:
+        parts = [getattr(die.transitions, name) for die in dice]
+        if offsets is not None:
+            parts = [part + start for part, start in zip(parts, offsets, strict=False)]
+        return np.concatenate(parts)
 
-    @classmethod
-    def of(cls, dice: Sequence[TrainingDie]) -> _Union:
-        rests = np.cumsum([0, *(die.passes.rests for die in dice)])
-        ways = np.cumsum([0, *(len(die.passes.source) for die in dice)])
-
-        def joined(name: str, offsets: Floats | None) -> NDArray[np.int64]:
-            parts = [getattr(die.passes, name) for die in dice]
-            if offsets is not None:
-                parts = [part + start for part, start in zip(parts, offsets, strict=False)]
-            return np.concatenate(parts)
-
-        unused = np.zeros((int(rests[-1]), 0), dtype=np.int64)
-        passes = Passes(
-            unused,
-            unused.astype(bool),
-            joined("tail", None),
-            joined("head", None),
-            joined("source", rests),
-            joined("target", rests),
-            joined("first", ways),
-            joined("second", ways),
+    unused = np.zeros((int(rests[-1]), 0), dtype=np.int64)
+    transitions = Transitions(
+        corners=unused,
+        real=unused.astype(bool),
+        tail=joined("tail"),
+        head=joined("head"),
+        source=joined("source", rests),
+        target=joined("target", rests),
+        first=joined("first", ways),
+        second=joined("second", ways),
+    )
+    columns = {
+        field.name: torch.as_tensor(
+            np.concatenate([getattr(die.features, field.name) for die in dice])
         )
-        columns = {
-            name: torch.as_tensor(np.concatenate([getattr(die.seen, name) for die in dice]))
-            for name in ("odds", "barriers", "passes", "exits", "carries")
-        }
-        frequencies = torch.as_tensor(np.concatenate([die.frequencies for die in dice]))
-        return cls(passes, Features(**columns), frequencies, dice[0].change)
+        for field in fields(Features)
+    }
+    frequencies = torch.as_tensor(np.concatenate([die.frequencies for die in dice]))
+    return TrainingDie(transitions, Features(**columns), frequencies, dice[0].change)
 
-    def loss(self, model: MomentumModel) -> Tensor:
-        """Sum of the Kullback-Leibler divergences of the model's odds from the frequencies."""
-        model = model.at(self.change)
-        odds = landing_odds(self.seen, self.passes, model, torch).clamp(min=1e-6)
-        seen = self.frequencies
-        return (seen * (seen.clamp(min=1e-9) / odds).log()).sum()
+
+def _divergence(die: TrainingDie, model: MomentumModel) -> Tensor:
+    """Sum of the Kullback-Leibler divergences of the model's odds from the frequencies."""
+    odds = landing_odds(die.features, die.transitions, model.at(die.change), torch).clamp(min=1e-6)
+    frequencies = die.frequencies
+    divergence: Tensor = (frequencies * (frequencies.clamp(min=1e-9) / odds).log()).sum()
+    return divergence
 
 
 def train(
@@ -123,42 +114,30 @@ def train(
     loss of each evaluation.
     """
     unions = [
-        _Union.of([die for die in dice if die.change == change])
+        _joined([die for die in dice if die.change == change])
         for change in sorted({die.change for die in dice})
     ]
-    pass_table, carry_table = (
-        torch.cat([getattr(union.seen, name) for union in unions]) for name in ("passes", "carries")
-    )
+    transition_table = torch.cat([union.features.transitions for union in unions])
+    carry_table = torch.cat([union.features.carries for union in unions])
     generator = torch.Generator().manual_seed(seed)
     hot, cooling, carry = (
         torch.tensor(value, dtype=torch.float64)
         for value in (np.log(FIRST_TEMPERATURE), FIRST_COOLING, 0.5)
     )
+    first_rate = float(np.log(FIRST_RATE / IMPACTS))
+    transitions = _network(
+        transition_table, TRANSITION_HIDDEN, TRANSITION_OUTPUTS, first_rate, generator
+    )
+    carries = _network(carry_table, CARRY_HIDDEN, CARRY_OUTPUTS, FIRST_CARRY, generator)
     slopes = Slopes(
+        torch.zeros(3, dtype=torch.float64),
         *(
-            torch.zeros(shape, dtype=torch.float64)
-            for shape in (
-                (3,),
-                (1 + pass_table.shape[1], PASS_OUTPUTS),
-                (1 + carry_table.shape[1], CARRY_OUTPUTS),
-            )
-        )
-    )
-    model = MomentumModel(
-        hot,
-        cooling,
-        carry,
-        _network(
-            pass_table,
-            PASS_HIDDEN,
-            PASS_OUTPUTS,
-            float(np.log(FIRST_RATE / IMPACTS)),
-            generator,
+            torch.zeros((1 + len(network.linear), len(network.bias)), dtype=torch.float64)
+            for network in (transitions, carries)
         ),
-        _network(carry_table, CARRY_HIDDEN, CARRY_OUTPUTS, FIRST_CARRY, generator),
-        slopes,
     )
-    weights = [*_trained(model.passes), *_trained(model.carries), *vars(slopes).values()]
+    model = MomentumModel(hot, cooling, carry, transitions, carries, slopes)
+    weights = [*_trained(model.transitions), *_trained(model.carries), *vars(slopes).values()]
     parameters = [hot, cooling, carry, *weights]
     for parameter in parameters:
         parameter.requires_grad_()
@@ -172,7 +151,7 @@ def train(
 
     def closure() -> Tensor:
         optimizer.zero_grad()
-        loss = torch.stack([union.loss(model) for union in unions]).sum() / len(dice)
+        loss = torch.stack([_divergence(union, model) for union in unions]).sum() / len(dice)
         loss = loss + WEIGHT_DECAY * sum((weight**2).sum() for weight in weights if weight.ndim > 1)
         loss.backward()
         if on_step is not None:
@@ -211,20 +190,3 @@ def _network(
 
 def _trained(network: Network) -> list[Tensor]:
     return [network.linear, network.bias, network.inward, network.shift, network.outward]
-
-
-def plain_model(model: MomentumModel) -> dict[str, Any]:
-    """A model as plain data for a table's file, with `DIGITS` digits."""
-
-    def rounded(value: Any) -> Any:
-        if isinstance(value, list):
-            return [rounded(part) for part in value]
-        return float(f"{value:.{DIGITS}g}")
-
-    plain: dict[str, Any] = {
-        name: rounded(getattr(model, name).tolist()) for name in ("hot", "cooling", "carry_barrier")
-    }
-    for name in ("passes", "carries", "slopes"):
-        part = getattr(model, name)
-        plain[name] = {key: rounded(value.tolist()) for key, value in vars(part).items()}
-    return plain

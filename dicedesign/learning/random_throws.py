@@ -10,17 +10,17 @@ from functools import partial
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from dicedesign.errors import InputError
 from dicedesign.learning.momentum_training import TrainingDie
 from dicedesign.learning.random_dice import RESTS, RandomDie, random_die
+from dicedesign.runtime.arrays import Integers
 from dicedesign.runtime.executors import in_order
 from dicedesign.throws.engines.engine import Engine
 from dicedesign.throws.momentum.momentum_model import MomentumModel
 from dicedesign.throws.momentum.momentum_odds import momentum_odds
-from dicedesign.throws.momentum.transition_features import features
-from dicedesign.throws.momentum.transitions import Passes
+from dicedesign.throws.momentum.transition_features import body_features
+from dicedesign.throws.momentum.transitions import Transitions
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.statistics.total_variation import noise_floor, total_variation
 from dicedesign.throws.tables import Table
@@ -50,7 +50,7 @@ class ThrownRandomDie:
 
     number: int
     die: RandomDie
-    counts: NDArray[np.int64]
+    counts: Integers
     unresolved: int
 
 
@@ -139,13 +139,12 @@ def training_die(thrown: ThrownRandomDie, change: float = 0.0) -> TrainingDie:
     poses, body = thrown.die.poses, thrown.die.body
     side = poses.basins[0]
     hull, center = side.equilibria.hull, side.equilibria.center_of_mass
-    passes = Passes.of(hull, side.paths)
-    inertia = (body.axes * body.moments) @ body.axes.T * body.radius**2
+    transitions = Transitions.of(hull, side.paths)
     odds = side.areas / (4.0 * math.pi)
-    seen = features(passes, hull.vertices, center, inertia, odds, np)
+    features = body_features(transitions, hull.vertices, center, body.inertia, odds, np)
     of_facet = np.zeros(len(hull.normals))
     of_facet[poses.facets] = thrown.counts / thrown.counts.sum()
-    return TrainingDie(passes, seen, of_facet[side.paths.rests], change)
+    return TrainingDie(transitions, features, of_facet[side.paths.rests], change)
 
 
 def deviation(thrown: ThrownRandomDie, model: MomentumModel | None) -> Deviation:

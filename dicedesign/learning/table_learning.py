@@ -13,7 +13,7 @@ import torch
 
 from dicedesign.errors import InputError
 from dicedesign.gradient.restitution_sensitivity import CHANGES
-from dicedesign.learning.momentum_training import plain_model, train
+from dicedesign.learning.momentum_training import train
 from dicedesign.learning.random_throws import (
     Deviations,
     ThrownRandomDie,
@@ -22,7 +22,7 @@ from dicedesign.learning.random_throws import (
     throw_random_dice,
     training_die,
 )
-from dicedesign.throws.momentum.momentum_model import model_of
+from dicedesign.throws.momentum.momentum_model import model_of, plain_model
 from dicedesign.throws.tables import MOST_RESTITUTION, Table
 
 __all__ = ["LearnedModel", "check_learning", "learn_momentum", "throws_of_die"]
@@ -117,8 +117,10 @@ def learn_momentum(
         if on_die is not None:
             on_die(1)
     torch.set_num_threads(1)
-    seen = [training_die(one, change) for one, change in thrown if not _is_held_out(one.number)]
-    plain = plain_model(train(seen, steps=steps, seed=seed, on_step=on_loss))
+    dice_to_fit = [
+        training_die(one, change) for one, change in thrown if not _is_held_out(one.number)
+    ]
+    plain = plain_model(train(dice_to_fit, steps=steps, seed=seed, on_step=on_loss))
     model = model_of(plain)
     fitted, held_out = (
         mean_deviations(

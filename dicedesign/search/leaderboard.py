@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.errors import OutputError
 from dicedesign.recipe.schema.reading import checked_recipe, recipe_text
 from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.runtime.arrays import Booleans, Floats
 from dicedesign.runtime.files import atomic_write
 from dicedesign.search.space import varies_assignment
 
@@ -44,11 +44,11 @@ COLUMNS: Final = (
 """Of the table in leaderboard.csv; what was varied follows."""
 
 
-def pareto_front(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def pareto_front(points: Floats) -> Booleans:
     """(n,) whether no other of the points (n, d) is at least as large in all and larger in one."""
     no_less = np.all(points[None] >= points[:, None], axis=-1)
     larger = np.any(points[None] > points[:, None], axis=-1)
-    beaten: NDArray[np.bool_] = np.any(no_less & larger, axis=1)
+    beaten: Booleans = np.any(no_less & larger, axis=1)
     return ~beaten
 
 

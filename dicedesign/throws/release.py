@@ -6,9 +6,8 @@ from functools import cache
 from typing import Final, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.tables import Table
 
@@ -65,7 +64,7 @@ def drop_weights(drops: int, orientations: Orientations) -> Floats:
 def released(
     body: RigidBody,
     table: Table,
-    numbers: NDArray[np.int64],
+    numbers: Integers,
     orientations: Orientations,
     rng: np.random.Generator,
 ) -> Floats:

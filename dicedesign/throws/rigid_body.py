@@ -57,6 +57,13 @@ class RigidBody:
     rest_heights: Floats
     barriers: Floats
 
+    @property
+    def inertia(self) -> Floats:
+        """(3, 3) tensor of inertia about the center of mass over the mass, in the body's frame and
+        squared unit of length."""
+        tensor: Floats = (self.axes * self.moments) @ self.axes.T * self.radius**2
+        return tensor
+
 
 def rigid_body(body: Body, poses: RestPoses, inertia: ArrayLike | None = None) -> RigidBody:
     """The rigid body of a mesh.

@@ -26,7 +26,7 @@ from dicedesign.runtime.executors import local_workers
 from dicedesign.throws.engines.engine import Engine
 from dicedesign.throws.momentum.momentum_model import MomentumModel, Network, Slopes, model_of
 from dicedesign.throws.momentum.momentum_odds import landing_odds, momentum_odds
-from dicedesign.throws.momentum.transition_features import CARRY_FEATURES, PASS_FEATURES
+from dicedesign.throws.momentum.transition_features import CARRY_FEATURES, TRANSITION_FEATURES
 from dicedesign.throws.release import drop_weights
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation.simulation import Throws
@@ -51,7 +51,7 @@ def network(features: int, outputs: int, bias: float) -> Network:
 
 
 def slope(features: int, outputs: int) -> np.ndarray:
-    """A livelier table is one of more passes, and of more that the first feature makes few."""
+    """A livelier table is one of more transitions, and of more that the first feature makes few."""
     array = np.zeros((1 + features, outputs))
     array[0, 0], array[1, 0] = 1.5, 0.5
     return array
@@ -61,9 +61,11 @@ TRUTH = MomentumModel(
     np.log(0.12),
     np.float64(2.0),
     np.float64(1.0),
-    network(len(PASS_FEATURES), 4, -0.6),
+    network(len(TRANSITION_FEATURES), 4, -0.6),
     network(len(CARRY_FEATURES), 3, -2.0),
-    Slopes(np.array([0.5, 0.0, 0.0]), slope(len(PASS_FEATURES), 4), slope(len(CARRY_FEATURES), 3)),
+    Slopes(
+        np.array([0.5, 0.0, 0.0]), slope(len(TRANSITION_FEATURES), 4), slope(len(CARRY_FEATURES), 3)
+    ),
 )
 
 
@@ -117,13 +119,13 @@ def test_the_slopes_are_learned_too(known_world: None) -> None:
     found = learn_momentum(TABLE, 32, 300_000, 0, 150, workers=Inline())
     model, dice = model_of(found.plain), [random_die(number, 7) for number in range(5)]
     for die in dice:
-        seen, true = (
+        learned, true = (
             momentum_odds(die.poses, die.body, one.at(0.2))
             - momentum_odds(die.poses, die.body, one.at(-0.2))
             for one in (model, TRUTH)
         )
         assert np.abs(true).sum() > 0.01
-        assert np.abs(seen - true).sum() < 0.3 * np.abs(true).sum()
+        assert np.abs(learned - true).sum() < 0.3 * np.abs(true).sum()
 
 
 def test_every_eighth_die_is_held_out_and_thrown_more() -> None:
@@ -146,8 +148,8 @@ def test_a_training_die_has_its_frequencies_in_the_order_of_its_basins() -> None
     die = random_die(0, 0)
     counts = np.round(1e9 * die.poses.probabilities).astype(np.int64)
     found = training_die(ThrownRandomDie(0, die, counts, 0))
-    np.testing.assert_allclose(found.frequencies, found.seen.odds, atol=1e-8)
-    by_basin = landing_odds(found.seen, found.passes, TRUTH, np)
+    np.testing.assert_allclose(found.frequencies, found.features.odds, atol=1e-8)
+    by_basin = landing_odds(found.features, found.transitions, TRUTH, np)
     np.testing.assert_allclose(
         np.sort(by_basin), np.sort(momentum_odds(die.poses, die.body, TRUTH)), atol=1e-12
     )

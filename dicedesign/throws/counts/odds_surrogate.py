@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
 from scipy.special import expit, logsumexp
 
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["LogOddsProcess", "OddsSurrogate"]
 
@@ -109,7 +108,7 @@ class OddsSurrogate:
     processes: tuple[LogOddsProcess, ...]
 
     @classmethod
-    def through(cls, points: Floats, counts: NDArray[np.int64]) -> OddsSurrogate:
+    def through(cls, points: Floats, counts: Integers) -> OddsSurrogate:
         """The surrogate of simulated counts (n, g) at points (n, d) of the unit cube.
 
         Source: empirical logits, Cox, Analysis of Binary Data, 1970, chapter 3. That such ratios of
@@ -132,7 +131,7 @@ class OddsSurrogate:
             left = left * (1.0 - part)
         return np.stack([*odds, left], axis=1)
 
-    def log_likelihood(self, points: Floats, counts: NDArray[np.int64], exact: bool) -> Floats:
+    def log_likelihood(self, points: Floats, counts: Integers, exact: bool) -> Floats:
         """Logarithm (m,) of the probability of real counts (g,) over that of the same counts if
         their frequencies were the odds.
 

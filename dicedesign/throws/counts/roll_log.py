@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.errors import InputError
+from dicedesign.runtime.arrays import Integers
 from dicedesign.throws.counts.csv_rows import MOST, csv_rows, whole_count
 
 __all__ = ["read_counts"]
@@ -25,7 +25,7 @@ MOST_NAMED: Final = 30
 Rows = list[tuple[int, list[str]]]
 
 
-def read_counts(path: Path, labels: Sequence[str]) -> NDArray[np.int64]:
+def read_counts(path: Path, labels: Sequence[str]) -> Integers:
     """How often each of k distinct labels came up (k,), from a CSV file.
 
     The file has the columns label and count, each label at most once, those that never came up

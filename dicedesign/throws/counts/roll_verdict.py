@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import chdtri, chndtrinc, ndtri
 
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.statistics.goodness_of_fit import (
     ChiSquareTest,
     MultinomialTest,
@@ -55,10 +56,10 @@ class RollVerdict:
         total variation of `WITHIN`.
     """
 
-    counts: NDArray[np.int64]
-    odds: NDArray[np.float64]
+    counts: Integers
+    odds: Floats
     confidence: float
-    intervals: NDArray[np.float64]
+    intervals: Floats
     posterior: Posterior
     chi_square: ChiSquareTest
     exact: MultinomialTest | None
@@ -72,7 +73,7 @@ class RollVerdict:
         return int(self.counts.sum())
 
     @property
-    def frequencies(self) -> NDArray[np.float64]:
+    def frequencies(self) -> Floats:
         """(k,) summing to 1."""
         return np.asarray(self.counts / self.throws)
 

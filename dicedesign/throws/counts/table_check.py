@@ -7,8 +7,8 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.counts.throw_counts import ThrownDie
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.statistics.goodness_of_fit import (
@@ -38,14 +38,14 @@ class DieCheck:
     """
 
     die: ThrownDie
-    simulated: NDArray[np.int64]
+    simulated: Integers
     unresolved: int
     chi_square: ChiSquareTest
     exact: MultinomialTest
     geometric: ChiSquareTest
 
     @property
-    def odds(self) -> NDArray[np.float64]:
+    def odds(self) -> Floats:
         """(g,) simulated odds, above 0, by the prior of Jeffreys."""
         return _odds(self.simulated)
 
@@ -90,5 +90,5 @@ def _check(
     )
 
 
-def _odds(simulated: NDArray[np.int64]) -> NDArray[np.float64]:
+def _odds(simulated: Integers) -> Floats:
     return np.asarray((simulated + 0.5) / (simulated + 0.5).sum())

@@ -12,24 +12,32 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.momentum.transition_features import CARRY_FEATURES, PASS_FEATURES
+from dicedesign.throws.momentum.transition_features import CARRY_FEATURES, TRANSITION_FEATURES
 from dicedesign.throws.tables import table_entries, table_named
 
 __all__ = [
     "CARRY_OUTPUTS",
-    "PASS_OUTPUTS",
+    "TRANSITION_OUTPUTS",
     "MomentumModel",
     "Network",
     "Slopes",
     "model_of",
     "momentum_model",
+    "plain_model",
 ]
 
-PASS_OUTPUTS: Final = 4
-"""Logarithm of the rate of a pass, in three terms of a quadratic in time, and of its stretch."""
+TRANSITION_OUTPUTS: Final = 4
+"""Logarithms of the rate of a transition, in three terms of a quadratic in time, and of its
+stretch."""
 
 CARRY_OUTPUTS: Final = 3
 """Logarithm of the rate of a carry, in three terms."""
+
+TRANSITIONS_KEY: Final = "passes"
+"""What files call transitions."""
+
+DIGITS: Final = 6
+"""Significant digits of a model in a file."""
 
 
 @dataclass(frozen=True)
@@ -70,12 +78,12 @@ class Slopes:
 
     Attributes
     ----------
-    numbers: (3,) of `hot`, `cooling` and `carry_barrier`. passes, carries: (1 + d, o) of a
+    numbers: (3,) of `hot`, `cooling` and `carry_barrier`. transitions, carries: (1 + d, o) of a
         network's bias, in the first row, and of its linear map.
     """
 
     numbers: Any
-    passes: Any
+    transitions: Any
     carries: Any
 
 
@@ -87,44 +95,47 @@ class MomentumModel:
     ----------
     hot: logarithm of the temperature at first, in radii. cooling: logarithm of its decrease.
     carry_barrier: weight of the second barrier of a carry.
-    passes, carries: networks of `PASS_OUTPUTS` and `CARRY_OUTPUTS`.
+    transitions, carries: networks of `TRANSITION_OUTPUTS` and `CARRY_OUTPUTS`.
     slopes: how all these change with the table.
     """
 
     hot: Any
     cooling: Any
     carry_barrier: Any
-    passes: Network
+    transitions: Network
     carries: Network
     slopes: Slopes
 
     def converted(self, convert: Callable[[Any], Any]) -> MomentumModel:
         """The same with other arrays."""
         hot, cooling, carry = (convert(x) for x in (self.hot, self.cooling, self.carry_barrier))
-        passes, carries = (
+        transitions, carries = (
             Network(*(convert(array) for array in vars(network).values()))
-            for network in (self.passes, self.carries)
+            for network in (self.transitions, self.carries)
         )
         slopes = Slopes(*(convert(array) for array in vars(self.slopes).values()))
-        return MomentumModel(hot, cooling, carry, passes, carries, slopes)
+        return MomentumModel(hot, cooling, carry, transitions, carries, slopes)
 
     def at(self, change: float) -> MomentumModel:
         """The model of a table whose restitution is higher by this part, which is small."""
         slopes = self.slopes
         hot, cooling, carry = change * slopes.numbers
-        passes, carries = (
+        transitions, carries = (
             replace(
                 network,
                 bias=network.bias + change * slope[0],
                 linear=network.linear + change * slope[1:],
             )
-            for network, slope in ((self.passes, slopes.passes), (self.carries, slopes.carries))
+            for network, slope in (
+                (self.transitions, slopes.transitions),
+                (self.carries, slopes.carries),
+            )
         )
         return MomentumModel(
             self.hot + hot,
             self.cooling + cooling,
             self.carry_barrier + carry,
-            passes,
+            transitions,
             carries,
             slopes,
         )
@@ -133,7 +144,7 @@ class MomentumModel:
     def flat(self) -> tuple[Floats, Integers]:
         """All numbers of a model in NumPy in one array, as kernels take them, and (2,) how many
         hidden units the networks have."""
-        networks = self.passes, self.carries
+        networks = self.transitions, self.carries
         numbers = [np.array([self.hot, self.cooling, self.carry_barrier])]
         numbers += [part.ravel() for network in networks for part in network.unscaled()]
         return np.concatenate(numbers), np.array([len(network.shift) for network in networks])
@@ -174,39 +185,57 @@ def model_of(plain: dict[str, Any]) -> MomentumModel:
         )
         if not np.isfinite([hot, cooling, carry]).all():
             raise ValueError("not all numbers are finite")
-        passes = _network(plain["passes"], len(PASS_FEATURES), PASS_OUTPUTS)
+        transitions = _network(plain[TRANSITIONS_KEY], len(TRANSITION_FEATURES), TRANSITION_OUTPUTS)
         carries = _network(plain["carries"], len(CARRY_FEATURES), CARRY_OUTPUTS)
-        slopes = _slopes(plain["slopes"])
+        slopes = Slopes(**_arrays(plain["slopes"]))
+        shapes = [(1 + len(part.linear), len(part.bias)) for part in (transitions, carries)]
+        _check_arrays(slopes, [(3,), *shapes])
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"momentum model: expected what `dicedesign table learn` writes, but {error!r}; make "
             "the table's model again"
         ) from error
-    return MomentumModel(hot, cooling, carry, passes, carries, slopes)
+    return MomentumModel(hot, cooling, carry, transitions, carries, slopes)
 
 
 def _network(plain: dict[str, Any], columns: int, outputs: int) -> Network:
-    network = Network(**{key: np.array(value, dtype=np.float64) for key, value in plain.items()})
+    network = Network(**_arrays(plain))
     units = network.shift.size
     expected = [(columns,)] * 2 + [(columns, outputs), (outputs,), (columns, units), (units,)]
     _check_arrays(network, [*expected, (units, outputs)])
     return network
 
 
-def _slopes(plain: dict[str, Any]) -> Slopes:
-    slopes = Slopes(**{key: np.array(value, dtype=np.float64) for key, value in plain.items()})
-    passes, carries = (
-        (1 + len(PASS_FEATURES), PASS_OUTPUTS),
-        (1 + len(CARRY_FEATURES), CARRY_OUTPUTS),
-    )
-    _check_arrays(slopes, [(3,), passes, carries])
-    return slopes
+def _arrays(plain: dict[str, Any]) -> dict[str, Floats]:
+    """The entries of a network or of slopes, by the names of their attributes."""
+    return {
+        "transitions" if key == TRANSITIONS_KEY else key: np.array(value, dtype=np.float64)
+        for key, value in plain.items()
+    }
+
+
+def plain_model(model: MomentumModel) -> dict[str, Any]:
+    """A model as plain data for a table's file, with `DIGITS` digits; the inverse of `model_of`."""
+
+    def plain(part: Any) -> Any:
+        if isinstance(part, Network | Slopes):
+            return {
+                TRANSITIONS_KEY if key == "transitions" else key: plain(array.tolist())
+                for key, array in vars(part).items()
+            }
+        if isinstance(part, list):
+            return [plain(entry) for entry in part]
+        return float(f"{float(part):.{DIGITS}g}")
+
+    parts = {name: getattr(model, name) for name in ("hot", "cooling", "carry_barrier")}
+    parts |= {TRANSITIONS_KEY: model.transitions, "carries": model.carries, "slopes": model.slopes}
+    return {name: plain(part) for name, part in parts.items()}
 
 
 def _check_arrays(part: Network | Slopes, expected: list[tuple[int, ...]]) -> None:
     arrays = vars(part).values()
-    found = [array.shape for array in arrays]
-    if found != expected:
-        raise ValueError(f"arrays of shapes {expected} came as {found}")
+    shapes = [array.shape for array in arrays]
+    if shapes != expected:
+        raise ValueError(f"arrays of shapes {expected} came as {shapes}")
     if not all(np.isfinite(array).all() for array in arrays):
         raise ValueError("not all numbers are finite")

@@ -29,8 +29,8 @@ from dicedesign.rest.morse import Separatrices
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum.momentum_model import MomentumModel, momentum_model
-from dicedesign.throws.momentum.transition_features import Features, features
-from dicedesign.throws.momentum.transitions import Passes
+from dicedesign.throws.momentum.transition_features import Features, body_features
+from dicedesign.throws.momentum.transitions import Transitions
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.tolerances import ROUNDING
 
@@ -43,34 +43,41 @@ CARRIES: Final = 3
 """How often it may be carried on after one of them."""
 
 MOST_RATE: Final = 8.0
-"""Logarithm of the rates of passes and carries, at most; a die as good as certainly goes then."""
+"""Logarithm of the rates of transitions and carries, at most; a die as good as certainly goes
+then."""
 
 MOST_STRETCH: Final = 3.0
-"""Logarithm of the factor that a pass's features may put before its barrier, at most."""
+"""Logarithm of the factor that a transition's features may put before its barrier, at most."""
 
 NO_BARRIER: Final = 0.003
 """Barrier over the radius below which a rest is left the more surely the lower it is."""
 
 
-def landing_odds(seen: Features, passes: Passes, model: MomentumModel, xp: ModuleType) -> Any:
+def landing_odds(
+    features: Features, transitions: Transitions, model: MomentumModel, xp: ModuleType
+) -> Any:
     """Odds (k,) of the rests of a thrown body, nonnegative and with the sum of the odds without
     momentum."""
-    rests, ways = passes.rests, len(passes.source)
+    rests, ways = transitions.rests, len(transitions.source)
     if ways == 0:
-        return seen.odds
-    source, target = xp.asarray(passes.source), xp.asarray(passes.target)
-    first, second = xp.asarray(passes.first), xp.asarray(passes.second)
+        return features.odds
+    source, target = xp.asarray(transitions.source), xp.asarray(transitions.target)
+    first, second = xp.asarray(transitions.first), xp.asarray(transitions.second)
     time = 0.5 - (np.arange(IMPACTS) + 0.5) / IMPACTS
     terms = xp.asarray(np.stack([np.ones(IMPACTS), time, time**2 - 0.08]))
     temperature = xp.exp(model.hot + model.cooling * (xp.asarray(time) - 0.5))[:, None]
-    going, going_on = model.passes(seen.passes, xp), model.carries(seen.carries, xp)
+    going = model.transitions(features.transitions, xp)
+    going_on = model.carries(features.carries, xp)
     stretch = xp.exp(MOST_STRETCH * xp.tanh(going[:, 3] / MOST_STRETCH))
     # One of no height may come out below 0 by rounding.
-    barriers = xp.where(seen.barriers > ROUNDING, seen.barriers, 0.0 * seen.barriers + ROUNDING)
+    known, rounding = features.barriers, 0.0 * features.barriers + ROUNDING
+    barriers = xp.where(known > ROUNDING, known, rounding)
     free = -xp.log(-xp.expm1(-barriers / NO_BARRIER))
-    rates = _bounded((going[:, :3] @ terms).T - stretch * seen.barriers / temperature + free, xp)
-    weights = _bounded((going_on @ terms).T - model.carry_barrier * seen.exits / temperature, xp)
-    odds = seen.odds
+    rates = _bounded((going[:, :3] @ terms).T - stretch * known / temperature + free, xp)
+    weights = _bounded(
+        (going_on @ terms).T - model.carry_barrier * features.exits / temperature, xp
+    )
+    odds = features.odds
     for rate, weight in zip(rates, weights, strict=True):
         leaving = _sums(rate, source, rests)
         # A rest that nothing leads away from is never left.
@@ -117,10 +124,10 @@ def hull_odds(
         arrays = kernel_arrays(hull, paths, model)
         found: Floats = compiled.thrown_odds(*arrays, hull.vertices, center, inertia, odds)
         return found
-    passes = Passes.of(hull, paths)
-    seen = features(passes, hull.vertices, center, inertia, odds, np)
-    found = landing_odds(seen, passes, model, np)
-    return found
+    transitions = Transitions.of(hull, paths)
+    features = body_features(transitions, hull.vertices, center, inertia, odds, np)
+    landed: Floats = landing_odds(features, transitions, model, np)
+    return landed
 
 
 def kernel_arrays(
@@ -147,11 +154,10 @@ def momentum_odds(poses: RestPoses, body: RigidBody, model: MomentumModel | None
     """
     if model is None or len(poses.facets) == 1:
         return poses.probabilities
-    inertia = (body.axes * body.moments) @ body.axes.T * body.radius**2
     total = np.zeros(len(poses.hull.normals))
     for side in poses.basins:
         hull, center = side.equilibria.hull, side.equilibria.center_of_mass
         odds = side.areas / (4.0 * math.pi)
-        total[side.paths.rests] += hull_odds(hull, side.paths, center, inertia, odds, model)
-    found: Floats = total[poses.facets] / len(poses.basins)
-    return found
+        total[side.paths.rests] += hull_odds(hull, side.paths, center, body.inertia, odds, model)
+    mean: Floats = total[poses.facets] / len(poses.basins)
+    return mean

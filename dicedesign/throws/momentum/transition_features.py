@@ -1,4 +1,4 @@
-"""What the momentum model knows of a body: scalar features of its passes and carries.
+"""What the momentum model knows of a body: scalar features of its transitions and carries.
 
 Lengths are in units of the radius, the largest distance of a corner from the center of mass, and
 moments of inertia in units of mass times squared radius. The features do not change when the body
@@ -16,11 +16,11 @@ from typing import Any, Final
 import numpy as np
 
 from dicedesign.runtime.arrays import Integers
-from dicedesign.throws.momentum.transitions import Passes
+from dicedesign.throws.momentum.transitions import Transitions
 
-__all__ = ["CARRY_FEATURES", "PASS_FEATURES", "Features", "features"]
+__all__ = ["CARRY_FEATURES", "TRANSITION_FEATURES", "Features", "body_features"]
 
-PASS_FEATURES: Final = (
+TRANSITION_FEATURES: Final = (
     "barrier",
     "barrier back",
     "log barrier",
@@ -51,7 +51,7 @@ PASS_FEATURES: Final = (
     "spinning inertia",
     "spinning inertia after",
 )
-"""Columns of `Features.passes`."""
+"""Columns of `Features.transitions`."""
 
 CARRY_FEATURES: Final = (
     "speed kept",
@@ -94,21 +94,21 @@ class Features:
     Attributes
     ----------
     odds: (k,) of the rests without momentum.
-    barriers: (m,) height of each pass's saddle over the rest that it leaves.
-    passes: (m, 29) the columns of `PASS_FEATURES`.
+    barriers: (m,) height of each transition's saddle over the rest that it leaves.
+    transitions: (m, 29) the columns of `TRANSITION_FEATURES`.
     exits: (t,) height of the second saddle of each carry over the rest between.
     carries: (t, 14) the columns of `CARRY_FEATURES`.
     """
 
     odds: Any
     barriers: Any
-    passes: Any
+    transitions: Any
     exits: Any
     carries: Any
 
 
-def features(
-    passes: Passes, vertices: Any, center: Any, inertia: Any, odds: Any, xp: ModuleType
+def body_features(
+    transitions: Transitions, vertices: Any, center: Any, inertia: Any, odds: Any, xp: ModuleType
 ) -> Features:
     """The features of a body.
 
@@ -118,9 +118,9 @@ def features(
     arms = vertices - center
     radius = xp.sqrt((arms * arms).sum(-1).max())
     arms, inertia = arms / radius, inertia / radius**2
-    rest = _Rests(passes, arms, inertia, odds, xp)
-    i, j = passes.source, passes.target
-    tail, head = arms[passes.tail], arms[passes.head]
+    rest = _Rests(transitions, arms, inertia, odds, xp)
+    i, j = transitions.source, transitions.target
+    tail, head = arms[transitions.tail], arms[transitions.head]
     edge = _unit(head - tail, xp)
     foot = tail - edge * _dot(edge, tail)
     height = _norm(foot, xp)
@@ -153,7 +153,7 @@ def features(
         ],
         -1,
     )
-    a, b = passes.first, passes.second
+    a, b = transitions.first, transitions.second
     # The body turns about the hinge from i to j.
     across = rest.normal[j] - saddle * _dot(rest.normal[j], saddle)
     forward = (_dot(xp.linalg.cross(across, saddle), edge) > 0.0) * 2.0 - 1.0
@@ -172,7 +172,7 @@ def features(
             exits,
             drop,
             lacking,
-            xp.asarray(passes.is_return),
+            xp.asarray(transitions.is_return),
             xp.logaddexp(0.0 * lacking, SHARPNESS * lacking),
             landing[a],
             from_saddle[a],
@@ -187,11 +187,13 @@ def features(
 
 
 class _Rests:
-    """What is known of each rest; see `PASS_FEATURES`."""
+    """What is known of each rest; see `TRANSITION_FEATURES`."""
 
-    def __init__(self, passes: Passes, arms: Any, inertia: Any, odds: Any, xp: ModuleType) -> None:
-        real = xp.asarray(passes.real)
-        a = arms[passes.corners]
+    def __init__(
+        self, transitions: Transitions, arms: Any, inertia: Any, odds: Any, xp: ModuleType
+    ) -> None:
+        real = xp.asarray(transitions.real)
+        a = arms[transitions.corners]
         b = xp.roll(a, -1, 1)
         vectors = 0.5 * xp.linalg.cross(a - a[:, :1], b - a[:, :1]).sum(1)
         area = _norm(vectors, xp)

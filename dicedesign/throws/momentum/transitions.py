@@ -1,7 +1,8 @@
 """Ways from rest to rest as integers.
 
-A pass leads from one rest over a saddle to another; every dividing saddle is two, there and back.
-Two passes in a row, the second of which leaves the rest that the first leads to, are a carry.
+A transition leads from one rest over a saddle to another; every dividing saddle is two, there and
+back. Two transitions in a row, the second of which leaves the rest that the first leads to, are a
+carry.
 """
 
 from __future__ import annotations
@@ -10,31 +11,30 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.rest.morse import Separatrices
-from dicedesign.runtime.arrays import Integers, ragged_ranges
+from dicedesign.runtime.arrays import Booleans, Floats, Integers, ragged_ranges
 
-__all__ = ["Passes"]
+__all__ = ["Transitions"]
 
 
 @dataclass(frozen=True)
-class Passes:
-    """The passes and carries of a body, as integers.
+class Transitions:
+    """The transitions and carries of a body, as integers.
 
     Attributes
     ----------
     corners: (k, c) vertices of each rest's facet, counter-clockwise seen from outside; after the
         last comes the first again.
     real: (k, c) whether an edge begins at each of them.
-    tail, head: (m,) ends of the edge of each pass's saddle.
-    source, target: (m,) rest that each pass leaves, and leads to.
-    first, second: (t,) the passes of each carry.
+    tail, head: (m,) ends of the edge of each transition's saddle.
+    source, target: (m,) rest that each transition leaves, and leads to.
+    first, second: (t,) the transitions of each carry.
     """
 
     corners: Integers
-    real: NDArray[np.bool_]
+    real: Booleans
     tail: Integers
     head: Integers
     source: Integers
@@ -43,7 +43,7 @@ class Passes:
     second: Integers
 
     @classmethod
-    def of(cls, hull: ConvexHull, paths: Separatrices) -> Passes:
+    def of(cls, hull: ConvexHull, paths: Separatrices) -> Transitions:
         """Those of a hull with its separatrices; rests are numbered as in `paths.rests`."""
         start, end = hull.facet_start[paths.rests], hull.facet_start[paths.rests + 1]
         counts = end - start
@@ -63,6 +63,6 @@ class Passes:
         return len(self.corners)
 
     @cached_property
-    def is_return(self) -> NDArray[np.float64]:
+    def is_return(self) -> Floats:
         """(t,) 1 for carries back to the rest that they came from."""
         return (self.source[self.first] == self.target[self.second]).astype(np.float64)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import pearsonr
 
 from dicedesign.errors import InputError
+from dicedesign.runtime.arrays import Floats
 
 __all__ = ["Correlation", "correlation"]
 
@@ -41,7 +41,7 @@ class Correlation:
         return f"r = {r:.2f} [{low:.2f}, {high:.2f}], p = {self.p_value:.1g}"
 
 
-def correlation(first: NDArray[np.float64], second: NDArray[np.float64]) -> Correlation:
+def correlation(first: Floats, second: Floats) -> Correlation:
     """Pearson's correlation of two measures (n,) of the same bodies, n >= 4, any units.
 
     Raises InputError: the lengths differ, there are fewer than 4 bodies, a value is not finite, or

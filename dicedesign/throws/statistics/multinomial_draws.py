@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+
+from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["drawn_counts"]
 
@@ -14,9 +15,7 @@ BLOCK: Final = 1_000_000
 """Counts of a block, at most, unless one series has more."""
 
 
-def drawn_counts(
-    odds: NDArray[np.float64], throws: int, series: int, seed: int
-) -> Iterator[NDArray[np.int64]]:
+def drawn_counts(odds: Floats, throws: int, series: int, seed: int) -> Iterator[Integers]:
     """Counts (b, k) of so many series of throws in all, drawn with odds (k,).
 
     How many come at a time does not change them.

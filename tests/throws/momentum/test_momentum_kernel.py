@@ -24,8 +24,8 @@ from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.momentum.momentum_model import model_of
 from dicedesign.throws.momentum.momentum_odds import hull_odds, landing_odds, momentum_odds
-from dicedesign.throws.momentum.transition_features import features
-from dicedesign.throws.momentum.transitions import Passes
+from dicedesign.throws.momentum.transition_features import body_features
+from dicedesign.throws.momentum.transitions import Transitions
 from dicedesign.throws.rigid_body import rigid_body
 from dicedesign.throws.tables import table_entries
 
@@ -189,12 +189,12 @@ def test_a_barrier_that_rounds_below_nothing_is_none() -> None:
     rests = RestEvaluation(classify(hull, hull.centroid), torch.tensor(hull.vertices))
     assert BOARD_GAME.model is not None
     model, inertia = BOARD_GAME.model[0], solid_inertia(hull.vertices, hull.triangles)
-    passes = Passes.of(hull, rests.paths)
-    seen = features(passes, hull.vertices, hull.centroid, inertia, rests.odds, np)
+    transitions = Transitions.of(hull, rests.paths)
+    features = body_features(transitions, hull.vertices, hull.centroid, inertia, rests.odds, np)
     found = []
     for height in (-1e-16, 0.0, 1e-16, 1e-12):
-        barriers = np.where(np.arange(len(seen.barriers)) == 0, height, seen.barriers)
-        found.append(landing_odds(replace(seen, barriers=barriers), passes, model, np))
+        barriers = np.where(np.arange(len(features.barriers)) == 0, height, features.barriers)
+        found.append(landing_odds(replace(features, barriers=barriers), transitions, model, np))
     assert np.isfinite(found).all()
     assert np.abs(np.array(found) - found[0]).max() < 1e-6
 
@@ -272,18 +272,18 @@ def test_inertia_is_that_of_the_solid(points: Floats) -> None:
 
 def test_carries_are_pairs_of_passes_over_two_saddles() -> None:
     rests = both_ways(coin())[0]
-    passes = Passes.of(rests.hull, rests.paths)
-    saddles, ways = len(rests.paths.basins), len(passes.source)
+    transitions = Transitions.of(rests.hull, rests.paths)
+    saddles, ways = len(rests.paths.basins), len(transitions.source)
     assert ways == 2 * saddles
     expected = [
         (a, b)
         for a in range(ways)
         for b in range(ways)
-        if passes.target[a] == passes.source[b] and a % saddles != b % saddles
+        if transitions.target[a] == transitions.source[b] and a % saddles != b % saddles
     ]
-    assert list(zip(passes.first, passes.second, strict=True)) == expected
+    assert list(zip(transitions.first, transitions.second, strict=True)) == expected
     # Over the other saddle between the same two rests one comes back.
-    assert passes.is_return.max() == 1.0
+    assert transitions.is_return.max() == 1.0
 
 
 @pytest.mark.parametrize("change", ["missing", "shape", "text"])
