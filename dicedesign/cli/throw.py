@@ -7,7 +7,7 @@ import json
 import math
 import sys
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from dicedesign.runtime.arrays import Floats
     from dicedesign.throws.release import Orientations
     from dicedesign.throws.simulation.simulation import Throws
-    from dicedesign.throws.statistics.total_variation import MeasuredVariation
-    from dicedesign.throws.statistics.transport import MeasuredTransport
-    from dicedesign.throws.tables import Table
 
 __all__ = ["add_parser", "throw_summary"]
 
@@ -118,7 +115,8 @@ def _throw(options: argparse.Namespace) -> int:
     from dicedesign.throws.simulation.simulation import check_throws, simulate
     from dicedesign.throws.tables import table_entries, table_named
 
-    table = _sized(table_named(options.table), options.size)
+    size = None if options.size is None else options.size / MM_PER_METRE
+    table = table_named(options.table).sized(size)
     orientations = options.orientations
     if orientations is None:
         orientations = "icosahedron" if options.table == "paper" else "uniform"
@@ -132,9 +130,9 @@ def _throw(options: argparse.Namespace) -> int:
     for note in die.poses.notes:
         print(f"note: {note}", file=sys.stderr)
     body = rigid_body(die.body, die.poses, _tensor(options.inertia))
-    if is_finished and options.size is None:
+    if is_finished and size is None:
         # Its files are in millimetres.
-        table = _sized(table, 2.0 * body.radius)
+        table = table.sized(2.0 * body.radius / MM_PER_METRE)
     started = time.perf_counter()
     momentum = None
     if "momentum" in table_entries(options.table):
@@ -159,13 +157,6 @@ def _throw(options: argparse.Namespace) -> int:
     else:
         print(_text(options.die, summary))
     return 0
-
-
-def _sized(table: Table, size: float | None) -> Table:
-    """The table for a die of another size in millimetres."""
-    if size is None:
-        return table
-    return replace(table, size=size / MM_PER_METRE)
 
 
 def _tensor(text: str | None) -> list[list[float]] | None:
@@ -228,8 +219,8 @@ def throw_summary(
     if landed.any():
         came = effective_counts(throws.outcomes[landed], throws.weights[landed], throws.rests)
         odds = poses.probabilities
-        variation = _distance(measure_variation(came, odds, CONFIDENCE))
-        transport = _distance(measure_transport(poses.normals, came, odds, CONFIDENCE))
+        variation = asdict(measure_variation(came, odds, CONFIDENCE))
+        transport = asdict(measure_transport(poses.normals, came, odds, CONFIDENCE))
         if throws.rests > 1:
             test = asdict(chi_square(came, odds))
     else:
@@ -260,14 +251,6 @@ def throw_summary(
         "wasserstein": transport,
         "chi_square": test,
         "asymmetry": asymmetry(poses),
-    }
-
-
-def _distance(measured: MeasuredVariation | MeasuredTransport) -> dict[str, Any]:
-    return {
-        "value": measured.value,
-        "interval": list(measured.interval),
-        "noise_floor": measured.noise_floor,
     }
 
 

@@ -11,7 +11,6 @@ from typing import Any, Final
 
 import torch
 
-from dicedesign.errors import InputError
 from dicedesign.gradient.restitution_sensitivity import CHANGES
 from dicedesign.learning.momentum_training import train
 from dicedesign.learning.random_throws import (
@@ -22,6 +21,7 @@ from dicedesign.learning.random_throws import (
     throw_random_dice,
     training_die,
 )
+from dicedesign.runtime.checks import check_whole
 from dicedesign.throws.momentum.momentum_model import model_of, plain_model
 from dicedesign.throws.tables import MOST_RESTITUTION, Table
 
@@ -54,16 +54,10 @@ class LearnedModel:
 
 def check_learning(dice: int, drops: int, seed: int, steps: int) -> None:
     """Raise InputError for fewer than `HELD_OUT` dice, no drop, no step, or a seed below 0."""
-    for name, value, least in (
-        ("dice", dice, HELD_OUT),
-        ("drops", drops, 1),
-        ("seed", seed, 0),
-        ("steps", steps, 1),
-    ):
-        if value < least:
-            raise InputError(
-                f"{name}: expected a whole number of at least {least}, got {value}; raise it"
-            )
+    check_whole("dice", dice, HELD_OUT)
+    check_whole("drops", drops)
+    check_whole("seed", seed, least=0)
+    check_whole("steps", steps)
 
 
 def throws_of_die(table: Table, number: int, drops: int) -> list[tuple[float, int]]:

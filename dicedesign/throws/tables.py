@@ -38,7 +38,6 @@ _RANGES: Final = {
     "speed": (0.0, 100.0, "0 to 100 m/s"),
     "spin": (0.0, 1000.0, "0 to 1000 rad/s"),
     "size": (LEAST_SIZE, MOST_SIZE, "0.0001 to 10 m"),
-    "density": (1.0, 1e5, "1 to 100000 kg/m^3"),
     "drag": (0.0, 1e4, "0 to 10000 1/s"),
 }
 
@@ -60,7 +59,6 @@ class Table:
     speed: along the table at that moment, in m/s.
     spin: angular speed at that moment, in rad/s, about an axis of random direction.
     size: of the die, in m: twice the largest distance of a point from its center of mass.
-    density: of the die, in kg/m^3. It cancels on a table that does not move.
     drag: rate in 1/s at which spin is lost, by a die with the same moment of inertia about every
         axis; above 0 for throws without momentum only.
     source: where the numbers come from.
@@ -75,7 +73,6 @@ class Table:
     speed: float
     spin: float
     size: float = 0.025
-    density: float = 1200.0
     drag: float = 0.0
     source: str = "given"
 
@@ -105,6 +102,10 @@ class Table:
     def livelier(self, change: float) -> Table:
         """A table whose restitution is higher by this part, but not above `MOST_RESTITUTION`."""
         return replace(self, restitution=min((1.0 + change) * self.restitution, MOST_RESTITUTION))
+
+    def sized(self, size: float | None) -> Table:
+        """The same for a die of a size in m; None leaves the table's own."""
+        return self if size is None else replace(self, size=size)
 
     def as_dict(self) -> dict[str, Any]:
         """The table as plain data."""
@@ -182,14 +183,11 @@ def _entries(name: str) -> dict[str, Any]:
     except json.JSONDecodeError as error:
         raise InputError(f"--table {name}: expected JSON, but {error}; correct it") from error
     known = {field.name for field in fields(Table)}
-    needed = known - {"size", "density", "drag", "source"}
+    needed = known - {"size", "drag", "source"}
     if not isinstance(entries, dict) or not needed <= set(entries) <= known | {"momentum"}:
+        got = ", ".join(entries) if isinstance(entries, dict) else type(entries).__name__
         raise InputError(
             f"--table {name}: expected an object with {', '.join(sorted(needed))} and at most size,"
-            f" density, drag, source and momentum, got {_described(entries)}; correct it"
+            f" drag, source and momentum, got {got}; correct it"
         )
     return entries
-
-
-def _described(entries: object) -> str:
-    return ", ".join(entries) if isinstance(entries, dict) else type(entries).__name__

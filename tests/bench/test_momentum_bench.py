@@ -150,7 +150,7 @@ def test_the_command_prints_a_table_or_json(
     ("options", "message"),
     [
         (["--dice", "0"], "--dice: expected a whole number above 0, got 0"),
-        (["--drops", "0"], "drops: expected a whole number of at least 1, got 0"),
+        (["--drops", "0"], "drops: expected a whole number above 0, got 0"),
         (["--engine", "hand"], "engine: expected native, mujoco, bullet, got 'hand'"),
         (["--table", "carpet"], "--table carpet: expected a table on which dice have momentum"),
         (["--table", "velvet"], "--table velvet: expected board-game"),

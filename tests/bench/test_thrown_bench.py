@@ -18,7 +18,6 @@ from common.inline_executor import Inline
 from scipy.stats import binom
 
 from dicedesign.bench.measures import thrown_dice as thrown
-from dicedesign.bench.measures.engine_speed import die_of_11
 from dicedesign.bench.measures.thrown_dice import (
     FRESH,
     PARAMETERS,
@@ -33,13 +32,12 @@ from dicedesign.cli.main import main
 from dicedesign.errors import InputError
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.rest.poses import rest_poses
 from dicedesign.results.status import Status
 from dicedesign.throws.engines.engine import require_engine
-from dicedesign.throws.rigid_body import RigidBody, rigid_body
+from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation import simulation
-from dicedesign.throws.simulation.simulation import Throws, simulate
-from dicedesign.throws.statistics.total_variation import MeasuredVariation
+from dicedesign.throws.simulation.simulation import Throws
+from dicedesign.throws.statistics.total_variation import MeasuredDistance
 from dicedesign.throws.tables import Table, table_named
 
 LOST = 30
@@ -219,16 +217,8 @@ def test_a_design_that_fails_is_a_row_with_the_reason(monkeypatch: pytest.Monkey
     assert row.note.startswith("throws: expected drops that end on a facet with a label, got none")
 
 
-def test_density_cancels() -> None:
-    body = die_of_11()
-    die, table = rigid_body(body, rest_poses(body)), table_named("board-game")
-    heavy = replace(table, density=1.2 * table.density)
-    outcomes = [simulate(die, onto, 200, FRESH).outcomes for onto in (table, heavy)]
-    np.testing.assert_array_equal(*outcomes)
-
-
 def change(value: float, floor: float) -> Change:
-    return Change("spin", 1.2, 18.0, 10, 0, MeasuredVariation(value, (0.0, 1.0), floor))
+    return Change("spin", 1.2, 18.0, 10, 0, MeasuredDistance(value, (0.0, 1.0), floor))
 
 
 def test_noise_is_taken_off_in_the_square() -> None:
@@ -244,7 +234,7 @@ def test_a_die_is_missed_only_where_chance_is_not_the_reason(run: MadeUpRun) -> 
         (0.011, Status.CONVERGED, True),
         (0.0, Status.TIME_LIMIT, True),
     ):
-        variation = MeasuredVariation(0.02, (low, 0.03), 0.01)
+        variation = MeasuredDistance(0.02, (low, 0.03), 0.01)
         other = replace(row, after=replace(row.after, to_target=variation, status=status))
         assert other.missed is missed
 

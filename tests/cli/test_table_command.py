@@ -81,7 +81,7 @@ def test_fit(throws: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     ("arguments", "message"),
     [
         (["--evaluations", "5"], "evaluations: expected a whole number of at least 32, got 5"),
-        (["--drops", "0"], "drops: expected a whole number of at least 1, got 0"),
+        (["--drops", "0"], "drops: expected a whole number above 0, got 0"),
         (["--seed", "-1"], "seed: expected a whole number of at least 0, got -1"),
         (["--out", "table.txt"], "--out: expected a path that ends in .json, got table.txt"),
         (["--dice", "cone"], "expected a die 'cone', got box; take one of them"),

@@ -68,8 +68,8 @@ def test_the_table_is_written_here_by_its_name(
     ("arguments", "message"),
     [
         (["board-game", "--dice", "0"], "dice: expected a whole number of at least 8, got 0"),
-        (["board-game", "--drops", "0"], "drops: expected a whole number of at least 1, got 0"),
-        (["board-game", "--steps", "0"], "steps: expected a whole number of at least 1, got 0"),
+        (["board-game", "--drops", "0"], "drops: expected a whole number above 0, got 0"),
+        (["board-game", "--steps", "0"], "steps: expected a whole number above 0, got 0"),
         (["board-game", "--seed", "-1"], "seed: expected a whole number of at least 0, got -1"),
         (["board-game", "--jobs", "0"], "--jobs: expected a whole number above 0, got 0"),
         (["board-game", "--out", "a.txt"], "--out: expected a path that ends in .json, got a.txt"),

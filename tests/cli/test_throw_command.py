@@ -196,7 +196,7 @@ def test_drops_that_found_no_rest(box: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--drops", "0"], "drops: expected a whole number of at least 1, got 0; raise it"),
+        (["--drops", "0"], "drops: expected a whole number above 0, got 0; raise it"),
         (["--engine", "havok"], "engine: expected native, mujoco, bullet, got 'havok'"),
         (["--orientations", "any"], "orientations: expected uniform, icosahedron, got 'any'"),
         (["--table", "felt"], "--table felt: expected board-game, hard-wood, carpet, paper or the"),

@@ -38,7 +38,7 @@ def test_a_table_in_a_file(tmp_path: Path) -> None:
     path.write_text(json.dumps(GOOD))
     table = table_named(str(path))
     assert table == Table(**GOOD)
-    assert (table.size, table.density, table.drag) == (0.025, 1200.0, 0.0)
+    assert (table.size, table.drag) == (0.025, 0.0)
     path.write_text(json.dumps(table.as_dict()))
     assert table_named(str(path)) == table
 
@@ -51,7 +51,6 @@ def test_a_table_in_a_file(tmp_path: Path) -> None:
         ({"height": float("nan")}, "expected a height of 0 to 100 m, got nan"),
         ({"spin": "fast"}, "expected a number as spin, got 'fast'"),
         ({"speed": True}, "expected a number as speed, got True"),
-        ({"density": 0.0}, "expected a density of 1 to 100000 kg/m.3, got 0"),
         (
             {"size": 0.21},
             "table lino: expected a die no larger than the drop height of 0.2 m, got one of 0.21 "
@@ -96,8 +95,8 @@ def test_a_model_is_kept_with_what_it_was_learned_on(tmp_path: Path) -> None:
     model = {"table": learned_on(Table(**GOOD)), "hot": 1.0}
     path.write_text(json.dumps({**GOOD, "momentum": model}))
     assert table_entries(str(path))["momentum"] == model
-    # A name, a source or the density does not matter to it.
-    path.write_text(json.dumps({**GOOD, "name": "x", "density": 900.0, "momentum": model}))
+    # Neither a name nor a source matters to it.
+    path.write_text(json.dumps({**GOOD, "name": "x", "source": "y", "momentum": model}))
     assert table_entries(str(path))["momentum"] == model
     for name in TABLE_NAMES:
         table_entries(name)

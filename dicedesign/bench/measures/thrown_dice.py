@@ -28,7 +28,7 @@ from dicedesign.throws.tables import Table, table_named
 __all__ = ["FULL", "PARAMETERS", "QUICK", "ROBUST", "Extent", "refinement_of", "throw_recipe"]
 
 PARAMETERS: Final = ("restitution", "friction", "height", "speed", "spin", "size")
-"""Of a table, those that matter: density cancels on a table that does not move."""
+"""Of a table, those that are varied."""
 
 ROBUST: Final = 0.02
 """Wanted of the total variation on a table with one parameter changed, chance aside."""

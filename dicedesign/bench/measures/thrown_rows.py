@@ -8,7 +8,7 @@ from typing import Any
 
 from dicedesign.results.status import Status
 from dicedesign.throws.engines.engine import Engine
-from dicedesign.throws.statistics.total_variation import MeasuredVariation
+from dicedesign.throws.statistics.total_variation import MeasuredDistance
 
 __all__ = ["Change", "DieThrows", "ThrownRow"]
 
@@ -34,7 +34,7 @@ class DieThrows:
     engraved: bool
     drops: int
     lost: int
-    to_target: MeasuredVariation
+    to_target: MeasuredDistance
     geometric: float
     momentum: float
 
@@ -55,7 +55,7 @@ class Change:
     value: float
     drops: int
     lost: int
-    to_target: MeasuredVariation
+    to_target: MeasuredDistance
 
     @property
     def above_noise(self) -> float:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dicedesign.bench.measures.thrown_dice import Extent
     from dicedesign.bench.measures.thrown_rows import ThrownRow
     from dicedesign.recipe.schema.recipe import Recipe
-    from dicedesign.throws.statistics.total_variation import MeasuredVariation
+    from dicedesign.throws.statistics.total_variation import MeasuredDistance
 
 __all__ = ["add_parser"]
 
@@ -240,7 +240,7 @@ def _mark(engraved: bool) -> str:
     return "" if engraved else "*"
 
 
-def _interval(found: MeasuredVariation) -> str:
+def _interval(found: MeasuredDistance) -> str:
     return f"{found.interval[0]:.4f}-{found.interval[1]:.4f}"
 
 

@@ -20,7 +20,7 @@ from dicedesign.throws.statistics.goodness_of_fit import (
     exact_multinomial,
 )
 from dicedesign.throws.statistics.intervals import Posterior, exact_intervals, jeffreys_posterior
-from dicedesign.throws.statistics.total_variation import MeasuredVariation, measure_variation
+from dicedesign.throws.statistics.total_variation import MeasuredDistance, measure_variation
 from dicedesign.tolerances import EQUAL_ODDS
 
 __all__ = ["POWER", "WITHIN", "RollVerdict", "judge_rolls", "throws_to_confirm", "throws_to_reject"]
@@ -63,7 +63,7 @@ class RollVerdict:
     posterior: Posterior
     chi_square: ChiSquareTest
     exact: MultinomialTest | None
-    variation: MeasuredVariation
+    variation: MeasuredDistance
     to_reject: int | None
     to_confirm: int
 

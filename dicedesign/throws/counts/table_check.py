@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.counts.throw_counts import ThrownDie
@@ -18,6 +16,7 @@ from dicedesign.throws.statistics.goodness_of_fit import (
     exact_multinomial,
     two_sample_chi_square,
 )
+from dicedesign.throws.statistics.intervals import jeffreys_means
 from dicedesign.throws.tables import Table
 
 __all__ = ["DieCheck", "check_table"]
@@ -47,7 +46,7 @@ class DieCheck:
     @property
     def odds(self) -> Floats:
         """(g,) simulated odds, above 0, by the prior of Jeffreys."""
-        return _odds(self.simulated)
+        return jeffreys_means(self.simulated)
 
 
 def check_table(
@@ -63,32 +62,19 @@ def check_table(
 
     Parameters and errors: as of `simulate`. Dice whose size is unknown have the table's.
     """
-    return tuple(
-        _check(die, table, drops, seed, workers=workers, progress=progress) for die in dice
-    )
-
-
-def _check(
-    die: ThrownDie,
-    table: Table,
-    drops: int,
-    seed: int,
-    *,
-    workers: Executor | None,
-    progress: Callable[[int], None] | None,
-) -> DieCheck:
-    sized = table if die.size is None else replace(table, size=die.size)
-    throws = simulate(die.body, sized, drops, seed, workers=workers, progress=progress)
-    simulated = die.by_outcome(throws.counts)
-    return DieCheck(
-        die=die,
-        simulated=simulated,
-        unresolved=throws.unresolved,
-        chi_square=two_sample_chi_square(die.counts, simulated),
-        exact=exact_multinomial(die.counts, _odds(simulated)),
-        geometric=chi_square(die.counts, die.geometric),
-    )
-
-
-def _odds(simulated: Integers) -> Floats:
-    return np.asarray((simulated + 0.5) / (simulated + 0.5).sum())
+    checks = []
+    for die in dice:
+        sized = table.sized(die.size)
+        throws = simulate(die.body, sized, drops, seed, workers=workers, progress=progress)
+        simulated = die.by_outcome(throws.counts)
+        checks.append(
+            DieCheck(
+                die=die,
+                simulated=simulated,
+                unresolved=throws.unresolved,
+                chi_square=two_sample_chi_square(die.counts, simulated),
+                exact=exact_multinomial(die.counts, jeffreys_means(simulated)),
+                geometric=chi_square(die.counts, die.geometric),
+            )
+        )
+    return tuple(checks)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
 import numpy as np
 from scipy.stats import qmc
 
-from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.checks import check_whole
 from dicedesign.runtime.executors import in_order
 from dicedesign.throws.counts.odds_surrogate import OddsSurrogate
 from dicedesign.throws.counts.throw_counts import ThrownDie
@@ -110,15 +110,9 @@ class _Posterior:
 
 def check_effort(evaluations: int, drops: int, seed: int) -> None:
     """Raise InputError for fewer than `FEWEST_EVALUATIONS`, no drop, or a seed below 0."""
-    for name, value, least in (
-        ("evaluations", evaluations, FEWEST_EVALUATIONS),
-        ("drops", drops, 1),
-        ("seed", seed, 0),
-    ):
-        if value < least:
-            raise InputError(
-                f"{name}: expected a whole number of at least {least}, got {value}; raise it"
-            )
+    check_whole("evaluations", evaluations, FEWEST_EVALUATIONS)
+    check_whole("drops", drops)
+    check_whole("seed", seed, least=0)
 
 
 def fit_table(
@@ -281,5 +275,4 @@ def _thrown(die: ThrownDie, table: Table, drops: int, seed: Sequence[int]) -> In
     """How often each outcome (g,) of a die comes up on a table."""
     # A seed of this die and set, from which different ones are unrelated.
     (own,) = np.random.SeedSequence(seed).generate_state(1).tolist()
-    sized = table if die.size is None else replace(table, size=die.size)
-    return die.by_outcome(simulate(die.body, sized, drops, own).counts)
+    return die.by_outcome(simulate(die.body, table.sized(die.size), drops, own).counts)

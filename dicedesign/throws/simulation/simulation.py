@@ -12,6 +12,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.checks import check_whole
 from dicedesign.runtime.executors import in_order
 from dicedesign.throws.engines.engine import ENGINES, Engine, engine_module
 from dicedesign.throws.release import (
@@ -79,11 +80,8 @@ class Throws:
 def check_throws(drops: int, seed: int, engine: str, orientations: str) -> None:
     """Raise InputError for a number of drops or a seed that cannot be used, or an engine or kind of
     orientations that there is not."""
-    for name, value, least in (("drops", drops, 1), ("seed", seed, 0)):
-        if value < least:
-            raise InputError(
-                f"{name}: expected a whole number of at least {least}, got {value}; raise it"
-            )
+    check_whole("drops", drops)
+    check_whole("seed", seed, least=0)
     for name, given, known in (
         ("engine", engine, ENGINES),
         ("orientations", orientations, ORIENTATIONS),

@@ -10,7 +10,7 @@ from scipy.special import betaincinv
 
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["Posterior", "exact_intervals", "jeffreys_posterior"]
+__all__ = ["Posterior", "exact_intervals", "jeffreys_means", "jeffreys_posterior"]
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,12 @@ def exact_intervals(counts: ArrayLike, throws: float, confidence: float) -> Floa
     return np.stack([lower, upper], axis=-1)
 
 
+def jeffreys_means(counts: ArrayLike) -> Floats:
+    """The means (k,) of `jeffreys_posterior`: odds above 0 that sum to 1."""
+    weights: Floats = np.asarray(counts, dtype=np.float64) + 0.5
+    return weights / weights.sum()
+
+
 def jeffreys_posterior(counts: ArrayLike, confidence: float) -> Posterior:
     """Belief about k probabilities after `counts` (k,), at least 0, by the prior of Jeffreys, a
     Dirichlet distribution with all parameters 1/2, of which `counts` makes one with `counts` + 1/2.
@@ -63,4 +69,4 @@ def jeffreys_posterior(counts: ArrayLike, confidence: float) -> Posterior:
     # What lies above, too, by its own small part: 1 less a very small one is rounded to 1.
     tail = (1.0 - confidence) / 2.0
     limits = [betaincinv(weights, others, tail), 1.0 - betaincinv(others, weights, tail)]
-    return Posterior(weights / weights.sum(), np.stack(limits, axis=-1))
+    return Posterior(jeffreys_means(counts), np.stack(limits, axis=-1))

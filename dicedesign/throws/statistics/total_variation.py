@@ -16,10 +16,11 @@ from numpy.typing import ArrayLike
 from scipy.special import betaln, ndtri, xlog1py, xlogy
 
 from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.statistics.intervals import jeffreys_means
 from dicedesign.throws.statistics.multinomial_draws import drawn_counts
 
 __all__ = [
-    "MeasuredVariation",
+    "MeasuredDistance",
     "effective_counts",
     "measure_variation",
     "noise_floor",
@@ -32,12 +33,13 @@ SEED: Final = 0
 
 
 @dataclass(frozen=True)
-class MeasuredVariation:
-    """The total variation between given odds and the unknown odds of a die that was thrown.
+class MeasuredDistance:
+    """A distance between given odds and the unknown odds of a die that was thrown.
 
     Attributes
     ----------
-    value: between the given odds and the frequencies, 0 to 1.
+    value: between the given odds and the frequencies; of a total variation 0 to 1, of a Wasserstein
+        distance in radians, 0 to pi.
     interval: holds that of the unknown odds with the asked-for confidence.
     noise_floor: mean of `value` if the given odds were those of the die.
     """
@@ -89,7 +91,7 @@ def noise_floor(odds: ArrayLike, throws: float) -> float:
     return float(halves.sum() / n)
 
 
-def measure_variation(counts: ArrayLike, odds: ArrayLike, confidence: float) -> MeasuredVariation:
+def measure_variation(counts: ArrayLike, odds: ArrayLike, confidence: float) -> MeasuredDistance:
     """The total variation between given odds and those of a die that was thrown.
 
     The interval holds for any odds, also for those equal to the given ones, where neither the
@@ -103,7 +105,7 @@ def measure_variation(counts: ArrayLike, odds: ArrayLike, confidence: float) -> 
       what chance allows in one event, by the normal limit: z sqrt(m (1 - m) / n), where m is the
       probability of the most probable outcome, but at least 1/2.
 
-    The odds of the die are taken there as the mean of `jeffreys_posterior`. Where many labels
+    The odds of the die are taken there as `jeffreys_means`. Where many labels
     deviate a little the lower limit is a cautious one.
 
     Parameters
@@ -115,18 +117,18 @@ def measure_variation(counts: ArrayLike, odds: ArrayLike, confidence: float) -> 
     came = np.asarray(counts, dtype=np.float64)
     throws = float(came.sum())
     value = total_variation(came / throws, odds)
-    estimate = (came + 0.5) / (came + 0.5).sum()
+    estimate = jeffreys_means(came)
     most = max(0.5, float(estimate.max()))
     chance = -float(ndtri((1.0 - confidence) / 2.0)) * math.sqrt(most * (1.0 - most) / throws)
     scatter = _scatter(estimate, math.floor(throws), (1.0 + confidence) / 2.0)
     limits = (max(0.0, value - scatter), min(1.0, value + chance))
-    return MeasuredVariation(value, limits, noise_floor(odds, throws))
+    return MeasuredDistance(value, limits, noise_floor(odds, throws))
 
 
 def _scatter(odds: Floats, throws: int, level: float) -> float:
     """Quantile of the total variation between odds (k,) and frequencies."""
-    found = [
+    distances = [
         np.abs(counts / throws - odds).sum(axis=1) / 2.0
         for counts in drawn_counts(odds, throws, DRAWS, SEED)
     ]
-    return float(np.quantile(np.concatenate(found), level))
+    return float(np.quantile(np.concatenate(distances), level))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -14,39 +13,26 @@ from scipy.sparse import coo_array
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import angle_between, unit_vectors
 from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.statistics.intervals import jeffreys_means
+from dicedesign.throws.statistics.multinomial_draws import drawn_counts
+from dicedesign.throws.statistics.total_variation import MeasuredDistance
 from dicedesign.tolerances import TRANSPORT_TOLERANCE
 
-__all__ = ["MeasuredTransport", "measure_transport", "wasserstein_distance"]
+__all__ = ["measure_transport", "wasserstein_distance"]
 
 DRAWS: Final = 200
 
 SEED: Final = 0
 
 
-@dataclass(frozen=True)
-class MeasuredTransport:
-    """The Wasserstein distance between given odds and the unknown ones of a body that was thrown.
-
-    Attributes
-    ----------
-    value: between the given odds and the frequencies, in radians, 0 to pi.
-    interval: holds that of the unknown odds with the asked-for confidence.
-    noise_floor: mean of `value` if the given odds were those of the body.
-    """
-
-    value: float
-    interval: tuple[float, float]
-    noise_floor: float
-
-
 def measure_transport(
     directions: ArrayLike, counts: ArrayLike, odds: ArrayLike, confidence: float
-) -> MeasuredTransport:
+) -> MeasuredDistance:
     """The Wasserstein distance between given odds of k rests and those of a body that was thrown.
 
     As a metric it differs by no more than the frequencies are from the odds of the body. Each limit
     is off by the quantile of that, of `DRAWS` series of throws drawn with a fixed seed, where the
-    odds of the body are taken as the mean of `jeffreys_posterior`. So the interval is a cautious
+    odds of the body are taken as `jeffreys_means`. So the interval is a cautious
     one, but holds for odds equal to the given ones, too.
 
     Parameters
@@ -61,16 +47,21 @@ def measure_transport(
     came = np.asarray(counts, dtype=np.float64)
     throws = math.floor(came.sum())
     value = wasserstein_distance(directions, came, directions, odds)
-    around = _scatter(directions, (came + 0.5) / (came + 0.5).sum(), throws)
+    around = _scatter(directions, jeffreys_means(came), throws)
     reach = float(np.quantile(around, confidence))
     floor = float(_scatter(directions, np.asarray(odds, dtype=np.float64), throws).mean())
-    return MeasuredTransport(value, (max(0.0, value - reach), min(math.pi, value + reach)), floor)
+    return MeasuredDistance(value, (max(0.0, value - reach), min(math.pi, value + reach)), floor)
 
 
 def _scatter(directions: ArrayLike, odds: Floats, throws: int) -> Floats:
     """Distances of frequencies from the odds (k,) that they were drawn with."""
-    drawn = np.random.default_rng(SEED).multinomial(throws, odds, size=DRAWS)
-    return np.array([wasserstein_distance(directions, row, directions, odds) for row in drawn])
+    return np.array(
+        [
+            wasserstein_distance(directions, counts, directions, odds)
+            for block in drawn_counts(odds, throws, DRAWS, SEED)
+            for counts in block
+        ]
+    )
 
 
 def wasserstein_distance(

@@ -131,7 +131,7 @@ def test_the_same_whatever_the_workers() -> None:
     ("effort", "message"),
     [
         ((31, 10, 0), "evaluations: expected a whole number of at least 32, got 31"),
-        ((32, 0, 0), "drops: expected a whole number of at least 1, got 0"),
+        ((32, 0, 0), "drops: expected a whole number above 0, got 0"),
         ((32, 10, -1), "seed: expected a whole number of at least 0, got -1"),
     ],
 )

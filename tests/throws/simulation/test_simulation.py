@@ -112,7 +112,7 @@ def test_a_worker_that_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"drops": 0}, "drops: expected a whole number of at least 1, got 0; raise it"),
+        ({"drops": 0}, "drops: expected a whole number above 0, got 0; raise it"),
         ({"seed": -1}, "seed: expected a whole number of at least 0, got -1; raise it"),
         ({"engine": "havok"}, "engine: expected native, mujoco, bullet, got 'havok'; take one of"),
         ({"orientations": "cube"}, "orientations: expected uniform, icosahedron, got 'cube'"),
