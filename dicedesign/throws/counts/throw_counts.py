@@ -18,7 +18,7 @@ from dicedesign.rest.outcomes import OutcomeGroups, match_by_normals, match_by_o
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.results.reading import read_result
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.counts.csv_rows import MOST, csv_rows, whole_count
+from dicedesign.throws.counts.csv_rows import csv_rows, require_equal_lengths, whole_count
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.tables import LEAST_SIZE, MOST_SIZE
 
@@ -102,22 +102,17 @@ def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[Th
 
 def _rows(path: Path) -> Rows:
     """The lines that are not empty as entries by column, with their numbers."""
-    (_, columns), *rest = csv_rows(path) or [(1, [])]
+    columns, rows = csv_rows(path)
     missing = [name for name in NEEDED if name not in columns]
     if missing or len(set(columns)) < len(columns):
         raise InputError(
             f"{path}: expected the columns {', '.join(NEEDED)}, each once, got "
             f"{', '.join(columns) or 'none'}; write them on the first line"
         )
-    for line, row in rest:
-        if len(row) != len(columns):
-            raise InputError(
-                f"{path}, line {line}: expected {len(columns)} entries, got {len(row)}; write as "
-                "many as the first line has"
-            )
-    if not rest:
+    require_equal_lengths(path, columns, rows)
+    if not rows:
         raise InputError(f"{path}: expected a line for each outcome, got none; write some")
-    return [(line, dict(zip(columns, row, strict=True))) for line, row in rest]
+    return [(line, dict(zip(columns, row, strict=True))) for line, row in rows]
 
 
 def _die(path: Path, name: str, rows: Rows) -> ThrownDie:
@@ -136,7 +131,9 @@ def _die(path: Path, name: str, rows: Rows) -> ThrownDie:
                 f"{path}, line {line}: expected each outcome of {name!r} once, got "
                 f"{outcomes[i]!r} again; add the two up"
             )
-    throws = np.array([_count(path, line, row["throws"]) for line, row in rows], dtype=np.int64)
+    throws = np.array(
+        [whole_count(path, line, row["throws"]) for line, row in rows], dtype=np.int64
+    )
     if not throws.any():
         raise InputError(f"{path}: expected throws of {name!r}, got none; leave the die out")
     mesh = path.parent / first["mesh"]
@@ -230,16 +227,6 @@ def _size(path: Path, line: int, text: str) -> float:
             f"{1e3 * MOST_SIZE:g}, got {text!r}; correct it"
         )
     return size
-
-
-def _count(path: Path, line: int, text: str) -> int:
-    count = whole_count(text)
-    if count is None:
-        raise InputError(
-            f"{path}, line {line}: expected a whole number of throws from 0 to {MOST}, got "
-            f"{text!r}; correct the count"
-        )
-    return count
 
 
 def _number(path: Path, line: int, column: str, text: str) -> float:
