@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from itertools import islice
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor, Future
 from typing import Final
 
 from dicedesign.batch.analyse import Center, analyse_files
 from dicedesign.batch.rows import Entry, Stamp, broken_entry
-from dicedesign.runtime.executors import is_lost_worker
+from dicedesign.runtime.executors import as_ended, is_lost_worker
 
 __all__ = ["run_batch"]
 
@@ -29,9 +28,6 @@ TASKS_PER_JOB: Final = 2
 ATTEMPTS: Final = 3
 """How often a file runs with no other beside it before it counts as the one that takes its worker
 down."""
-
-QUIET: Final = 10.0
-"""Seconds without a result after which a caller is told so."""
 
 Task = dict[str, Stamp]
 
@@ -56,35 +52,26 @@ def run_batch(
     executor: runs it; processes or machines that can import this package and see the folder.
     jobs: how many workers there are, at least 1.
     on_entries: called with the entries of each task once it has ended.
-    on_quiet: called whenever no task has ended for `QUIET` seconds.
+    on_quiet: called whenever no task has ended for some seconds.
 
     Raises DiceError: the executor cannot go on.
     """
 
-    def losses(tasks: Iterable[Task], most: int) -> Task:
+    def submit(task: Task) -> Future[dict[str, Entry]]:
+        return executor.submit(analyse_files, folder, task, center_of_mass, coplanar_tolerance)
+
+    def losses(tasks: Iterator[Task], most: int) -> Task:
         """Run tasks, so many at a time; the files of those that lost their worker."""
-        waiting, lost = iter(tasks), Task()
-        flights: dict[Future[dict[str, Entry]], Task] = {}
-        while True:
-            for task in islice(waiting, most - len(flights)):
-                future = executor.submit(
-                    analyse_files, folder, task, center_of_mass, coplanar_tolerance
-                )
-                flights[future] = task
-            if not flights:
-                return lost
-            ended, _ = wait(flights, timeout=QUIET, return_when=FIRST_COMPLETED)
-            if not ended and on_quiet is not None:
-                on_quiet()
-            for future in ended:
-                task = flights.pop(future)
-                error = future.exception()
-                if error is None:
-                    on_entries(future.result())
-                elif is_lost_worker(error):
-                    lost |= task
-                else:
-                    raise error
+        lost = Task()
+        for task, future in as_ended(lambda: next(tasks, None), submit, most, on_quiet):
+            error = future.exception()
+            if error is None:
+                on_entries(future.result())
+            elif is_lost_worker(error):
+                lost |= task
+            else:
+                raise error
+        return lost
 
     most = min(FILES_PER_TASK, -(-len(stamps) // (FEWEST_TASKS_PER_JOB * jobs)))
     lost = losses(_tasks(stamps, most), TASKS_PER_JOB * jobs)

@@ -10,14 +10,30 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager
 from importlib.metadata import version
 from typing import Any, Final, TypeVar
 
 from dicedesign.errors import DiceError, InputError, missing_extra
 
-__all__ = ["cluster_workers", "in_order", "is_lost_worker", "local_workers", "no_worker_left"]
+__all__ = [
+    "MOST_LOSSES",
+    "as_ended",
+    "cluster_workers",
+    "in_order",
+    "is_lost_worker",
+    "local_workers",
+    "no_worker_left",
+]
 
 PATIENCE: Final = 30.0
 """Seconds that a cluster may take to answer."""
@@ -30,6 +46,8 @@ QUIET: Final = 10.0
 
 MOST_LOSSES: Final = 5
 """How often the worker of one task may be lost."""
+
+Task = TypeVar("Task")
 
 Result = TypeVar("Result")
 
@@ -153,13 +171,13 @@ def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
 def _check_versions(client: Any, address: str) -> None:
     wanted = f"--scheduler {address}: expected workers with dicedesign {PACKAGE_VERSION}"
     try:
-        found = set(client.run(_installed_version).values())
+        versions = set(client.run(_installed_version).values())
     except Exception as error:
         # Errors of the workers come in types of their own, or in none.
         raise InputError(f"{wanted}, but {error}; install it where they run") from error
-    if found != {PACKAGE_VERSION}:
+    if versions != {PACKAGE_VERSION}:
         raise InputError(
-            f"{wanted}, got {', '.join(sorted(found))}; install the same version everywhere"
+            f"{wanted}, got {', '.join(sorted(versions))}; install the same version everywhere"
         )
 
 
@@ -182,6 +200,35 @@ def is_lost_worker(error: BaseException) -> bool:
 
         lost += (Cancelled, KilledWorker, CommClosedError)
     return isinstance(error, lost)
+
+
+def as_ended(
+    next_task: Callable[[], Task | None],
+    submit: Callable[[Task], Future[Result]],
+    most: int,
+    on_quiet: Callable[[], None] | None = None,
+) -> Iterator[tuple[Task, Future[Result]]]:
+    """Tasks with their futures, each once it has ended, whether well or not.
+
+    Parameters
+    ----------
+    next_task: the next one, None if there is none for now; asked again whenever some have ended,
+        until there is none and none runs.
+    submit: begins it.
+    most: how many run at a time.
+    on_quiet: called whenever none has ended for `QUIET` seconds.
+    """
+    running: dict[Future[Result], Task] = {}
+    while True:
+        while len(running) < most and (task := next_task()) is not None:
+            running[submit(task)] = task
+        if not running:
+            return
+        ended, _ = wait(running, timeout=QUIET, return_when=FIRST_COMPLETED)
+        if not ended and on_quiet is not None:
+            on_quiet()
+        for future in ended:
+            yield running.pop(future), future
 
 
 def in_order(

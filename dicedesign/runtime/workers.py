@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import os
 import sys
@@ -10,9 +9,12 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["Workers", "open_workers"]
+if TYPE_CHECKING:
+    from tqdm import tqdm
+
+__all__ = ["Workers", "open_workers", "progress_bar"]
 
 
 @dataclass
@@ -24,14 +26,14 @@ class Workers:
     executor: runs tasks.
     jobs: how many tasks it runs at a time.
     unit: of work, in the plural.
-    bar: a tqdm bar that counts it, hidden unless stderr is a terminal.
+    bar: counts it.
     scheduler: address of the cluster, or None on this machine.
     """
 
     executor: Executor
     jobs: int
     unit: str
-    bar: Any
+    bar: tqdm[Any]
     scheduler: str | None
     told: bool = False
 
@@ -50,34 +52,40 @@ class Workers:
             self.bar.write(note, file=sys.stderr)
 
 
-@contextmanager
-def open_workers(
-    options: argparse.Namespace, unit: str, total: int, done: int
-) -> Iterator[Workers]:
-    """The workers that the options ask for.
+def progress_bar(unit: str, total: int | None = None, done: int = 0) -> tqdm[Any]:
+    """A bar on stderr, hidden unless that is a terminal.
 
-    unit: of work, in the plural; total: pieces of work in all; done: those done before. Raises as
-    `dicedesign.runtime.executors.cluster_workers`.
+    unit: of work, in the plural; total: pieces of work in all; done: those done before.
     """
     from tqdm import tqdm
 
+    hidden = not sys.stderr.isatty()
+    return tqdm(file=sys.stderr, disable=hidden, unit=f" {unit}", total=total, initial=done)
+
+
+@contextmanager
+def open_workers(
+    unit: str, total: int, done: int = 0, *, jobs: int | None = None, scheduler: str | None = None
+) -> Iterator[Workers]:
+    """Workers with their bar.
+
+    Parameters
+    ----------
+    unit, total, done: as of `progress_bar`.
+    jobs: tasks at a time; None takes one for each core, or each thread of the cluster.
+    scheduler: address of a Dask cluster's; None runs processes of this machine.
+
+    Raises as `dicedesign.runtime.executors.cluster_workers`.
+    """
     from dicedesign.runtime.executors import cluster_workers, local_workers
 
     with contextlib.ExitStack() as stack:
         executor: Executor
-        if options.scheduler is None:
-            jobs = min(options.jobs or os.cpu_count() or 1, total - done)
+        if scheduler is None:
+            jobs = min(jobs or os.cpu_count() or 1, total - done)
             executor = stack.enter_context(local_workers(jobs))
         else:
-            executor, threads = stack.enter_context(cluster_workers(options.scheduler))
-            jobs = options.jobs or threads
-        bar = stack.enter_context(
-            tqdm(
-                file=sys.stderr,
-                disable=not sys.stderr.isatty(),
-                unit=f" {unit}",
-                total=total,
-                initial=done,
-            )
-        )
-        yield Workers(executor, jobs, unit, bar, options.scheduler)
+            executor, threads = stack.enter_context(cluster_workers(scheduler))
+            jobs = jobs or threads
+        bar = stack.enter_context(progress_bar(unit, total, done))
+        yield Workers(executor, jobs, unit, bar, scheduler)

@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 from dicedesign.errors import DiceError
-from dicedesign.runtime.executors import is_lost_worker
+from dicedesign.runtime.executors import MOST_LOSSES, as_ended, is_lost_worker
 from dicedesign.search.study import SearchStudy
 from dicedesign.search.trial import run_trial
 
 __all__ = ["run_search"]
 
-MOST_LOSSES: Final = 5
-"""Times that a worker may be lost while one trial runs before the search gives up. Not every such
-trial is to blame: a local worker that is lost takes down all that run beside it."""
-
-QUIET: Final = 10.0
-"""Seconds without a result after which a caller is told so."""
-
 
 @dataclass
-class _Flight:
-    """A trial that runs: its number, its recipe, and how often a worker was lost meanwhile."""
+class _Trial:
+    """One that runs: its number, its recipe, and how often a worker was lost meanwhile. Not every
+    such trial is to blame: a local worker that is lost takes down all that run beside it."""
 
     number: int
     recipe: dict[str, Any]
@@ -52,46 +46,42 @@ def run_search(
     executor: runs them; processes or machines that can import this package.
     jobs: how many run at a time, at least 1.
     on_trial: called with each result once it is kept.
-    on_quiet: called whenever no trial has ended for `QUIET` seconds.
+    on_quiet: called whenever no trial has ended for some seconds.
 
     Raises
     ------
     DiceError: a trial cannot be run, or workers are lost again and again while it runs.
     OutputError: a result cannot be kept.
     """
-    flights: dict[Future[dict[str, Any]], _Flight] = {}
-    finished = len(study.finished())
-    while finished < trials:
-        while len(flights) < min(jobs, trials - finished):
-            flight = _Flight(*study.propose())
-            flights[executor.submit(run_trial, flight.recipe)] = flight
-        ended, _ = wait(flights, timeout=QUIET, return_when=FIRST_COMPLETED)
-        if not ended and on_quiet is not None:
-            on_quiet()
-        for future in ended:
-            flight = flights.pop(future)
-            result = _result(future, flight)
-            if result is None:
-                flights[executor.submit(run_trial, flight.recipe)] = flight
-                continue
-            study.tell(flight.number, result)
-            finished += 1
+    begun = len(study.finished())
+    lost: list[_Trial] = []
+
+    def next_trial() -> _Trial | None:
+        nonlocal begun
+        if lost:
+            return lost.pop()
+        if begun >= trials:
+            return None
+        begun += 1
+        return _Trial(*study.propose())
+
+    def submit(trial: _Trial) -> Future[dict[str, Any]]:
+        return executor.submit(run_trial, trial.recipe)
+
+    for trial, future in as_ended(next_trial, submit, jobs, on_quiet):
+        error = future.exception()
+        if error is None:
+            study.tell(trial.number, future.result())
             if on_trial is not None:
-                on_trial(result)
-
-
-def _result(future: Future[dict[str, Any]], flight: _Flight) -> dict[str, Any] | None:
-    """What a trial gave, or None where its worker was lost."""
-    try:
-        return future.result()
-    except Exception as error:
-        if not is_lost_worker(error):
-            raise
-        flight.losses += 1
-        if flight.losses >= MOST_LOSSES:
-            raise DiceError(
-                f"trial {flight.number}: expected workers that stay, but it was running when "
-                f"workers were lost {flight.losses} times; see whether memory suffices or take "
-                "fewer --jobs, and run the same command to go on with other trials"
-            ) from error
-        return None
+                on_trial(future.result())
+        elif is_lost_worker(error):
+            trial.losses += 1
+            if trial.losses >= MOST_LOSSES:
+                raise DiceError(
+                    f"trial {trial.number}: expected workers that stay, but it was running when "
+                    f"workers were lost {trial.losses} times; see whether memory suffices or take "
+                    "fewer --jobs, and run the same command to go on with other trials"
+                ) from error
+            lost.append(trial)
+        else:
+            raise error

@@ -16,6 +16,7 @@ from common.inline_executor import Inline
 from dicedesign.batch import file_batches as running
 from dicedesign.batch.file_batches import run_batch
 from dicedesign.batch.rows import Entry, Stamp, broken_entry
+from dicedesign.runtime import executors
 from dicedesign.runtime.executors import local_workers
 
 
@@ -76,7 +77,7 @@ def test_few_files_are_spread_over_all_workers() -> None:
 
 def test_two_tasks_for_each_job_are_on_their_way(monkeypatch: pytest.MonkeyPatch) -> None:
     """Futures that end only once no more are added, in the wrong order."""
-    monkeypatch.setattr(running, "QUIET", 0.01)
+    monkeypatch.setattr(executors, "QUIET", 0.01)
     waiting: list[tuple[Future[Any], Any]] = []
     seen: list[int] = []
 

@@ -234,7 +234,7 @@ def test_a_cluster_without_workers_is_told_of_once(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(running, "QUIET", 0.01)
+    monkeypatch.setattr(executors, "QUIET", 0.01)
     monkeypatch.setattr(running, "FEWEST_TASKS_PER_JOB", 1)
     waiting: list[Callable[[], None]] = []
     looks = 0

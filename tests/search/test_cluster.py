@@ -23,7 +23,6 @@ from dicedesign.errors import DiceError, InputError
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.runtime import executors
 from dicedesign.runtime.executors import cluster_workers, no_worker_left
-from dicedesign.search import trial_scheduler as running
 from dicedesign.search.study import open_study
 from dicedesign.search.trial_scheduler import run_search
 
@@ -127,7 +126,7 @@ def test_a_scheduler_that_goes_leaves_what_is_finished(
     """The workers go first, and the scheduler once they are missed."""
     address, processes = cluster
     monkeypatch.setattr(executors, "PATIENCE", 2.0)
-    monkeypatch.setattr(running, "QUIET", 0.1)
+    monkeypatch.setattr(executors, "QUIET", 0.1)
 
     def on_trial(_: dict[str, Any]) -> None:
         for worker in processes[:-1]:

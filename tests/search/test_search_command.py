@@ -20,7 +20,6 @@ from dicedesign.geometry.meshes.stl import stl_bytes
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.runtime import executors
-from dicedesign.search import trial_scheduler as running
 from dicedesign.search.study import open_study
 
 
@@ -118,7 +117,7 @@ def test_a_cluster_without_workers_is_told_of_once(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Workers come back after two looks, twice; in the second trial they are only slow."""
-    monkeypatch.setattr(running, "QUIET", 0.01)
+    monkeypatch.setattr(executors, "QUIET", 0.01)
     looks: list[bool] = []
     waiting: list[Callable[[], None]] = []
 

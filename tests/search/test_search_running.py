@@ -20,8 +20,8 @@ from common.inline_executor import Inline
 from dicedesign.cli.main import main
 from dicedesign.errors import DiceError
 from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.runtime import executors
 from dicedesign.runtime.executors import is_lost_worker, local_workers
-from dicedesign.search import trial_scheduler as running
 from dicedesign.search.study import JOURNAL, open_study
 from dicedesign.search.trial_scheduler import run_search
 
@@ -108,7 +108,7 @@ def test_as_many_run_at_a_time_as_jobs(tmp_path: Path, recipe: Recipe) -> None:
 def test_where_nothing_ends_the_caller_is_told(
     tmp_path: Path, recipe: Recipe, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(running, "QUIET", 0.01)
+    monkeypatch.setattr(executors, "QUIET", 0.01)
     waiting: list[tuple[Future[Any], Any]] = []
     told = 0
 
