@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from typing import TYPE_CHECKING, Any
 
-from dicedesign.cli.options import vector
-from dicedesign.cli.rest import add_body_options, poses_of
+from dicedesign.cli.body import add_body_options, center_of_mass, read_poses
+from dicedesign.cli.options import direction, print_json, vector
 from dicedesign.errors import InputError
+from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
     from dicedesign.rest.roll import RollStep
@@ -52,18 +52,19 @@ def _drop(options: argparse.Namespace) -> int:
                 f"--max-angle-deg: expected at least {math.degrees(SMALLEST_ANGLE):.2g}, got "
                 f"{options.max_angle_deg:g}; take a larger angle"
             )
-    poses = poses_of(options)
+    center = center_of_mass(options.com)
+    _, poses = read_poses(options.mesh, center, options.coplanar_tolerance)
     equilibria = poses.morse.equilibria
     steps = roll(equilibria, down, largest)
     if options.json:
         source = equilibria.hull.source
-        print(
-            json.dumps(
-                {"steps": [_plain(step, source) for step in steps]}, indent=1, allow_nan=False
-            )
-        )
+        print_json({"steps": [_plain(step, source) for step in steps]})
     else:
-        print(_table(steps))
+        columns = [("step", "d"), ("contact", ""), ("height of center", ".8g")]
+        rows = [
+            [i, step.contact, step.height, direction(step.down)] for i, step in enumerate(steps)
+        ]
+        print("\n".join(text_table([*columns, ("direction down", "")], rows)))
     return 0
 
 
@@ -75,11 +76,3 @@ def _plain(step: RollStep, source: Integers) -> dict[str, Any]:
         "height": step.height,
         "transform": step.transform.tolist(),
     }
-
-
-def _table(steps: tuple[RollStep, ...]) -> str:
-    lines = ["step  contact  height of center    direction down"]
-    for i, step in enumerate(steps):
-        down = "  ".join(f"{x + 0.0:8.5f}" for x in step.down)
-        lines.append(f"{i:4d}  {step.contact:7s}  {step.height:16.8g}    {down}")
-    return "\n".join(lines)

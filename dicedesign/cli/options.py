@@ -1,15 +1,33 @@
-"""Commands with work for many processes: their options, their workers and their progress.
-
-Vectors as command-line options."""
+"""Options that several commands have, and what they print alike."""
 
 from __future__ import annotations
 
 import argparse
 import math
+import sys
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
 
 from dicedesign.errors import InputError
+from dicedesign.runtime.checks import check_whole
+from dicedesign.runtime.files import atomic_write, json_text
+from dicedesign.runtime.workers import Workers, open_workers
 
-__all__ = ["add_engine_option", "add_worker_options", "check_worker_options", "numbers", "vector"]
+__all__ = [
+    "add_engine_option",
+    "add_worker_options",
+    "check_worker_options",
+    "direction",
+    "json_path",
+    "numbers",
+    "percent_interval",
+    "print_json",
+    "vector",
+    "workers_of",
+    "write_table",
+]
 
 
 def add_worker_options(parser: argparse.ArgumentParser, jobs_help: str, where: str = "") -> None:
@@ -36,13 +54,49 @@ def add_engine_option(parser: argparse.ArgumentParser) -> None:
 
 def check_worker_options(options: argparse.Namespace) -> None:
     """Raise InputError for a number of jobs or an address that cannot be meant."""
-    if options.jobs is not None and options.jobs < 1:
-        raise InputError(f"--jobs: expected a whole number above 0, got {options.jobs}; raise it")
+    if options.jobs is not None:
+        check_whole("--jobs", options.jobs)
     if options.scheduler is not None and "://" not in options.scheduler:
         raise InputError(
             "--scheduler: expected an address such as tcp://10.0.0.5:8786, got "
             f"{options.scheduler!r}; the scheduler prints its own when it starts"
         )
+
+
+def workers_of(
+    options: argparse.Namespace, unit: str, total: int, done: int = 0
+) -> AbstractContextManager[Workers]:
+    """The workers that the options ask for; unit, total, done: as of `open_workers`."""
+    return open_workers(unit, total, done, jobs=options.jobs, scheduler=options.scheduler)
+
+
+def json_path(path: Path) -> Path:
+    """What `--out` names for a table of throw parameters. Raises InputError: it does not end so."""
+    if path.suffix != ".json":
+        raise InputError(f"--out: expected a path that ends in .json, got {path}; rename it")
+    return path
+
+
+def write_table(path: Path, entries: dict[str, Any]) -> None:
+    """Write the file of a table of throw parameters, and say so."""
+    atomic_write(path, json_text(entries).encode())
+    print(f"note: wrote {path}", file=sys.stderr)
+
+
+def direction(vector: Iterable[float]) -> str:
+    """A unit vector for people."""
+    # Adding zero takes the sign off a zero.
+    return "  ".join(f"{x + 0.0:8.5f}" for x in vector)
+
+
+def percent_interval(interval: Iterable[float]) -> str:
+    """Limits of a probability, in percent."""
+    return "  ".join(f"{100 * limit:7.3f}" for limit in interval)
+
+
+def print_json(plain: object) -> None:
+    """Print plain data, which have finite numbers only."""
+    print(json_text(plain), end="")
 
 
 WORDS = {3: "three", 6: "six"}
@@ -53,12 +107,12 @@ def numbers(option: str, text: str, form: str) -> list[float]:
     option."""
     count = form.count(",") + 1
     try:
-        found = [float(part) for part in text.split(",")]
+        values = [float(part) for part in text.split(",")]
     except ValueError:
-        found = []
-    if len(found) != count or not all(map(math.isfinite, found)):
+        values = []
+    if len(values) != count or not all(map(math.isfinite, values)):
         raise InputError(f"{option}: expected {WORDS[count]} numbers {form}, got {text!r}")
-    return found
+    return values
 
 
 def vector(option: str, text: str) -> tuple[float, float, float]:

@@ -9,9 +9,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dicedesign.cli.options import add_worker_options, check_worker_options
+from dicedesign.cli.options import add_worker_options, check_worker_options, workers_of
 from dicedesign.errors import InputError
-from dicedesign.runtime.workers import open_workers
 
 if TYPE_CHECKING:
     from dicedesign.batch.analyse import Center
@@ -146,7 +145,7 @@ def _run(
     from dicedesign.batch.file_batches import run_batch
 
     done = len(table.entries)
-    with open_workers(options, "files", done + len(pending), done) as workers:
+    with workers_of(options, "files", done + len(pending), done) as workers:
 
         def on_entries(entries: dict[str, Entry]) -> None:
             table.add(entries)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from dicedesign.cli.body import read_poses
+from dicedesign.cli.options import percent_interval, print_json
 from dicedesign.errors import InputError
+from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
     from dicedesign.throws.counts.roll_verdict import RollVerdict
@@ -85,11 +87,10 @@ def _rolls(options: argparse.Namespace) -> int:
         _draw(die.labels, verdict, options.figure)
     if options.json:
         summary = {"odds_source": die.source, **rolls_summary(die.labels, verdict)}
-        print(json.dumps(summary, indent=1, allow_nan=False))
+        print_json(summary)
     else:
         print(f"{options.die}: {verdict.throws} throws, tested for the {die.source}\n")
-        print(_table(die.labels, verdict))
-        print("\n".join(_sentences(verdict)))
+        print("\n".join([*_table(die.labels, verdict), *_sentences(verdict)]))
     return 0
 
 
@@ -105,15 +106,7 @@ def _finished(folder: Path) -> _Die:
 
 def _mesh(path: Path) -> _Die:
     """The numbers of a mesh's rests, and their odds without momentum."""
-    from dicedesign.geometry.meshes.formats import without_solids
-    from dicedesign.geometry.meshes.reading import read_body
-    from dicedesign.rest.poses import rest_poses
-
-    with without_solids():
-        body = read_body(path)
-    poses = rest_poses(body)
-    for note in poses.notes:
-        print(f"note: {note}", file=sys.stderr)
+    _, poses = read_poses(path)
     numbers = [str(i + 1) for i in range(len(poses.probabilities))]
     return _Die(numbers, poses.probabilities.tolist(), "geometric odds of its rests")
 
@@ -128,7 +121,6 @@ def _draw(labels: list[str], verdict: RollVerdict, path: Path) -> None:
 
 def rolls_summary(labels: list[str], verdict: RollVerdict) -> dict[str, Any]:
     """The answer as plain data."""
-    exact, variation = verdict.exact, verdict.variation
     return {
         "throws": verdict.throws,
         "confidence": verdict.confidence,
@@ -144,48 +136,32 @@ def rolls_summary(labels: list[str], verdict: RollVerdict) -> dict[str, Any]:
             }
             for i, label in enumerate(labels)
         ],
-        "chi_square": {
-            "statistic": verdict.chi_square.statistic,
-            "degrees": verdict.chi_square.degrees,
-            "p_value": verdict.chi_square.p_value,
-        },
-        "exact_test": None
-        if exact is None
-        else {
-            "p_value": exact.p_value,
-            "standard_error": exact.standard_error,
-            "tables": exact.tables,
-        },
+        "chi_square": asdict(verdict.chi_square),
+        "exact_test": None if verdict.exact is None else asdict(verdict.exact),
         "p_value": verdict.p_value,
         "rejected": verdict.rejected,
-        "total_variation": {
-            "value": variation.value,
-            "interval": list(variation.interval),
-            "noise_floor": variation.noise_floor,
-        },
+        "total_variation": asdict(verdict.variation),
         "throws_to_reject": verdict.to_reject,
         "throws_to_confirm": verdict.to_confirm,
     }
 
 
-def _table(labels: list[str], verdict: RollVerdict) -> str:
-    width = max(5, *(len(label) for label in labels))
+def _table(labels: list[str], verdict: RollVerdict) -> list[str]:
     level = f"{100 * verdict.confidence:g} %"
-    lines = [
-        f"{'label':<{width}}     count    odds %  frequency %  {level + ' interval':>16s}  "
-        f"posterior %  {level + ' credible':>16s}"
-    ]
-    for i, label in enumerate(labels):
-        lines.append(
-            f"{label:<{width}}  {verdict.counts[i]:8d}  {100 * verdict.odds[i]:8.3f}  "
-            f"{100 * verdict.frequencies[i]:11.3f}  {_limits(verdict.intervals[i])}  "
-            f"{100 * verdict.posterior.means[i]:11.3f}  {_limits(verdict.posterior.intervals[i])}"
-        )
-    return "\n".join(lines)
-
-
-def _limits(interval: Any) -> str:
-    return f"{100 * interval[0]:7.3f}  {100 * interval[1]:7.3f}"
+    posterior = verdict.posterior
+    columns = [("label", ""), ("count", "d"), ("odds %", ".3f"), ("frequency %", ".3f")]
+    columns += [(f"{level} interval", ">"), ("posterior %", ".3f"), (f"{level} credible", ">")]
+    rows = zip(
+        labels,
+        verdict.counts,
+        100 * verdict.odds,
+        100 * verdict.frequencies,
+        map(percent_interval, verdict.intervals),
+        100 * posterior.means,
+        map(percent_interval, posterior.intervals),
+        strict=True,
+    )
+    return text_table(columns, rows)
 
 
 def _sentences(verdict: RollVerdict) -> list[str]:

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dicedesign.cli.options import add_worker_options, check_worker_options
+from dicedesign.cli.options import add_worker_options, check_worker_options, workers_of
 from dicedesign.errors import InputError
-from dicedesign.runtime.workers import open_workers
+from dicedesign.runtime.checks import check_whole
+from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
     from dicedesign.recipe.schema.recipe import Recipe
@@ -57,10 +58,7 @@ def _search(options: argparse.Namespace) -> int:
     from dicedesign.search.leaderboard import write_results
     from dicedesign.search.study import open_study
 
-    if options.trials < 1:
-        raise InputError(
-            f"--trials: expected a whole number above 0, got {options.trials}; raise it"
-        )
+    check_whole("--trials", options.trials)
     check_worker_options(options)
     recipe = read_recipe(options.recipe)
     if recipe.method.exact is not None and recipe.method.exact.refine is not None:
@@ -93,7 +91,7 @@ def _run(study: SearchStudy, options: argparse.Namespace) -> None:
 
     finished = study.finished()
     converged = sum(trial["status"] == "converged" for trial in finished)
-    with open_workers(options, "trials", options.trials, len(finished)) as workers:
+    with workers_of(options, "trials", options.trials, len(finished)) as workers:
 
         def on_trial(result: dict[str, Any]) -> None:
             nonlocal converged
@@ -117,13 +115,13 @@ def _print(
     converged = sum(trial["status"] == "converged" for trial in finished)
     print(f"{recipe.name}: {converged} of {len(finished)} trials converged")
     if board:
-        print("rank  trial  radius mm  margin deg  max |p - q|  asymmetry  front")
-    for entry in board:
-        print(
-            f"{entry['rank']:>4}  {entry['number']:>5}  {entry['inradius_mm']:>9.3f}  "
-            f"{entry['margin_deg']:>10.3f}  {entry['max_abs_error']:>11.1e}  "
-            f"{entry['asymmetry']:>9.4f}  {'yes' if entry['on_front'] else ''}".rstrip()
+        columns = [("rank", "d"), ("trial", "d"), ("radius mm", ".3f"), ("margin deg", ".3f")]
+        columns += [("max |p - q|", ".1e"), ("asymmetry", ".4f"), ("front", "")]
+        keys = ("rank", "number", "inradius_mm", "margin_deg", "max_abs_error", "asymmetry")
+        rows = (
+            [*(entry[key] for key in keys), "yes" if entry["on_front"] else ""] for entry in board
         )
+        print("\n".join(text_table(columns, rows)))
     written = ["leaderboard.html", "leaderboard.json", "leaderboard.csv", "pareto.png"]
     if board:
         written += ["best.yaml", "trial_N.yaml of those above"]

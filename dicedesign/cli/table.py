@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.cli import table_learn
-from dicedesign.cli.options import add_worker_options, check_worker_options
-from dicedesign.errors import InputError
-from dicedesign.runtime.workers import open_workers
+from dicedesign.cli.options import (
+    add_worker_options,
+    check_worker_options,
+    json_path,
+    print_json,
+    workers_of,
+    write_table,
+)
+from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
     from dicedesign.throws.counts.table_check import DieCheck
     from dicedesign.throws.counts.table_fit import TableFit
-    from dicedesign.throws.tables import Table
 
 __all__ = ["add_parser"]
 
@@ -98,18 +101,17 @@ def _fit(options: argparse.Namespace) -> int:
 
     check_worker_options(options)
     check_effort(options.evaluations, options.drops, options.seed)
-    if options.out is not None and options.out.suffix != ".json":
-        raise InputError(f"--out: expected a path that ends in .json, got {options.out}; rename it")
+    out = None if options.out is None else json_path(options.out)
     wanted = options.dice and [name.strip() for name in options.dice.split(",")]
     dice = read_throw_counts(options.throws, wanted)
-    if options.out is not None:
+    if out is not None:
         # Better known before the simulations than after.
-        make_writable_folder(options.out.parent)
+        make_writable_folder(out.parent)
     source = "fitted to " + ", ".join(f"{die.counts.sum()} throws of {die.name}" for die in dice)
-    name = "fitted" if options.out is None else options.out.stem
+    name = "fitted" if out is None else out.stem
     start = Table(name, 0.5, 0.3, 0.5, 0.0, 0.0, source=source)
     total = (options.evaluations + CHECKED) * options.drops * len(dice)
-    with open_workers(options, "drops", total, 0) as workers:
+    with workers_of(options, "drops", total) as workers:
         fit = fit_table(
             dice,
             start,
@@ -128,58 +130,65 @@ def _fit(options: argparse.Namespace) -> int:
             workers=workers.executor,
             progress=workers.advance,
         )
-    if options.out is not None:
-        _write(fit.table, options.out)
+    if out is not None:
+        write_table(out, fit.table.as_dict())
     if options.json:
-        print(json.dumps(_plain(fit, checks), indent=1, allow_nan=False))
+        print_json(_plain(fit, checks))
     else:
         print("\n".join([*_parameters(fit), "", *_dice(checks), "", *_sentences(fit, checks)]))
     return 0
 
 
-def _write(table: Table, path: Path) -> None:
-    from dicedesign.runtime.files import atomic_write
-
-    atomic_write(path, (json.dumps(table.as_dict(), indent=1, allow_nan=False) + "\n").encode())
-    print(f"note: wrote {path}", file=sys.stderr)
-
-
 def _parameters(fit: TableFit) -> list[str]:
-    lines = ["parameter        fitted    mean      +-      90 % within      searched"]
-    for name, entry in fit.parameters.items():
-        within, searched = (f"{a:.3g} to {b:.3g}" for a, b in (entry.interval, entry.limits))
-        lines.append(
-            f"{name:<12} {entry.fitted:>7.3g} {UNITS.get(name, ''):<5} {entry.mean:>6.3g}  "
-            f"{entry.deviation:>6.2g}  {within:>15}  {searched:>12}"
-        )
-    lines += ["", "correlations   " + "".join(f"{name:>13}" for name in fit.parameters)]
-    for name, row in zip(fit.parameters, fit.correlations, strict=True):
-        lines.append(f"{name:<15}" + "".join(f"{value:13.2f}" for value in row + 0.0))
-    return lines
+    columns = [("parameter", ""), ("fitted", ".3g"), ("", ""), ("mean", ".3g"), ("+-", ".2g")]
+    rows = [
+        [
+            name,
+            entry.fitted,
+            UNITS.get(name, ""),
+            entry.mean,
+            entry.deviation,
+            *(f"{low:.3g} to {high:.3g}" for low, high in (entry.interval, entry.limits)),
+        ]
+        for name, entry in fit.parameters.items()
+    ]
+    correlations = [
+        [name, *(row + 0.0)] for name, row in zip(fit.parameters, fit.correlations, strict=True)
+    ]
+    return [
+        *text_table([*columns, ("90 % within", ">"), ("searched", ">")], rows),
+        "",
+        *text_table(
+            [("correlations", ""), *((name, ".2f") for name in fit.parameters)], correlations
+        ),
+    ]
 
 
 def _dice(checks: Sequence[DieCheck]) -> list[str]:
-    width = max(3, *(len(check.die.name) for check in checks))
-    lines = [f"{'die':<{width}}  throws  degrees  chi2 fitted  p     exact p  chi2 geometric  p"]
+    columns = [("die", ""), ("throws", "d"), ("degrees", "d"), ("chi2 fitted", ".2f"), ("p", ".2g")]
+    rows = [
+        [
+            check.die.name,
+            check.die.counts.sum(),
+            check.chi_square.degrees,
+            check.chi_square.statistic,
+            check.chi_square.p_value,
+            check.exact.p_value,
+            check.geometric.statistic,
+            check.geometric.p_value,
+        ]
+        for check in checks
+    ]
+    lines = text_table(
+        [*columns, ("exact p", ".2g"), ("chi2 geometric", ".2f"), ("p", ".2g")], rows
+    )
+    columns = [("outcome", ""), ("throws", "d"), ("fitted", ".1f"), ("geometric", ".1f")]
     for check in checks:
-        fitted, geometric = check.chi_square, check.geometric
-        lines.append(
-            f"{check.die.name:<{width}}  {check.die.counts.sum():>6}  {fitted.degrees:>7}  "
-            f"{fitted.statistic:>11.2f}  {fitted.p_value:<5.2g} {check.exact.p_value:<7.2g}  "
-            f"{geometric.statistic:>14.2f}  {geometric.p_value:.2g}"
+        die, throws = check.die, check.die.counts.sum()
+        outcomes = zip(
+            die.labels, die.counts, throws * check.odds, throws * die.geometric, strict=True
         )
-    for check in checks:
-        die = check.die
-        kind = max(len("outcome"), *map(len, die.labels))
-        lines += ["", f"{die.name}", f"{'outcome':<{kind}}  throws  fitted  geometric"]
-        rows = zip(
-            die.labels,
-            die.counts,
-            die.counts.sum() * check.odds,
-            die.counts.sum() * die.geometric,
-            strict=True,
-        )
-        lines += [f"{a:<{kind}}  {b:>6}  {c:>6.1f}  {d:>9.1f}" for a, b, c, d in rows]
+        lines += ["", f"{die.name}", *text_table(columns, outcomes)]
     return lines
 
 

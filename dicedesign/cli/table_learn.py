@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dicedesign.cli.options import add_worker_options, check_worker_options
+from dicedesign.cli.options import (
+    add_worker_options,
+    check_worker_options,
+    json_path,
+    workers_of,
+    write_table,
+)
 from dicedesign.errors import InputError
-from dicedesign.runtime.workers import open_workers
+from dicedesign.runtime.files import make_writable_folder
+from dicedesign.runtime.text_table import text_table
+from dicedesign.runtime.workers import progress_bar
 
 if TYPE_CHECKING:
+    from tqdm import tqdm
+
     from dicedesign.learning.table_learning import LearnedModel
     from dicedesign.throws.tables import Table
 
@@ -71,18 +79,26 @@ def add_action(actions: Any) -> None:
 def _learn(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.learning.table_learning import check_learning, learn_momentum
-    from dicedesign.runtime.files import atomic_write, make_writable_folder
     from dicedesign.throws.tables import learned_on, table_named
 
     check_worker_options(options)
     check_learning(options.dice, options.drops, options.seed, options.steps)
     table = table_named(options.table)
     _require_momentum(table)
-    out = _out(options)
+    out = json_path(options.out or Path(f"{Path(options.table).stem}.json"))
     # Better known before the simulations than after.
     make_writable_folder(out.parent)
-    losses = _Losses()
-    with open_workers(options, "dice", options.dice, 0) as workers:
+    bar: tqdm[Any] | None = None
+
+    def on_loss(loss: float) -> None:
+        nonlocal bar
+        if bar is None:
+            # Not before the dice are thrown, which have a bar of their own.
+            bar = progress_bar("evaluations")
+        bar.set_postfix_str(f"loss {loss:.5f}", refresh=False)
+        bar.update()
+
+    with workers_of(options, "dice", options.dice) as workers:
         found = learn_momentum(
             table,
             options.dice,
@@ -91,13 +107,12 @@ def _learn(options: argparse.Namespace) -> int:
             options.steps,
             workers=workers.executor,
             on_die=workers.advance,
-            on_loss=losses.tell,
+            on_loss=on_loss,
         )
-    losses.close()
+    if bar is not None:
+        bar.close()
     entries = {**table.as_dict(), "momentum": {"table": learned_on(table), **found.plain}}
-    text = json.dumps(entries, indent=1, allow_nan=False)
-    atomic_write(out, (text + "\n").encode())
-    print(f"note: wrote {out}", file=sys.stderr)
+    write_table(out, entries)
     print("\n".join(_lines(found)))
     return 0
 
@@ -110,45 +125,22 @@ def _require_momentum(table: Table) -> None:
         )
 
 
-def _out(options: argparse.Namespace) -> Path:
-    if options.out is None:
-        return Path(f"{Path(options.table).stem}.json")
-    given: Path = options.out
-    if given.suffix != ".json":
-        raise InputError(f"--out: expected a path that ends in .json, got {given}; rename it")
-    return given
-
-
-class _Losses:
-    """A bar on stderr for training, from the first loss on."""
-
-    def __init__(self) -> None:
-        self._bar: Any = None
-
-    def tell(self, loss: float) -> None:
-        from tqdm import tqdm
-
-        if self._bar is None:
-            self._bar = tqdm(file=sys.stderr, disable=not sys.stderr.isatty(), unit=" evaluations")
-        self._bar.set_postfix_str(f"loss {loss:.5f}", refresh=False)
-        self._bar.update()
-
-    def close(self) -> None:
-        if self._bar is not None:
-            self._bar.close()
-
-
 def _lines(found: LearnedModel) -> list[str]:
-    lines = [
-        "total variation to simulated throws",
-        f"{'':<12}  dice  {'geometric':>9}  {'worst':>6}  {'momentum':>8}  {'worst':>6}  "
-        "noise floor",
+    columns = [("", ""), ("dice", "d"), ("geometric", ".4f"), ("worst", ".3f")]
+    columns += [("momentum", ".4f"), ("worst", ".3f"), ("noise floor", ".4f")]
+    rows = [
+        [
+            name,
+            part.dice,
+            part.geometric,
+            part.worst_geometric,
+            part.momentum,
+            part.worst_momentum,
+            part.noise_floor,
+        ]
+        for name, part in (("fitted to", found.fitted), ("held out", found.held_out))
     ]
-    for name, part in (("fitted to", found.fitted), ("held out", found.held_out)):
-        lines.append(
-            f"{name:<12}  {part.dice:>4}  {part.geometric:>9.4f}  {part.worst_geometric:>6.3f}  "
-            f"{part.momentum:>8.4f}  {part.worst_momentum:>6.3f}  {part.noise_floor:>11.4f}"
-        )
+    lines = ["total variation to simulated throws", *text_table(columns, rows)]
     if found.unresolved:
         lines.append(f"{found.unresolved} drops came to no rest")
     return lines

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
-import sys
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from dicedesign.cli.body import center_of_mass, read_poses
 from dicedesign.cli.options import (
     add_engine_option,
     add_worker_options,
     check_worker_options,
+    direction,
     numbers,
+    percent_interval,
+    print_json,
+    workers_of,
 )
-from dicedesign.cli.rest import center_of_mass
-from dicedesign.runtime.workers import open_workers
+from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
     from dicedesign.geometry.meshes.body import Body
@@ -126,9 +128,10 @@ def _throw(options: argparse.Namespace) -> int:
     check_throws(drops, options.seed, options.engine, orientations)
     check_worker_options(options)
     is_finished = options.die.is_dir()
-    die = _finished(options) if is_finished else _mesh(options)
-    for note in die.poses.notes:
-        print(f"note: {note}", file=sys.stderr)
+    if is_finished:
+        die = _finished(options)
+    else:
+        die = _Die(*read_poses(options.die, center_of_mass(options.com)), None)
     body = rigid_body(die.body, die.poses, _tensor(options.inertia))
     if is_finished and size is None:
         # Its files are in millimetres.
@@ -137,7 +140,7 @@ def _throw(options: argparse.Namespace) -> int:
     momentum = None
     if "momentum" in table_entries(options.table):
         momentum = momentum_odds(die.poses, body, momentum_model(options.table))
-    with open_workers(options, "drops", drops, 0) as workers:
+    with workers_of(options, "drops", drops) as workers:
         throws = simulate(
             body,
             table,
@@ -153,9 +156,9 @@ def _throw(options: argparse.Namespace) -> int:
     summary = throw_summary(throws, die.poses, orientations, die.labels, momentum)
     summary["seconds"] = seconds
     if options.json:
-        print(json.dumps(summary, indent=1, allow_nan=False))
+        print_json(summary)
     else:
-        print(_text(options.die, summary))
+        print("\n".join(_text(options.die, summary)))
     return 0
 
 
@@ -166,29 +169,16 @@ def _tensor(text: str | None) -> list[list[float]] | None:
     return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 
 
-def _mesh(options: argparse.Namespace) -> _Die:
-    from dicedesign.geometry.meshes.formats import without_solids
-    from dicedesign.geometry.meshes.reading import read_body
-    from dicedesign.rest.poses import rest_poses
-
-    with without_solids():
-        body = read_body(options.die)
-    return _Die(body, rest_poses(body, center_of_mass(options.com)), None)
-
-
 def _finished(options: argparse.Namespace) -> _Die:
     """A die that was designed here, without its marks, and the labels of its rests."""
     import numpy as np
 
-    from dicedesign.geometry.meshes.reading import read_body
     from dicedesign.rest.outcomes import facet_of_rest
-    from dicedesign.rest.poses import rest_poses
     from dicedesign.results.reading import read_result
 
     die = read_result(options.die)
-    body = read_body(die.plain_file)
     center = np.array(die.center_of_mass) if options.com is None else center_of_mass(options.com)
-    poses = rest_poses(body, center)
+    body, poses = read_poses(die.plain_file, center)
     normals = np.array([normal for _, normal in die.shown]).reshape(-1, 3)
     facets = facet_of_rest(poses.normals, normals).tolist()
     return _Die(body, poses, [None if facet < 0 else die.shown[facet][0] for facet in facets])
@@ -254,27 +244,36 @@ def throw_summary(
     }
 
 
-def _text(die: Path, summary: dict[str, Any]) -> str:
+def _text(die: Path, summary: dict[str, Any]) -> list[str]:
     table, rests, level = summary["table"], summary["rests"], f"{100 * CONFIDENCE:g} %"
-    labelled, modelled = "label" in rests[0], "momentum" in rests[0]
+    columns = [("rest", "d"), ("count", "d"), ("frequency %", ".3f"), (f"{level} interval", ">")]
+    columns += [("geometric %", ".3f"), ("facet normal (down)", "")]
+    rows = [
+        [
+            i + 1,
+            rest["count"],
+            math.nan if rest["frequency"] is None else 100 * rest["frequency"],
+            percent_interval(rest["interval"]),
+            100 * rest["geometric"],
+            direction(rest["normal"]),
+        ]
+        for i, rest in enumerate(rests)
+    ]
+    if "label" in rests[0]:
+        columns.insert(1, ("label", ">"))
+        for row, rest in zip(rows, rests, strict=True):
+            row.insert(1, rest["label"] or "-")
+    if "momentum" in rests[0]:
+        columns.insert(-1, ("momentum %", ".3f"))
+        for row, rest in zip(rows, rests, strict=True):
+            row.insert(-1, 100 * rest["momentum"])
     lines = [
         f"{die}: {summary['drops']} drops on {table['name']}, {1e3 * table['size']:g} mm, engine "
         f"{summary['engine']}, {summary['seconds']:.1f} s",
         "",
-        f"rest  {'label  ' if labelled else ''}   count  frequency %  {level + ' interval':>16s}  "
-        f"geometric %   {'momentum %   ' if modelled else ''}facet normal (down)",
+        *text_table(columns, rows),
+        "",
     ]
-    for i, rest in enumerate(rests):
-        label = f"{rest['label'] or '-':>5s}  " if labelled else ""
-        frequency = math.nan if rest["frequency"] is None else 100 * rest["frequency"]
-        low, high = (100 * limit for limit in rest["interval"])
-        model = f"{100 * rest['momentum']:10.3f}   " if modelled else ""
-        normal = "  ".join(f"{x + 0.0:8.5f}" for x in rest["normal"])
-        lines.append(
-            f"{i + 1:4d}  {label}{rest['count']:8d}  {frequency:11.3f}  {low:7.3f}  {high:7.3f}  "
-            f"{100 * rest['geometric']:11.3f}   {model}{normal}"
-        )
-    lines.append("")
     if summary["unresolved"]:
         lines.append(f"unresolved: {summary['unresolved']} drops ended on no facet in time")
     for name, what in (
@@ -294,4 +293,4 @@ def _text(die: Path, summary: dict[str, Any]) -> str:
             f"chi-square against them {test['statistic']:.4g} on {test['degrees']} degrees of "
             f"freedom, p = {test['p_value']:.2g}; asymmetry rho {summary['asymmetry']:.3g}"
         )
-    return "\n".join(lines)
+    return lines

@@ -1,15 +1,22 @@
-"""Write files, whole or not at all, and find out beforehand where that is possible."""
+"""Files that are written whole or not at all, and JSON as all of them have it."""
 
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import secrets
 from pathlib import Path
 
 from dicedesign.errors import OutputError
 
-__all__ = ["atomic_write", "make_writable_folder"]
+__all__ = ["atomic_write", "json_text", "make_writable_folder"]
+
+
+def json_text(plain: object) -> str:
+    """Plain data as JSON for people, with a line feed at its end. Raises ValueError: a number is
+    not finite."""
+    return json.dumps(plain, indent=1, allow_nan=False) + "\n"
 
 
 def atomic_write(path: Path, data: bytes) -> None:

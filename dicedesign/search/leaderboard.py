@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -15,7 +14,7 @@ from dicedesign.errors import OutputError
 from dicedesign.recipe.schema.reading import checked_recipe, recipe_text
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.runtime.arrays import Booleans, Floats
-from dicedesign.runtime.files import atomic_write
+from dicedesign.runtime.files import atomic_write, json_text
 from dicedesign.search.space import varies_assignment
 
 __all__ = ["leaders", "pareto_front", "ranked", "write_results"]
@@ -121,7 +120,7 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
         files[entry["recipe_file"]] = text.encode("utf-8")
         if entry["rank"] == 1:
             files[BEST] = files[entry["recipe_file"]]
-    files[TABLE] = (json.dumps(table, indent=1, allow_nan=False) + "\n").encode("utf-8")
+    files[TABLE] = json_text(table).encode("utf-8")
     _remove_old(folder, set(files))
     for name, data in files.items():
         atomic_write(folder / name, data)

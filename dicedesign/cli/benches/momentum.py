@@ -15,9 +15,13 @@ from dicedesign.cli.benches.reporting import (
     print_row,
     require_figure_folder,
 )
-from dicedesign.cli.options import add_engine_option, add_worker_options, check_worker_options
+from dicedesign.cli.options import (
+    add_engine_option,
+    add_worker_options,
+    check_worker_options,
+    workers_of,
+)
 from dicedesign.errors import InputError
-from dicedesign.runtime.workers import open_workers
 
 if TYPE_CHECKING:
     from dicedesign.bench.momentum import Extent, ModelTimes, PrintedDie
@@ -102,7 +106,7 @@ def _run(options: argparse.Namespace) -> int:
     printed = _printed(options)
     # As `dicedesign run` does.
     torch.set_num_threads(1)
-    with open_workers(options, "dice", extent.dice + len(printed), 0) as workers:
+    with workers_of(options, "dice", extent.dice + len(printed)) as workers:
         thrown = []
         for one in throw_unseen_dice(extent, table, options.engine, workers.executor):
             thrown.append(one)

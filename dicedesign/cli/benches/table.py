@@ -18,9 +18,9 @@ from dicedesign.cli.benches.reporting import (
     progress_bar,
     require_figure_folder,
 )
-from dicedesign.cli.options import add_worker_options, check_worker_options
+from dicedesign.cli.options import add_worker_options, check_worker_options, workers_of
 from dicedesign.errors import InputError
-from dicedesign.runtime.workers import Workers, open_workers
+from dicedesign.runtime.workers import Workers
 
 if TYPE_CHECKING:
     from dicedesign.bench.measures.engine_speed import EngineSpeed, StepHalving
@@ -113,7 +113,7 @@ def _run(options: argparse.Namespace) -> int:
     for note in notes:
         print(f"note: left out: {note}", file=sys.stderr)
     speeds = _measure_speeds(bodies, engines, extent, show=not options.json)
-    with open_workers(options, "shapes", len(bodies), 0) as workers:
+    with workers_of(options, "shapes", len(bodies)) as workers:
         halving = _halve_step(engines, extent, workers.executor, show=not options.json)
         shapes = _compare(bodies, engines, extent, workers, show=not options.json)
     totals, rows = list(engine_totals(shapes)), list(summaries(shapes))

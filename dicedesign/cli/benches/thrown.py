@@ -15,9 +15,9 @@ from dicedesign.cli.benches.reporting import (
     print_row,
     require_figure_folder,
 )
-from dicedesign.cli.options import add_worker_options, check_worker_options
+from dicedesign.cli.options import add_worker_options, check_worker_options, workers_of
 from dicedesign.errors import InputError
-from dicedesign.runtime.workers import Workers, open_workers
+from dicedesign.runtime.workers import Workers
 
 if TYPE_CHECKING:
     from dicedesign.bench.measures.thrown_dice import Extent
@@ -124,7 +124,7 @@ def _run(options: argparse.Namespace) -> int:
     rows: list[ThrownRow] = []
     if not options.json:
         print_row(_heading())
-    with open_workers(options, "drops", len(recipes) * extent.all_drops, 0) as workers:
+    with workers_of(options, "drops", len(recipes) * extent.all_drops) as workers:
         for number, recipe in enumerate(recipes, start=1):
             on_stage = _Stages(workers, f"{number} of {len(recipes)}: {recipe.name}")
             rows.append(
