@@ -1,11 +1,9 @@
-"""The exception tree.
+"""The exception tree, and the message where an optional dependency is missing.
 
 Every error a user can cause names the thing, what was expected, what came, and the remedy. The
 command line prints the message on one line and exits with 2. Besides it, the design takes an error
 as the failure of one trial step, and the pipeline takes labels that do not fit an unfinished die as
 one more remark on it.
-
-What is said where an optional dependency is missing.
 """
 
 from __future__ import annotations
@@ -29,7 +27,7 @@ class DiceError(Exception):
 
 
 class InputError(DiceError, ValueError):
-    """What was handed in cannot be used; the message says what would do."""
+    """An input cannot be used; the message says what would do."""
 
 
 class MeshFileError(InputError):

@@ -1,4 +1,4 @@
-"""What a worker does with a few meshes of a folder."""
+"""A worker's task: a few meshes of a folder are analysed."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ TASKS_PER_JOB: Final = 2
 """One that runs, and one that waits for it to end."""
 
 ATTEMPTS: Final = 3
-"""How often a file runs with no other beside it before it counts as the one that takes its worker
+"""Runs of a file with no other beside it after which it counts as the one that takes its worker
 down."""
 
 Task = dict[str, Stamp]

@@ -15,7 +15,7 @@ __all__ = ["FolderFiles", "list_folder"]
 
 @dataclass(frozen=True)
 class FolderFiles:
-    """What is in a folder and the folders within.
+    """Files in a folder and the folders within.
 
     Attributes
     ----------
@@ -50,11 +50,11 @@ def list_folder(folder: Path) -> FolderFiles:
                 continue
             try:
                 status = os.stat(os.path.join(parent, name))
-                found = (status.st_size, status.st_mtime_ns)
+                state = (status.st_size, status.st_mtime_ns)
             except OSError:
                 # A link that leads nowhere: reading it says so.
-                found = (0, 0)
-            meshes[start + name] = found
+                state = (0, 0)
+            meshes[start + name] = state
     if not meshes:
         raise InputError(
             f"{folder}: expected a folder with meshes, files ending in "

@@ -19,7 +19,7 @@ Rows = Iterator[list[str]]
 
 @dataclass(frozen=True)
 class TableFormat:
-    """How a table is kept in a file.
+    """A way to keep a table in a file.
 
     Attributes
     ----------
@@ -95,8 +95,8 @@ def _parquet_rows(data: bytes) -> Rows:
         table = parquet.read_table(BufferReader(data))
     except (ArrowException, OSError) as error:
         raise ValueError(f"it is no Parquet file that can be read: {error}") from error
-    found = [(field.name, str(field.type)) for field in table.schema]
-    if found != [(name, _ARROW[kind]) for name, kind in COLUMNS.items()]:
+    columns_of_file = [(field.name, str(field.type)) for field in table.schema]
+    if columns_of_file != [(name, _ARROW[kind]) for name, kind in COLUMNS.items()]:
         raise ValueError("its columns are others")
     for batch in table.to_batches():
         columns = [

@@ -14,7 +14,7 @@ from dicedesign.batch.rows import COLUMNS, Entry, csv_line, entries_of
 from dicedesign.errors import InputError, OutputError
 from dicedesign.runtime.files import atomic_write
 
-__all__ = ["Table"]
+__all__ = ["RestTable"]
 
 INTERVAL: Final = 5.0
 """Seconds after which what is new is written."""
@@ -23,7 +23,7 @@ SHARE: Final = 0.02
 """Of the time, at most so much goes into writing the table before the end."""
 
 
-class Table:
+class RestTable:
     """Entries by file name, kept in a file: at intervals, and when the context ends, however it
     does.
 
@@ -97,7 +97,7 @@ class Table:
         self._new = False
         self._due = ended + max(INTERVAL, (ended - started) / SHARE)
 
-    def __enter__(self) -> Table:
+    def __enter__(self) -> RestTable:
         return self
 
     def __exit__(

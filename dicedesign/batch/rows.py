@@ -24,7 +24,7 @@ __all__ = [
 ]
 
 ColumnType = Literal["text", "whole", "real"]
-"""What a column holds; numbers are empty where a file could not be analysed."""
+"""Content of a column; numbers are empty where a file could not be analysed."""
 
 PER_REST: Final[dict[str, ColumnType]] = {
     "rest": "whole",
@@ -64,7 +64,7 @@ COLUMNS: Final[dict[str, ColumnType]] = {
 
 @dataclass(frozen=True)
 class Stamp:
-    """What a file was when it was analysed, and what was asked about it.
+    """State of a file when it was analysed, and the options then.
 
     Attributes
     ----------

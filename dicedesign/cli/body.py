@@ -1,4 +1,4 @@
-"""Which body is meant: options of commands that read one, and its rests."""
+"""The body of a command: options that name it, and its rests."""
 
 from __future__ import annotations
 

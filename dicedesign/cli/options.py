@@ -71,7 +71,8 @@ def workers_of(
 
 
 def json_path(path: Path) -> Path:
-    """What `--out` names for a table of throw parameters. Raises InputError: it does not end so."""
+    """The path that `--out` gives for a table of throw parameters. Raises InputError: it does not
+    end in .json."""
     if path.suffix != ".json":
         raise InputError(f"--out: expected a path that ends in .json, got {path}; rename it")
     return path

@@ -14,7 +14,7 @@ from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
     from dicedesign.batch.analyse import Center
-    from dicedesign.batch.rest_table import Table
+    from dicedesign.batch.rest_table import RestTable
     from dicedesign.batch.rows import Entry, Stamp
 
 __all__ = ["add_folder_options", "refuse_folder_options", "rest_folder"]
@@ -52,7 +52,7 @@ def rest_folder(options: argparse.Namespace, center_of_mass: Center) -> int:
     # Imported here, as one mesh and other commands do without.
     from dicedesign.batch.folder import list_folder
     from dicedesign.batch.formats import table_format
-    from dicedesign.batch.rest_table import Table
+    from dicedesign.batch.rest_table import RestTable
     from dicedesign.batch.rows import Stamp
 
     if options.table is not None:
@@ -63,26 +63,26 @@ def rest_folder(options: argparse.Namespace, center_of_mass: Center) -> int:
     _check(options)
     folder, path, tolerance = options.mesh, options.out, options.coplanar_tolerance
     any_name = table_format(path).any_name
-    found = list_folder(folder)
+    files = list_folder(folder)
     if not any_name:
-        _check_names(path, found.meshes)
+        _check_names(path, files.meshes)
     com = (
         ",".join(map(repr, center_of_mass)) if isinstance(center_of_mass, tuple) else center_of_mass
     )
     asked = (com or "", "" if tolerance is None else repr(tolerance))
-    stamps = {file: Stamp(*state, *asked) for file, state in found.meshes.items()}
-    before = Table.read(path)
+    stamps = {file: Stamp(*state, *asked) for file, state in files.meshes.items()}
+    before = RestTable.read(path)
     _check_table(options, before, stamps)
     kept = {file: before[file] for file in stamps if file in before}
     kept = {file: entry for file, entry in kept.items() if entry.stamp == stamps[file]}
     for count, what in (
-        (found.others, "files are no meshes"),
+        (files.others, "files are no meshes"),
         (len(kept), f"files were already in {path}"),
         (len(before.keys() - stamps.keys()), f"files of {path} are gone, and so are their rows"),
     ):
         if count:
             print(f"note: {count} {what}", file=sys.stderr)
-    with Table(path, kept) as table:
+    with RestTable(path, kept) as table:
         pending = {file: stamp for file, stamp in stamps.items() if file not in kept}
         if pending:
             _run(table, pending, options, center_of_mass)
@@ -139,7 +139,7 @@ def _check_table(
 
 
 def _run(
-    table: Table, pending: dict[str, Stamp], options: argparse.Namespace, center_of_mass: Center
+    table: RestTable, pending: dict[str, Stamp], options: argparse.Namespace, center_of_mass: Center
 ) -> None:
     # Imported only where a file is left to analyse.
     from dicedesign.batch.file_batches import run_batch
@@ -163,7 +163,7 @@ def _run(
         )
 
 
-def _summary(table: Table) -> int:
+def _summary(table: RestTable) -> int:
     counts = [entry.rests for entry in table.entries.values()]
     analysed, broken = sum(count > 0 for count in counts), counts.count(0)
     print(f"{table.path}: {analysed} files with {sum(counts)} resting poses")

@@ -99,7 +99,7 @@ def _learn(options: argparse.Namespace) -> int:
         bar.update()
 
     with workers_of(options, "dice", options.dice) as workers:
-        found = learn_momentum(
+        learned = learn_momentum(
             table,
             options.dice,
             options.drops,
@@ -111,9 +111,9 @@ def _learn(options: argparse.Namespace) -> int:
         )
     if bar is not None:
         bar.close()
-    entries = {**table.as_dict(), "momentum": {"table": learned_on(table), **found.plain}}
+    entries = {**table.as_dict(), "momentum": {"table": learned_on(table), **learned.plain}}
     write_table(out, entries)
-    print("\n".join(_lines(found)))
+    print("\n".join(_lines(learned)))
     return 0
 
 
@@ -125,7 +125,7 @@ def _require_momentum(table: Table) -> None:
         )
 
 
-def _lines(found: LearnedModel) -> list[str]:
+def _lines(learned: LearnedModel) -> list[str]:
     columns = [("", ""), ("dice", "d"), ("geometric", ".4f"), ("worst", ".3f")]
     columns += [("momentum", ".4f"), ("worst", ".3f"), ("noise floor", ".4f")]
     rows = [
@@ -138,9 +138,9 @@ def _lines(found: LearnedModel) -> list[str]:
             part.worst_momentum,
             part.noise_floor,
         ]
-        for name, part in (("fitted to", found.fitted), ("held out", found.held_out))
+        for name, part in (("fitted to", learned.fitted), ("held out", learned.held_out))
     ]
     lines = ["total variation to simulated throws", *text_table(columns, rows)]
-    if found.unresolved:
-        lines.append(f"{found.unresolved} drops came to no rest")
+    if learned.unresolved:
+        lines.append(f"{learned.unresolved} drops came to no rest")
     return lines

@@ -50,7 +50,7 @@ EVENNESS: Final = (1.5, 4.0, 12.0)
 """Parameters of the Dirichlet distributions that target odds are drawn from."""
 
 LEAST_ODDS: Final = 0.012
-"""What smaller target odds are raised to."""
+"""Least target odds; smaller ones are raised to it."""
 
 HIGHEST_ORDER: Final = 7
 """Of the main axis of a symmetric die."""
@@ -100,12 +100,12 @@ def random_die(number: int, seed: int, rests: tuple[int, int] = RESTS) -> Random
     designed = rng.random() < DESIGNED
     while True:
         try:
-            found = _designed(rng, rests) if designed else _drawn(rng)
+            drawn = _designed(rng, rests) if designed else _drawn(rng)
         except (DiceError, np.linalg.LinAlgError):
             continue
-        if found is None:
+        if drawn is None:
             continue
-        kind, points, poses = found
+        kind, points, poses = drawn
         tied = len(poses.basins) > 1 or poses.notes
         if rests[0] <= len(poses.facets) <= rests[1] and not tied:
             body = make_body(points, name=f"random die {number}")

@@ -59,7 +59,7 @@ LOWER_HEIGHTS: Final = (0.5, 1.0)
 """Range of the height of a bipyramid's lower pyramid over its upper one's."""
 
 TURNS: Final = (0.02, 0.06)
-"""How much facets of regular shapes are turned, in radians: one of the two for a shape."""
+"""Angles in radians by which facets of regular shapes are turned: one of the two for a shape."""
 
 SHIFTS: Final = (0.9, 1.1)
 """Range of the factors by which they are shifted."""
@@ -185,4 +185,4 @@ KINDS: Final[dict[str, tuple[float, Callable[[np.random.Generator], Floats]]]] =
     "box": (0.06, _box),
     "Platonic solid": (0.08, _platonic),
 }
-"""How often each kind is drawn, and by what."""
+"""Part of the shapes that is of each kind, and what draws one."""

@@ -120,7 +120,7 @@ def throw_random_die(
     """
     # Dice are made side by side, one on each core.
     torch.set_num_threads(1)
-    die, found = random_die(number, seed, rests), []
+    die, thrown = random_die(number, seed, rests), []
     for table, drops in throws:
         own = int(np.random.SeedSequence([seed, number, drops]).generate_state(1)[0])
         outcome = simulate(die.body, table, drops, own, engine=engine)
@@ -129,13 +129,13 @@ def throw_random_die(
                 f"table {table.name}: expected drops that come to rest, but none of {drops} of "
                 f"{die.body.name} did; take more drops or another table"
             )
-        found.append(ThrownRandomDie(number, die, outcome.counts, outcome.unresolved))
-    return tuple(found)
+        thrown.append(ThrownRandomDie(number, die, outcome.counts, outcome.unresolved))
+    return tuple(thrown)
 
 
 def training_die(thrown: ThrownRandomDie, change: float = 0.0) -> TrainingDie:
-    """What the momentum model is fitted to; change: part by which the restitution was higher than
-    that of the model's table."""
+    """A die for the momentum model to be fitted to; change: part by which the restitution was
+    higher than that of the model's table."""
     poses, body = thrown.die.poses, thrown.die.body
     side = poses.basins[0]
     hull, center = side.equilibria.hull, side.equilibria.center_of_mass
@@ -148,7 +148,7 @@ def training_die(thrown: ThrownRandomDie, change: float = 0.0) -> TrainingDie:
 
 
 def deviation(thrown: ThrownRandomDie, model: MomentumModel | None) -> Deviation:
-    """How near the odds of a die come to its throws; model: in NumPy."""
+    """Distances of the odds of a die from its throws; model: in NumPy."""
     die, drops = thrown.die, int(thrown.counts.sum())
     frequencies = thrown.counts / drops
     return Deviation(
@@ -161,14 +161,16 @@ def deviation(thrown: ThrownRandomDie, model: MomentumModel | None) -> Deviation
     )
 
 
-def mean_deviations(found: Sequence[Deviation]) -> Deviations:
+def mean_deviations(deviations: Sequence[Deviation]) -> Deviations:
     """Means and worst of some dice."""
-    geometric, momentum = ([getattr(d, name) for d in found] for name in ("geometric", "momentum"))
+    geometric, momentum = (
+        [getattr(d, name) for d in deviations] for name in ("geometric", "momentum")
+    )
     return Deviations(
-        dice=len(found),
+        dice=len(deviations),
         geometric=float(np.mean(geometric)),
         worst_geometric=max(geometric),
         momentum=float(np.mean(momentum)),
         worst_momentum=max(momentum),
-        noise_floor=float(np.mean([d.noise_floor for d in found])),
+        noise_floor=float(np.mean([d.noise_floor for d in deviations])),
     )

@@ -106,8 +106,8 @@ def learn_momentum(
     throws = [[(table.livelier(change), count) for change, count in of_die] for of_die in plan]
     # With the changes that each die was thrown at.
     thrown: list[tuple[ThrownRandomDie, float]] = []
-    for of_die, found in zip(plan, throw_random_dice(throws, seed, workers), strict=True):
-        thrown += [(one, change) for one, (change, _) in zip(found, of_die, strict=True)]
+    for of_die, thrown_die in zip(plan, throw_random_dice(throws, seed, workers), strict=True):
+        thrown += [(one, change) for one, (change, _) in zip(thrown_die, of_die, strict=True)]
         if on_die is not None:
             on_die(1)
     torch.set_num_threads(1)

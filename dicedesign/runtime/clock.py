@@ -1,6 +1,4 @@
-"""What the stages of a run take.
-
-How much memory the process has held at most, as the operating system counts it."""
+"""Time and memory of the stages of a run."""
 
 from __future__ import annotations
 
@@ -56,7 +54,7 @@ _RESTART: Final = "/proc/self/clear_refs"
 _STATUS: Final = "/proc/self/status"
 
 _RESTART_PEAK: Final = b"5"
-"""What to write to `_RESTART` so that the peak becomes what is held now; see proc(5)."""
+"""Written to `_RESTART` it makes the peak what is held now; see proc(5)."""
 
 _MEGABYTE: Final = 1e6
 

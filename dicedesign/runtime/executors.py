@@ -1,4 +1,4 @@
-"""Where work runs: `concurrent.futures.Executor`s of local processes or of a Dask cluster."""
+"""`concurrent.futures.Executor`s of local processes or of a Dask cluster, and loops over tasks."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ QUIET: Final = 10.0
 """Seconds without a result after which a caller is told so."""
 
 MOST_LOSSES: Final = 5
-"""How often the worker of one task may be lost."""
+"""Losses of workers while one task runs after which it is given up."""
 
 Task = TypeVar("Task")
 
@@ -123,7 +123,7 @@ class _ClusterWorkers(Executor):
         return self._workers.submit(function, *args, **kwargs)
 
     def is_empty(self) -> bool:
-        """Whether the scheduler answers and has no worker."""
+        """True if the scheduler answers and has no worker."""
         return self._client.status == "running" and not self._client.scheduler_info()["workers"]
 
 
@@ -186,12 +186,12 @@ def _installed_version() -> str:
 
 
 def no_worker_left(executor: Executor) -> bool:
-    """Whether tasks of `cluster_workers` wait because all workers have gone."""
+    """True if tasks of `cluster_workers` wait because all workers have gone."""
     return isinstance(executor, _ClusterWorkers) and executor.is_empty()
 
 
 def is_lost_worker(error: BaseException) -> bool:
-    """Whether a future failed because its worker went away, not because of what it ran."""
+    """True if a future failed because its worker went away, not because of what it ran."""
     lost: tuple[type[BaseException], ...] = (BrokenExecutor, CancelledError)
     if "distributed" in sys.modules:
         from distributed import CancelledError as Cancelled
@@ -236,7 +236,7 @@ def in_order(
     workers: Executor,
     on_quiet: Callable[[], None] | None = None,
 ) -> Iterator[Result]:
-    """What tasks return, in their order. One whose worker is lost runs again.
+    """Results of tasks, in their order. One whose worker is lost runs again.
 
     on_quiet: called whenever the task that is waited for has not ended for `QUIET` seconds.
 

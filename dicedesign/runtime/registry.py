@@ -31,7 +31,7 @@ ENTRY_POINTS: Final = "dicedesign.extensions"
 
 @dataclass(frozen=True, kw_only=True)
 class Extension:
-    """What every extension declares.
+    """The declaration of an extension.
 
     Attributes
     ----------

@@ -141,7 +141,7 @@ def _entry(rank: int, trial: Finished, on_front: bool, recipe: Recipe) -> dict[s
 
 
 def _varied(recipe: Recipe, entries: dict[str, Any]) -> dict[str, Any]:
-    """What a search varies, as it is in the recipe of one trial, by its key."""
+    """Varied entries of the recipe of one trial, by their keys."""
     varied: dict[str, Any] = {"seed": entries["seed"]}
     if varies_assignment(recipe):
         varied["assignment"] = entries["assignment"]

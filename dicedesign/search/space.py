@@ -1,4 +1,4 @@
-"""What a search varies, and how the numbers of a trial become a recipe."""
+"""The numbers that a search varies, and the recipe that those of a trial make."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Range:
 
 
 def varies_assignment(recipe: Recipe) -> bool:
-    """Whether a search gives the labels other directions: where the start is given and not all
+    """True if a search gives the labels other directions: where the start is given and not all
     outcomes are equally probable. Not with a symmetry, which allows few assignments: facets that
     are images of each other bear outcomes of one probability."""
     probabilities = recipe.target.target().probabilities

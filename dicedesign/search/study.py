@@ -30,7 +30,7 @@ JOURNAL: Final = "trials.journal"
 """Optuna's log of everything asked and told."""
 
 PLACE: Final = "place"
-"""Where a trial notes its place in the sequence of seeds."""
+"""Attribute of a trial: its place in the sequence of seeds."""
 
 LOCK: Final = "search.lock"
 """Locked while a search runs in the folder."""
@@ -179,9 +179,9 @@ class _Journal:
             ) from error
 
 
-def _no_journal(path: Path, found: object) -> InputError:
+def _no_journal(path: Path, fault: object) -> InputError:
     return InputError(
-        f"{path}: expected the journal of a search, but {found}; choose another folder with --out"
+        f"{path}: expected the journal of a search, but {fault}; choose another folder with --out"
     )
 
 
@@ -210,12 +210,12 @@ def _check_recipe(folder: Path, recipe: Recipe) -> None:
             )
         atomic_write(path, recipe_text(recipe).encode("utf-8"))
         return
-    there, here = read_recipe(path).resolved(), recipe.resolved()
-    if there != here:
-        key = next(key for key in here if there.get(key) != here[key])
+    earlier, wanted = read_recipe(path).resolved(), recipe.resolved()
+    if earlier != wanted:
+        key = next(key for key in wanted if earlier.get(key) != wanted[key])
         raise InputError(
             f"{folder}: expected a search of this recipe, got one of another, whose {key} is "
-            f"{there.get(key)!r} instead of {here[key]!r}; choose another folder with --out"
+            f"{earlier.get(key)!r} instead of {wanted[key]!r}; choose another folder with --out"
         )
 
 

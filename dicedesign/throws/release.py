@@ -1,4 +1,4 @@
-"""How a die lies in the hand: orientations and motions at the moment it is let go."""
+"""Orientations and motions of a die at the moment it is let go."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def up_directions() -> tuple[Floats, Floats]:
 
 
 def drop_weights(drops: int, orientations: Orientations) -> Floats:
-    """How much each of so many drops (n,) counts: 1 on the mean over the paper's directions."""
+    """Weights (n,) of so many drops: 1 on the mean over the paper's directions."""
     if orientations == "uniform":
         return np.ones(drops)
     return PAPER_DIRECTIONS * up_directions()[1][np.arange(drops) % PAPER_DIRECTIONS]

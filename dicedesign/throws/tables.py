@@ -42,7 +42,7 @@ _RANGES: Final = {
 }
 
 _LEARNED_ON: Final = ("restitution", "friction", "height", "speed", "spin", "size")
-"""What a momentum model depends on."""
+"""Parameters that a momentum model depends on."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def table_named(name: str) -> Table:
 
 
 def table_entries(name: str) -> dict[str, Any]:
-    """What the file of a table holds: the attributes of `Table`, and "momentum" where it has a
+    """Entries of the file of a table: the attributes of `Table`, and "momentum" where it has a
     momentum model.
 
     Raises

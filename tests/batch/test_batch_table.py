@@ -12,7 +12,7 @@ import pytest
 from dicedesign.batch import rest_table as table
 from dicedesign.batch.analyse import analyse_files
 from dicedesign.batch.folder import list_folder
-from dicedesign.batch.rest_table import Table
+from dicedesign.batch.rest_table import RestTable
 from dicedesign.batch.rows import COLUMNS, STAMPED, Entry, Stamp, broken_entry
 from dicedesign.errors import InputError, OutputError
 from dicedesign.geometry.meshes import reading as mesh_file
@@ -42,7 +42,7 @@ def test_which_files_are_meshes(meshes: Path) -> None:
 
 
 def test_rows_are_the_rests_of_each_file(meshes: Path, tmp_path: Path) -> None:
-    Table(tmp_path / "t.csv", analysed(meshes))
+    RestTable(tmp_path / "t.csv", analysed(meshes))
     rows = rows_of(tmp_path / "t.csv")
     assert list(rows[0]) == list(COLUMNS)
     assert list(dict.fromkeys(row["file"] for row in rows)) == FILES
@@ -95,7 +95,7 @@ def test_a_broken_file_has_one_row(tmp_path: Path, name: str, content: bytes, sa
     (tmp_path / name).write_bytes(content)
     entries = analysed(tmp_path)
     assert entries[name].rests == 0
-    Table(tmp_path / "t.csv", entries)
+    RestTable(tmp_path / "t.csv", entries)
     (row,) = rows_of(tmp_path / "t.csv")
     assert row["file"] == name
     assert said in row["error"]
@@ -126,18 +126,18 @@ def test_a_table_reads_back_as_it_was(meshes: Path, tmp_path: Path) -> None:
     (meshes / "carriage\rreturn.obj").write_bytes((meshes / "b" / "box.obj").read_bytes())
     entries = analysed(meshes)
     assert len(entries) == 9
-    Table(tmp_path / "t.csv", entries)
-    assert Table.read(tmp_path / "t.csv") == entries
-    assert Table.read(tmp_path / "missing.csv") == {}
+    RestTable(tmp_path / "t.csv", entries)
+    assert RestTable.read(tmp_path / "t.csv") == entries
+    assert RestTable.read(tmp_path / "missing.csv") == {}
 
 
 def test_a_file_with_rows_missing_is_not_in_the_table(meshes: Path, tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
-    Table(path, analysed(meshes))
+    RestTable(path, analysed(meshes))
     lines = path.read_text().splitlines(keepends=True)
     gone = next(i for i, line in enumerate(lines) if line.startswith("c.off,2,"))
     path.write_text("".join(lines[:gone] + lines[gone + 1 :]))
-    assert sorted(Table.read(path)) == [file for file in FILES if file != "c.off"]
+    assert sorted(RestTable.read(path)) == [file for file in FILES if file != "c.off"]
 
 
 @pytest.mark.parametrize(
@@ -153,10 +153,10 @@ def test_other_files_are_no_table(tmp_path: Path, content: str, said: str) -> No
     path = tmp_path / "t.csv"
     path.write_text(content)
     with pytest.raises(InputError, match=f"expected a table of an earlier run .*{said}.*--out"):
-        Table.read(path)
+        RestTable.read(path)
     (tmp_path / "d.csv").mkdir()
     with pytest.raises(InputError, match="expected a readable table"):
-        Table.read(tmp_path / "d.csv")
+        RestTable.read(tmp_path / "d.csv")
 
 
 def test_the_table_is_written_at_once_at_intervals_and_at_the_end(
@@ -167,9 +167,9 @@ def test_the_table_is_written_at_once_at_intervals_and_at_the_end(
     entries = [{f"{i}.stl": broken_entry(f"{i}.stl", Stamp(1, 1), "x")} for i in range(4)]
 
     def saved() -> int:
-        return len(Table.read(path))
+        return len(RestTable.read(path))
 
-    with Table(path, {}) as kept:
+    with RestTable(path, {}) as kept:
         assert path.read_text() == ",".join(COLUMNS) + "\n"
         kept.add(entries[2])
         assert saved() == 0
@@ -181,31 +181,31 @@ def test_the_table_is_written_at_once_at_intervals_and_at_the_end(
     assert saved() == 3
 
     def interrupted() -> None:
-        with Table(path, kept.entries) as again:
+        with RestTable(path, kept.entries) as again:
             again.add(entries[3])
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    assert list(Table.read(path)) == [f"{i}.stl" for i in range(4)]
+    assert list(RestTable.read(path)) == [f"{i}.stl" for i in range(4)]
     assert [file.name for file in tmp_path.iterdir()] == ["t.csv"]
 
 
 def test_a_table_that_cannot_be_written_is_noticed_at_once(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="expected to write a file in an existing"):
-        Table(tmp_path / "missing" / "t.csv", {})
+        RestTable(tmp_path / "missing" / "t.csv", {})
 
 
 def test_another_run_on_the_same_table_is_noticed(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     entries = [{f"{i}.stl": broken_entry(f"{i}.stl", Stamp(1, 1), "x")} for i in range(2)]
-    one = Table(path, {})
+    one = RestTable(path, {})
     one.add(entries[0])
-    with Table(path, Table.read(path)) as other:
+    with RestTable(path, RestTable.read(path)) as other:
         with pytest.raises(OutputError, match=r"t.csv: expected a table that only this run writes"):
             one.save()
         other.add(entries[1])
-    assert Table.read(path) == entries[1]
+    assert RestTable.read(path) == entries[1]
     path.unlink()
     one.save()
-    assert Table.read(path) == entries[0]
+    assert RestTable.read(path) == entries[0]

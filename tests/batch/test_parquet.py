@@ -16,7 +16,7 @@ from pyarrow import parquet
 
 from dicedesign.batch.analyse import analyse_files
 from dicedesign.batch.folder import list_folder
-from dicedesign.batch.rest_table import Table
+from dicedesign.batch.rest_table import RestTable
 from dicedesign.batch.rows import COLUMNS, Entry, Stamp
 from dicedesign.cli.main import main
 from dicedesign.errors import InputError
@@ -58,8 +58,8 @@ def odd(meshes: Path) -> Path:
 def test_both_formats_hold_the_same_table(odd: Path, tmp_path: Path) -> None:
     entries = analysed(odd)
     for name in ("t.csv", "t.parquet"):
-        Table(tmp_path / name, entries)
-        assert Table.read(tmp_path / name) == entries
+        RestTable(tmp_path / name, entries)
+        assert RestTable.read(tmp_path / name) == entries
     rows = rows_of(tmp_path / "t.parquet")
     assert rows == rows_of(tmp_path / "t.csv")
     assert list(rows[0]) == list(COLUMNS)
@@ -75,9 +75,9 @@ def test_columns_have_types(odd: Path, tmp_path: Path) -> None:
     types = {"text": pyarrow.string(), "whole": pyarrow.int64(), "real": pyarrow.float64()}
     expected = pyarrow.schema([(name, types[kind]) for name, kind in COLUMNS.items()])
     for entries in ({}, analysed(odd)):
-        Table(path, entries)
+        RestTable(path, entries)
         assert parquet.read_schema(path).remove_metadata() == expected
-        assert Table.read(path) == entries
+        assert RestTable.read(path) == entries
 
 
 def test_jobs_and_formats_do_not_matter(odd: Path, tmp_path: Path) -> None:
@@ -129,7 +129,7 @@ def test_other_files_are_no_table(tmp_path: Path, content: bytes | None, said: s
     else:
         path.write_bytes(content)
     with pytest.raises(InputError, match=f"expected a table of an earlier run .*{said}.*--out"):
-        Table.read(path)
+        RestTable.read(path)
 
 
 def test_names_that_are_not_utf8_need_csv(

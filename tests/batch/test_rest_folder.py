@@ -303,7 +303,7 @@ def test_workers_load_nothing_heavy(meshes: Path) -> None:
         assert loaded & (heavy | more) == set()
         assert ("trimesh" in loaded) == (not more)
         floors = {name.split(".")[1] for name in loaded if name.startswith("dicedesign.")}
-        assert floors <= {"batch", "rest", "geometry", "kernels", "errors", "tolerances"}
+        assert floors <= {"batch", "rest", "geometry", "kernels", "runtime", "errors", "tolerances"}
 
 
 def test_the_command_itself_loads_nothing_heavy(meshes: Path) -> None:

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from dicedesign.batch.rest_table import Table
+from dicedesign.batch.rest_table import RestTable
 
 FILES = 3000
 """How many the run has beside those of the folder, named by four digits."""
@@ -30,7 +30,7 @@ def begun(meshes: Path, out: Path, **options: Any) -> tuple[subprocess.Popen[str
     command = [sys.executable, "-c", SCRIPT, *rest]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, **options)
     deadline = time.monotonic() + 60.0
-    while not (out.exists() and Table.read(out)):
+    while not (out.exists() and RestTable.read(out)):
         assert time.monotonic() < deadline
         assert process.poll() is None
         time.sleep(0.02)

@@ -68,9 +68,9 @@ class LogOddsProcess:
 
         limits = np.log([LENGTHS] * dimensions + [VARIANCES, EXCESSES])
         start = np.log([1.0] * dimensions + [0.3, 1e-3])
-        found = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=limits)
-        self.lengths: Floats = np.exp(found.x[:dimensions])
-        self.variance, self.excess = np.exp(found.x[dimensions:]).tolist()
+        likeliest = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=limits)
+        self.lengths: Floats = np.exp(likeliest.x[:dimensions])
+        self.variance, self.excess = np.exp(likeliest.x[dimensions:]).tolist()
         covariance = self._covariance(points) + np.diag(noise + self.excess)
         self._factor = cho_factor(covariance, lower=True)
         self._weights = cho_solve(self._factor, residuals)

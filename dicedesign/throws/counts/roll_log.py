@@ -1,4 +1,4 @@
-"""Files of a die's throws."""
+"""Files of one die's throws."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOST_NAMED: Final = 30
 
 
 def read_counts(path: Path, labels: Sequence[str]) -> Integers:
-    """How often each of k distinct labels came up (k,), from a CSV file.
+    """Counts (k,) of k distinct labels, from a CSV file.
 
     The file has the columns label and count, each label at most once, those that never came up
     perhaps not at all; or only the column label, with one throw on each line. Empty lines and

@@ -1,6 +1,4 @@
-"""What the throws of a die say about its odds.
-
-How many throws it takes to tell whether a die has its odds."""
+"""The verdict of a die's throws on its odds, and the numbers of throws that a verdict takes."""
 
 from __future__ import annotations
 
@@ -26,8 +24,8 @@ from dicedesign.tolerances import EQUAL_ODDS
 __all__ = ["POWER", "WITHIN", "RollVerdict", "judge_rolls", "throws_to_confirm", "throws_to_reject"]
 
 FEWEST_EXPECTED: Final = 5.0
-"""Where an outcome is expected less often, the statistic of Pearson's test is not distributed as it
-supposes: Cochran, Biometrics 10(4), 1954."""
+"""Of an outcome that is expected less often the statistic of Pearson's test is not distributed as
+it supposes: Cochran, Biometrics 10(4), 1954."""
 
 POWER: Final = 0.8
 """Probability with which a wrong die is to be found out."""
@@ -38,7 +36,7 @@ WITHIN: Final = 0.02
 
 @dataclass(frozen=True)
 class RollVerdict:
-    """What counts of k outcomes say about given odds.
+    """The verdict of counts of k outcomes on given odds.
 
     Attributes
     ----------
@@ -84,7 +82,7 @@ class RollVerdict:
 
     @property
     def rejected(self) -> bool:
-        """Whether the die does not have the given odds, as far as the test can tell."""
+        """True if the die does not have the given odds, as far as the test can tell."""
         return self.p_value <= 1.0 - self.confidence
 
 

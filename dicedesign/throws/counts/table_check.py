@@ -1,4 +1,4 @@
-"""Whether a table explains what came up with real dice."""
+"""Real throws beside simulated ones: a test of a table."""
 
 from __future__ import annotations
 

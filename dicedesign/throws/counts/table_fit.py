@@ -28,8 +28,8 @@ PARAMETERS: Final[Mapping[str, tuple[float, float]]] = {
     "speed": (0.0, 1.5),
     "spin": (0.0, 50.0),
 }
-"""What is fitted, and between which limits, in the units of `Table`. The prior is flat there. Dice
-that are larger than the least height are dropped from higher."""
+"""Parameters that are fitted with their limits, in the units of `Table`. The prior is flat there.
+Dice that are larger than the least height are dropped from higher."""
 
 FIRST: Final = 0.5
 """Part of the evaluations that are spread over all throws; the others are where the posterior is
@@ -55,7 +55,7 @@ BELIEF: Final = 0.9
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """What the counts say about one throw parameter, in the unit of `Table`.
+    """One throw parameter by the counts, in the unit of `Table`.
 
     Attributes
     ----------
@@ -156,9 +156,9 @@ def fit_table(
         posterior = _posterior(_surrogates(points, counts), dice, grid)
         drawn = rng.choice(len(posterior.points), len(batch), p=posterior.weights)
         more = posterior.points[drawn]
-        found = _simulated(dice, start, limits, more, drops, seed, len(points), workers, progress)
+        added = _simulated(dice, start, limits, more, drops, seed, len(points), workers, progress)
         points = np.concatenate([points, more])
-        counts = [np.concatenate(pair) for pair in zip(counts, found, strict=True)]
+        counts = [np.concatenate(pair) for pair in zip(counts, added, strict=True)]
     surrogates = _surrogates(points, counts)
     posterior = _posterior(surrogates, dice, grid)
     parameters, correlations = _summary(posterior, limits)
@@ -253,8 +253,8 @@ def _simulated(
             partial(_thrown, die, table, drops, (seed, number, i)) for i, die in enumerate(dice)
         ]
     counts: list[list[Integers]] = [[] for _ in dice]
-    for place, found in enumerate(in_order(tasks, workers)):
-        counts[place % len(dice)].append(found)
+    for place, came in enumerate(in_order(tasks, workers)):
+        counts[place % len(dice)].append(came)
         if progress is not None:
             progress(drops)
     return [np.array(rows, dtype=np.int64) for rows in counts]
@@ -272,7 +272,7 @@ def _limits(dice: Sequence[ThrownDie], start: Table) -> dict[str, tuple[float, f
 
 
 def _thrown(die: ThrownDie, table: Table, drops: int, seed: Sequence[int]) -> Integers:
-    """How often each outcome (g,) of a die comes up on a table."""
+    """Counts (g,) of a die's outcomes on a table."""
     # A seed of this die and set, from which different ones are unrelated.
     (own,) = np.random.SeedSequence(seed).generate_state(1).tolist()
     return die.by_outcome(simulate(die.body, table.sized(die.size), drops, own).counts)

@@ -34,7 +34,7 @@ CARRY_OUTPUTS: Final = 3
 """Logarithm of the rate of a carry, in three terms."""
 
 TRANSITIONS_KEY: Final = "passes"
-"""What files call transitions."""
+"""Name of transitions in files."""
 
 DIGITS: Final = 6
 """Significant digits of a model in a file."""

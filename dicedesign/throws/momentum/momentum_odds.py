@@ -40,7 +40,7 @@ IMPACTS: Final = 12
 """Impacts in which a die may leave its basin."""
 
 CARRIES: Final = 3
-"""How often it may be carried on after one of them."""
+"""Carries, at most, after one of them."""
 
 MOST_RATE: Final = 8.0
 """Logarithm of the rates of transitions and carries, at most; a die as good as certainly goes

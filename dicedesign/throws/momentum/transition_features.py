@@ -1,4 +1,4 @@
-"""What the momentum model knows of a body: scalar features of its transitions and carries.
+"""Features of a body for the momentum model: scalars of its transitions and carries.
 
 Lengths are in units of the radius, the largest distance of a corner from the center of mass, and
 moments of inertia in units of mass times squared radius. The features do not change when the body
@@ -89,7 +89,7 @@ SHARPNESS: Final = 10.0
 
 @dataclass(frozen=True)
 class Features:
-    """What the momentum model sees, NumPy or torch.
+    """Everything that the momentum model knows of a body, NumPy or torch.
 
     Attributes
     ----------
@@ -187,7 +187,7 @@ def body_features(
 
 
 class _Rests:
-    """What is known of each rest; see `TRANSITION_FEATURES`."""
+    """Measures of each rest; see `TRANSITION_FEATURES`."""
 
     def __init__(
         self, transitions: Transitions, arms: Any, inertia: Any, odds: Any, xp: ModuleType

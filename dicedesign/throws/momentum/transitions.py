@@ -59,7 +59,7 @@ class Transitions:
 
     @property
     def rests(self) -> int:
-        """How many."""
+        """Number of rests."""
         return len(self.corners)
 
     @cached_property

@@ -59,7 +59,7 @@ class Film:
         return np.asarray(Rotation.from_quat(self.quaternions, scalar_first=True).as_matrix())
 
     def placed(self, points: Floats, center_of_mass: ArrayLike, frame: int) -> Floats:
-        """Where points (n, 3) of the body are in a frame, (n, 3) in m.
+        """Positions (n, 3) in m of points (n, 3) of the body in a frame.
 
         points, center_of_mass: in the body's own frame and unit of length. They are scaled like the
         body, to the size of the table's die.

@@ -53,7 +53,7 @@ class Throws:
 
     @property
     def drops(self) -> int:
-        """How many in all."""
+        """Number of all."""
         return len(self.outcomes)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""How closely two measures of the same bodies go together."""
+"""The correlation of two measures of the same bodies."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ def correlation(first: Floats, second: Floats) -> Correlation:
                 "correlation: expected finite values that differ between bodies, got values from "
                 f"{measure.min():g} to {measure.max():g}; take other bodies"
             )
-    found = pearsonr(first, second)
-    low, high = found.confidence_interval()
+    pearson = pearsonr(first, second)
+    low, high = pearson.confidence_interval()
     return Correlation(
-        float(found.statistic), float(found.pvalue), (float(low), float(high)), len(first)
+        float(pearson.statistic), float(pearson.pvalue), (float(low), float(high)), len(first)
     )

@@ -1,4 +1,4 @@
-"""Whether counts can come from given odds, or from the odds of other counts."""
+"""Tests of counts against given odds, and against other counts."""
 
 from __future__ import annotations
 
@@ -23,10 +23,9 @@ __all__ = [
 ]
 
 MOST_TABLES: Final = 1_000_000
-"""Tables of counts that are listed; where there are more, some are drawn at random."""
+"""Tables of counts that are listed; where there are more, `DRAWS` are drawn at random."""
 
 DRAWS: Final = 100_000
-"""How many are drawn then."""
 
 SEED: Final = 0
 
@@ -54,7 +53,7 @@ class MultinomialTest:
 
     Attributes
     ----------
-    p_value: probability of counts that are no more probable than those seen.
+    p_value: probability of counts that are no more probable than those observed.
     tables: possible counts of so many throws that were looked at.
     standard_error: of the p-value; 0 where all possible counts were looked at.
     """
@@ -99,7 +98,7 @@ def exact_multinomial(counts: ArrayLike, odds: ArrayLike) -> MultinomialTest:
     throws and rare outcomes too.
 
     All possible counts are listed, or, where they are more than `MOST_TABLES`, 100 000 are drawn
-    at random with a fixed seed. Those seen count as one more of them, so that no p-value is 0.
+    at random with a fixed seed. Those observed count as one more of them, so that no p-value is 0.
 
     Parameters
     ----------
@@ -108,17 +107,17 @@ def exact_multinomial(counts: ArrayLike, odds: ArrayLike) -> MultinomialTest:
     """
     came, p = np.asarray(counts, dtype=np.int64), np.asarray(odds, dtype=np.float64)
     throws, kinds = int(came.sum()), len(p)
-    seen = _log_likelihood(came, p)
+    observed = _log_likelihood(came, p)
     # Each term but the first is taken off.
-    terms = 2.0 * gammaln(throws + 1.0) - seen
-    seen = seen + EQUAL_LIKELIHOOD * terms
+    terms = 2.0 * gammaln(throws + 1.0) - observed
+    observed = observed + EQUAL_LIKELIHOOD * terms
     tables = math.comb(throws + kinds - 1, kinds - 1)
     if tables <= MOST_TABLES:
         every = _all_log_likelihoods(throws, p)
-        return MultinomialTest(min(1.0, float(np.exp(every[every <= seen]).sum())), tables, 0.0)
+        return MultinomialTest(min(1.0, float(np.exp(every[every <= observed]).sum())), tables, 0.0)
     hits = 1
     for drawn in drawn_counts(p, throws, DRAWS, SEED):
-        hits += int((_log_likelihood(drawn, p) <= seen).sum())
+        hits += int((_log_likelihood(drawn, p) <= observed).sum())
     looked_at = 1 + DRAWS
     p_value = hits / looked_at
     return MultinomialTest(p_value, looked_at, math.sqrt(p_value * (1.0 - p_value) / looked_at))

@@ -1,4 +1,4 @@
-"""What counts say about each probability alone."""
+"""Intervals of each probability alone, from counts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Posterior", "exact_intervals", "jeffreys_means", "jeffreys_posterior
 
 @dataclass(frozen=True)
 class Posterior:
-    """What is believed of k probabilities after some throws.
+    """Belief about k probabilities after some throws.
 
     Attributes
     ----------

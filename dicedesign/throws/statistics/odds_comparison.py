@@ -1,4 +1,4 @@
-"""How far apart two predictions of the same body's rests are, beside what chance alone makes."""
+"""Distances of two predictions of the same body's rests, beside what chance alone makes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Prediction:
     drops: int | None = None
 
     def drawn(self, odds: Floats, rng: np.random.Generator) -> Floats:
-        """What as many drops (k,) of a body with some odds (k,) give."""
+        """Frequencies (k,) of as many drops of a body with some odds (k,)."""
         if self.drops is None:
             return odds
         frequencies: Floats = rng.multinomial(self.drops, odds) / self.drops
@@ -96,7 +96,7 @@ def compare_odds(
 
 
 def _common_odds(first: Prediction, second: Prediction) -> Floats:
-    """What both predictions say together."""
+    """Odds (k,) by both predictions together."""
     if first.drops is None or second.drops is None:
         return (first if first.drops is None else second).odds
     summed = first.drops * first.odds + second.drops * second.odds

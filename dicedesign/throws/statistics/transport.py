@@ -1,4 +1,4 @@
-"""How far apart two distributions of resting directions are."""
+"""The Wasserstein distance of two distributions of resting directions."""
 
 from __future__ import annotations
 
