@@ -8,8 +8,8 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
+from collections.abc import Iterator
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -226,42 +226,6 @@ def test_one_mesh_takes_no_option_of_a_folder(
     assert main(["rest", str(meshes / "a.stl"), *option]) == 2
     said = capsys.readouterr().err
     assert said.startswith(f"dicedesign: {option[0]}: expected a folder of meshes, got ")
-
-
-def test_a_cluster_without_workers_is_told_of_once(
-    meshes: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.setattr(executors, "QUIET", 0.01)
-    monkeypatch.setattr(running, "FEWEST_TASKS_PER_JOB", 1)
-    waiting: list[Callable[[], None]] = []
-    looks = 0
-
-    class Late(Inline):
-        def submit(self, function: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-            future: Future[Any] = Future()
-            waiting.append(lambda: future.set_result(function(*args, **kwargs)))
-            return future
-
-    @contextmanager
-    def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
-        yield Late(), 1
-
-    def no_worker_left(_: Executor) -> bool:
-        nonlocal looks
-        looks += 1
-        waiting.pop()()
-        return True
-
-    monkeypatch.setattr(executors, "cluster_workers", cluster_workers)
-    monkeypatch.setattr(executors, "no_worker_left", no_worker_left)
-    out = str(tmp_path / "t.csv")
-    assert main(["rest", str(meshes), "--scheduler", "tcp://far:1", "--out", out]) == 0
-    assert looks == 1
-    note = "note: tcp://far:1 has no worker left; files wait for one to join\n"
-    assert capsys.readouterr().err == f"note: 1 files are no meshes\n{note}"
 
 
 def test_an_interrupt_keeps_what_was_done(

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -107,43 +103,6 @@ def test_a_search_of_refined_dice_is_refused(
     assert main(["search", recipe, "--trials", "1", "--out", str(tmp_path / "out")]) == 2
     assert "expected no method.exact.refine in a search" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.usefixtures("made_up")
-def test_a_cluster_without_workers_is_told_of_once(
-    tmp_path: Path,
-    recipe_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """Workers come back after two looks, twice; in the second trial they are only slow."""
-    monkeypatch.setattr(executors, "QUIET", 0.01)
-    looks: list[bool] = []
-    waiting: list[Callable[[], None]] = []
-
-    class Late(Inline):
-        def submit(self, function: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-            future: Future[Any] = Future()
-            waiting.append(lambda: future.set_result(function(*args, **kwargs)))
-            return future
-
-    @contextmanager
-    def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
-        yield Late(), 1
-
-    def no_worker_left(executor: Executor) -> bool:
-        assert isinstance(executor, Late)
-        looks.append(len(looks) not in (1, 2))
-        if len(looks) in (1, 2, 4):
-            waiting.pop()()
-        return looks[-1]
-
-    monkeypatch.setattr(executors, "cluster_workers", cluster_workers)
-    monkeypatch.setattr(executors, "no_worker_left", no_worker_left)
-    out = ["--out", str(tmp_path / "out")]
-    main(["search", str(recipe_path), "--trials", "3", "--scheduler", "tcp://far:1", *out])
-    note = "note: tcp://far:1 has no worker left; trials wait for one to join\n"
-    assert capsys.readouterr().err == 2 * note
 
 
 def test_another_recipe_and_a_missing_extra_are_said_in_words(

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import pytest
-from common.inline_executor import Inline
+from common.inline_executor import Inline, Lossy
 from common.thrown import compiled_only, random_body
 
-from dicedesign.errors import DiceError, InputError
-from dicedesign.runtime import executors
+from dicedesign.errors import InputError
 from dicedesign.runtime.executors import local_workers
 from dicedesign.throws.release import PAPER_DIRECTIONS
 from dicedesign.throws.simulation.simulation import DROPS_PER_TASK, Throws, simulate
@@ -40,6 +37,15 @@ def test_more_drops_begin_with_the_same() -> None:
     body, _ = random_body(1)
     few, many = simulate(body, CARPET, DROPS_PER_TASK), simulate(body, CARPET, 700)
     np.testing.assert_array_equal(many.outcomes[:DROPS_PER_TASK], few.outcomes)
+
+
+@compiled_only
+def test_what_lost_workers_left_is_thrown_again() -> None:
+    body, _ = random_body(1)
+    lossy = Lossy(lambda count: count in (1, 2, 3))
+    np.testing.assert_array_equal(
+        simulate(body, CARPET, 600, workers=lossy).outcomes, simulate(body, CARPET, 600).outcomes
+    )
 
 
 @compiled_only
@@ -70,43 +76,6 @@ def test_no_drop_is_dropped() -> None:
     np.testing.assert_allclose(throws.frequencies, [0.25, 0.0, 0.75, 0.0])
     nothing = Throws(BOARD, "native", 0, outcomes[2:3], weights[2:3], 4)
     assert np.isnan(nothing.frequencies).all()
-
-
-class Unlucky(Executor):
-    """Loses the first workers that it is given."""
-
-    def __init__(self, losses: int) -> None:
-        self.losses = losses
-
-    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        if not self.losses:
-            return Inline().submit(function, *args, **kwargs)
-        self.losses -= 1
-        future: Future[Any] = Future()
-        future.set_exception(BrokenProcessPool())
-        return future
-
-
-@compiled_only
-def test_lost_workers() -> None:
-    body, _ = random_body(1)
-    expected = simulate(body, CARPET, 600).outcomes
-    found = simulate(body, CARPET, 600, workers=Unlucky(3)).outcomes
-    np.testing.assert_array_equal(found, expected)
-    with pytest.raises(
-        DiceError, match=r"workers: expected some that stay, but 5 were lost while one"
-    ):
-        simulate(body, CARPET, 600, workers=Unlucky(99))
-
-
-@compiled_only
-def test_a_worker_that_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(executors, "QUIET", 1e-4)
-    body, _ = random_body(1)
-    told: list[int] = []
-    with ThreadPoolExecutor(1) as workers:
-        simulate(body, CARPET, 300, workers=workers, on_quiet=lambda: told.append(1))
-    assert told
 
 
 @pytest.mark.parametrize(

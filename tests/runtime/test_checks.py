@@ -1,0 +1,17 @@
+"""Checks of numbers that people give."""
+
+from __future__ import annotations
+
+import pytest
+
+from dicedesign.errors import InputError
+from dicedesign.runtime.checks import check_whole
+
+
+def test_whole_numbers() -> None:
+    check_whole("--jobs", 1)
+    check_whole("seed", 0, least=0)
+    with pytest.raises(InputError, match=r"^--jobs: expected a whole number above 0, got 0; raise"):
+        check_whole("--jobs", 0)
+    with pytest.raises(InputError, match=r"^dice: expected a whole number of at least 8, got -1"):
+        check_whole("dice", -1, least=8)

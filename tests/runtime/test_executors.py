@@ -1,0 +1,89 @@
+"""Loops over tasks: how many run at a time, workers that are lost, and long waits."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
+from time import sleep
+
+import pytest
+from common.inline_executor import Inline, Late, Lossy
+
+from dicedesign.errors import DiceError
+from dicedesign.runtime import executors
+from dicedesign.runtime.executors import as_ended, in_order, is_lost_worker, local_workers
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Waits are long after a moment."""
+    monkeypatch.setattr(executors, "QUIET", 1e-3)
+
+
+@pytest.mark.usefixtures("impatient")
+def test_as_many_run_at_a_time_as_asked() -> None:
+    """Tasks end in the wrong order, and only where nothing else happens."""
+    late, tasks, running = Late(), iter(range(8)), []
+
+    def on_quiet() -> None:
+        running.append(len(late.waiting))
+        late.end_one()
+
+    ended = as_ended(lambda: next(tasks, None), lambda task: late.submit(pow, task, 2), 6, on_quiet)
+    squares = {task: future.result() for task, future in ended}
+    assert squares == {n: n**2 for n in range(8)}
+    assert list(squares) != list(range(8))
+    assert running == [6, 6, 6, 5, 4, 3, 2, 1]
+
+
+def test_a_task_that_failed_may_be_given_again() -> None:
+    lossy, waiting, done = Lossy(lambda count, task: task == "b" and count < 4), ["b", "a"], []
+
+    def next_task() -> str | None:
+        return waiting.pop() if waiting else None
+
+    for task, future in as_ended(next_task, partial(lossy.submit, str.upper), 1):
+        if future.exception() is None:
+            done.append(future.result())
+        else:
+            assert is_lost_worker(future.exception())
+            waiting.append(task)
+    assert done == ["A", "B"]
+    assert [task for (task,) in lossy.submitted] == ["a", "b", "b", "b"]
+
+
+def test_results_come_in_order_though_workers_are_lost() -> None:
+    tasks = [partial(pow, number, 2) for number in range(5)]
+    lossy = Lossy(lambda count: count in (2, 4, 6))
+    assert list(in_order(tasks, lossy)) == [0, 1, 4, 9, 16]
+    assert len(lossy.submitted) == 8
+    with pytest.raises(DiceError, match=r"expected some that stay, but 5 were lost while one"):
+        list(in_order(tasks, Lossy(lambda count: count > 3)))
+
+
+def test_an_error_of_a_task_is_none_of_its_worker() -> None:
+    assert is_lost_worker(BrokenProcessPool())
+    assert not is_lost_worker(RuntimeError())
+    with pytest.raises(ZeroDivisionError):
+        list(in_order([lambda: 1 // 0], Inline()))
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_long_wait_is_told() -> None:
+    told: list[int] = []
+    with ThreadPoolExecutor(1) as workers:
+        list(in_order([partial(sleep, 0.05)], workers, lambda: told.append(1)))
+    assert told
+
+
+def test_a_local_worker_that_dies_is_replaced() -> None:
+    others = set(multiprocessing.active_children())
+    with local_workers(1) as workers:
+        lost = workers.submit(os.kill, workers.submit(os.getpid).result(), signal.SIGKILL)
+        assert is_lost_worker(lost.exception() or RuntimeError())
+        assert workers.submit(pow, 3, 2).result() == 9
+    assert set(multiprocessing.active_children()) == others

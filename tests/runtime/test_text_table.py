@@ -1,0 +1,24 @@
+"""Tables of aligned columns."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dicedesign.runtime.text_table import text_table
+
+
+def test_texts_begin_at_the_left_and_numbers_end_at_the_right() -> None:
+    columns = [("name", ""), ("count", "d"), ("part", ".2f"), ("limits", ">"), ("", "")]
+    rows = [
+        ["one", np.int64(7), 0.5, "1 to 2", "x"],
+        ["fifteen", 12345678, np.float64(10), "-", ""],
+    ]
+    assert text_table(columns, rows) == [
+        "name        count   part  limits",
+        "one             7   0.50  1 to 2  x",
+        "fifteen  12345678  10.00       -",
+    ]
+
+
+def test_without_rows_the_names_are_left() -> None:
+    assert text_table([("a", "d"), ("b", "")], []) == ["a  b"]
