@@ -25,7 +25,7 @@ from dicedesign.learning.random_throws import (
     mean_deviations,
     throw_random_dice,
 )
-from dicedesign.throws.counts.throw_counts import ThrownDie
+from dicedesign.throws.counts.throw_counts import CountedDie
 from dicedesign.throws.engines.engine import Engine
 from dicedesign.throws.momentum.momentum_model import MomentumModel
 from dicedesign.throws.momentum.momentum_odds import momentum_odds
@@ -189,7 +189,7 @@ def _evaluation(die: RandomDie) -> RestEvaluation:
 
 
 def judge_printed_die(
-    die: ThrownDie,
+    die: CountedDie,
     table: Table,
     model: MomentumModel | None,
     drops: int,
@@ -220,7 +220,7 @@ def judge_printed_die(
 
 
 def _judged(
-    model: str, die: ThrownDie, odds: NDArray[np.float64], test: ChiSquareTest
+    model: str, die: CountedDie, odds: NDArray[np.float64], test: ChiSquareTest
 ) -> JudgedOdds:
     throws = int(die.counts.sum())
     return JudgedOdds(

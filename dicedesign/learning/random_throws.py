@@ -11,7 +11,6 @@ from functools import partial
 import numpy as np
 import torch
 
-from dicedesign.errors import InputError
 from dicedesign.learning.momentum_training import TrainingDie
 from dicedesign.learning.random_dice import RESTS, RandomDie, random_die
 from dicedesign.runtime.arrays import Integers
@@ -124,11 +123,7 @@ def throw_random_die(
     for table, drops in throws:
         own = int(np.random.SeedSequence([seed, number, drops]).generate_state(1)[0])
         outcome = simulate(die.body, table, drops, own, engine=engine)
-        if outcome.unresolved == drops:
-            raise InputError(
-                f"table {table.name}: expected drops that come to rest, but none of {drops} of "
-                f"{die.body.name} did; take more drops or another table"
-            )
+        outcome.require_rest()
         thrown.append(ThrownRandomDie(number, die, outcome.counts, outcome.unresolved))
     return tuple(thrown)
 

@@ -190,5 +190,5 @@ def test_drops_that_never_rest(monkeypatch: pytest.MonkeyPatch) -> None:
         return Throws(table, engine, seed, np.full(drops, -1), weights, len(body.rest_heights))
 
     monkeypatch.setattr(random_throws, "simulate", throw)
-    with pytest.raises(InputError, match=r"^table board-game: expected drops that come to rest"):
+    with pytest.raises(InputError, match=r"^table board-game: expected throws that come to rest"):
         throw_random_die(0, 0, [(TABLE, 5)])

@@ -26,7 +26,7 @@ from dicedesign.errors import InputError
 if TYPE_CHECKING:
     from dicedesign.bench.momentum import Extent, ModelTimes, PrintedDie
     from dicedesign.learning.random_throws import Deviation, Deviations
-    from dicedesign.throws.counts.throw_counts import ThrownDie
+    from dicedesign.throws.counts.throw_counts import CountedDie
     from dicedesign.throws.momentum.momentum_model import MomentumModel
     from dicedesign.throws.tables import Table
 
@@ -164,7 +164,7 @@ def _extent(options: argparse.Namespace) -> Extent:
     return Extent(dice, drops)
 
 
-def _printed(options: argparse.Namespace) -> tuple[ThrownDie, ...]:
+def _printed(options: argparse.Namespace) -> tuple[CountedDie, ...]:
     from dicedesign.throws.counts.throw_counts import read_throw_counts
 
     if options.throws is None:

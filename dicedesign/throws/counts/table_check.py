@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.counts.throw_counts import ThrownDie
+from dicedesign.throws.counts.throw_counts import CountedDie
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.statistics.goodness_of_fit import (
     ChiSquareTest,
@@ -36,7 +36,7 @@ class DieCheck:
     geometric: whether the real ones can have the odds without momentum.
     """
 
-    die: ThrownDie
+    die: CountedDie
     simulated: Integers
     unresolved: int
     chi_square: ChiSquareTest
@@ -50,7 +50,7 @@ class DieCheck:
 
 
 def check_table(
-    dice: Sequence[ThrownDie],
+    dice: Sequence[CountedDie],
     table: Table,
     drops: int,
     seed: int,

@@ -15,7 +15,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checks import check_whole
 from dicedesign.runtime.executors import in_order
 from dicedesign.throws.counts.odds_surrogate import OddsSurrogate
-from dicedesign.throws.counts.throw_counts import ThrownDie
+from dicedesign.throws.counts.throw_counts import CountedDie
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.tables import Table
 
@@ -116,7 +116,7 @@ def check_effort(evaluations: int, drops: int, seed: int) -> None:
 
 
 def fit_table(
-    dice: Sequence[ThrownDie],
+    dice: Sequence[CountedDie],
     start: Table,
     evaluations: int,
     drops: int,
@@ -207,7 +207,7 @@ def _surrogates(points: Floats, counts: Sequence[Integers]) -> list[OddsSurrogat
 
 
 def _posterior(
-    surrogates: Sequence[OddsSurrogate], dice: Sequence[ThrownDie], grid: Floats
+    surrogates: Sequence[OddsSurrogate], dice: Sequence[CountedDie], grid: Floats
 ) -> _Posterior:
     """The posterior at the likeliest points of the grid (n, 5), by the flat prior."""
     points = grid[np.argsort(_log_likelihood(surrogates, dice, grid, False))[-KEPT:]]
@@ -217,7 +217,7 @@ def _posterior(
 
 
 def _log_likelihood(
-    surrogates: Sequence[OddsSurrogate], dice: Sequence[ThrownDie], points: Floats, exact: bool
+    surrogates: Sequence[OddsSurrogate], dice: Sequence[CountedDie], points: Floats, exact: bool
 ) -> Floats:
     """(n,) of all counts, at points (n, 5), as `OddsSurrogate.log_likelihood`."""
     parts = [
@@ -228,7 +228,7 @@ def _log_likelihood(
 
 
 def _simulated(
-    dice: Sequence[ThrownDie],
+    dice: Sequence[CountedDie],
     start: Table,
     limits: Mapping[str, tuple[float, float]],
     points: Floats,
@@ -264,14 +264,14 @@ def _table(start: Table, values: Mapping[str, float]) -> Table:
     return Table(**{**start.as_dict(), **values})
 
 
-def _limits(dice: Sequence[ThrownDie], start: Table) -> dict[str, tuple[float, float]]:
+def _limits(dice: Sequence[CountedDie], start: Table) -> dict[str, tuple[float, float]]:
     """Those of `PARAMETERS`, for dice of these sizes."""
     largest = max(start.size if die.size is None else die.size for die in dice)
     least, most = PARAMETERS["height"]
     return {**PARAMETERS, "height": (max(least, largest), max(most, 2.0 * largest))}
 
 
-def _thrown(die: ThrownDie, table: Table, drops: int, seed: Sequence[int]) -> Integers:
+def _thrown(die: CountedDie, table: Table, drops: int, seed: Sequence[int]) -> Integers:
     """Counts (g,) of a die's outcomes on a table."""
     # A seed of this die and set, from which different ones are unrelated.
     (own,) = np.random.SeedSequence(seed).generate_state(1).tolist()

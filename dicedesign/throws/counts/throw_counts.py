@@ -22,7 +22,7 @@ from dicedesign.throws.counts.csv_rows import csv_rows, require_equal_lengths, w
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.tables import LEAST_SIZE, MOST_SIZE
 
-__all__ = ["ThrownDie", "read_throw_counts"]
+__all__ = ["CountedDie", "read_throw_counts"]
 
 NEEDED: Final = ("die", "mesh", "outcome", "throws")
 
@@ -37,7 +37,7 @@ Rows = list[tuple[int, dict[str, str]]]
 
 
 @dataclass(frozen=True)
-class ThrownDie:
+class CountedDie:
     """A real die and what came up.
 
     Attributes
@@ -67,7 +67,7 @@ class ThrownDie:
         return sums_by_outcome(rests, self.group_of_rest, len(self.labels))
 
 
-def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[ThrownDie, ...]:
+def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[CountedDie, ...]:
     """The dice of a CSV file with a line for each outcome.
 
     Needed columns: `die`, a name; `mesh`, the path of a mesh file or of the folder of a finished
@@ -115,7 +115,7 @@ def _rows(path: Path) -> Rows:
     return [(line, dict(zip(columns, row, strict=True))) for line, row in rows]
 
 
-def _die(path: Path, name: str, rows: Rows) -> ThrownDie:
+def _die(path: Path, name: str, rows: Rows) -> CountedDie:
     first = rows[0][1]
     for line, row in rows:
         for column in ("mesh", CENTER, SIZE):
@@ -150,7 +150,7 @@ def _die(path: Path, name: str, rows: Rows) -> ThrownDie:
             "the die out"
         )
     geometric = sums_by_outcome(poses.probabilities, groups.group_of_rest, len(labels))
-    return ThrownDie(
+    return CountedDie(
         name=name,
         body=body,
         size=size,

@@ -6,12 +6,11 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import RestPoses, rest_poses
@@ -56,7 +55,7 @@ class DieOnTable:
         directions (k, 3)."""
         poses = rest_poses(solid, center_of_mass)
         body = rigid_body(solid, poses)
-        sized = replace(table, size=2e-3 * body.radius)
+        sized = table.sized(2e-3 * body.radius)
         return cls(solid, body, poses, outcome_odds(poses, directions), sized)
 
     def momentum(self, model: MomentumModel | None) -> Floats:
@@ -67,11 +66,7 @@ class DieOnTable:
     def simulated(self, drops: int, seed: int, engine: str, workers: Executor) -> Throws:
         """So many throws. Raises InputError: none of them came to rest."""
         throws = simulate(self.body, self.table, drops, seed, engine=engine, workers=workers)
-        if throws.unresolved == drops:
-            raise InputError(
-                f"table {self.table.name}: expected throws that come to rest, got none of {drops}; "
-                "raise its friction, or lower its restitution"
-            )
+        throws.require_rest()
         return throws
 
     def counts(self, throws: Throws) -> Integers:

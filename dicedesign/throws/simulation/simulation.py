@@ -66,6 +66,14 @@ class Throws:
         """Drops that ended on an edge, stuck or still moving; they count for no rest."""
         return int(np.count_nonzero(self.outcomes < 0))
 
+    def require_rest(self) -> None:
+        """Raise InputError where no drop came to rest."""
+        if self.unresolved == self.drops:
+            raise InputError(
+                f"table {self.table.name}: expected throws that come to rest, got none of "
+                f"{self.drops}; raise its friction, or lower its restitution"
+            )
+
     @cached_property
     def frequencies(self) -> Floats:
         """(k,) of the rests among the drops that were resolved, by weight; NaN if none was."""

@@ -14,19 +14,19 @@ from scipy.special import expit
 from dicedesign.errors import InputError
 from dicedesign.throws.counts import table_fit as fitting
 from dicedesign.throws.counts.table_fit import PARAMETERS, TableFit, fit_table
-from dicedesign.throws.counts.throw_counts import ThrownDie
+from dicedesign.throws.counts.throw_counts import CountedDie
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.tables import Table
 
 START = Table("mine", 0.5, 0.3, 0.5, 0.0, 0.0, source="counts")
 
 
-def die(name: str, counts: Sequence[int], size: float | None = None) -> ThrownDie:
+def die(name: str, counts: Sequence[int], size: float | None = None) -> CountedDie:
     """A box whose three pairs of sides are two outcomes."""
     body, poses = thrown(box(1.0, 1.2, 1.4))
     shows = (np.abs(poses.normals).argmax(axis=1) > 0).astype(np.int64)
     even = np.array([0.5, 0.5])
-    return ThrownDie(name, body, size, ("a", "b"), np.array(counts), even, shows, poses)
+    return CountedDie(name, body, size, ("a", "b"), np.array(counts), even, shows, poses)
 
 
 def by_restitution(restitution: np.ndarray) -> np.ndarray:
@@ -37,7 +37,7 @@ def by_friction(friction: np.ndarray, restitution: np.ndarray) -> np.ndarray:
     return np.asarray(expit(4.0 * (friction + restitution - 1.0)))
 
 
-def supposed(die: ThrownDie, table: Table, drops: int, seed: Sequence[int]) -> np.ndarray:
+def supposed(die: CountedDie, table: Table, drops: int, seed: Sequence[int]) -> np.ndarray:
     """Counts from known odds in place of simulated ones."""
     if die.name == "first":
         p = by_restitution(np.array(table.restitution))
@@ -102,7 +102,7 @@ def test_the_fit_says_how_it_was_made(fit: TableFit) -> None:
 def test_large_dice_fall_from_higher(monkeypatch: pytest.MonkeyPatch) -> None:
     tables = []
 
-    def seen(die: ThrownDie, table: Table, drops: int, seed: Sequence[int]) -> np.ndarray:
+    def seen(die: CountedDie, table: Table, drops: int, seed: Sequence[int]) -> np.ndarray:
         tables.append(table)
         return supposed(die, table, drops, seed)
 

@@ -8,7 +8,7 @@ from common.paths import DATA
 from common.thrown import box, compiled_only, published_only, thrown
 
 from dicedesign.throws.counts.table_check import check_table
-from dicedesign.throws.counts.throw_counts import ThrownDie, read_throw_counts
+from dicedesign.throws.counts.throw_counts import CountedDie, read_throw_counts
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.statistics.goodness_of_fit import chi_square, two_sample_chi_square
 from dicedesign.throws.tables import Table, table_named
@@ -26,7 +26,7 @@ def test_a_die_thrown_on_the_same_table() -> None:
     seen = simulate(body, DEAD, 600, seed=1).counts
     real = np.array([seen[groups == side].sum() for side in range(3)])
     odds = np.array([0.1, 0.2, 0.7])
-    die = ThrownDie("box", body, 0.03, ("x", "y", "z"), real, odds, groups, poses)
+    die = CountedDie("box", body, 0.03, ("x", "y", "z"), real, odds, groups, poses)
     told: list[int] = []
     (check,) = check_table([die], DEAD, 700, 2, progress=told.append)
     assert sum(told) == 700
