@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
+from common.finished_run import box_file
 
 from dicedesign.cli.main import main
 from dicedesign.results.folder import RunResult
@@ -18,9 +18,7 @@ from dicedesign.results.folder import RunResult
 
 @pytest.fixture
 def box(tmp_path: Path) -> Path:
-    path = tmp_path / "box.obj"
-    trimesh.creation.box((1.0, 2.0, 3.0)).export(path)
-    return path
+    return box_file(tmp_path, (1.0, 2.0, 3.0))
 
 
 def run(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
@@ -232,8 +230,7 @@ def test_an_unknown_command_is_bad_usage(capsys: pytest.CaptureFixture[str]) -> 
 def test_rest_with_a_table_adds_thrown_odds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    mesh = tmp_path / "box.obj"
-    trimesh.creation.box((1.0, 1.3, 1.6)).export(mesh)
+    mesh = box_file(tmp_path, (1.0, 1.3, 1.6))
     assert main(["rest", str(mesh), "--table", "board-game", "--json"]) == 0
     rests = json.loads(capsys.readouterr().out)["rests"]
     assert sum(rest["thrown"] for rest in rests) == pytest.approx(1.0)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
+from common.finished_run import box_file, finished_run
 from common.paths import DATA
 
 from dicedesign.cli.main import main
@@ -20,32 +20,15 @@ from dicedesign.rest.poses import rest_poses
 PUBLISHED = DATA / "published"
 
 
-def finished(folder: Path, labels: list[str], target: list[float], status: str) -> Path:
-    """What a run leaves of a die."""
-    folder.mkdir()
-    result = {
-        "status": status,
-        "labels": labels,
-        "target": target,
-        "files": {"die_plain": "die_plain.stl"},
-        "center_of_mass": [0.0, 0.0, 0.0],
-        "facets": [],
-    }
-    (folder / "result.json").write_text(json.dumps(result))
-    return folder
-
-
 @pytest.fixture
 def die(tmp_path: Path) -> Path:
     target = [1 / 16, 2 / 16, 3 / 16, 4 / 16, 3 / 16, 2 / 16, 1 / 16]
-    return finished(tmp_path / "2d4", ["2", "3", "4", "5", "6", "7", "8"], target, "converged")
+    return finished_run(tmp_path / "2d4", list("2345678"), target)
 
 
 @pytest.fixture
 def box(tmp_path: Path) -> Path:
-    path = tmp_path / "box.obj"
-    trimesh.creation.box((1.0, 1.2, 1.5)).export(path)
-    return path
+    return box_file(tmp_path)
 
 
 def counts(tmp_path: Path, values: dict[str, int]) -> Path:
@@ -123,7 +106,7 @@ def test_a_designed_die_needs_neither_its_mesh_nor_what_draws(die: Path, tmp_pat
     throws = counts(tmp_path, {"5": 3})
     code = (
         "import sys; from dicedesign.cli.main import main; main(sys.argv[1:]); "
-        "print(sorted(name for name in ('torch', 'matplotlib', 'pydantic', 'trimesh', "
+        "print(sorted(name for name in ('torch', 'matplotlib', 'trimesh', "
         "'dicedesign.geometry', 'dicedesign.report') if name in sys.modules))"
     )
     command = [sys.executable, "-c", code, "rolls", str(die), str(throws)]
@@ -145,7 +128,8 @@ def test_published_throws_of_a_published_mesh(
         mine = [row for row in rows if row["die"] == name]
         odds = np.array([float(row["geometric"]) for row in mine])
         labels = [row["outcome"] for row in mine]
-        folder = finished(tmp_path / name, labels, (odds / odds.sum()).tolist(), "off_target")
+        target = (odds / odds.sum()).tolist()
+        folder = finished_run(tmp_path / name, labels, target, status="off_target")
         throws = counts(tmp_path, {row["outcome"]: int(row["throws"]) for row in mine})
         assert main(["rolls", str(folder), str(throws), "--json"]) == 0
         captured = capsys.readouterr()
@@ -157,9 +141,9 @@ def test_published_throws_of_a_published_mesh(
 
 def test_a_folder_without_a_die(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     throws = counts(tmp_path, {"1": 3})
-    one = finished(tmp_path / "one", ["1"], [1.0], "converged")
+    one = finished_run(tmp_path / "one", ["1"], [1.0])
     for folder, message in (
-        (tmp_path, "result.json: expected status, labels, target"),
+        (tmp_path, "result.json: expected the result of a finished run"),
         (one, "expected a die with at least 2 outcomes, got 1"),
     ):
         assert main(["rolls", str(folder), str(throws)]) == 2

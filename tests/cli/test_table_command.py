@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
+from common.finished_run import box_file
 from common.thrown import compiled_only
 
 from dicedesign.cli.main import main
@@ -19,8 +19,7 @@ from dicedesign.throws.tables import table_named
 @pytest.fixture
 def throws(tmp_path: Path) -> Path:
     """Counts of a box that lands on its small sides more often than without momentum."""
-    mesh = tmp_path / "box.obj"
-    trimesh.creation.box((1.0, 1.1, 1.25)).export(mesh)
+    mesh = box_file(tmp_path, (1.0, 1.1, 1.25))
     odds = rest_poses(read_body(mesh)).probabilities
     counts = (60, 60, 24, 26, 14, 16)
     rows = [

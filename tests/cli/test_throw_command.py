@@ -9,47 +9,34 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
+from common.finished_run import box_file, finished_run
+from common.thrown import compiled_only
 from scipy import stats
 
 from dicedesign.cli.main import main
 from dicedesign.cli.throw import throw_summary
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.kernels import ops as kernels
 from dicedesign.rest.asymmetry import asymmetry
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.momentum.momentum_odds import thrown_odds
 from dicedesign.throws.simulation.simulation import Throws
 from dicedesign.throws.tables import Table, table_named
 
-compiled_only = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
-
 FEW = ("--drops", "300", "--jobs", "1", "--table", "carpet")
 
 
 @pytest.fixture
 def box(tmp_path: Path) -> Path:
-    path = tmp_path / "box.obj"
-    trimesh.creation.box((1.0, 1.2, 1.5)).export(path)
-    return path
+    return box_file(tmp_path)
 
 
 @pytest.fixture
-def folder(tmp_path: Path, box: Path) -> Path:
+def folder(tmp_path: Path) -> Path:
     """What a run leaves of a die that shows its larger sides alone; its center is low."""
-    trimesh.load(box).apply_scale(10.0).export(tmp_path / "die_plain.stl")
+    box_file(tmp_path, (10.0, 12.0, 15.0), "die_plain.stl")
     normals = {"one": [1.0, 0.0, 0.0], "two": [-1.0, 0.001, 0.0], "three": [0.0, 1.0, 0.0]}
-    result = {
-        "status": "converged",
-        "labels": list(normals),
-        "target": [0.25, 0.25, 0.5],
-        "files": {"die": "die.stl", "die_plain": "die_plain.stl"},
-        "center_of_mass": [0.5, 0.0, 0.0],
-        "facets": [{"label": label, "normal": normal} for label, normal in normals.items()],
-    }
-    result["facets"].append({"label": None, "normal": [0.0, -1.0, 0.0]})
-    (tmp_path / "result.json").write_text(json.dumps(result))
-    return tmp_path
+    facets = [*normals.items(), (None, [0.0, -1.0, 0.0])]
+    return finished_run(tmp_path, list(normals), [0.25, 0.25, 0.5], facets, center=[0.5, 0.0, 0.0])
 
 
 def answer(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict:
@@ -236,7 +223,7 @@ def test_a_run_without_a_labelled_facet(folder: Path, capsys: pytest.CaptureFixt
 
 def test_a_folder_that_no_run_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["throw", str(tmp_path)]) == 2
-    message = "result.json: expected status, labels, target, facets, files and center of mass of a"
+    message = "result.json: expected the result of a finished run, got No such file or directory"
     assert message in capsys.readouterr().err
 
 

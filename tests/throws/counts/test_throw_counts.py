@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
+from common.finished_run import box_file, finished_run
 from common.paths import DATA
 
 from dicedesign.errors import InputError
@@ -24,29 +24,17 @@ HEADER = "die,mesh,outcome,throws,geometric\n"
 
 @pytest.fixture
 def box(tmp_path: Path) -> Path:
-    path = tmp_path / "box.obj"
-    trimesh.creation.box((1.0, 1.2, 1.5)).export(path)
-    return path
+    return box_file(tmp_path)
 
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
     """What a run leaves of a box with three labels, one of them on a facet it calls a slope."""
-    folder = tmp_path / "run"
-    folder.mkdir()
-    trimesh.creation.box((10.0, 12.0, 15.0)).export(folder / "plain.stl")
     normals = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
-    labels = ["x", "x", "y", "y", None, "z"]
-    facets = [{"label": a, "normal": n} for a, n in zip(labels, normals, strict=True)]
-    result = {
-        "status": "converged",
-        "labels": ["x", "y", "z", "w"],
-        "target": [0.25] * 4,
-        "files": {"die_plain": "plain.stl"},
-        "center_of_mass": [0.0, 0.0, 1.0],
-        "facets": facets,
-    }
-    (folder / "result.json").write_text(json.dumps(result))
+    facets = zip(["x", "x", "y", "y", None, "z"], normals, strict=True)
+    labels, center = ["x", "y", "z", "w"], [0.0, 0.0, 1.0]
+    folder = finished_run(tmp_path / "run", labels, [0.25] * 4, facets, center=center)
+    box_file(folder, (10.0, 12.0, 15.0), "die_plain.stl")
     return folder
 
 
@@ -148,7 +136,7 @@ def test_a_run(run: Path, tmp_path: Path) -> None:
         ("die,mesh,outcome,throws\nb,run,q,2\n", r"expected a label of the die \(x, y, z, w\)"),
         ("die,mesh,outcome,throws\nb,run,x,2\n", "expected two outcomes or more of 'b', got x"),
         ("die,mesh,outcome,throws\nb,run,x,2\nb,run,w,1\n", "expected a stable facet with the"),
-        ("die,mesh,outcome,throws\nb,.,x,2\n", "result.json: expected status, labels"),
+        ("die,mesh,outcome,throws\nb,.,x,2\n", "result.json: expected the result of a finished run"),
     ],
 )
 def test_files_that_cannot_be_used(
