@@ -19,7 +19,14 @@ from dicedesign.throws.counts.throw_counts import CountedDie
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.tables import Table
 
-__all__ = ["PARAMETERS", "FittedParameter", "TableFit", "check_effort", "fit_table"]
+__all__ = [
+    "PARAMETERS",
+    "FittedParameter",
+    "TableFit",
+    "check_effort",
+    "fit_table",
+    "outcome_counts",
+]
 
 PARAMETERS: Final[Mapping[str, tuple[float, float]]] = {
     "restitution": (0.1, 0.8),
@@ -250,7 +257,8 @@ def _simulated(
         }
         table = _table(start, values)
         tasks += [
-            partial(_thrown, die, table, drops, (seed, number, i)) for i, die in enumerate(dice)
+            partial(outcome_counts, die, table, drops, (seed, number, i))
+            for i, die in enumerate(dice)
         ]
     counts: list[list[Integers]] = [[] for _ in dice]
     for place, came in enumerate(in_order(tasks, workers)):
@@ -271,8 +279,11 @@ def _limits(dice: Sequence[CountedDie], start: Table) -> dict[str, tuple[float, 
     return {**PARAMETERS, "height": (max(least, largest), max(most, 2.0 * largest))}
 
 
-def _thrown(die: CountedDie, table: Table, drops: int, seed: Sequence[int]) -> Integers:
-    """Counts (g,) of a die's outcomes on a table."""
-    # A seed of this die and set, from which different ones are unrelated.
+def outcome_counts(die: CountedDie, table: Table, drops: int, seed: Sequence[int]) -> Integers:
+    """Counts (g,) of a die's outcomes on a table.
+
+    drops: how often it is thrown; seed: one of several numbers, from which different ones are
+    unrelated.
+    """
     (own,) = np.random.SeedSequence(seed).generate_state(1).tolist()
     return die.by_outcome(simulate(die.body, table.sized(die.size), drops, own).counts)

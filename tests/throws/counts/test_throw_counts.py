@@ -136,7 +136,10 @@ def test_a_run(run: Path, tmp_path: Path) -> None:
         ("die,mesh,outcome,throws\nb,run,q,2\n", r"expected a label of the die \(x, y, z, w\)"),
         ("die,mesh,outcome,throws\nb,run,x,2\n", "expected two outcomes or more of 'b', got x"),
         ("die,mesh,outcome,throws\nb,run,x,2\nb,run,w,1\n", "expected a stable facet with the"),
-        ("die,mesh,outcome,throws\nb,.,x,2\n", "result.json: expected the result of a finished run"),
+        (
+            "die,mesh,outcome,throws\nb,.,x,2\n",
+            "result.json: expected the result of a finished run",
+        ),
     ],
 )
 def test_files_that_cannot_be_used(

@@ -53,7 +53,7 @@ DICE = (die("first", [160, 240]), die("second", [200, 300]))
 @pytest.fixture(scope="module")
 def fit() -> TableFit:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fitting, "_thrown", supposed)
+        patch.setattr(fitting, "outcome_counts", supposed)
         return fit_table(DICE, START, 64, 2000, 1, workers=Inline())
 
 
@@ -106,7 +106,7 @@ def test_large_dice_fall_from_higher(monkeypatch: pytest.MonkeyPatch) -> None:
         tables.append(table)
         return supposed(die, table, drops, seed)
 
-    monkeypatch.setattr(fitting, "_thrown", seen)
+    monkeypatch.setattr(fitting, "outcome_counts", seen)
     large = (die("first", [160, 240], 0.3), DICE[1])
     told: list[int] = []
     found = fit_table(large, START, 32, 10, 0, workers=Inline(), progress=told.append)
@@ -119,7 +119,7 @@ def test_large_dice_fall_from_higher(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_same_whatever_the_workers() -> None:
     """Every die at every set has drops of its own, told by the seed alone."""
     table = replace(START, restitution=0.2, friction=0.5, height=0.03)
-    found = [fitting._thrown(DICE[0], table, 40, (0, i, 0)).tolist() for i in (1, 2, 1)]
+    found = [fitting.outcome_counts(DICE[0], table, 40, (0, i, 0)).tolist() for i in (1, 2, 1)]
     assert found[0] == found[2] != found[1]
     assert sum(found[0]) == 40
     (own,) = np.random.SeedSequence((0, 1, 0)).generate_state(1).tolist()

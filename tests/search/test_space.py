@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dicedesign.recipe.design_stage import make_start
 
 from dicedesign.design.preferences.weights import Preferences
-from dicedesign.recipe.design_stage import make_start
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.search.space import search_space, varied_recipe
