@@ -1,4 +1,4 @@
-"""Verdicts of throws on odds, and numbers of throws against SciPy, a published table and sampling."""
+"""Verdicts of throws on odds; numbers of throws against SciPy, a published table and sampling."""
 
 from __future__ import annotations
 
