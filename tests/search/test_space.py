@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from dicedesign.recipe.design_stage import make_start
 
 from dicedesign.design.preferences.weights import Preferences
+from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.search.space import search_space, varied_recipe
@@ -101,7 +101,7 @@ def test_labels_stay_where_a_symmetry_allows_few_assignments() -> None:
         values = {name: rng.uniform(e.low, e.high) for name, e in search_space(recipe).items()}
         varied = varied_recipe(recipe, number, values)
         assert varied.assignment == recipe.assignment
-        make_start(varied)
+        design_recipe(varied, last="start")
 
 
 def test_every_trial_has_its_seed_and_labels_in_the_order_of_their_numbers() -> None:

@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from dicedesign.recipe.design_stage import DesignedDie, design_die, make_start
 
 from dicedesign.errors import InputError, MeshFileError
+from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.rest.poses import rest_poses
 from dicedesign.search.trial import run_trial
 
 EXACT = {"start": {"search": {}}, "method": {"exact": {}}}
@@ -36,13 +38,15 @@ def test_a_tetrahedron_is_measured() -> None:
     assert result["seconds"] > 0.0
 
 
-def test_the_vertices_are_those_of_the_design() -> None:
+def test_the_vertices_are_those_of_a_die_with_the_odds() -> None:
     entries = {"name": "total", "seed": 5, "target": {"sum_of_dice": [2, 3]}, **EXACT}
-    recipe = checked_recipe(entries)
-    die = design_die(recipe, make_start(recipe))
-    result = run_trial(recipe.resolved())
-    np.testing.assert_array_equal(result["vertices"], die.verdict.hull.vertices)
-    assert result["max_abs_error"] == die.verdict.max_abs_error
+    result = run_trial(checked_recipe(entries).resolved())
+    poses = rest_poses(np.array(result["vertices"]))
+    # Coordinates are those of the file, with 24 bits.
+    wanted = np.array([2, 2, 1, 1]) / 6.0
+    np.testing.assert_allclose(poses.probabilities, wanted, atol=1e-5)
+    np.testing.assert_allclose(poses.normals[0], result["down"], atol=1e-5)
+    assert result["max_abs_error"] < 1e-12
 
 
 def test_a_start_that_leads_to_no_die_is_a_result_too() -> None:
@@ -85,13 +89,15 @@ def test_an_error_of_the_recipe_is_no_trial() -> None:
 
 
 def test_a_die_that_misses_an_outcome_has_no_circle(monkeypatch: pytest.MonkeyPatch) -> None:
-    def incomplete(*arguments: Any) -> DesignedDie:
-        die = design_die(*arguments)
-        facets = die.verdict.facet_of_outcome.copy()
-        facets[1] = -1
-        return replace(die, verdict=replace(die.verdict, facet_of_outcome=facets))
+    def incomplete(*arguments: Any, **options: Any) -> SimpleNamespace:
+        work = design_recipe(*arguments, **options)
+        first, *others = work.result().facets
+        facets = (replace(first, label=None), *others)
+        return SimpleNamespace(
+            solid=work.solid, result=lambda: replace(work.result(), facets=facets)
+        )
 
-    monkeypatch.setattr("dicedesign.search.trial.design_die", incomplete)
+    monkeypatch.setattr("dicedesign.search.trial.design_recipe", incomplete)
     result = run_trial({"name": "four", "target": {"fair": 4}, **EXACT})
     assert result["status"] == "no_die"
     assert result["inradius_mm"] is None
