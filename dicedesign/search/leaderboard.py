@@ -87,8 +87,8 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
 
     Raises OutputError if a file cannot be written.
     """
+    from dicedesign.report.charts.pareto import pareto_figure
     from dicedesign.report.charts.png import png_bytes
-    from dicedesign.report.figures.pareto import pareto_figure
     from dicedesign.report.pages.leaderboard_page import leaderboard_html
 
     solved = ranked(finished)

@@ -10,7 +10,7 @@ from typing import Final, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dicedesign.report.charts.palette import ACCENT, DARK, FAINT, GRID
+from dicedesign.report.charts.palette import ACCENT, DARK, GRID
 from dicedesign.report.charts.paper import BODY, NOTE, SMALL, TINY, TITLE, Paper, text_width
 from dicedesign.runtime.arrays import Floats
 
@@ -43,7 +43,7 @@ _MOST_TICKS: Final = 9
 
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-_CORNERS: Final[dict[str, ArrayLike]] = {
+_CORNERS: Final[dict[str, Sequence[tuple[float, float]]]] = {
     "s": [(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)],
     "D": [(0.0, -1.2), (1.2, 0.0), (0.0, 1.2), (-1.2, 0.0)],
     "^": [(0.0, -1.15), (1.1, 0.85), (-1.1, 0.85)],
@@ -72,7 +72,7 @@ class Style:
     color: str = ACCENT
     line: Literal["-", "--", ""] = "-"
     width: float = 3.0
-    marker: Literal["", "o", "s", "D", "^", "v", "*", "x"] = ""
+    marker: str = ""
     size: float = 5.0
     filled: bool = True
     edge: str = ""
@@ -123,11 +123,10 @@ class Axis:
 
     def shares(self, values: ArrayLike) -> Floats:
         """Where values (n,) are along it, from 0 to 1."""
-        values = np.asarray(values, dtype=np.float64)
-        low, high = self.low, self.high
+        places, low, high = np.asarray(values, dtype=np.float64), self.low, self.high
         if self.log:
-            values, low, high = np.log10(values), math.log10(low), math.log10(high)
-        return np.asarray((values - low) / (high - low))
+            places, low, high = np.log10(places), math.log10(low), math.log10(high)
+        return np.asarray((places - low) / (high - low))
 
     def marks(self) -> list[tuple[float, str]]:
         """Places and texts of its ticks."""
@@ -282,8 +281,9 @@ class Intervals:
 
     def _draw(self, paper: Paper, ends: Floats) -> None:
         arm = np.array([self.cap, 0.0])
-        for line in (ends, *([end - arm, end + arm] for end in ends)):
-            paper.line(line, self.color, 2.0)
+        paper.line(ends, self.color, 2.0)
+        for end in ends:
+            paper.line([end - arm, end + arm], self.color, 2.0)
 
 
 @dataclass(frozen=True)

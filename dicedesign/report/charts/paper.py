@@ -10,15 +10,17 @@ import importlib.util
 from functools import cache, cached_property
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from dicedesign.errors import InputError
 from dicedesign.report.charts.palette import DARK
 from dicedesign.runtime.arrays import Floats
+
+if TYPE_CHECKING:
+    from PIL import Image, ImageDraw, ImageFont
 
 __all__ = ["BODY", "NOTE", "SMALL", "TINY", "TITLE", "Paper", "Picture", "text_width"]
 
@@ -49,6 +51,8 @@ _FONT: Final = Path("mpl-data", "fonts", "ttf", "DejaVuSans.ttf")
 
 @cache
 def _font(size: int) -> ImageFont.FreeTypeFont:
+    from PIL import ImageFont
+
     spec = importlib.util.find_spec("matplotlib")
     folders = spec.submodule_search_locations if spec else None
     path = Path(folders[0], _FONT) if folders else _FONT
@@ -83,15 +87,19 @@ class Paper:
 
     @cached_property
     def _shapes(self) -> Image.Image:
+        from PIL import Image
+
         return Image.new("RGB", (_FINE * self.width, _FINE * self.height), "white")
 
     @cached_property
     def _pen(self) -> ImageDraw.ImageDraw:
+        from PIL import ImageDraw
+
         return ImageDraw.Draw(self._shapes, "RGBA")
 
     def polygon(self, points: ArrayLike, color: str, alpha: float = 1.0) -> None:
         """Fill a polygon (n, 2)."""
-        self._pen.polygon(_flat(points), fill=(*ImageColor.getrgb(color), round(255 * alpha)))
+        self._pen.polygon(_flat(points), fill=_paint(color, alpha))
 
     def box(
         self, left: float, top: float, right: float, bottom: float, color: str, alpha: float = 1.0
@@ -100,7 +108,7 @@ class Paper:
         x, y = round(_FINE * left), round(_FINE * top)
         last_x, last_y = round(_FINE * right) - 1, round(_FINE * bottom) - 1
         if last_x >= x and last_y >= y:
-            fill = (*ImageColor.getrgb(color), round(255 * alpha))
+            fill = _paint(color, alpha)
             self._pen.rectangle((x, y, last_x, last_y), fill=fill)
 
     def line(self, points: ArrayLike, color: str, width: float, dashed: bool = False) -> None:
@@ -130,13 +138,19 @@ class Paper:
         circle = radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)
         self.line(np.asarray(center) + circle, color, width)
 
-    def backdrop(self, picture: Picture, left: float, top: float, side: float) -> None:
-        """Fill the disc in a square of a side with a picture, below shapes that follow."""
+    def backdrop(self, picture: Picture, corner: Floats, side: float) -> None:
+        """Fill the disc in a square with a picture, below shapes that follow.
+
+        corner: (2,) upper left one of the square; side: its length.
+        """
+        from PIL import Image, ImageDraw
+
         size = round(_FINE * side)
         image = Image.fromarray(picture).resize((size, size), Image.Resampling.NEAREST)
         mask = Image.new("1", (size, size))
         ImageDraw.Draw(mask).ellipse((0, 0, size - 1, size - 1), fill=1)
-        self._shapes.paste(image, (round(_FINE * left), round(_FINE * top)), mask)
+        left, top = np.rint(_FINE * corner).astype(int).tolist()
+        self._shapes.paste(image, (left, top), mask)
 
     def picture(self, picture: Picture, left: float, top: float) -> None:
         """Paste a picture, pixel for pixel."""
@@ -177,6 +191,8 @@ class Paper:
         return buffer.getvalue()
 
     def _finished(self) -> Image.Image:
+        from PIL import Image
+
         if "_shapes" in self.__dict__:
             sheet = self._shapes.reduce(_FINE)
         else:
@@ -184,6 +200,12 @@ class Paper:
         for draw, *arguments in self._above:
             draw(sheet, *arguments)
         return sheet
+
+
+def _paint(color: str, alpha: float) -> tuple[int, ...]:
+    from PIL import ImageColor
+
+    return (*ImageColor.getrgb(color), round(255 * alpha))
 
 
 def _flat(points: ArrayLike) -> list[float]:
@@ -205,6 +227,8 @@ def _dashes(path: Floats, width: float) -> list[Floats]:
 
 
 def _paste(sheet: Image.Image, picture: Picture, corner: tuple[int, int]) -> None:
+    from PIL import Image
+
     sheet.paste(Image.fromarray(picture), corner)
 
 
@@ -217,6 +241,8 @@ def _write(
     color: str,
     halo: bool,
 ) -> None:
+    from PIL import ImageDraw
+
     ImageDraw.Draw(sheet).text(
         place,
         text,
@@ -239,6 +265,8 @@ def _write_turned(
     color: str,
     halo: bool,
 ) -> None:
+    from PIL import Image
+
     flat = Image.new("L", (round(text_width(text, size)) + 4, round(1.5 * size)))
     _write(flat, text, (flat.width / 2.0, flat.height / 2.0), size, "mm", "white", False)
     upright = flat.transpose(Image.Transpose.ROTATE_90)

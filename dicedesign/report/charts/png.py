@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from io import BytesIO
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from dicedesign.report.charts.paper import Paper
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["PIXELS_PER_INCH", "agg_figure", "png_bytes"]
 
@@ -16,13 +18,18 @@ PIXELS_PER_INCH: Final = 150
 
 def agg_figure(width: float, height: float) -> Figure:
     """An empty white figure of a size in inches, drawn by Agg."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(width, height), facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
 
-def png_bytes(figure: Figure) -> bytes:
+def png_bytes(figure: Figure | Paper) -> bytes:
     """A figure as PNG at `PIXELS_PER_INCH`; the same figure gives the same bytes."""
+    if isinstance(figure, Paper):
+        return figure.png()
     buffer = BytesIO()
     figure.savefig(
         buffer,

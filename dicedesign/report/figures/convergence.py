@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
 
 from dicedesign.errors import InputError
 from dicedesign.report.charts.chart import Chart, sheet
-from dicedesign.report.charts.time_curves import run_chart
+from dicedesign.report.charts.run_chart import run_chart
 from dicedesign.report.figures.figure import FIGURES, Figure
+from dicedesign.results.record import Step
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.finished_die import FinishedDie
@@ -19,9 +20,7 @@ _PREFERENCES: Final = "preferences"
 """Term of the steps that are taken by preference."""
 
 
-def convergence_charts(
-    history: Sequence[Mapping[str, Any]], tolerance: float
-) -> tuple[Chart, Chart]:
+def convergence_charts(history: Sequence[Step], tolerance: float) -> tuple[Chart, Chart]:
     """Error and energy of a design against its run time.
 
     Of a design that went on by preference once its odds were met, the energy is drawn from there
@@ -29,8 +28,7 @@ def convergence_charts(
 
     Parameters
     ----------
-    history: accepted steps, at least one, each with "seconds" since the start, "energy", its
-        "terms" by name, and "max_abs_error", the largest |p - q|, at least 0.
+    history: accepted steps, at least one; those that do not know their error have no point.
     tolerance: error at which the design is done, above 0.
 
     Raises
@@ -39,17 +37,15 @@ def convergence_charts(
     """
     if not history:
         raise InputError("history: expected at least one step, got none")
-    liked = [step for step in history if _PREFERENCES in step["terms"]]
+    liked = [step for step in history if _PREFERENCES in step.terms]
     name = "energy of preferences" if liked else "energy"
-    end = max(float(step["seconds"]) for step in history)
-
-    def values(steps: Sequence[Mapping[str, Any]], key: str) -> tuple[list[float], list[float]]:
-        return [step["seconds"] for step in steps], [step[key] for step in steps]
-
+    end = max(step.seconds for step in history)
+    errors = [(s.seconds, s.max_abs_error) for s in history if s.max_abs_error is not None]
+    energies = [(step.seconds, step.energy) for step in liked or history]
     return (
         run_chart(
             0,
-            [values(history, "max_abs_error")],
+            [errors],
             end,
             "error, max |p − q|",
             title="error against run time",
@@ -57,7 +53,7 @@ def convergence_charts(
         ),
         run_chart(
             1,
-            [values(liked or history, "energy")],
+            [energies],
             end,
             name,
             title=f"{name} against run time",

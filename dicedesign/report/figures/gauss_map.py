@@ -108,7 +108,7 @@ def _draw_disc(
     rests = basin_of_directions(poses, disc.pixels(_PIXELS).reshape(-1, 3))
     regions = rests.reshape(_PIXELS, _PIXELS)
     colors = np.rint(255.0 * rgb(BASINS)).astype(np.uint8)
-    paper.backdrop(colors[regions[::-1] % len(colors)], *(middle - radius), 2.0 * radius)
+    paper.backdrop(colors[regions[::-1] % len(colors)], middle - radius, 2.0 * radius)
     hull = poses.hull
     if len(hull.tail) // 2 <= _MOST_HULL_EDGES:
         edges = np.flatnonzero(np.arange(len(hull.tail)) < hull.twin)
@@ -161,7 +161,7 @@ def basin_of_directions(poses: RestPoses, directions: Floats) -> Integers:
 
 
 def _draw(die: FinishedDie) -> bytes:
-    labels = [facet["label"] or "" for facet in die.result.facets]
+    labels = [facet.label or "" for facet in die.result.facets]
     return gauss_map_figure(die.plain.poses, labels).png()
 
 

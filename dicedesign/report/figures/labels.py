@@ -85,7 +85,7 @@ FIGURES.register(
         rank=60,
         title="Every label",
         caption="Each labelled facet seen straight from outside.",
-        wanted=lambda die: die.reshaped is None and die.engraved is not None,
+        wanted=lambda die: die.engraved is not None and len(die.engraved.placements) > 0,
         draw=_draw,
     )
 )

@@ -51,7 +51,8 @@ def views_figure(points: Floats, triangles: Integers) -> Paper:
 
 
 def _draw(die: FinishedDie) -> bytes:
-    solid = die.plain if die.engraved is None else die.engraved
+    solid = die.plain.body if die.engraved is None else die.engraved
+    assert solid.triangles is not None
     return views_figure(solid.points, solid.triangles).png()
 
 

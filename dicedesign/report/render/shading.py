@@ -1,4 +1,4 @@
-"""Light, outlines and smooth normals of pictures of solids, by what a camera sees in each sample."""
+"""Light, outlines and smooth normals in pictures of solids."""
 
 from __future__ import annotations
 
@@ -82,8 +82,8 @@ def blurred(pixels: Floats, reach: float) -> Floats:
         for axis in range(2):
             borders = [(half + 1, half) if axis == k else (0, 0) for k in range(2)]
             sums = np.pad(pixels, borders).cumsum(axis=axis)
-            last, first = (sums[width:], sums[:-width]) if axis == 0 else (
-                sums[:, width:], sums[:, :-width]
+            last, first = (
+                (sums[width:], sums[:-width]) if axis == 0 else (sums[:, width:], sums[:, :-width])
             )
             pixels = (last - first) / width
     return pixels
@@ -122,12 +122,12 @@ def outline(seen: Integers, normals: Floats, depth: Floats, sharp_degrees: float
         one, other = triangle[sample], triangle[sample + step]
         border = (one < 0) | (other < 0)
         both = np.flatnonzero(~border)
-        one, other = normals[one[both]], normals[other[both]]
+        first, second = normals[one[both]], normals[other[both]]
         # How far each of two neighbouring surface points lies from the other one's plane.
         rise = height[sample[both] + step] - height[sample[both]]
-        from_one = np.abs(one[:, :2] @ offset + one[:, 2] * rise)
-        from_other = np.abs(other[:, :2] @ offset + other[:, 2] * rise)
-        sharp = (one * other).sum(-1) < sharp_cosine
+        from_one = np.abs(first[:, :2] @ offset + first[:, 2] * rise)
+        from_other = np.abs(second[:, :2] @ offset + second[:, 2] * rise)
+        sharp = (first * second).sum(-1) < sharp_cosine
         border[both] = sharp | (np.minimum(from_one, from_other) > _STEP_PIXELS)
         lines += [sample[border], sample[border] + step]
     return np.unique(np.concatenate(lines))

@@ -59,9 +59,7 @@ class Tabletop:
     def _half_depth(self) -> float:
         return self.depth + 2.0 * self.radius
 
-    def picture(
-        self, points: Floats, middle: Floats, camera: Camera, size: int
-    ) -> Picture:
+    def picture(self, points: Floats, middle: Floats, camera: Camera, size: int) -> Picture:
         """(size, size, 3) picture of the solid.
 
         points: (n, 3) of the solid.

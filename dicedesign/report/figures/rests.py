@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from dicedesign.errors import InputError
+from dicedesign.report.charts.paper import Paper
 from dicedesign.report.charts.picture_grid import picture_grid, trimmed
+from dicedesign.report.figures.figure import FIGURES, Figure
 from dicedesign.report.render.cameras import framed
 from dicedesign.report.render.raster import Camera
-from dicedesign.report.render.renderer import PaintedSurface, Shell, render_surface
+from dicedesign.report.render.renderer import Shell, Surface, render
+from dicedesign.report.render.scene import cameras_around, shell_of, surface_of
 from dicedesign.report.render.shadow import shadowed_table
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["resting_views_figure"]
+if TYPE_CHECKING:
+    from dicedesign.fabricate.finished_die import FinishedDie
+
+__all__ = ["rests_figure"]
 
 _COLUMNS: Final = 4
 
@@ -29,14 +34,14 @@ _RISE: Final = 18.0
 _TURN: Final = 25.0
 
 
-def resting_views_figure(
-    surface: PaintedSurface,
+def rests_figure(
+    surface: Surface,
     shell: Shell,
     downs: Floats,
     labels: Sequence[str],
     probabilities: Floats,
     front: Floats,
-) -> Figure:
+) -> Paper:
     """A die as it lies on a table after each outcome, and below that its underside.
 
     Parameters
@@ -85,8 +90,8 @@ def resting_views_figure(
             size,
             cameras[k].half_width,
         )
-        lying.append(render_surface(surface, cameras[k], size, backdrop=table))
-        undersides.append(render_surface(surface, cameras[len(downs) + k], size, shell))
+        lying.append(render(surface, cameras[k], size, backdrop=table))
+        undersides.append(render(surface, cameras[len(downs) + k], size, shell))
     written = [
         f"{label}: {100.0 * probability:.2f} %"
         for label, probability in zip(labels, probabilities.tolist(), strict=True)
@@ -111,3 +116,31 @@ def _level(points: Floats, down: Floats, front: Floats) -> Floats:
     narrow, long = (axis if axis @ front >= 0.0 else -axis for axis in (narrow, long))
     turn = np.radians(_TURN)
     return np.asarray(np.cos(turn) * narrow + np.sin(turn) * long)
+
+
+def _draw(die: FinishedDie) -> bytes:
+    assert die.reshaped is not None
+    outcomes = die.plain.outcomes
+    has_rest = (outcomes.rest_counts > 0)[:, None]
+    # An outcome without a rest is shown where it was meant to be.
+    downs = np.where(has_rest, die.plain.poses.normals[outcomes.main], die.reshaped.directions)
+    front = cameras_around(die)[0].direction
+    labels = die.result.labels
+    return rests_figure(surface_of(die), shell_of(die), downs, labels, outcomes.odds, front).png()
+
+
+FIGURES.register(
+    Figure(
+        name="rests",
+        line="the die as it lies after each outcome",
+        rank=10,
+        title="How the die lies after each outcome",
+        caption=(
+            "Above, the die on a table, with the outcome and its probability; below, its "
+            "underside, as seen when the die is tipped backward. Coloured are the facets of its "
+            "convex hull that it rests on, in the colour of their outcome."
+        ),
+        wanted=lambda die: die.reshaped is not None,
+        draw=_draw,
+    )
+)
