@@ -18,14 +18,17 @@ from dicedesign.report.charts.chart import (
     Levels,
     Note,
     Series,
+    legend_width,
 )
 from dicedesign.report.charts.palette import PALE
-from dicedesign.report.charts.paper import TINY, text_width
+from dicedesign.report.charts.paper import TINY, TITLE, text_width
 
 __all__ = ["OddsBars", "odds_chart"]
 
 _MOST_VALUES: Final = 16
 """Outcomes above whose bars values are written."""
+
+_LEGEND_COLUMNS: Final = 5
 
 _GROUP: Final = 0.8
 """Width of the bars of one outcome, over the distance of outcomes."""
@@ -114,13 +117,15 @@ def odds_chart(
     if target is not None:
         series.append(Levels(places, wanted, _TARGET))
     tall = box[3] - box[1]
+    # Wide enough for what is written above, too.
+    wide = max(text_width(title, TITLE) + 120.0, legend_width(series, _LEGEND_COLUMNS) + 20.0)
     return Chart(
-        box,
+        (box[0], box[1], max(right, wide), box[3]),
         Axis(-0.6, count - 0.4, x_label, ticks=list(enumerate(labels))),
         Axis(0.0, max(most, 1e-9) * tall / (0.97 * tall - room), "probability (%)"),
         series,
         title,
         notes,
         grid="",
-        legend=5,
+        legend=_LEGEND_COLUMNS,
     )

@@ -27,6 +27,7 @@ __all__ = [
     "Style",
     "draw_legend",
     "legend_height",
+    "legend_width",
     "sheet",
 ]
 
@@ -421,18 +422,11 @@ def draw_legend(
 
     place: (2,) of the upper end of the legend: its left end, middle or right end.
     """
-    entries = list({one.label: one for one in series if one.label}.values())
-    if not entries:
-        return
-    columns = min(columns, len(entries))
-    widths = [
-        _KEY + _KEY_GAP + _widest([one.label for one in entries[k::columns]], size)
-        for k in range(columns)
-    ]
-    total = sum(widths) + (columns - 1) * _ENTRY_GAP
-    start = place[0] - total * {"left": 0.0, "middle": 0.5, "right": 1.0}[align]
+    entries = _labelled(series)
+    widths = _column_widths(entries, columns, size)
+    start = place[0] - _total(widths) * {"left": 0.0, "middle": 0.5, "right": 1.0}[align]
     for number, entry in enumerate(entries):
-        row, column = divmod(number, columns)
+        row, column = divmod(number, len(widths))
         left = start + sum(widths[:column]) + column * _ENTRY_GAP
         middle = place[1] + (row + 0.5) * _ROW
         entry.key(paper, left, middle)
@@ -441,4 +435,25 @@ def draw_legend(
 
 def legend_height(series: Iterable[Series], columns: int) -> float:
     """Pixels that a legend of series is tall."""
-    return _ROW * -(-len({one.label for one in series if one.label}) // columns)
+    return _ROW * -(-len(_labelled(series)) // columns)
+
+
+def legend_width(series: Iterable[Series], columns: int, size: int = SMALL) -> float:
+    """Pixels that a legend of series is wide."""
+    return _total(_column_widths(_labelled(series), columns, size))
+
+
+def _labelled(series: Iterable[Series]) -> list[Series]:
+    return list({one.label: one for one in series if one.label}.values())
+
+
+def _column_widths(entries: Sequence[Series], columns: int, size: int) -> list[float]:
+    columns = min(columns, len(entries))
+    return [
+        _KEY + _KEY_GAP + _widest([one.label for one in entries[k::columns]], size)
+        for k in range(columns)
+    ]
+
+
+def _total(widths: Sequence[float]) -> float:
+    return sum(widths) + max(len(widths) - 1, 0) * _ENTRY_GAP

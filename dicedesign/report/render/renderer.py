@@ -50,7 +50,7 @@ _EDGE_OPACITY: Final = 0.35
 _FLAT_COSINE: Final = np.cos(np.radians(1.0))
 
 _RECESS_REACH: Final = 0.02
-"""Of the surroundings of a recess, over the side of the picture."""
+"""Of the surroundings of a recess, over the extent of what is seen."""
 
 _MARGIN: Final = 2
 """Pixels drawn around what is seen, for its outline."""
@@ -137,7 +137,7 @@ def render(
     if shell is not None:
         positions = SAMPLES * (around - corner)
         _draw_glass(samples, positions * [1.0, 1.0, -1.0], shell, _FAR_OPACITY)
-    _draw_surface(samples, surface, SAMPLES * (places - corner), camera, _RECESS_REACH * size)
+    _draw_surface(samples, surface, SAMPLES * (places - corner), camera, _RECESS_REACH * side)
     if shell is not None:
         _draw_glass(samples, positions, shell, 1.0)
     pixels = np.rint(255.0 * sample_means(samples)).astype(np.uint8)

@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.report.charts.png import png_bytes
-from dicedesign.report.figures.throw_film import film_strip_figure, moving_picture
+from dicedesign.report.figures.film import film_figure
+from dicedesign.report.figures.throw import moving_picture
+from dicedesign.report.render.filmed_die import FilmedDie
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.rigid_body import rigid_body
 from dicedesign.throws.simulation.film import Film
@@ -31,6 +32,10 @@ def film_of(positions: np.ndarray, spin: float) -> Film:
     body = make_body(CUBE)
     thrown = rigid_body(body, rest_poses(body))
     return Film(thrown, TABLE, seconds, positions, turns.as_quat(scalar_first=True), 0)
+
+
+def filmed(film: Film) -> FilmedDie:
+    return FilmedDie(film, CUBE, convex_hull(CUBE).triangles, CENTER)
 
 
 def falling(frames: int, height: float = 0.1) -> Film:
@@ -58,18 +63,15 @@ def frames_of(gif: bytes) -> tuple[list[np.ndarray], list[int], Image.Image]:
 
 @pytest.mark.parametrize(("height", "columns"), [(0.1, 10), (0.03, 5)])
 def test_strip_shows_heights_and_times(height: float, columns: int) -> None:
-    film, triangles = falling(31, height), convex_hull(CUBE).triangles
-    figure = film_strip_figure(film, CUBE, triangles, CENTER)
-    assert len(figure.axes) == 10
-    titles = [axes.get_title() for axes in figure.axes]
+    film = falling(31, height)
+    figure = film_figure(filmed(film))
+    assert len(figure.pictures) == 10
+    titles = figure.texts
     assert titles[0] == "0.00 s"
     assert titles[-1] == "0.30 s"
     assert titles == sorted(set(titles))
-    tops = {round(axes.get_position().y1, 6) for axes in figure.axes}
-    assert len(tops) == 10 // columns
     unit = 1.2 * TABLE.size / (1800 // columns)
-    for axes, title in zip(figure.axes, titles, strict=True):
-        picture = np.asarray(axes.images[0].get_array())
+    for picture, title in zip(figure.pictures, titles, strict=True):
         assert picture.shape[1] == 1800 // columns
         column, row, _ = colored(picture)
         assert column == pytest.approx(picture.shape[1] / 2, abs=2.0)
@@ -78,13 +80,13 @@ def test_strip_shows_heights_and_times(height: float, columns: int) -> None:
         z = film.positions[round(100 * float(title[:-2])), 2]
         above = np.cos(RISE) * z + np.sin(RISE) * TABLE.size
         assert front - row == pytest.approx(above / unit, abs=2.5)
-    assert png_bytes(figure) == png_bytes(film_strip_figure(film, CUBE, triangles, CENTER))
+    assert figure.png() == film_figure(filmed(film)).png()
 
 
 def test_moving_picture() -> None:
-    film, triangles = falling(31), convex_hull(CUBE).triangles
-    gif = moving_picture(film, CUBE, triangles, CENTER)
-    assert gif == moving_picture(film, CUBE, triangles, CENTER)
+    film = falling(31)
+    gif = moving_picture(filmed(film))
+    assert gif == moving_picture(filmed(film))
     pictures, durations, image = frames_of(gif)
     assert image.info["loop"] == 0
     assert durations == [40] * 30 + [2000]
@@ -100,7 +102,7 @@ def test_moving_picture() -> None:
 def test_moving_picture_of_a_path_toward_the_camera() -> None:
     along, turn = np.linspace(0.0, 0.2, 11), np.linspace(0.0, np.pi, 11)
     path = np.stack([along, -0.05 * np.sin(turn), np.full(11, 0.015)], axis=1)
-    gif = moving_picture(film_of(path, 0.0), CUBE, convex_hull(CUBE).triangles, CENTER)
+    gif = moving_picture(filmed(film_of(path, 0.0)))
     pictures, _, _ = frames_of(gif)
     rows = [colored(picture)[1] for picture in pictures]
     unit = (0.2 + 1.2 * TABLE.size) / 480
@@ -110,7 +112,7 @@ def test_moving_picture_of_a_path_toward_the_camera() -> None:
 
 def test_a_long_film_is_thinned() -> None:
     film = falling(160)
-    pictures, _, _ = frames_of(moving_picture(film, CUBE, convex_hull(CUBE).triangles, CENTER))
+    pictures, _, _ = frames_of(moving_picture(filmed(film)))
     assert len(pictures) == 150
     assert colored(pictures[0])[0] < 60
     assert colored(pictures[-1])[0] > 420
@@ -118,7 +120,6 @@ def test_a_long_film_is_thinned() -> None:
 
 def test_a_die_that_does_not_move_is_seen() -> None:
     film = film_of(np.full((3, 3), [0.0, 0.0, 0.015]), 0.0)
-    triangles = convex_hull(CUBE).triangles
-    pictures, _, _ = frames_of(moving_picture(film, CUBE, triangles, CENTER))
+    pictures, _, _ = frames_of(moving_picture(filmed(film)))
     assert colored(pictures[0])[0] == pytest.approx(240.0, abs=1.0)
-    assert len(film_strip_figure(film, CUBE, triangles, CENTER).axes) == 2
+    assert len(film_figure(filmed(film)).pictures) == 2

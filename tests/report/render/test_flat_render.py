@@ -8,15 +8,18 @@ import numpy as np
 import pytest
 import trimesh
 
-from dicedesign.errors import InputError
 from dicedesign.fabricate.engraving import engrave
 from dicedesign.fabricate.layout import place_labels
 from dicedesign.fabricate.options import EngravingOptions
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.report.charts.png import png_bytes
-from dicedesign.report.figures.die_views import die_views_figure, facet_views_figure
-from dicedesign.report.render.flat_renderer import render_view
 from dicedesign.report.render.raster import Camera, rasterize
+from dicedesign.report.render.renderer import Surface, render
+
+
+def render_view(points: np.ndarray, triangles: np.ndarray, camera: Camera, size: int) -> np.ndarray:
+    """Picture of a solid with flat faces."""
+    return render(Surface(np.asarray(points), np.asarray(triangles), smooth=False), camera, size)
+
 
 FRONT = Camera(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.5)
 CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
@@ -148,39 +151,6 @@ def test_views_of_ten_thousand_triangles_are_fast():
         camera = Camera(direction, np.array([0.0, 0.0, 1.0]), np.zeros(3), 1.1)
         render_view(sphere.vertices, sphere.faces, camera, 400)
     assert time.process_time() - started < 3.0
-
-
-def test_view_figures():
-    die, hull, labels = engraved_cube()
-    ups = np.array([label.frame[:3, 1] for label in labels])
-    figure = die_views_figure(die.vertices, die.triangles)
-    assert len(figure.axes) == 8
-    assert "from -z" in [axes.get_title() for axes in figure.axes]
-    facets = facet_views_figure(
-        die.vertices, die.triangles, hull.normals, ups, [label.text for label in labels]
-    )
-    assert [axes.get_title() for axes in facets.axes] == [label.text for label in labels]
-    assert png_bytes(facets) == png_bytes(
-        facet_views_figure(die.vertices, die.triangles, hull.normals, ups, list("123457"))
-    )
-
-
-def test_facet_views_frame_their_facet():
-    hull = convex_hull(CUBE + np.array([50.0, 0.0, 0.0]))
-    ups = np.roll(np.abs(hull.normals), 1, axis=1)
-    figure = facet_views_figure(hull.vertices, hull.triangles, hull.normals, ups, ["x"] * 6)
-    for axes in figure.axes:
-        picture = np.asarray(axes.images[0].get_array())
-        rows, columns = np.nonzero((picture < 255).any(axis=2))
-        size = len(picture)
-        for found in (rows, columns):
-            assert found.min() + found.max() == size - 1
-            assert np.ptp(found) + 1 == pytest.approx(size / 1.15, abs=2)
-
-
-def test_facet_views_need_matching_arguments():
-    with pytest.raises(InputError, match="got 1 normals, 1 up directions and 2 titles"):
-        facet_views_figure(CUBE, np.array([[0, 1, 2]]), CUBE[:1], CUBE[:1], ["a", "b"])
 
 
 def test_the_kernel_sees_the_triangles_that_numpy_sees(monkeypatch: pytest.MonkeyPatch) -> None:

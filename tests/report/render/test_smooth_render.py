@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 
-from dicedesign.report.render.flat_renderer import render_view
 from dicedesign.report.render.raster import Camera
-from dicedesign.report.render.renderer import PaintedSurface, Shell, render_surface
+from dicedesign.report.render.renderer import Shell, Surface, render
 from dicedesign.report.render.shading import brightness, corner_normals
 
 FRONT = Camera(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.5)
 UPRIGHT = np.array([0.0, 0.0, 1.0])
 
 
-def sphere(subdivisions: int) -> PaintedSurface:
+def sphere(subdivisions: int) -> Surface:
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions)
-    return PaintedSurface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    return Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
 
 def cube(half: float) -> trimesh.Trimesh:
@@ -65,7 +66,7 @@ def test_triangles_without_area_change_no_normal() -> None:
 
 
 def test_a_coarse_sphere_is_shaded_like_the_sphere() -> None:
-    picture = render_surface(sphere(3), FRONT, 120)
+    picture = render(sphere(3), FRONT, 120)
     centres = (np.arange(120) + 0.5) / 40.0 - 1.5
     x, y = np.meshgrid(centres, -centres)
     inside = x**2 + y**2 < 0.7
@@ -75,20 +76,20 @@ def test_a_coarse_sphere_is_shaded_like_the_sphere() -> None:
     # But for the darkening of what lies behind its surroundings, which is none in the middle.
     error = np.abs(shown / shown.max() - light / light.max())
     assert error.max() < 0.06
-    flat = render_view(sphere(3).points, sphere(3).triangles, FRONT, 120)[inside][:, 0] / 255.0
+    flat = render(replace(sphere(3), smooth=False), FRONT, 120)[inside][:, 0] / 255.0
     assert np.abs(flat / flat.max() - light / light.max()).max() > 2.0 * error.max()
 
 
 def test_both_sides_are_drawn_alike() -> None:
     surface = sphere(3)
-    turned = PaintedSurface(surface.points, surface.triangles[:, ::-1])
-    one, other = (render_surface(s, FRONT, 60).astype(int) for s in (surface, turned))
+    turned = Surface(surface.points, surface.triangles[:, ::-1])
+    one, other = (render(s, FRONT, 60).astype(int) for s in (surface, turned))
     assert np.abs(one - other).max() <= 1
 
 
 def test_colours_of_points_are_interpolated() -> None:
     red_to_blue = np.array([[1, 0, 0], [0, 0, 1], [0, 0, 1], [1, 0, 0]], float)
-    picture = render_surface(PaintedSurface(square(0.0), HALVES, red_to_blue), FRONT, 90)
+    picture = render(Surface(square(0.0), HALVES, red_to_blue), FRONT, 90)
     row = picture[45, 17:73].astype(float)
     share = row[:, 2] / row.sum(axis=1)
     np.testing.assert_allclose(share, (np.arange(17, 73) + 0.5 - 15.0) / 60.0, atol=0.02)
@@ -99,32 +100,33 @@ def test_colours_of_points_are_interpolated() -> None:
 
 def test_what_is_not_covered_shows_the_backdrop() -> None:
     backdrop = np.linspace(0.0, 1.0, 90)[:, None] * np.ones(90)
-    picture = render_surface(PaintedSurface(square(0.0), HALVES), FRONT, 90, backdrop=backdrop)
+    picture = render(Surface(square(0.0), HALVES), FRONT, 90, backdrop=backdrop)
     np.testing.assert_array_equal(picture[:, 5, 1], np.rint(255.0 * backdrop[:, 5]))
     assert (picture[45, 45] > picture[45, 5]).all()
-    nothing = PaintedSurface(square(0.0) + np.array([9.0, 0.0, 0.0]), HALVES)
-    assert (render_surface(nothing, FRONT, 20) == 255).all()
+    nothing = Surface(square(0.0) + np.array([9.0, 0.0, 0.0]), HALVES)
+    assert (render(nothing, FRONT, 20) == 255).all()
 
 
 def test_silhouettes_and_steps_are_outlined_and_sharp_edges_are_not() -> None:
     points = np.concatenate([square(0.0), square(0.5, 0.5)])
-    steps = PaintedSurface(points, np.concatenate([HALVES, HALVES + 4]))
-    picture = render_surface(steps, FRONT, 90)
+    steps = Surface(points, np.concatenate([HALVES, HALVES + 4]))
+    picture = render(steps, FRONT, 90)
     inner = picture[45, 45]
     # Where the squares' borders are: 15 and 30 pixels from the left.
     assert (picture[45, 29:31].astype(int) < inner.astype(int) - 40).all()
     assert picture[45, 15].max() < inner.max() - 40
     box = cube(1.0)
     corner = Camera(np.ones(3), UPRIGHT, np.zeros(3), 2.0)
-    plain = render_view(box.vertices, box.faces, corner, 90)
-    smooth = render_surface(PaintedSurface(box.vertices, box.faces), corner, 90)
+    solid = Surface(np.asarray(box.vertices), np.asarray(box.faces))
+    plain = render(replace(solid, smooth=False), corner, 90)
+    smooth = render(solid, corner, 90)
     assert plain[45, 45].max() < 80
     assert smooth[45, 45].max() > 85
 
 
 def test_slivers_are_harmless() -> None:
     points = np.array([[0, -1, 0], [0, 1, 0], [1e-9, 0, 0], [0.0, 0.5, 0.0]])
-    picture = render_surface(PaintedSurface(points, np.array([[0, 1, 2], [0, 1, 3]])), FRONT, 31)
+    picture = render(Surface(points, np.array([[0, 1, 2], [0, 1, 3]])), FRONT, 31)
     assert picture.shape == (31, 31, 3)
 
 
@@ -139,11 +141,10 @@ def glass(tinted: tuple[int, ...]) -> Shell:
 
 
 def test_a_shell_tints_what_is_behind_it() -> None:
-    surface = PaintedSurface(square(0.0, 0.5), HALVES)
-    bare = render_surface(surface, FRONT, 90).astype(int)
+    surface = Surface(square(0.0, 0.5), HALVES)
+    bare = render(surface, FRONT, 90).astype(int)
     clear, near, far = (
-        render_surface(surface, FRONT, 90, glass(tinted)).astype(int)
-        for tinted in ((), (1,), (-1,))
+        render(surface, FRONT, 90, glass(tinted)).astype(int) for tinted in ((), (1,), (-1,))
     )
     # The surface is seen through the glass and grows greener only where the near side is tinted.
     assert np.abs(clear[45, 40] - bare[45, 40]).max() < 40
@@ -158,8 +159,8 @@ def test_a_shell_tints_what_is_behind_it() -> None:
 
 
 def test_edges_of_a_shell_are_drawn_but_not_across_its_flat_facets() -> None:
-    nothing = PaintedSurface(square(0.0, 1e-4), HALVES)
-    picture = render_surface(nothing, FRONT, 90, glass(())).astype(int)
+    nothing = Surface(square(0.0, 1e-4), HALVES)
+    picture = render(nothing, FRONT, 90, glass(())).astype(int)
     inside = picture[12:40, 12:78]
     assert np.ptp(inside.reshape(-1, 3), axis=0).max() == 0
     assert picture[45, 9].max() < inside[0, 0].max() - 20
@@ -167,6 +168,6 @@ def test_edges_of_a_shell_are_drawn_but_not_across_its_flat_facets() -> None:
 
 def test_pictures_are_the_same_without_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
     surface = sphere(3)
-    expected = render_surface(surface, FRONT, 60, glass((1,)))
+    expected = render(surface, FRONT, 60, glass((1,)))
     monkeypatch.setattr("dicedesign.kernels.ops.compiled", None)
-    np.testing.assert_array_equal(render_surface(surface, FRONT, 60, glass((1,))), expected)
+    np.testing.assert_array_equal(render(surface, FRONT, 60, glass((1,))), expected)
