@@ -95,7 +95,7 @@ def panels_figure(
     _check(points)
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
-    width = _WIDTHS[min(columns, len(_WIDTHS)) - 1]
+    width = _WIDTHS[min(columns, len(_WIDTHS)) - 1] if same_heights else _WIDTHS[-1]
     room = 40.0 if same_heights else 125.0
     wide = (width - 140.0 - 25.0 - (columns - 1) * room) / columns
     everything = np.concatenate(points)
