@@ -59,8 +59,6 @@ def die_page(result: Result, images: Mapping[str, bytes]) -> str:
 
 def _sections(result: Result, images: Mapping[str, bytes]) -> Iterator[str]:
     verdict = f"<strong>{escape(result.status)}</strong>: {escape(result.message)}"
-    if result.thrown is None and result.engraved_max_abs_error is not None:
-        verdict += f"; {number(result.engraved_max_abs_error, 3)} with the labels cut in"
     yield f'<h1>{escape(result.name)}</h1>\n<p class="verdict">{verdict}</p>'
     if result.thrown is not None:
         yield text_section("On the table", throws_told(result.thrown))
