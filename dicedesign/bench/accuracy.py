@@ -24,7 +24,7 @@ from dicedesign.bench.measures.answers import (
 from dicedesign.bench.reference.bodies_with_answers import Subject
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from dicedesign.report.charts.paper import Paper
 
 __all__ = ["Result", "accuracy_figure", "accuracy_record"]
 
@@ -40,7 +40,7 @@ STYLES: Final[Mapping[str, Mapping[str, Any]]] = {
     FLOAT64: {"color": "#d55e00", "marker": "*", "line": ""},
     FLOAT32: {"color": "#d55e00", "marker": "*", "line": "", "filled": False},
     MONTE_CARLO: {"color": "#0072b2", "marker": "o"},
-    EXPECTED: {"color": "#0072b2", "marker": "", "line": ":"},
+    EXPECTED: {"color": "#0072b2", "marker": "", "line": "--"},
     LATTICE: {"color": "#009e73", "marker": "s"},
     TRIMESH: {"color": "#cc79a7", "marker": "D", "line": ""},
     TRIMESH_SPREAD: {"color": "#cc79a7", "marker": "D", "filled": False},
@@ -78,26 +78,22 @@ def accuracy_record(results: Sequence[Result]) -> dict[str, Any]:
     }
 
 
-def accuracy_figure(results: Sequence[Result]) -> Figure:
+def accuracy_figure(results: Sequence[Result]) -> Paper:
     """Error over seconds, a panel for each body."""
-    from dicedesign.report.charts.time_curves import (
-        ErrorCurve,
-        ErrorPanel,
-        error_against_time_figure,
-    )
+    from dicedesign.report.charts.chart import Curve, Style
+    from dicedesign.report.charts.time_curves import Panel, panels_figure
 
-    curves: list[list[ErrorCurve]] = [[] for _ in results]
+    curves: list[list[Curve]] = [[] for _ in results]
     for method, style in STYLES.items():
         points = [_points(result, method) for result in results]
         if any(points):
             for row, values in zip(curves, points, strict=True):
                 seconds, errors = zip(*values, strict=True) if values else ((), ())
-                row.append(ErrorCurve(method, seconds, errors, **style))
+                row.append(Curve(seconds, errors, Style(**style), method))
     panels = [
-        ErrorPanel(result.subject.name, tuple(row))
-        for result, row in zip(results, curves, strict=True)
+        Panel(result.subject.name, row, LEVELS) for result, row in zip(results, curves, strict=True)
     ]
-    return error_against_time_figure(panels, LEVELS)
+    return panels_figure(panels, 3)
 
 
 def _points(result: Result, method: str) -> list[tuple[float, float]]:

@@ -19,7 +19,7 @@ from dicedesign.recipe.design_stage import design_die
 from dicedesign.recipe.schema.recipe import Recipe
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from dicedesign.report.charts.paper import Paper
 
 __all__ = ["METHODS", "Method", "Run", "methods_figure", "methods_record", "run_method"]
 
@@ -163,9 +163,9 @@ def methods_record(runs: Sequence[Run], limit: float) -> dict[str, Any]:
     return {**described, "limit_seconds": limit, "runs": [asdict(run) for run in runs]}
 
 
-def methods_figure(runs: Sequence[Run]) -> Figure:
+def methods_figure(runs: Sequence[Run]) -> Paper:
     """Error and dice energy over seconds, a row for each recipe."""
-    from dicedesign.report.charts.design_curves import (
+    from dicedesign.report.charts.time_curves import (
         DesignCurve,
         DesignPanel,
         design_methods_figure,

@@ -39,7 +39,7 @@ from dicedesign.throws.statistics.total_variation import noise_floor, total_vari
 from dicedesign.throws.tables import Table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from dicedesign.report.charts.paper import Paper
 
 __all__ = [
     "FULL",
@@ -232,9 +232,9 @@ def _judged(
     )
 
 
-def deviation_figure(found: Sequence[Deviation], table: str, drops: int) -> Figure:
+def deviation_figure(found: Sequence[Deviation], table: str, drops: int) -> Paper:
     """Bars of each die's total variation without momentum and by the model."""
-    from dicedesign.report.charts.bar_chart import deviation_bars_figure
+    from dicedesign.report.charts.deviation_bars import deviation_bars_figure
 
     return deviation_bars_figure(
         {

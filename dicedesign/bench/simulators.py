@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.bench.measures.simulator_odds import TABLES, ShapeOdds
 from dicedesign.bench.reference.published_distances import PRINTED_CORRELATIONS, PublishedDistances
@@ -18,7 +16,7 @@ from dicedesign.throws.statistics.correlation import Correlation, correlation
 from dicedesign.throws.statistics.odds_comparison import Distance
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from dicedesign.report.charts.paper import Paper
 
 __all__ = [
     "EngineTotals",
@@ -144,7 +142,7 @@ def shape_record(shape: ShapeOdds) -> dict[str, Any]:
 
 def table_figure(
     shapes: Sequence[ShapeOdds], published: PublishedDistances | None, drops: str
-) -> Figure:
+) -> Paper:
     """The distances of each two models against the asymmetry of the shapes: a panel for each table,
     and one for the paper's own shapes if they are given.
 
@@ -177,18 +175,8 @@ def table_figure(
                 "as published with the paper (its figure 10)",
             )
         )
-    return picture_grid([_pixels(panel) for panel in panels], [""] * len(panels), len(TABLES))
+    return picture_grid([panel.pixels() for panel in panels], [""] * len(panels), len(TABLES))
 
 
 def _distances(shapes: Sequence[ShapeOdds], table: str, models: tuple[str, str]) -> Floats:
     return np.array([shape.tables[table].comparisons[models].wasserstein.value for shape in shapes])
-
-
-def _pixels(figure: Figure) -> NDArray[np.uint8]:
-    """What a figure looks like, (h, w, 3)."""
-    from matplotlib.image import imread
-
-    from dicedesign.report.charts.png import png_bytes
-
-    image = imread(BytesIO(png_bytes(figure)), format="png")
-    return np.round(255.0 * image[..., :3]).astype(np.uint8)

@@ -9,7 +9,7 @@ from dicedesign.bench.measures.query_speed import Effort, SpeedRow, TimeTrimesh,
 from dicedesign.bench.reference.speed_cases import sphere_case
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from dicedesign.report.charts.paper import Paper
 
 __all__ = ["SIZES", "growth_figure", "growth_rows"]
 
@@ -36,9 +36,10 @@ def growth_rows(
         yield speed_row(sphere_case(size), effort, time_trimesh)
 
 
-def growth_figure(rows: Sequence[SpeedRow], described: Mapping[str, str]) -> Figure:
+def growth_figure(rows: Sequence[SpeedRow], described: Mapping[str, str]) -> Paper:
     """Seconds against points, on logarithmic axes; described: see `machine_description`."""
-    from dicedesign.report.charts.time_against_size import TimeCurve, time_against_size_figure
+    from dicedesign.report.charts.chart import Curve
+    from dicedesign.report.charts.time_curves import time_against_size_figure
 
     columns: tuple[tuple[str, Callable[[SpeedRow], float | None]], ...] = (
         ("scipy.spatial.ConvexHull", lambda row: row.hull_seconds),
@@ -51,7 +52,7 @@ def growth_figure(rows: Sequence[SpeedRow], described: Mapping[str, str]) -> Fig
         taken = {row.points: seconds_of(row) for row in rows}
         known = {points: seconds for points, seconds in taken.items() if seconds is not None}
         if known:
-            curves.append(TimeCurve(label, list(known), list(known.values())))
+            curves.append(Curve(list(known), list(known.values()), label=label))
     note = (
         f"{described['machine']}; processor time, one thread; dicedesign "
         f"{described['dicedesign']}, {described['date']}"

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from dicedesign.bench.measures.thrown_dice import Extent
 from dicedesign.bench.measures.thrown_rows import ThrownRow
 from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from dicedesign.report.charts.chart import Chart, Series
+    from dicedesign.report.charts.paper import Paper
 
-__all__ = ["thrown_figure"]
+__all__ = ["thrown_chart", "thrown_figure"]
 
 HALF_MARK = 0.28
 """Of a noise floor, over the distance of two rows."""
@@ -23,66 +22,63 @@ CHANGES_BELOW = 0.2
 """Of the dots of changed tables, over the same."""
 
 
-def thrown_figure(rows: Sequence[ThrownRow], extent: Extent) -> Figure:
+def thrown_chart(rows: Sequence[ThrownRow], extent: Extent) -> Chart:
     """Total variation from the target of each die, on one line.
 
     Raises InputError: no die was thrown.
     """
+    from dicedesign.report.charts.chart import Axis, Chart, Curve, Style
     from dicedesign.report.charts.palette import ACCENT, DARK, FAINT, PALE
-    from dicedesign.report.charts.png import agg_figure
 
     thrown = [row for row in rows if row.after is not None]
     if not thrown:
         raise InputError("dice: expected at least one that was thrown, got none; see the notes")
-    figure = agg_figure(8.4, 1.7 + 0.55 * len(thrown))
-    height = figure.get_figheight()
-    axes = figure.add_axes((0.2, 1.05 / height, 0.77, 1.0 - 1.45 / height))
-    lines = np.arange(len(thrown))[::-1]
-    for line, row in zip(lines, thrown, strict=True):
-        after = row.after
-        assert after is not None
-        found = after.to_target
+    before, after = (Style(color, "", marker="o", size=7.5) for color in (PALE, ACCENT))
+    changed_label = (
+        f"for throws, a parameter ±{100.0 * extent.variation:g} % "
+        f"({extent.variation_drops:,} drops)"
+    )
+    series: list[Series] = []
+    largest = 0.0
+    for line, row in zip(range(len(thrown) - 1, -1, -1), thrown, strict=True):
+        assert row.after is not None
+        reached = row.after.to_target
+        level = [line, line]
         if row.before is not None:
-            before = row.before.to_target.value
-            axes.plot([before, found.value], [line, line], color=PALE, linewidth=1.4, zorder=1)
-            axes.scatter(before, line, s=52, color=PALE, zorder=3, label="without momentum")
+            start = row.before.to_target.value
+            series.append(Curve([start, reached.value], level, Style(PALE)))
+            series.append(Curve([start], [line], before, "without momentum"))
+            largest = max(largest, start)
         changed = [change.to_target.value for change in row.changes]
-        axes.scatter(
-            changed,
-            np.full(len(changed), line - CHANGES_BELOW),
-            s=11,
-            color=FAINT,
-            linewidths=0.0,
-            zorder=2,
-            label=f"for throws, a parameter ±{100.0 * extent.variation:g} % "
-            f"({extent.variation_drops:,} drops)",
-        )
-        axes.plot(found.interval, [line, line], color=ACCENT, linewidth=2.6, alpha=0.45, zorder=3)
-        axes.scatter(
-            found.value, line, s=52, color=ACCENT, zorder=4, label="for throws, 95 % interval"
-        )
-        axes.vlines(
-            found.noise_floor,
-            line - HALF_MARK,
-            line + HALF_MARK,
-            color=DARK,
-            linewidth=1.2,
-            zorder=5,
-            label="mean of a perfect die",
-        )
-    axes.set_yticks(lines, [row.name for row in thrown], parse_math=False)
-    axes.set_ylim(-0.6, len(thrown) - 0.4)
-    axes.set_xlim(left=0.0)
-    axes.set_xlabel("total variation from the target")
-    axes.xaxis.grid(visible=True, color=PALE, alpha=0.4, linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.set_title(
-        f"{extent.drops:,} throws of each die, before and after", fontsize=11, color=DARK
+        heights = [line - CHANGES_BELOW] * len(changed)
+        series += [
+            Curve(changed, heights, Style(FAINT, "", marker="o", size=3.0), changed_label),
+            Curve(reached.interval, level, Style("#e0ab8c", width=5.5)),
+            Curve([reached.value], [line], after, "for throws, 95 % interval"),
+            Curve(
+                [reached.noise_floor] * 2,
+                [line - HALF_MARK, line + HALF_MARK],
+                Style(DARK, width=2.5),
+                "mean of a perfect die",
+            ),
+        ]
+        largest = max(largest, reached.value, reached.interval[1], reached.noise_floor, *changed)
+    names = [(float(k), row.name) for k, row in enumerate(reversed(thrown))]
+    return Chart(
+        (250.0, 60.0, 1230.0, 60.0 + 82.0 * len(thrown)),
+        Axis(0.0, 1.05 * largest, "total variation from the target"),
+        Axis(-0.6, len(thrown) - 0.4, ticks=names),
+        series,
+        f"{extent.drops:,} throws of each die, before and after",
+        grid="x",
     )
-    handles, labels = axes.get_legend_handles_labels()
-    named = dict(zip(labels, handles, strict=True))
-    figure.legend(
-        list(named.values()), list(named), loc="lower center", ncols=2, frameon=False, fontsize=9
-    )
-    return figure
+
+
+def thrown_figure(rows: Sequence[ThrownRow], extent: Extent) -> Paper:
+    """`thrown_chart` with its legend below. Raises InputError: as that."""
+    from dicedesign.report.charts.chart import draw_legend, sheet
+
+    chart = thrown_chart(rows, extent)
+    paper = sheet([chart], below=180.0)
+    draw_legend(paper, chart.series, (paper.width / 2.0, paper.height - 90.0), columns=2)
+    return paper

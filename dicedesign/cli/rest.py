@@ -85,11 +85,10 @@ def _rest(options: argparse.Namespace) -> int:
 
 
 def _draw(poses: RestPoses, path: Path) -> None:
-    from dicedesign.report.charts.png import png_bytes
     from dicedesign.report.figures.gauss_map import gauss_map_figure
     from dicedesign.runtime.files import atomic_write
 
-    atomic_write(path, png_bytes(gauss_map_figure(poses)))
+    atomic_write(path, gauss_map_figure(poses).png())
 
 
 def _table(options: argparse.Namespace, poses: RestPoses, thrown: Floats | None) -> str:

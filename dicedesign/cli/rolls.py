@@ -112,11 +112,11 @@ def _mesh(path: Path) -> _Die:
 
 
 def _draw(labels: list[str], verdict: RollVerdict, path: Path) -> None:
-    from dicedesign.report.charts.png import png_bytes
-    from dicedesign.report.figures.rolls import rolls_figure
+    from dicedesign.report.charts.chart import sheet
+    from dicedesign.report.charts.rolls import rolls_chart
     from dicedesign.runtime.files import atomic_write
 
-    atomic_write(path, png_bytes(rolls_figure(labels, verdict)))
+    atomic_write(path, sheet([rolls_chart(labels, verdict)]).png())
 
 
 def rolls_summary(labels: list[str], verdict: RollVerdict) -> dict[str, Any]:

@@ -86,8 +86,7 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
 
     Raises OutputError if a file cannot be written.
     """
-    from dicedesign.report.charts.png import png_bytes
-    from dicedesign.report.figures.pareto import pareto_figure
+    from dicedesign.report.charts.pareto import pareto_figure
     from dicedesign.report.pages.leaderboard_page import leaderboard_html
 
     solved = ranked(finished)
@@ -100,7 +99,7 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
         for rank, trial in enumerate(solved, start=1)
         if trial["number"] in chosen
     ]
-    picture = png_bytes(pareto_figure(finished, front, [entry["number"] for entry in board]))
+    picture = pareto_figure(finished, front, [entry["number"] for entry in board]).png()
     table = {
         "name": recipe.name,
         "size_mm": recipe.size_mm,

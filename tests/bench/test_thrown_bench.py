@@ -242,9 +242,9 @@ def test_a_die_is_missed_only_where_chance_is_not_the_reason(run: MadeUpRun) -> 
 def test_the_figure_has_every_die_that_was_thrown(run: MadeUpRun) -> None:
     row = run.row
     nothing = replace(row, name="nothing", before=None, after=None, changes=())
-    figure = thrown_figure([row, nothing, replace(row, name="again")], TINY)
-    (axes,) = figure.axes
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["three", "again"]
+    texts = thrown_figure([row, nothing, replace(row, name="again")], TINY).texts
+    assert {"three", "again"} <= set(texts)
+    assert "nothing" not in texts
     with pytest.raises(InputError, match="expected at least one that was thrown"):
         thrown_figure([nothing], TINY)
 

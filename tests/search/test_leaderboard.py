@@ -11,14 +11,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.image import imread
+from common.drawings import is_whole
+from PIL import Image
 
 from dicedesign import rest_poses
 from dicedesign.errors import InputError, OutputError
 from dicedesign.recipe.schema.reading import checked_recipe, read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.report.charts.png import png_bytes
-from dicedesign.report.figures.pareto import pareto_figure
+from dicedesign.report.charts.chart import Curve
+from dicedesign.report.charts.pareto import pareto_chart, pareto_figure
 from dicedesign.report.pages.leaderboard_page import lying_die_png
 from dicedesign.search.leaderboard import leaders, pareto_front, ranked, write_results
 from dicedesign.search.space import search_space, varied_recipe
@@ -232,7 +233,7 @@ def test_a_lying_die_is_seen_whole(seed: int) -> None:
     points = rng.normal(size=(12, 3)) * [1.0, 0.3, 3.0]
     poses = rest_poses(points)
     data = lying_die_png(points, poses.normals[0])
-    pixels = (255.0 * imread(BytesIO(data))[..., :3]).astype(int)
+    pixels = np.asarray(Image.open(BytesIO(data))).astype(int)
     dark = (pixels < 250).any(-1)
     assert dark.any()
     assert not dark[[0, -1]].any()
@@ -252,35 +253,31 @@ def test_the_picture_tells_kinds_apart(recipe: Recipe) -> None:
     solved = ranked(trials)
     values = np.array([[trial["inradius_mm"], trial["margin_deg"]] for trial in solved])
     front = [t["number"] for t, on in zip(solved, pareto_front(values), strict=True) if on]
-    figure = pareto_figure(trials, front, [trial["number"] for trial in solved[:10]])
-    (axes,) = figure.axes
-    missed, converged, best = (len(group.get_offsets()) for group in axes.collections)
+    named = [trial["number"] for trial in solved[:10]]
+    chart = pareto_chart(trials, front, named)
+    steps, *groups = (one for one in chart.series if isinstance(one, Curve))
     kinds = [trial["status"] for trial in trials]
+    missed, converged, best = (len(group.x) for group in groups[:3])
     assert missed == kinds.count("no_progress")
     assert best == len(front)
     assert converged + best == kinds.count("converged")
-    (legend,) = figure.legends
-    labels = [text.get_text() for text in legend.get_texts()]
-    assert labels[-1] == f"nothing to measure ({kinds.count('no_die')})"
+    assert groups[-1].label == f"nothing to measure ({kinds.count('no_die')})"
     # The steps bound what the dice reach: none lies beyond, and the front lies on them.
-    (steps,) = axes.lines
-    x, y = np.array(steps.get_xdata()), np.array(steps.get_ydata())
-    assert steps.get_drawstyle() == "steps-pre"
+    x, y = np.array(steps.x), np.array(steps.y)
     for radius, margin in values:
         allowed = y[np.searchsorted(x, radius)] if radius <= x[-1] else -np.inf
         assert margin <= allowed
-    assert axes.get_xlabel().endswith("(mm)")
-    assert axes.get_ylabel().endswith("(°)")
-    written = [text.get_text() for text in axes.texts]
-    assert written[0] == str(solved[0]["number"])
-    assert png_bytes(figure).startswith(b"\x89PNG")
+    assert chart.x.label.endswith("(mm)")
+    assert chart.y.label.endswith("(°)")
+    assert chart.notes[0].text == str(solved[0]["number"])
+    assert is_whole(pareto_figure(trials, front, named))
 
 
 @pytest.mark.parametrize("status", ["converged", "no_progress", "no_die"])
 def test_a_picture_of_one_trial(recipe: Recipe, status: str) -> None:
     trial = next(trial for trial in made(recipe, 60) if trial["status"] == status)
     front = [trial["number"]] if status == "converged" else []
-    assert png_bytes(pareto_figure([trial], front, front)).startswith(b"\x89PNG")
+    assert is_whole(pareto_figure([trial], front, front))
 
 
 def test_a_picture_of_nothing() -> None:

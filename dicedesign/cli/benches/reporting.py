@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from dicedesign.report.charts.paper import Paper
 
 __all__ = [
     "add_folder_option",
@@ -82,7 +82,7 @@ def json_text(record: Mapping[str, Any]) -> str:
 
 
 def write_results(
-    folder: Path, bench: str, figure: Figure, record: Mapping[str, Any], *, as_json: bool
+    folder: Path, bench: str, figure: Paper, record: Mapping[str, Any], *, as_json: bool
 ) -> None:
     """Write the figure and the record into the folder of `--out`, and say so.
 

@@ -1,70 +1,131 @@
-"""How far predictions are from what was thrown, die by die."""
+"""Odds of outcomes as bars beside each other."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from matplotlib.artist import Artist
-from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
-from dicedesign.report.charts.palette import ACCENT, DARK, FAINT, PALE
-from dicedesign.report.charts.png import agg_figure
-from dicedesign.runtime.arrays import Floats
+from dicedesign.report.charts.chart import (
+    Axis,
+    Bars,
+    Chart,
+    Intervals,
+    Levels,
+    Note,
+    Series,
+    legend_width,
+)
+from dicedesign.report.charts.palette import PALE
+from dicedesign.report.charts.paper import TINY, TITLE, text_width
 
-__all__ = ["deviation_bars_figure"]
+__all__ = ["OddsBars", "odds_chart"]
 
-_WIDTHS: Final = (0.86, 0.5)
-"""Of the bars, the first behind the second, in units of their distance."""
+_MOST_VALUES: Final = 16
+"""Outcomes above whose bars values are written."""
+
+_LEGEND_COLUMNS: Final = 5
+
+_GROUP: Final = 0.8
+"""Width of the bars of one outcome, over the distance of outcomes."""
+
+_TARGET: Final = 0.92
+"""The same, of the wide bar behind them."""
 
 
-def deviation_bars_figure(
-    deviations: Mapping[str, Floats], floors: Floats, title: str, note: str = ""
-) -> Figure:
-    """For each die a bar of one prediction's total variation, in front of it one of another's, and
-    a line at the noise floor; dice in descending order of the first. The legend has the means.
+@dataclass(frozen=True)
+class OddsBars:
+    """One kind of odds.
 
-    Parameters
+    Attributes
     ----------
-    deviations: two predictions -> (n,) total variation of each die, 0 to 1, n at least 1.
-    floors: (n,) mean total variation of right odds.
-    title: above the figure. note: small print at the foot.
-
-    Raises InputError: not two predictions, or not one number for each die.
+    name: in the legend.
+    color: of the bars.
+    odds: (k,) probabilities in [0, 1].
+    intervals: (k, 2) limits drawn around them, or None.
+    interval_name: in the legend.
+    values: written above the bars, k texts, or empty for none.
     """
-    lengths = {len(floors), *map(len, deviations.values())}
-    if len(deviations) != 2 or len(lengths) != 1 or 0 in lengths:
+
+    name: str
+    color: str
+    odds: ArrayLike
+    intervals: ArrayLike | None = None
+    interval_name: str = ""
+    values: Sequence[str] = ()
+
+    @classmethod
+    def written(cls, name: str, color: str, odds: ArrayLike) -> OddsBars:
+        """With the odds in percent above them."""
+        values = [f"{100.0 * value:.2f}" for value in np.asarray(odds).tolist()]
+        return cls(name, color, odds, values=values)
+
+
+def odds_chart(
+    labels: Sequence[str],
+    kinds: Sequence[OddsBars],
+    *,
+    title: str,
+    x_label: str,
+    target: ArrayLike | None = None,
+) -> Chart:
+    """A group of bars for each outcome, perhaps in front of a wide one of its target. Values are
+    written for at most 16 outcomes.
+
+    labels: k outcomes, at least one.
+
+    Raises InputError: there is no outcome, or not one of each probability for each.
+    """
+    counts = [len(np.asarray(kind.odds)) for kind in kinds]
+    counts += [] if target is None else [len(np.asarray(target))]
+    if not labels or set(counts) != {len(labels)}:
         raise InputError(
-            "deviation bars: expected two predictions with one total variation and one noise floor "
-            f"for each die, got {len(deviations)} predictions of "
-            f"{', '.join(str(len(values)) for values in deviations.values())} dice and "
-            f"{len(floors)} floors; pass as many of each"
+            "bars: expected at least one outcome, with one probability of each kind each, got "
+            f"{len(labels)} labels and {', '.join(map(str, counts))} probabilities"
         )
-    order = np.argsort(-next(iter(deviations.values())), kind="stable")
-    places = np.arange(len(order))
-    figure = agg_figure(10.2, 4.4)
-    axes = figure.add_axes((0.07, 0.14, 0.91, 0.75))
-    handles: list[Artist] = []
-    labels = []
-    for (name, values), width, color in zip(
-        deviations.items(), _WIDTHS, (PALE, ACCENT), strict=True
-    ):
-        labels.append(f"{name}: mean {values.mean():.3f}, worst {values.max():.3f}")
-        bars = axes.bar(places, values[order], width, color=color, linewidth=0)
-        handles.append(bars[0])
-    line = axes.hlines(
-        floors[order], places - _WIDTHS[0] / 2.0, places + _WIDTHS[0] / 2.0, DARK, linewidth=1.2
+    count, width = len(labels), _GROUP / len(kinds)
+    places = np.arange(float(count))
+    right = min(max(960.0, 112.0 * count + 180.0), 1800.0) - 25.0
+    box = (125.0, 105.0, right, 535.0)
+    series: list[Series] = []
+    notes: list[Note] = []
+    most, room = 0.0, 0.0
+    if target is not None:
+        wanted = 100.0 * np.asarray(target, dtype=np.float64)
+        most = float(wanted.max())
+        series.append(Bars(places, wanted, _TARGET, PALE, "target", 0.55))
+    for number, kind in enumerate(kinds):
+        middles = places + (number - (len(kinds) - 1) / 2.0) * width
+        above = percent = 100.0 * np.asarray(kind.odds, dtype=np.float64)
+        series.append(Bars(middles, percent, width, kind.color, kind.name))
+        if kind.intervals is not None:
+            low, above = 100.0 * np.asarray(kind.intervals, dtype=np.float64).T
+            series.append(Intervals(middles, low, above, kind.interval_name))
+        most = max(most, float(percent.max()), float(above.max()))
+        if kind.values and count <= _MOST_VALUES:
+            wide = max(text_width(text, TINY) for text in kind.values)
+            turned = wide + 10.0 > width * (right - box[0]) / (count + 0.2)
+            room = max(room, wide + 14.0 if turned else 30.0)
+            notes += [
+                Note(text, x, y, (0.0, -8.0), "lm" if turned else "md", TINY, turned=turned)
+                for text, x, y in zip(kind.values, middles, above, strict=True)
+            ]
+    if target is not None:
+        series.append(Levels(places, wanted, _TARGET))
+    tall = box[3] - box[1]
+    # Wide enough for what is written above, too.
+    wide = max(text_width(title, TITLE) + 120.0, legend_width(series, _LEGEND_COLUMNS) + 20.0)
+    return Chart(
+        (box[0], box[1], max(right, wide), box[3]),
+        Axis(-0.6, count - 0.4, x_label, ticks=list(enumerate(labels))),
+        Axis(0.0, max(most, 1e-9) * tall / (0.97 * tall - room), "probability (%)"),
+        series,
+        title,
+        notes,
+        grid="",
+        legend=_LEGEND_COLUMNS,
     )
-    handles.append(line)
-    axes.set(xlim=(-0.7, len(order) - 0.3), xticks=[], ylabel="total variation to the throws")
-    axes.set_title(title, fontsize=11, color=DARK, loc="left")
-    axes.set_xlabel("dice, the farthest from the odds without momentum first", color=DARK)
-    axes.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-    labels.append(f"right odds, on the mean: {floors.mean():.3f}")
-    axes.legend(handles, labels, frameon=False, fontsize=9.5, labelcolor=DARK, loc="upper right")
-    figure.text(0.07, 0.02, note, fontsize=8.0, color=FAINT)
-    return figure

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
-__all__ = ["ACCENT", "BASINS", "DARK", "FAINT", "PALE"]
+import numpy as np
+
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["ACCENT", "BASINS", "DARK", "DISTINCT", "FAINT", "GRID", "PALE", "repeated", "rgb"]
 
 DARK: Final = "#1f2933"
 """Separatrices, axes and text."""
@@ -17,6 +22,13 @@ PALE: Final = "#9fb3c8"
 
 FAINT: Final = "#7b8794"
 """Hull arcs and reference lines."""
+
+GRID: Final = "#dee1e4"
+"""Lines of a grid."""
+
+DISTINCT: Final = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#000000", "#e69f00", "#56b4e9")
+"""Line colours that the colour-blind tell apart. Source: M. Okabe and K. Ito, Color Universal
+Design (2008)."""
 
 BASINS: Final = (
     "#7fb2de",
@@ -41,3 +53,13 @@ BASINS: Final = (
     "#c46aa3",
 )
 """Colours of basins, the most probable first; they repeat after twenty."""
+
+
+def repeated(colors: Sequence[str], count: int) -> list[str]:
+    """`count` colours, from the first again after the last."""
+    return [colors[k % len(colors)] for k in range(count)]
+
+
+def rgb(colors: Sequence[str]) -> Floats:
+    """(k, 3) red, green and blue from 0 to 1 of colours as "#rrggbb"."""
+    return np.array([[int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5)] for color in colors])

@@ -6,21 +6,16 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from dicedesign.report.charts.palette import DARK
-from dicedesign.report.charts.png import PIXELS_PER_INCH, agg_figure
+from dicedesign.report.charts.paper import Paper, Picture
 
 __all__ = ["picture_grid", "trimmed"]
 
-Picture = NDArray[np.uint8]
-
-_GAP: Final = 0.16
+_GAP: Final = 24
 
 _MARGIN_ROWS: Final = 8
 
-_TITLE: Final = 0.28
+_TITLE: Final = 42
 
 
 def trimmed(pictures: Sequence[Picture]) -> list[Picture]:
@@ -39,28 +34,24 @@ def picture_grid(
     columns: int,
     above: float = 0.0,
     below: float = 0.0,
-) -> Figure:
+) -> Paper:
     """Pictures in rows with a title above each.
 
     pictures: (h, w, 3), at least one, of one width, and of one height in each row; titles: one for
-    each, empty where there is none; columns: of the grid, at least 1; above, below: inches of room
+    each, empty where there is none; columns: of the grid, at least 1; above, below: pixels of room
     left free for more.
     """
-    side = pictures[0].shape[1] / PIXELS_PER_INCH
-    sides = [len(picture) / PIXELS_PER_INCH for picture in pictures]
-    width = columns * (side + _GAP) + _GAP
-    height = sum(sides[::columns]) + len(sides[::columns]) * (_GAP + _TITLE) + _GAP + above + below
-    figure = agg_figure(width, height)
-    top = height - above - _GAP
-    for k, (picture, title) in enumerate(zip(pictures, titles, strict=True)):
-        left = _GAP + (k % columns) * (side + _GAP)
-        bottom = top - _TITLE - sides[k]
-        box = (left / width, bottom / height, side / width, sides[k] / height)
-        # With its height given, a title is not moved clear of ticks, which are not drawn here.
-        axes = figure.add_axes(box, xticks=[], yticks=[])
-        axes.imshow(picture)
-        axes.set_axis_off()
-        axes.set_title(title, fontsize=10, color=DARK, pad=3, y=1.0, parse_math=False)
-        if k % columns == columns - 1:
-            top = bottom - _GAP
-    return figure
+    width = pictures[0].shape[1]
+    rows = [len(picture) for picture in pictures[::columns]]
+    tall = sum(rows) + len(rows) * (_GAP + _TITLE) + _GAP
+    paper = Paper(columns * (width + _GAP) + _GAP, tall + above + below)
+    top = above + _GAP
+    for first, height in zip(range(0, len(pictures), columns), rows, strict=True):
+        row = slice(first, first + columns)
+        for column, (picture, title) in enumerate(zip(pictures[row], titles[row], strict=True)):
+            left = _GAP + column * (width + _GAP)
+            paper.picture(picture, left, top + _TITLE)
+            if title:
+                paper.text(title, (left + width / 2.0, top + _TITLE - 7.0), anchor="md")
+        top += height + _TITLE + _GAP
+    return paper

@@ -1,27 +1,30 @@
-"""Figures of a finished die: one file each, drawn for the dice that they fit."""
+"""Figures of a report about a finished die: one file each."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from dicedesign.fabricate.finished_die import FinishedDie
 from dicedesign.runtime.registry import Extension, Registry
+
+if TYPE_CHECKING:
+    from dicedesign.fabricate.finished_die import FinishedDie
 
 __all__ = ["FIGURES", "Figure", "figure_files"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Figure(Extension):
-    """One figure of the report.
+    """A figure; `name` is that of its file, without the ending, and `rank` its place on the page.
 
     Attributes
     ----------
     title, caption: above and below it on the page.
-    wanted: whether it fits a die.
-    draw: its content, as the suffix says.
-    suffix: of its file.
+    wanted: whether a die has it.
+    draw: the content of its file.
+    suffix: ending of its file, ".png" or ".gif".
+    instead_of: name of a figure that is not shown on the page where this one is, or empty.
     """
 
     title: str
@@ -29,11 +32,13 @@ class Figure(Extension):
     wanted: Callable[[FinishedDie], bool]
     draw: Callable[[FinishedDie], bytes]
     suffix: str = ".png"
+    instead_of: str = ""
 
 
-FIGURES: Final[Registry[Figure]] = Registry("figure", "dicedesign.report.figures.die")
+FIGURES: Final = Registry[Figure]("figure", "dicedesign.report.figures")
+"""All figures of dice, in the order of the page."""
 
 
 def figure_files(die: FinishedDie) -> dict[str, bytes]:
-    """The figures that fit a die, by name."""
+    """The content of the file of each figure that a die has, by the figure's name."""
     return {figure.name: figure.draw(die) for figure in FIGURES if figure.wanted(die)}

@@ -1,12 +1,12 @@
-"""The report of a design: one HTML file that needs nothing else."""
+"""The report of a die: one HTML file that needs nothing else."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
-from typing import Any, Final
+from typing import Final
 
+from dicedesign.report.figures.figure import FIGURES
 from dicedesign.report.pages.html_parts import (
     figure_section,
     list_section,
@@ -16,121 +16,153 @@ from dicedesign.report.pages.html_parts import (
     table_section,
     text_section,
 )
-from dicedesign.report.pages.throws_section import ROLLING, table_sections, throwing_advice
+from dicedesign.report.pages.throwing import throwing_advice, throws_told
 from dicedesign.results.record import Result
 
-__all__ = ["die_page", "report_html"]
-
-_FIGURES: Final = (
-    (
-        "bars",
-        "Target and achieved odds",
-        "Probability that the die comes to rest on the facet with each label.",
-    ),
-    (
-        "convergence",
-        "Error against run time",
-        "Largest difference of a probability from its target, and the energy, after each step.",
-    ),
-    (
-        "gauss_map",
-        "Where the die ends up",
-        "Every point is a direction of the die that points down when it is let go; its colour "
-        "tells on which facet the die comes to rest if it rolls there without momentum.",
-    ),
-    ("views", "The die from several sides", "All views have the same scale."),
-    ("labels", "Every label", "Each labelled facet seen straight from outside."),
-)
+__all__ = ["die_page"]
 
 _PRINTING: Final = (
     "Print the STL file in millimetres with 100 % infill, so that the density is uniform: the odds "
-    "hold for a solid of one material. Let it cool, and remove supports without rounding edges. "
-    "The outcome of a throw is the label on the facet that the die rests on, i.e. the face down: "
-    "lift the die and read its underside."
+    "hold for a solid of one material. Let it cool, and remove supports without rounding "
+)
+
+_READING: Final = (
+    "edges. The outcome of a throw is the label on the facet that the die rests on, i.e. the face "
+    "down: lift the die and read its underside. "
+)
+
+_READING_A_SHAPE: Final = (
+    "the places that it rests on. The outcome of a throw is the side that the die lies on: compare "
+    "it with the pictures at the top. "
+)
+
+_MARKED: Final = (
+    " In die.stl the label of each outcome is cut into the side that is up then; die_plain.stl "
+    "has none."
 )
 
 
 def die_page(result: Result, images: Mapping[str, bytes]) -> str:
-    """The page of a finished die as HTML."""
-    return report_html(json.loads(result.json_text()), images)
-
-
-def report_html(result: Mapping[str, Any], images: Mapping[str, bytes]) -> str:
-    """The report as HTML.
+    """The report of any kind of die as HTML.
 
     Parameters
     ----------
-    result: the design's result in its JSON form. Keys "name", "status", "message", "target" (k,),
-        "labels" (k,), "energy" (term to value), perhaps "engraved_max_abs_error",
-        "center_of_mass" (3,) in mm, "facets" (each with "label" or None, "probability",
-        "polygon_area_mm2", "inradius_mm" and "margin_deg"), "unstable_facets", "stages" (each with
-        "name", "seconds" and "peak_mb", a number or None), "peak_since" ("stage" or "start", what
-        "peak_mb" counts from) and "files" (kind to path). For a die that is to be thrown also
-        "thrown", see `dicedesign.report.pages.throws_section`; its probabilities are those without
-        momentum.
-    images: PNG bytes of "bars" (not shown for a die that is to be thrown), "convergence",
-        "gauss_map", "views" and "labels", and those of
-        `dicedesign.report.pages.throws_section`; sections of those that are absent are left out.
+    result: of the run.
+    images: PNG or GIF bytes of figures by name, see `FIGURES`; others are left out.
 
     Returns
     -------
     str, a whole document; the same for the same arguments.
     """
-    verdict = f"<strong>{escape(result['status'])}</strong>: {escape(result['message'])}"
-    thrown = result.get("thrown")
-    if thrown is None and "engraved_max_abs_error" in result:
-        verdict += f"; {number(result['engraved_max_abs_error'], 3)} with the labels cut in"
-    parts = [
-        f"<h1>{escape(result['name'])}</h1>",
-        f'<p class="verdict">{verdict}</p>',
-    ]
+    return page(result.name, list(_sections(result, images)))
+
+
+def _sections(result: Result, images: Mapping[str, bytes]) -> Iterator[str]:
+    verdict = f"<strong>{escape(result.status)}</strong>: {escape(result.message)}"
+    yield f'<h1>{escape(result.name)}</h1>\n<p class="verdict">{verdict}</p>'
+    if result.thrown is not None:
+        yield text_section("On the table", throws_told(result.thrown))
+    hidden = {figure.instead_of for figure in FIGURES if figure.name in images}
+    for figure in FIGURES:
+        if figure.name in images and figure.name not in hidden:
+            yield figure_section(figure.title, images[figure.name], figure.caption)
+    yield _odds(result)
+    if result.displacement is None:
+        yield _facets(result)
+    if result.quality is not None:
+        yield list_section("Quality of the surface", result.quality)
+    yield from _measures(result)
+    if result.notes:
+        yield list_section("Notes", result.notes)
+    yield stages_section(result.stages, result.peak_since)
+    if result.energy is not None:
+        terms = [[term, number(value, 4)] for term, value in result.energy.items()]
+        yield table_section("Energy", ["term", "value"], terms)
+    yield list_section("Files", [f"{kind}: {name}" for kind, name in result.files.items()])
+    yield text_section("How to print and read the die", [_instructions(result)])
+
+
+def _odds(result: Result) -> str:
+    """Every kind of odds that is known."""
+    thrown = result.thrown
+    achieved = "achieved" if thrown is None else "without momentum"
+    columns = [["target", *_percent(result.target, None)]]
+    for name, odds, elsewhere in (
+        ("before", result.probabilities_before, result.elsewhere_before),
+        (achieved, result.probabilities, result.elsewhere),
+        ("labels cut in", result.engraved_probabilities, result.engraved_elsewhere),
+    ):
+        if odds is not None:
+            columns.append([name, *_percent(odds, elsewhere)])
     if thrown is not None:
-        parts += table_sections(result, images)
-    parts += [
-        figure_section(title, images[key], caption)
-        for key, title, caption in _FIGURES
-        if key in images and (thrown is None or key != "bars")
-    ]
-    parts += [_facets(result), _details(result)]
-    advice = ROLLING if thrown is None else throwing_advice(thrown["table"])
-    parts.append(text_section("How to print and read the die", [f"{_PRINTING} {advice}"]))
-    return page(result["name"], parts)
-
-
-def _facets(result: Mapping[str, Any]) -> str:
-    targets = dict(zip(result["labels"], result["target"], strict=True))
-    rows = []
-    for facet in result["facets"]:
-        label = facet["label"]
-        rows.append(
-            [
-                "-" if label is None else label,
-                f"{facet['probability']:.5f}",
-                "-" if label is None else f"{targets[label]:.5f}",
-                number(facet["polygon_area_mm2"], 4),
-                number(facet["inradius_mm"], 3),
-                number(facet["margin_deg"], 3),
+        columns.append(["momentum model", *_percent(thrown.momentum, None)])
+        if thrown.simulated is not None:
+            limits = [
+                f"{100.0 * low:.2f} to {100.0 * high:.2f}"
+                for low, high in thrown.simulated.intervals
             ]
-        )
-    odds = "without momentum" if "thrown" in result else "probability"
+            columns.append(["simulated throws", *_percent(thrown.simulated.frequencies, None)])
+            columns.append(["95 % interval", *limits, "-"])
+    columns.append(["rests", *map(str, result.rest_counts), "-"])
+    header, *rows = zip(["outcome", *result.labels, "elsewhere"], *columns, strict=True)
+    note = (
+        f"Largest difference of what was achieved from the target: "
+        f"{number(result.max_abs_error, 3)}. Rests on facets that lie almost in one plane count as "
+        "one outcome; elsewhere are all that belong to none."
+    )
+    return table_section("Odds in numbers (%)", header, rows, note)
+
+
+def _percent(odds: Sequence[float], elsewhere: float | None) -> list[str]:
+    """Odds (k,) and those of all other rests, if they are known."""
+    others = "-" if elsewhere is None else f"{100.0 * elsewhere:.3f}"
+    return [*(f"{100.0 * value:.3f}" for value in odds), others]
+
+
+def _facets(result: Result) -> str:
+    targets = dict(zip(result.labels, result.target, strict=True))
+    rows = [
+        [
+            facet.label or "-",
+            f"{facet.probability:.5f}",
+            f"{targets[facet.label]:.5f}" if facet.label else "-",
+            number(facet.polygon_area_mm2, 4),
+            number(facet.inradius_mm, 3),
+            number(facet.margin_deg, 3),
+        ]
+        for facet in result.facets
+    ]
+    odds = "probability" if result.thrown is None else "without momentum"
     header = ["label", odds, "target", "area (mm²)", "inscribed radius (mm)", "margin (°)"]
-    x, y, z = (f"{round(value, 3) + 0.0:.3f}" for value in result["center_of_mass"])
+    x, y, z = (f"{round(value, 3) + 0.0:.3f}" for value in result.center_of_mass)
     note = (
         "Facets that the die can rest on; it cannot rest on its other "
-        f"{result['unstable_facets']}. The margin is the angle by which the die must be tipped to "
-        "leave the facet. "
-        f"Center of mass: ({x}, {y}, {z}) mm."
+        f"{result.unstable_facets}. The margin is the angle by which the die must be tipped to "
+        f"leave the facet. Center of mass: ({x}, {y}, {z}) mm."
     )
     return table_section("Facets", header, rows, note)
 
 
-def _details(result: Mapping[str, Any]) -> str:
-    terms = [[term, number(value, 4)] for term, value in result["energy"].items()]
-    files = [f"{kind}: {file}" for kind, file in result["files"].items()]
-    return "\n".join(
-        [
-            stages_section(result["stages"], result["peak_since"]),
-            table_section("Energy", ["term", "value"], terms),
-            list_section("Files", files),
-        ]
-    )
+def _measures(result: Result) -> Iterator[str]:
+    """How far a surface was changed."""
+    moved, hull, surface = result.displacement, result.hull, result.surface
+    if moved is None or hull is None or surface is None:
+        return
+    rows = [
+        ["mean displacement", f"{100.0 * moved.mean:.3g} % of the diagonal"],
+        ["largest displacement", f"{100.0 * moved.largest:.3g} % of the diagonal"],
+        ["vertices of the surface", str(surface.vertices)],
+        ["triangles of the surface", str(surface.triangles)],
+        ["vertices of its hull before", str(hull.vertices_before)],
+        ["vertices of its hull after", str(hull.vertices_after)],
+        ["gap to the designed hull", f"{number(hull.gap, 2)} of the diagonal"],
+    ]
+    yield table_section("Measures", ["measure", "value"], rows)
+
+
+def _instructions(result: Result) -> str:
+    """How to print, throw and read the die."""
+    is_shape = result.displacement is not None
+    reading = _READING_A_SHAPE if is_shape else _READING
+    marked = _MARKED if is_shape and "die" in result.files else ""
+    return f"{_PRINTING}{reading}{throwing_advice(result.thrown)}{marked}"

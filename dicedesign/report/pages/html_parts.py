@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import Any, Final
+
+from dicedesign.results.record import StageTime
 
 __all__ = [
     "figure_section",
@@ -91,15 +93,9 @@ def table_section(
     )
 
 
-def stages_section(stages: Sequence[Mapping[str, Any]], peak_since: str) -> str:
-    """A table of stages.
-
-    stages: each with "name", "seconds" and "peak_mb", a number or None; peak_since: "stage" or
-    "start", what "peak_mb" counts from.
-    """
-    rows = [
-        [stage["name"], f"{stage['seconds']:.2f}", number(stage["peak_mb"], 4)] for stage in stages
-    ]
+def stages_section(stages: Sequence[StageTime], peak_since: str) -> str:
+    """A table of stages; peak_since: "stage" or "start", what their memory counts from."""
+    rows = [[stage.name, f"{stage.seconds:.2f}", number(stage.peak_mb, 4)] for stage in stages]
     memory = (
         "Only what the recipe asks for is run; the making of this page follows. Memory is the most "
         f"that the whole program held {_PEAK_SINCE[peak_since]}, libraries included."

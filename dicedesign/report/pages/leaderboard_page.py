@@ -10,10 +10,10 @@ from typing import Any, Final
 import numpy as np
 
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.report.charts.png import PIXELS_PER_INCH, agg_figure, png_bytes
+from dicedesign.report.charts.paper import Paper
 from dicedesign.report.pages.html_parts import figure_section, number, page
-from dicedesign.report.render.flat_renderer import render_view
 from dicedesign.report.render.raster import Camera
+from dicedesign.report.render.renderer import Surface, render
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["leaderboard_html", "lying_die_png"]
@@ -59,7 +59,7 @@ def leaderboard_html(
         entry with "rank", "number", "inradius_mm", "margin_deg", "max_abs_error", "asymmetry",
         "on_front", "as_given", "varied" and "recipe_file".
     shapes: by the number of each trial in it, "vertices" (n, 3) of the die in mm and "down" (3,).
-    picture: PNG of `dicedesign.report.figures.pareto.pareto_figure`.
+    picture: PNG of `dicedesign.report.charts.pareto.pareto_figure`.
     """
     board = table["leaderboard"]
     verdict = f"{table['converged']} of {table['trials']} trials converged"
@@ -147,10 +147,7 @@ def lying_die_png(vertices: Floats, down: Floats) -> bytes:
     seen = vertices @ frame.T
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2.0 @ frame
     camera = Camera(direction, -down, middle, 0.53 * hull.diameter)
-    pixels = render_view(hull.vertices, hull.triangles, camera, _PIXELS)
-    inches = _PIXELS / PIXELS_PER_INCH
-    figure = agg_figure(inches, inches)
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.imshow(pixels)
-    axes.set_axis_off()
-    return png_bytes(figure)
+    surface = Surface(hull.vertices, hull.triangles, smooth=False)
+    paper = Paper(_PIXELS, _PIXELS)
+    paper.picture(render(surface, camera, _PIXELS), 0, 0)
+    return paper.png()

@@ -1,14 +1,15 @@
-"""Pictures of a smooth surface, perhaps coloured, perhaps within a shell of glass."""
+"""Pictures of a solid: flat or smooth, perhaps coloured, perhaps within a shell of glass."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dicedesign.report.charts.paper import Picture
 from dicedesign.report.render.raster import Camera, rasterize
 from dicedesign.report.render.shading import (
     LINE,
@@ -23,11 +24,12 @@ from dicedesign.report.render.shading import (
 )
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["PaintedSurface", "Shell", "render_surface"]
+__all__ = ["Shell", "Surface", "render"]
 
-_SHARP_DEGREES: Final = 180.0
+_SHARP_DEGREES: Final = 20.0
 
-_LINE_STRENGTH: Final = 0.8
+_LINE_STRENGTH: Final = {False: 1.0, True: 0.8}
+"""Of outlines of flat and of smooth surfaces."""
 
 _PAINT_SHADE: Final = 0.55
 
@@ -47,21 +49,30 @@ _EDGE_OPACITY: Final = 0.35
 
 _FLAT_COSINE: Final = np.cos(np.radians(1.0))
 
+_RECESS_REACH: Final = 0.02
+"""Of the surroundings of a recess, over the extent of what is seen."""
+
+_MARGIN: Final = 2
+"""Pixels drawn around what is seen, for its outline."""
+
 
 @dataclass(frozen=True, eq=False)
-class PaintedSurface:
+class Surface:
     """A surface to draw.
 
     Attributes
     ----------
     points: (n, 3) in any length unit.
-    triangles: (t, 3), oriented alike; both sides are drawn alike.
+    triangles: (t, 3), oriented alike where the surface is smooth; both sides are drawn alike.
     colors: (n, 3) red, green and blue of each point from 0 to 1, or None for the material of dice.
+    smooth: whether the triangles stand for a smooth surface, whose edges are not outlined, unlike
+        those of a solid with flat faces that are sharper than 20 degrees.
     """
 
     points: Floats
     triangles: Integers
     colors: Floats | None = None
+    smooth: bool = True
 
     @cached_property
     def corner_normals(self) -> Floats:
@@ -85,17 +96,17 @@ class Shell:
     tints: Floats
 
 
-def render_surface(
-    surface: PaintedSurface,
+def render(
+    surface: Surface,
     camera: Camera,
     size: int,
     shell: Shell | None = None,
     backdrop: Floats | None = None,
-) -> NDArray[np.uint8]:
+) -> Picture:
     """Picture of a surface, lit from the upper left, with silhouettes and steps outlined.
 
-    Smooth parts are shaded smoothly; recesses are darker than their surroundings. Of a shell, the
-    edges are drawn and the tinted triangles coloured, those on its far side paler.
+    Recesses are darker than their surroundings. Of a shell, the edges are drawn and the tinted
+    triangles coloured, those on its far side paler.
 
     Parameters
     ----------
@@ -109,18 +120,47 @@ def render_surface(
     -------
     (size, size, 3) uint8.
     """
-    fine = SAMPLES * size
-    picture = np.ones((fine, fine, 3))
-    if backdrop is not None:
-        picture *= _fine(backdrop)[..., None]
+    paper = np.ones((size, size)) if backdrop is None else backdrop
+    picture = np.rint(255.0 * paper).astype(np.uint8)[..., None].repeat(3, axis=2)
+    places = camera.pixel_positions(surface.points, size)
+    around = places if shell is None else camera.pixel_positions(shell.vertices, size)
+    window = _window(np.concatenate([places, around])[:, :2], size)
+    if window is None:
+        return picture
+    column, row, side = window
+    corner = np.array([column, row, 0.0])
+    rows, columns = slice(row, row + side), slice(column, column + side)
+    behind = np.ones((side, side))
+    part = paper[rows, columns]
+    behind[: part.shape[0], : part.shape[1]] = part
+    samples = _fine(behind.astype(np.float32))[..., None].repeat(3, axis=2)
     if shell is not None:
-        positions = camera.pixel_positions(shell.vertices, fine)
-        _draw_glass(picture, positions * [1.0, 1.0, -1.0], shell, _FAR_OPACITY)
-    _draw_surface(picture, surface, camera)
+        positions = SAMPLES * (around - corner)
+        _draw_glass(samples, positions * [1.0, 1.0, -1.0], shell, _FAR_OPACITY)
+    _draw_surface(samples, surface, SAMPLES * (places - corner), camera, _RECESS_REACH * side)
     if shell is not None:
-        _draw_glass(picture, positions, shell, 1.0)
-    pixels = np.stack([sample_means(picture[..., k]) for k in range(3)], axis=-1)
-    return np.rint(255.0 * pixels).astype(np.uint8)
+        _draw_glass(samples, positions, shell, 1.0)
+    pixels = np.rint(255.0 * sample_means(samples)).astype(np.uint8)
+    picture[rows, columns] = pixels[: part.shape[0], : part.shape[1]]
+    return picture
+
+
+class _Window(NamedTuple):
+    """A square part of a picture, which it may leave to the right and below."""
+
+    column: int
+    row: int
+    side: int
+
+
+def _window(places: Floats, size: int) -> _Window | None:
+    """The part of a picture that shows places (n, 2), or None where none does."""
+    low = np.floor(places.min(axis=0)).astype(int) - _MARGIN
+    high = np.ceil(places.max(axis=0)).astype(int) + _MARGIN
+    low, high = low.clip(0, size), high.clip(0, size)
+    if (high <= low).any():
+        return None
+    return _Window(int(low[0]), int(low[1]), int((high - low).max()))
 
 
 def _fine(pixels: Floats) -> Floats:
@@ -128,35 +168,43 @@ def _fine(pixels: Floats) -> Floats:
     return pixels.repeat(SAMPLES, axis=0).repeat(SAMPLES, axis=1)
 
 
-def _draw_surface(picture: Floats, surface: PaintedSurface, camera: Camera) -> None:
-    """Draw the surface over samples (f, f, 3)."""
+def _draw_surface(
+    picture: Floats, surface: Surface, positions: Floats, camera: Camera, reach: float
+) -> None:
+    """Draw the surface with points at positions (n, 3) over samples (f, f, 3); reach: of recesses,
+    in pixels."""
     fine = len(picture)
-    positions = camera.pixel_positions(surface.points, fine)
     seen, depth = rasterize(positions, surface.triangles, fine)
     covered = seen >= 0
-    if not covered.any():
+    sample = np.flatnonzero(covered)
+    if len(sample) == 0:
         return
-    triangle = seen[covered]
+    triangle = seen.ravel()[sample]
     corners = positions[surface.triangles]
-    doubled = _doubled_areas(corners)
-    weights = _weights(corners, doubled, triangle, np.nonzero(covered))
-    # Normals of triangles that are seen from behind are turned.
-    side = np.where(doubled > 0.0, 1.0, -1.0)[:, None, None]
-    normals = _mixed(side * (surface.corner_normals @ camera.frame().T), triangle, weights)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals /= np.where(lengths > 0.0, lengths, 1.0)
+    flat = facing_normals(corners)
     height = sample_means(np.where(covered, depth, 0.0))
-    shade = brightness(normals)
-    shade *= _fine(recess_shade(sample_means(covered), height))[covered]
+    recess = _fine(recess_shade(sample_means(covered), height, reach)).ravel()[sample]
+    if surface.smooth or surface.colors is not None:
+        doubled = _doubled_areas(corners)
+        weights = _weights(corners, doubled, triangle, *np.divmod(sample, fine))
+    if surface.smooth:
+        # Normals of triangles that are seen from behind are turned.
+        side = np.where(doubled > 0.0, 1.0, -1.0)[:, None, None]
+        normals = _mixed(side * (surface.corner_normals @ camera.frame().T), triangle, weights)
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        shade = brightness(normals / np.where(lengths > 0.0, lengths, 1.0)) * recess
+    else:
+        shade = brightness(flat)[triangle] * recess
     if surface.colors is None:
-        color = shade[:, None] * MATERIAL
+        color = shade.astype(np.float32)[:, None] * MATERIAL
     else:
         # Shading is kept weak where darkness may have a meaning.
         shade = 1.0 - _PAINT_SHADE * (1.0 - shade)
         color = shade[:, None] * _mixed(surface.colors[surface.triangles], triangle, weights)
-    picture[covered] = color
-    line = outline(seen, facing_normals(corners), depth, _SHARP_DEGREES)
-    picture[line] += _LINE_STRENGTH * (LINE - picture[line])
+    flat_picture = picture.reshape(-1, 3)
+    flat_picture[sample] = color
+    line = outline(seen, flat, depth, 180.0 if surface.smooth else _SHARP_DEGREES)
+    flat_picture[line] += _LINE_STRENGTH[surface.smooth] * (LINE - flat_picture[line])
 
 
 def _doubled_areas(corners: Floats) -> Floats:
@@ -166,18 +214,21 @@ def _doubled_areas(corners: Floats) -> Floats:
 
 
 def _weights(
-    corners: Floats, doubled: Floats, triangle: Integers, samples: tuple[NDArray[np.intp], ...]
+    corners: Floats,
+    doubled: Floats,
+    triangle: Integers,
+    row: NDArray[np.intp],
+    column: NDArray[np.intp],
 ) -> Floats:
     """Barycentric coordinates (m, 3) of samples' centres in triangles that they see.
 
     corners: (t, 3, 3) of triangles, column, row and depth; doubled: (t,) their `_doubled_areas`;
-    triangle: (m,) of each sample; samples: (m,) their rows and (m,) their columns.
+    triangle: (m,) of each sample; row, column: (m,) of the samples.
     """
     first, one, other = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     # The few samples in slivers take their first corner.
     wide = np.abs(doubled) > _LEAST_AREA
     scale = np.divide(-1.0, doubled, out=np.zeros_like(doubled), where=wide)
-    row, column = samples
     x = column + 0.5 - first[triangle, 0]
     y = row + 0.5 - first[triangle, 1]
     second = (x * other[triangle, 1] - y * other[triangle, 0]) * scale[triangle]

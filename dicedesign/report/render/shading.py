@@ -1,6 +1,4 @@
-"""How pictures of solids are lit and outlined, from what a camera sees in each sample.
-
-Normals that make a mesh of flat triangles look like the surface it stands for."""
+"""Light, outlines and smooth normals in pictures of solids."""
 
 from __future__ import annotations
 
@@ -8,7 +6,6 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
 
@@ -16,6 +13,7 @@ __all__ = [
     "LINE",
     "MATERIAL",
     "SAMPLES",
+    "blurred",
     "brightness",
     "corner_normals",
     "facing_normals",
@@ -24,10 +22,10 @@ __all__ = [
     "sample_means",
 ]
 
-MATERIAL: Final = np.array([0.94, 0.88, 0.76])
+MATERIAL: Final = np.array([0.94, 0.88, 0.76], dtype=np.float32)
 """Colour of a die under full light."""
 
-LINE: Final = np.array([0.20, 0.18, 0.16])
+LINE: Final = np.array([0.20, 0.18, 0.16], dtype=np.float32)
 """Colour of outlines."""
 
 SAMPLES: Final = 2
@@ -39,9 +37,9 @@ _AMBIENT: Final = 0.38
 
 _STEP_PIXELS: Final = 2.0
 
-_RECESS_REACH: Final = 0.02
-
 _RECESS_SHADE: Final = 0.45
+
+_SMOOTH_DEGREES: Final = 35.0
 
 
 def brightness(normals: Floats) -> Floats:
@@ -51,10 +49,14 @@ def brightness(normals: Floats) -> Floats:
 
 
 def sample_means(samples: NDArray[Any]) -> Floats:
-    """(h, w) of (h `SAMPLES`, w `SAMPLES`): the mean of the samples of each pixel."""
-    steps = range(SAMPLES)
-    total = sum(samples[i::SAMPLES, j::SAMPLES].astype(np.float64) for i in steps for j in steps)
-    return np.asarray(total) / SAMPLES**2
+    """(h, w, ...) of (h `SAMPLES`, w `SAMPLES`, ...): the mean of the samples of each pixel."""
+    rows = samples[::SAMPLES] * 1.0
+    for k in range(1, SAMPLES):
+        rows += samples[k::SAMPLES]
+    pixels = rows[:, ::SAMPLES].copy()
+    for k in range(1, SAMPLES):
+        pixels += rows[:, k::SAMPLES]
+    return np.asarray(pixels / SAMPLES**2)
 
 
 def facing_normals(corners: Floats) -> Floats:
@@ -69,55 +71,66 @@ def facing_normals(corners: Floats) -> Floats:
     return np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
 
 
-def recess_shade(coverage: Floats, height: Floats) -> Floats:
+def blurred(pixels: Floats, reach: float) -> Floats:
+    """Pixels (h, w), beyond which all is 0, blurred almost as by a Gaussian.
+
+    reach: standard deviation in pixels, above 0. Three means over as many pixels have it.
+    """
+    half = max(round((np.sqrt(4.0 * reach**2 + 1.0) - 1.0) / 2.0), 1)
+    width = 2 * half + 1
+    for _ in range(3):
+        for axis in range(2):
+            borders = [(half + 1, half) if axis == k else (0, 0) for k in range(2)]
+            sums = np.pad(pixels, borders).cumsum(axis=axis)
+            last, first = (
+                (sums[width:], sums[:-width]) if axis == 0 else (sums[:, width:], sums[:, :-width])
+            )
+            pixels = (last - first) / width
+    return pixels
+
+
+def recess_shade(coverage: Floats, height: Floats, reach: float) -> Floats:
     """Share of their light that pixels (h, w) keep, less the farther they lie behind the mean of
     the surface around them.
 
     coverage: the share of each pixel that sees the surface; height: its mean depth in samples
-    where the rest counts as 0.
+    where the rest counts as 0; reach: of the surroundings, in pixels.
     """
-    reach = _RECESS_REACH * len(height)
-    weight = gaussian_filter(coverage, reach)
-    near = gaussian_filter(height, reach)
+    weight = blurred(coverage, reach)
+    near = blurred(height, reach)
     here = np.divide(height, coverage, out=np.zeros_like(height), where=coverage > 0.0)
     behind = np.where(coverage > 0.0, near - here * weight, 0.0)
     return np.asarray(1.0 - _RECESS_SHADE * (behind / (SAMPLES * reach)).clip(0.0, 1.0))
 
 
-def outline(
-    seen: Integers, normals: Floats, depth: Floats, sharp_degrees: float
-) -> NDArray[np.bool_]:
-    """Samples (h, w) on either side of a silhouette, of a sharp edge or of a step in depth.
+def outline(seen: Integers, normals: Floats, depth: Floats, sharp_degrees: float) -> Integers:
+    """Samples (m,) on either side of a silhouette, of a sharp edge or of a step in depth, counted
+    row by row.
 
-    seen: (h, w) triangle of each sample, or -1; normals: (t, 3) of the triangles, toward the
-    camera; depth: (h, w) toward the camera, in samples; sharp_degrees: angle between the normals at
+    seen: (n, n) triangle of each sample, or -1; normals: (t, 3) of the triangles, toward the
+    camera; depth: (n, n) toward the camera, in samples; sharp_degrees: angle between the normals at
     an edge beyond which it is sharp.
     """
     sharp_cosine = np.cos(np.radians(sharp_degrees))
-    line = np.zeros(seen.shape, dtype=bool)
-    ahead, behind = slice(1, None), slice(None, -1)
-    for a, b, offset in (
-        ((slice(None), behind), (slice(None), ahead), np.array([1.0, 0.0])),
-        ((behind, slice(None)), (ahead, slice(None)), np.array([0.0, -1.0])),
-    ):
+    triangle, height = seen.ravel(), depth.ravel()
+    lines = []
+    for step, offset in ((1, (1.0, 0.0)), (len(seen), (0.0, -1.0))):
         # Within a triangle there is neither an edge nor a step.
-        change = seen[a] != seen[b]
-        one, other = seen[a][change], seen[b][change]
-        both = (one >= 0) & (other >= 0)
-        border = ~both
-        one, other = normals[one[both]], normals[other[both]]
+        sample = np.flatnonzero(triangle[:-step] != triangle[step:])
+        if step == 1:
+            sample = sample[sample % len(seen) != len(seen) - 1]
+        one, other = triangle[sample], triangle[sample + step]
+        border = (one < 0) | (other < 0)
+        both = np.flatnonzero(~border)
+        first, second = normals[one[both]], normals[other[both]]
         # How far each of two neighbouring surface points lies from the other one's plane.
-        rise = depth[b][change][both] - depth[a][change][both]
-        from_one = np.abs(one[:, :2] @ offset + one[:, 2] * rise)
-        from_other = np.abs(other[:, :2] @ offset + other[:, 2] * rise)
-        sharp = (one * other).sum(-1) < sharp_cosine
+        rise = height[sample[both] + step] - height[sample[both]]
+        from_one = np.abs(first[:, :2] @ offset + first[:, 2] * rise)
+        from_other = np.abs(second[:, :2] @ offset + second[:, 2] * rise)
+        sharp = (first * second).sum(-1) < sharp_cosine
         border[both] = sharp | (np.minimum(from_one, from_other) > _STEP_PIXELS)
-        line[a][change] |= border
-        line[b][change] |= border
-    return line
-
-
-_SMOOTH_DEGREES: Final = 35.0
+        lines += [sample[border], sample[border] + step]
+    return np.unique(np.concatenate(lines))
 
 
 def corner_normals(points: Floats, triangles: Integers) -> Floats:

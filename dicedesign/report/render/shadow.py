@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from dicedesign.report.render.raster import Camera, rasterize
+from dicedesign.report.render.shading import blurred
 from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["shadowed_table"]
@@ -46,4 +46,4 @@ def shadowed_table(
     seen, depth = rasterize(positions, triangles, size)
     dark = np.where(seen >= 0, _SHADOW + _CONTACT * np.exp(_FADING * depth), 0.0)
     blur = _BLUR * reach * size / (2.0 * camera.half_width)
-    return np.asarray(1.0 - gaussian_filter(dark, blur))
+    return np.asarray(1.0 - blurred(dark, blur))

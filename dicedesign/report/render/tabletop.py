@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dicedesign.report.render.flat_renderer import render_view
+from dicedesign.report.charts.paper import Picture
 from dicedesign.report.render.raster import Camera
+from dicedesign.report.render.renderer import Surface, render
 from dicedesign.report.render.shadow import shadowed_table
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -59,32 +59,18 @@ class Tabletop:
     def _half_depth(self) -> float:
         return self.depth + 2.0 * self.radius
 
-    def picture(
-        self, points: Floats, center: Floats, middle: Floats, camera: Camera, size: int
-    ) -> NDArray[np.uint8]:
+    def picture(self, points: Floats, middle: Floats, camera: Camera, size: int) -> Picture:
         """(size, size, 3) picture of the solid.
 
-        points: (n, 3) of the solid; center: (3,) its center of mass, within the picture.
+        points: (n, 3) of the solid.
         middle: (3,) point of the table halfway between its front edge and its back edge.
         camera: one of `side_camera`, moved.
         """
         heights = points[:, 2].clip(0.0)
         shadow = shadowed_table(points, self.triangles, heights, _UP, camera, size, self.radius)
         backdrop = self._rows(middle, camera, size)[:, None] * shadow
-        # The solid is drawn by a camera of its own, on the same pixels: most of them do not see it.
-        unit = 2.0 * camera.half_width / size
-        half = math.ceil(self.radius / unit) + 2
-        padded = np.pad(backdrop, half, constant_values=1.0)
-        picture = np.empty((*padded.shape, 3), dtype=np.uint8)
-        picture[:] = np.rint(255.0 * padded)[..., None]
-        column, row, _ = np.rint(camera.pixel_positions(center[None], size)[0]).astype(int)
-        offset = unit * np.array([column - size / 2.0, size / 2.0 - row, 0.0])
-        near = replace(
-            camera, center=camera.center + offset @ camera.frame(), half_width=half * unit
-        )
-        window = np.s_[row : row + 2 * half, column : column + 2 * half]
-        picture[window] = render_view(points, self.triangles, near, 2 * half, padded[window])
-        return picture[half:-half, half:-half]
+        surface = Surface(points, self.triangles, smooth=False)
+        return render(surface, camera, size, backdrop=backdrop)
 
     def _rows(self, middle: Floats, camera: Camera, size: int) -> Floats:
         """Brightness (size,) of the table in each row of pixels."""

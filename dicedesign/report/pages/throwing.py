@@ -1,0 +1,103 @@
+"""What a report says about throws, in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from dicedesign.results.record import SimulatedThrows, ThrownOdds
+
+__all__ = ["throwing_advice", "throws_told"]
+
+_ROLLING: Final = (
+    "Set it down gently, each time in another orientation: the odds are those of rolling without "
+    "momentum. Thrown it has others; the command dicedesign throw shows by how much."
+)
+"""How to roll a die that was designed for no table."""
+
+_ENGINES: Final = {
+    "native": "by the package's own engine",
+    "mujoco": "by MuJoCo",
+    "bullet": "by Bullet",
+}
+
+
+def throws_told(thrown: ThrownOdds) -> list[str]:
+    """Two paragraphs: how the die is thrown, and what it does then."""
+    verdict = (
+        "No throws of it were simulated: what it does on the table is what the momentum model "
+        "expects."
+    )
+    if thrown.simulated is not None:
+        verdict = " ".join(_verdict(thrown.simulated))
+    return [_manner(thrown.table), verdict]
+
+
+def throwing_advice(thrown: ThrownOdds | None) -> str:
+    """How to throw a die by hand, perhaps one that was designed for a table."""
+    if thrown is None:
+        return _ROLLING
+    table = thrown.table
+    if table["height"] == 0.0:
+        return "Set it down on the table and let it tip over, from a random orientation."
+    push = " with a little push and spin," if table["speed"] > 0.0 or table["spin"] > 0.0 else ""
+    return (
+        f"Throw it: let it fall from about {_length(table['height'])} above the table,{push} "
+        "each time from another orientation. Set down gently it has other odds."
+    )
+
+
+def _length(metres: float) -> str:
+    return f"{100.0 * metres:.3g} cm" if metres < 1.0 else f"{metres:.3g} m"
+
+
+def _manner(table: Mapping[str, Any]) -> str:
+    """What throws the odds are for."""
+    fall = (
+        f"falls from {_length(table['height'])} above the table, turned at random"
+        if table["height"] > 0.0
+        else "is set down on the table, turned at random"
+    )
+    motion = []
+    if table["speed"] > 0.0:
+        motion.append(f"moves sideways at {_length(table['speed'])} a second")
+    if table["spin"] > 0.0:
+        motion.append(f"spins {table['spin'] / (2.0 * math.pi):.2g} times a second")
+    when = f"; when it is let go it {' and '.join(motion)}" if motion else ""
+    bounce = (
+        f"A corner that hits the table bounces off with {100.0 * table['restitution']:.3g} % of "
+        "its speed"
+        if table["restitution"] > 0.0
+        else "It does not bounce"
+    )
+    drag = ", and it turns as slowly as in honey" if table["drag"] > 0.0 else ""
+    return (
+        f"The odds of this die are for throws in which it {fall}{when}. {bounce}; the coefficient "
+        f"of friction is {table['friction']:.3g}{drag}. The die is "
+        f'{1000.0 * table["size"]:.3g} mm across. This is the table "{table["name"]}": '
+        f"{table['source']}."
+    )
+
+
+def _verdict(simulated: SimulatedThrows) -> Iterator[str]:
+    low, high = simulated.interval
+    yield (
+        f"In {simulated.drops:,} throws that the design had not seen, simulated "
+        f"{_ENGINES[simulated.engine]}, the outcomes' frequencies differ from the target by a "
+        f"total variation of {simulated.total_variation:.4f}: no bet on these throws was won "
+        "more or less often than it should be by more than that. A perfect die would show "
+        f"{simulated.noise_floor:.4f} on the mean in as many throws, by chance alone."
+    )
+    if low > 0.0:
+        yield f"So its odds are off by {low:.4f} to {high:.4f}, with a confidence of 95 %."
+    else:
+        yield (
+            "So the throws do not tell it from a perfect one; with a confidence of 95 % its odds "
+            f"are off by at most {high:.4f}."
+        )
+    if simulated.unresolved:
+        yield f"{simulated.unresolved:,} throws did not come to rest on a facet in time."
+    elsewhere = simulated.drops - simulated.unresolved - sum(simulated.counts)
+    if elsewhere > 0:
+        yield f"{elsewhere:,} came to rest on a facet without a label."

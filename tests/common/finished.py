@@ -1,0 +1,51 @@
+"""A finished die of six outcomes, a box, as a run leaves it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from dicedesign.fabricate.finished_die import EngravedFile, FinishedDie
+from dicedesign.fabricate.verdict import judged
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.results.record import Result, StageTime, Step
+
+LABELS = ("1", "2", "3", "4", "5", "<6>")
+
+HISTORY = tuple(Step(k, 0.1 * k, 2.0 * 0.5**k, 0.2 * 0.4**k, {"dice": 1.0}) for k in range(8))
+
+
+def finished_box(**changes: Any) -> FinishedDie:
+    """The die, with other keys of its result where there are some."""
+    corners = [(x, y, z) for x in (-7, 7) for y in (-8, 8) for z in (-10, 10)]
+    hull = convex_hull(np.array(corners, dtype=np.float64))
+    directions = np.concatenate([np.eye(3), -np.eye(3)])
+    target = np.full(6, 1.0 / 6.0)
+    verdict = judged(stl_bytes(hull.vertices, hull.triangles), directions, target)
+    facets = verdict.facets(LABELS)
+    result = Result(
+        name="a < box",
+        status="off_target",
+        message="max |p - q| is 0.1 & more",
+        labels=LABELS,
+        target=tuple(target.tolist()),
+        center_of_mass=(-1e-17, 1.5, -2.0),
+        facets=facets,
+        unstable_facets=0,
+        rest_counts=(1,) * 6,
+        least_angle_deg=90.0,
+        design_max_abs_error=0.1,
+        asymmetry=0.1,
+        history=HISTORY,
+        energy={"dice": 1e-9, "smoothness & size": 0.25},
+        stages=(StageTime("start", 0.5, 301.2), StageTime("design", 2.25, None)),
+        peak_since="stage",
+        files={"die_plain": "die_plain.stl"},
+        **verdict.odds(),
+    )
+    engraved = EngravedFile(hull.vertices, hull.triangles, verdict, ())
+    upward = np.array([0.0, 0.0, 1.0])
+    return FinishedDie(replace(result, **changes), verdict, engraved, 1e-6, upward)
