@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from common.finished_run import box_file
+from common.finished_run import box_file, finished_result
 
 from dicedesign.cli.main import main
-from dicedesign.results.folder import RunResult
 
 
 @pytest.fixture
@@ -127,7 +127,10 @@ BAD = [
     (["run", "concave.yaml", "--set", "start.mesh.path=few.xyz"], "at least 4 distinct points"),
     (["run", "concave.yaml", "--set", "start.mesh.path=cloud.xyz"], "got a point cloud"),
     (["run", "concave.yaml", "--set", "start={prism: {}}"], "start: expected a surface to keep"),
-    (["search", "concave.yaml", "--trials", "1"], "method: expected exact or descent, got concave"),
+    (
+        ["search", "concave.yaml", "--trials", "1"],
+        "expected method exact or descent in a search, got concave",
+    ),
     (["run", "bad.yaml"], "bad.yaml: colour: unknown key"),
     (["run", "good.yaml", "--out", "box.obj/x"], "folder that can be written"),
     (["run", "good.yaml", "--set", "start={mesh: {path: missing.stl}}"], "missing.stl"),
@@ -193,14 +196,11 @@ def test_tiny_odds_are_printed_with_all_their_digits(
 ) -> None:
     recipe = tmp_path / "d3.yaml"
     recipe.write_text("name: d3\ntarget: {fair: 3}\nstart: {prism: {}}\n")
-    summary = {
-        "labels": ["1", "22", "3"],
-        "target": [1e-6, 0.083, 0.916999],
-        "probabilities": [0.000384711, 1.0, 0.0],
-        "files": {},
-    }
-    result = RunResult("converged", "done", (), tmp_path, summary)
-    monkeypatch.setattr("dicedesign.recipe.run.run_recipe", lambda *a, **k: result)
+    result = replace(
+        finished_result(["1", "22", "3"], [1e-6, 0.083, 0.916999]),
+        probabilities=(0.000384711, 1.0, 0.0),
+    )
+    monkeypatch.setattr("dicedesign.recipe.run.run", lambda *a, **k: result)
     assert main(["run", str(recipe)]) == 0
     assert capsys.readouterr().out.splitlines()[1:5] == [
         "label  target      achieved",

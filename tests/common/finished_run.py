@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import trimesh
 
@@ -19,21 +20,19 @@ def box_file(folder: Path, extents: Sequence[float] = EXTENTS, name: str = "box.
     return path
 
 
-def finished_run(
-    folder: Path,
+def finished_result(
     labels: Sequence[str],
     target: Sequence[float],
     facets: Iterable[tuple[str | None, Sequence[float]]] = (),
     *,
     center: Sequence[float] = (0.0, 0.0, 0.0),
     status: str = "converged",
-) -> Path:
-    """A folder with a result whose file without marks is die_plain.stl, which is not made.
+) -> Result:
+    """The result of a die that has its target's odds.
 
     facets: label and normal of each; that of a label counts for it.
     """
-    folder.mkdir(exist_ok=True)
-    result = Result(
+    return Result(
         name="box",
         status=status,
         message="reached the tolerance",
@@ -55,5 +54,10 @@ def finished_run(
         history=(),
         files={"die_plain": "die_plain.stl"},
     )
-    (folder / RESULT).write_text(result.json_text())
+
+
+def finished_run(folder: Path, *result: Any, **more: Any) -> Path:
+    """A folder with a `finished_result`, whose file without marks is not made."""
+    folder.mkdir(exist_ok=True)
+    (folder / RESULT).write_text(finished_result(*result, **more).json_text())
     return folder
