@@ -54,15 +54,15 @@ def write_results(
 
 @contextmanager
 def kept_folder(folder: Path) -> Iterator[None]:
-    """Take away a folder that was made on the way where an error left nothing in it."""
-    existed = folder.exists()
+    """Take away folders that were made on the way where an error left nothing in them."""
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         yield
     except DiceError:
-        if not existed:
+        for path in missing:
             # It may not have been made yet, or hold a checkpoint.
             with contextlib.suppress(OSError):
-                folder.rmdir()
+                path.rmdir()
         raise
 
 
