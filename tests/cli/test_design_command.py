@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import yaml
 from check_outputs import check
+from dicedesign.recipe.design_stage import design_die, make_start
 
 from dicedesign import read_body, rest_poses
 from dicedesign.cli.main import main
 from dicedesign.geometry.meshes.stl import stl_bytes
-from dicedesign.recipe.design_stage import design_die, make_start
 from dicedesign.recipe.run import engrave_die
 from dicedesign.recipe.schema.reading import read_recipe
 

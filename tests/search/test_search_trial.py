@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dicedesign.recipe.design_stage import DesignedDie, design_die, make_start
 
 from dicedesign.errors import InputError, MeshFileError
-from dicedesign.recipe.design_stage import DesignedDie, design_die, make_start
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.search.trial import run_trial
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from dicedesign.report.pages.html_parts import figure_section, table_section, text_section
+from dicedesign.throws.engines.engine import ENGINES
 
 __all__ = ["ROLLING", "table_sections", "throwing_advice"]
 
@@ -44,12 +45,6 @@ _FIGURES: Final = (
         "the shadow is below it, the higher it is in the air.",
     ),
 )
-
-_ENGINES: Final = {
-    "native": "by the package's own engine",
-    "mujoco": "by MuJoCo",
-    "bullet": "by Bullet",
-}
 
 
 def table_sections(result: Mapping[str, Any], images: Mapping[str, bytes]) -> list[str]:
@@ -130,10 +125,11 @@ def _judgement(thrown: Mapping[str, Any]) -> str:
 
 def _verdict(simulated: Mapping[str, Any]) -> Iterator[str]:
     low, high = simulated["interval"]
+    engine = ENGINES[simulated["engine"]]
     yield (
         f"In {simulated['drops']:,} throws that the design had not seen, simulated "
-        f"{_ENGINES[simulated['engine']]}, the outcomes' frequencies differ from the target by a "
-        f"total variation of {simulated['total_variation']:.4f}: no bet on these throws was won "
+        f"by {engine.phrase or engine.title}, the outcomes' frequencies differ from the target by "
+        f"a total variation of {simulated['total_variation']:.4f}: no bet on these throws was won "
         "more or less often than it should be by more than that. A perfect die would show "
         f"{simulated['noise_floor']:.4f} on the mean in as many throws, by chance alone."
     )
