@@ -13,11 +13,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.errors import missing_extra
 from dicedesign.geometry.sphere import angle_between
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines.contact import GRAVITY, longest_throw
 from dicedesign.throws.engines.engine import ENGINES, Engine
 from dicedesign.throws.engines.landing import final_rest
@@ -64,7 +63,7 @@ def require() -> ModuleType:
 
 def throw_states(
     body: RigidBody, table: Table, states: Floats, refinement: float = 1.0
-) -> NDArray[np.int64]:
+) -> Integers:
     """As `dicedesign.throws.engines.native.throw_states`, in Bullet.
 
     A body that comes to a stand with more energy than it needs to leave its basin, as Bullet's may

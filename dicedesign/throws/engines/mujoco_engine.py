@@ -6,10 +6,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.errors import missing_extra
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines.contact import GRAVITY, IMPEDANCE, Contact, contact_of
 from dicedesign.throws.engines.engine import ENGINES, Engine
 from dicedesign.throws.engines.landing import final_rest
@@ -49,7 +48,7 @@ def require() -> ModuleType:
 
 def throw_states(
     body: RigidBody, table: Table, states: Floats, refinement: float = 1.0
-) -> NDArray[np.int64]:
+) -> Integers:
     """As `dicedesign.throws.engines.native.throw_states`, in MuJoCo.
 
     Raises InputError: MuJoCo is not installed.
