@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dicedesign.design.refinement import Refinement, RefineOptions
+from dicedesign.design.options import RefineOptions
+from dicedesign.design.refinement import Refinement
 from dicedesign.design.result import DesignResult
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull

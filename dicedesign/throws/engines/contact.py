@@ -1,12 +1,13 @@
-"""How hard a table is and how fine the steps must be: what engines are told about contacts."""
+"""Hardness of a table and fineness of steps: what engines are told about contacts."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from dicedesign.throws.tables import Table
+if TYPE_CHECKING:
+    from dicedesign.throws.tables import Table
 
 __all__ = ["Contact", "contact_of", "damping_ratio", "longest_throw", "restitution_of"]
 

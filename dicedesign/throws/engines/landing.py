@@ -1,11 +1,15 @@
-"""Where a body will come to rest once it can leave the basin it is in no more."""
+"""The rest of a body that can no more leave the basin it is in."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.rigid_body import RigidBody
+
+if TYPE_CHECKING:
+    from dicedesign.throws.rigid_body import RigidBody
 
 __all__ = ["final_rest", "rest_below"]
 
