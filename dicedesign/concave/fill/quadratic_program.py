@@ -1,4 +1,4 @@
-"""Quadratic programs: how points move least uphill and stay inside a convex polyhedron."""
+"""Quadratic programs for points that move least uphill and stay inside a convex polyhedron."""
 
 from __future__ import annotations
 

@@ -1,13 +1,18 @@
-"""What a hull fill returns."""
+"""Where a fill of a hull ended, and why."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from typing import TypeAlias
 
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["FillResult", "FillStatus", "FillStep"]
+__all__ = ["FillResult", "FillStatus", "OnEnergy"]
+
+OnEnergy: TypeAlias = Callable[[float], None]
+"""Called with the energy at the start and after every accepted step."""
 
 
 class FillStatus(Enum):
@@ -22,26 +27,6 @@ class FillStatus(Enum):
     )
 
 
-@dataclass(frozen=True)
-class FillStep:
-    """One accepted step.
-
-    Attributes
-    ----------
-    step: number of the step, 0 for the start.
-    seconds: since the start.
-    terms: the energy's terms, weighted.
-    gap: largest distance of a corner of the wanted hull from the surface, over the diagonal.
-    outside: largest distance of a point of the surface outside the wanted hull, over the diagonal.
-    """
-
-    step: int
-    seconds: float
-    terms: dict[str, float]
-    gap: float
-    outside: float
-
-
 @dataclass(frozen=True, eq=False)
 class FillResult:
     """Where a fill ended.
@@ -49,14 +34,12 @@ class FillResult:
     Attributes
     ----------
     points: (n, 3) of the surface, in the order of those it was made from.
-    gap: largest distance of a corner of the wanted hull from the surface, over the diagonal.
-    history: every accepted step, the first being the start.
+    energy: there; those of different ways to fill do not compare.
     status: why it stopped.
     """
 
     points: Floats
-    gap: float
-    history: tuple[FillStep, ...]
+    energy: float
     status: FillStatus
 
     @property

@@ -15,7 +15,6 @@ from dicedesign.design.result import DesignStep
 from dicedesign.design.solvers.descent import DescentOptions, descend_to_target
 from dicedesign.design.solvers.sobolev import SobolevOptions
 from dicedesign.design.starts.start import Start
-from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
@@ -53,9 +52,6 @@ def descend_hull(
     chosen = linear_sum_assignment(squares)[1]
     moved = np.zeros_like(original.vertices)
     moved[chosen] = design.hull.vertices - original.vertices[chosen]
-    center = np.tensordot(moved, problem.relative[1], 2)
-    hull = convex_hull(design.hull.vertices + center)
-    corners = original.source[chosen][hull.source]
     clusters = outcome_odds(analyse(design.hull, np.zeros(3), "given"), design.directions)
     error = clusters.error(problem.target)
-    return DesignedHull(hull, corners, center, design.directions, error, moved)
+    return problem.designed(design.hull.vertices, chosen, moved, design.directions, error)

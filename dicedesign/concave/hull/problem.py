@@ -77,6 +77,19 @@ class HullProblem:
             self._compliances[metric] = self._compliance(metric)
         return self._compliances[metric]
 
+    def designed(
+        self, vertices: Floats, source: Integers, moved: Floats, directions: Floats, error: float
+    ) -> DesignedHull:
+        """A hull where the surface would be led by its corners alone.
+
+        vertices: (m, 3) of it, relative to the center of mass; source: (m,) corner of the original
+        hull that each of them was; moved, directions, error: see `DesignedHull`.
+        """
+        center = np.tensordot(moved, self.relative[1], 2)
+        hull = convex_hull(vertices + center)
+        corners = self.hull.source[source[hull.source]]
+        return DesignedHull(hull, corners, center, directions, error, moved)
+
     def _compliance(self, metric: HullMetric) -> Floats:
         count = len(self.hull.vertices)
         root = metric.tether * np.eye(count) + metric.smoothing * self._laplacian

@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import InputError, missing_extra
-from dicedesign.geometry.surfaces.closed_surface import shells_and_sheets
+from dicedesign.geometry.meshes.orientation import shells_of
+from dicedesign.geometry.surfaces.closed_surface import pinched_points
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.geometry.triangles import edge_neighbors
@@ -124,8 +125,7 @@ def _is_good(surface: Surface, handles: int) -> bool:
         return False
     if (edge_neighbors(triangles) < 0).any() or surface.volume <= 0.0:
         return False
-    shell, pinched = shells_and_sheets(triangles)
-    if shell.any() or len(pinched) > 0:
+    if shells_of(triangles).any() or len(pinched_points(triangles)) > 0:
         return False
     return len(intersecting_triangles(surface.points, triangles)) == 0
 

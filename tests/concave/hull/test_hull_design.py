@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 from common.bumpy import bent_capsule, bumpy_sphere
-from numpy.typing import NDArray
 
 from dicedesign import rest_poses
 from dicedesign.concave.hull.descent import descend_hull
@@ -20,8 +19,7 @@ from dicedesign.concave.hull.slopes import SlopeOptions
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.outcomes import outcome_odds
-
-Floats = NDArray[np.float64]
+from dicedesign.runtime.arrays import Floats
 
 SLOPES = SlopeOptions(fall=3e-3, rise=3e-3, circle=float(np.radians(3.0)))
 TOLERANCE = 0.004

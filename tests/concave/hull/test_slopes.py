@@ -9,12 +9,10 @@ import pytest
 import torch
 from common.bumpy import bumpy_sphere
 from common.dented_cube import CORNERS, NORMALS
-from numpy.typing import NDArray
 
 from dicedesign.concave.hull.slopes import LIFETIME, SlopeMemory, SlopeOptions, climbs
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-
-Floats = NDArray[np.float64]
+from dicedesign.runtime.arrays import Floats
 
 OPTIONS = SlopeOptions(fall=5e-3, rise=3e-3, circle=math.radians(3.0))
 

@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 from common.bumpy import bumpy_sphere
 from common.dented_cube import CORNERS, NORMALS
-from numpy.typing import NDArray
 
 from dicedesign import rest_poses
 from dicedesign.concave.hull.outcome_directions import outcome_choices
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-
-Floats = NDArray[np.float64]
 
 
 def bumpy_hull() -> ConvexHull:

@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 import pytest
 from common.bumpy import bent_capsule, bumpy_sphere
-from numpy.typing import NDArray
 
 from dicedesign.concave.fill.space_elasticity import (
     FREE,
@@ -20,8 +19,7 @@ from dicedesign.concave.fill.space_elasticity import (
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
-
-Floats = NDArray[np.float64]
+from dicedesign.runtime.arrays import Floats
 
 
 def unit(surface: Surface) -> Surface:
