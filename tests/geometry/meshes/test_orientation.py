@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from dicedesign.geometry.meshes.orientation import oriented_shells, shells_of
 
+from dicedesign.geometry.meshes.orientation import oriented_shells, shells_of
 from dicedesign.geometry.solid import is_closed
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Integers
