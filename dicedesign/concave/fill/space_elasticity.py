@@ -39,8 +39,8 @@ def point_masses(surface: Surface) -> Floats:
     """(n,) part of the surface's area that belongs to each point, summing to 1."""
     a, b, c = surface.points[surface.triangles].transpose(1, 0, 2)
     areas = norms(np.linalg.cross(b - a, c - a))
-    masses = np.bincount(surface.triangles.ravel(), np.repeat(areas, 3), len(surface.points))
-    return np.asarray(masses / masses.sum(), dtype=np.float64)
+    masses = sums_by_index(surface.triangles.ravel(), areas.repeat(3), len(surface.points))
+    return masses / masses.sum()
 
 
 def positive_inverse(matrix: Floats) -> Floats:

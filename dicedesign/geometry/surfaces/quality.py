@@ -1,4 +1,4 @@
-"""What is wrong with the triangles of a surface, and how far they are distorted."""
+"""Defects of the triangles of a surface, and how far they are distorted."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dicedesign.geometry.surfaces.self_intersections import (
 )
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.geometry.triangles import doubled_area_vectors, edge_neighbors
-from dicedesign.runtime.arrays import Booleans, Floats, Integers
+from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
 from dicedesign.tolerances import SHARP_TURN, SLIVER_ANGLE
 
 __all__ = ["Distortion", "SurfaceQuality", "surface_distortion", "surface_quality"]
@@ -177,9 +177,8 @@ def surface_distortion(surface: Surface, reference: Surface) -> Distortion:
         norms(doubled_area_vectors(each.points, each.triangles)) for each in (reference, surface)
     )
     kept = before > 0.0
+    spread = _stretch(surface, reference, before)[kept]
     before, after = before[kept], after[kept]
-    # Of stretches a and b, (a^2 + b^2) areas are a sum over edges with cotangents of the reference.
-    spread = _stretch(surface, reference)[kept]
     ratio = after / before * (before.sum() / after.sum())
     with np.errstate(divide="ignore", invalid="ignore"):
         half = np.where(after > 0.0, np.maximum(0.5 * spread / after, 1.0), np.inf)
@@ -188,14 +187,14 @@ def surface_distortion(surface: Surface, reference: Surface) -> Distortion:
     return Distortion(*_figures(shape, before), *_figures(size, before))
 
 
-def _stretch(surface: Surface, reference: Surface) -> Floats:
-    """(t,) twice the area of each reference triangle times the sum of its squared stretches.
+def _stretch(surface: Surface, reference: Surface, area: Floats) -> Floats:
+    """(t,) twice the area (t,) of each reference triangle times the sum of its squared stretches: a
+    sum over its edges with the cotangents of its angles.
 
     Source: Pinkall and Polthier, Computing discrete minimal surfaces, 1993: the Dirichlet energy.
     """
     corners = reference.points[reference.triangles]
     new = surface.points[surface.triangles]
-    area = norms(doubled_area_vectors(reference.points, reference.triangles))
     total = np.zeros(len(corners))
     with np.errstate(divide="ignore", invalid="ignore"):
         for k in range(3):
@@ -236,13 +235,7 @@ def _is_inverted(surface: Surface) -> Booleans:
     """(t,) whether triangles face away from the surface at two or three of their corners."""
     normals, triangles = _normals(surface), surface.triangles
     weighted = _angles(surface.points[triangles])[:, :, None] * normals[:, None]
-    at_points = np.stack(
-        [
-            np.bincount(triangles.ravel(), weights=part.ravel())
-            for part in weighted.transpose(2, 0, 1)
-        ],
-        axis=1,
-    )
+    at_points = sums_by_index(triangles.ravel(), weighted.reshape(-1, 3), len(surface.points))
     away = (normals[:, None] * at_points[triangles]).sum(axis=2) < 0.0
     return away.sum(axis=1) >= 2
 
