@@ -124,7 +124,7 @@ class _Search:
     def attempted(
         self, progress: ConcaveProgress, on_attempt: Callable[[ConcaveProgress], None] | None
     ) -> ConcaveProgress:
-        """What all attempts come to that are still to be made."""
+        """The progress once all attempts are made."""
         self.started -= progress.seconds
         choices = outcome_choices(self.problem.hull, self.target)
         while progress.attempts < self.options.attempts and not self.good_enough(progress.best):
@@ -145,7 +145,7 @@ class _Search:
         return time.perf_counter() - self.started
 
     def good_enough(self, best: FilledHull | None) -> bool:
-        """Whether a die is as wanted, and near the original or all that the time allows."""
+        """True if a die is as wanted, and near the original or all that the time allows."""
         if best is None or best.error > self.options.tolerance or best.intersections > 0:
             return False
         return (
@@ -153,7 +153,7 @@ class _Search:
         )
 
     def rank(self, filled: FilledHull) -> tuple[float, int, float]:
-        """What counts, first to last: the odds, fewer self-intersections, less displacement."""
+        """Sort key, best first: the odds, fewer self-intersections, less displacement."""
         missed = filled.error if filled.error > self.options.tolerance else 0.0
         return missed, filled.intersections, filled.displacement
 
@@ -242,7 +242,7 @@ class _Search:
         directions: Floats,
         filled: FillResult,
     ) -> FilledHull:
-        """What came of a designed hull with outcomes in some directions (k, 3), of whose corners
+        """The result of a designed hull with outcomes in some directions (k, 3), of whose corners
         (v,) points of the surface are to be."""
         unit = self.unit
         back = best_similarity(filled.points, unit.points, self.masses)

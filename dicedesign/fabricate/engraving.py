@@ -25,7 +25,7 @@ __all__ = ["Cut", "cut_out", "engrave"]
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """What a label takes away.
+    """The material that a label takes away.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ def _failed_check(plain: Manifold, body: Manifold, expected: float) -> str | Non
 
 
 def _culprits(plain: Manifold, cuts: Sequence[Cut]) -> str:
-    """Which pockets meet others or break through, in words."""
+    """Pockets that meet others or break through, in words."""
     involved = {
         index
         for index, cut in enumerate(cuts)

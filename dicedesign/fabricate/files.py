@@ -25,10 +25,10 @@ EARLIEST: Final = (1980, 1, 1, 0, 0, 0)
 at any time."""
 
 PACKAGES: Final = "http://schemas.openxmlformats.org/package/2006"
-"""Where the namespaces of the packages begin that 3MF files are."""
+"""Start of the namespaces of the packages that 3MF files are."""
 
 PRINTING: Final = "http://schemas.microsoft.com/3dmanufacturing"
-"""Where the namespaces of 3MF begin."""
+"""Start of the namespaces of 3MF."""
 
 MODEL: Final = "3D/3dmodel.model"
 """Part of a 3MF file that holds the solid."""

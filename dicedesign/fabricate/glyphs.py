@@ -134,7 +134,7 @@ def text_contours(text: str) -> list[Floats]:
 
 
 def reads_upside_down(text: str) -> bool:
-    """Whether the text, turned by 180 degrees, reads as a different number ("6", "16", "68").
+    """True if the text, turned by 180 degrees, reads as a different number ("6", "16", "68").
 
     Turned texts that start with a zero ("10" gives "01") are no numbers and do not count.
     """

@@ -1,4 +1,4 @@
-"""Where a label goes on its facet, how large it is and which way is up.
+"""Places of labels on facets: middle, size and upright.
 
 Lengths are in millimetres.
 """

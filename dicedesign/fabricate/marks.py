@@ -27,7 +27,7 @@ from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 __all__ = ["Mark", "engrave_marks"]
 
 CLEARANCE: Final = 0.25
-"""How far a cut reaches above the surface, in depths of the mark."""
+"""Distance that a cut reaches above the surface, in depths of the mark."""
 
 SHRINKING: Final = 0.85
 """Ratio of the digit heights tried one after the other."""
@@ -36,8 +36,8 @@ SMALLEST: Final = 3.0
 """Smallest digit height tried, in spacings of the relief."""
 
 EVENNESS: Final = 2.0
-"""What a millimetre by which the surface rises and falls beneath a mark counts for, in millimetres
-of the height of its digits."""
+"""Millimetres of the height of its digits that a millimetre counts for by which the surface rises
+and falls beneath a mark."""
 
 PLACES: Final = 3
 """Places tried of one digit height: one may have a flaw between the nodes of the relief."""

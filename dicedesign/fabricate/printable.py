@@ -19,8 +19,8 @@ from dicedesign.tolerances import PRINT_TOLERANCE
 __all__ = ["printable_solid"]
 
 MARGINS: Final = (0.005, 0.02)
-"""How far the box that is cut out reaches beyond the triangles that meet, relative to the diagonal
-of the body's box, tried in turn."""
+"""Distances that the box that is cut out reaches beyond the triangles that meet, relative to the
+diagonal of the body's box, tried in turn."""
 
 
 def printable_solid(surface: Surface) -> tuple[Floats, Integers, tuple[str, ...]]:
@@ -55,7 +55,7 @@ def printable_solid(surface: Surface) -> tuple[Floats, Integers, tuple[str, ...]
 
 
 def _changes(body: Manifold, joined: Manifold, cleaned: Manifold) -> tuple[str, ...]:
-    """What joining and cleaning changed, in words."""
+    """Changes by joining and cleaning, in words."""
     notes = []
     if joined is not body:
         notes.append(

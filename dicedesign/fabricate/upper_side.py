@@ -112,8 +112,10 @@ class UpperSide:
         inside = np.all([_areas(p, q, middle) >= 0.0 for p, q in ((a, b), (b, c), (c, a))], axis=0)
         if not inside.any():
             return None
-        seen = np.flatnonzero(inside)[np.argmax(np.where(inside, a[:, 2], -np.inf)[inside])]
-        kept = sheet == sheet[seen]
+        highest_at_middle = np.flatnonzero(inside)[
+            np.argmax(np.where(inside, a[:, 2], -np.inf)[inside])
+        ]
+        kept = sheet == sheet[highest_at_middle]
         used, flat = np.unique(triangles[kept], return_inverse=True)
         flat = flat.reshape(-1, 3)
         row, corner = np.nonzero(across[kept] < 0)

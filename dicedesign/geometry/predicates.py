@@ -39,7 +39,7 @@ class Orientation:
         return self.in_space(others, *triangles.T)
 
     def collinear(self, a: int, b: int, other: int) -> bool:
-        """Whether three points lie on one line."""
+        """True if three points lie on one line."""
         origin = self.integers[a]
         along = minus(self.integers[b], origin)
         return cross(along, minus(self.integers[other], origin)) == (0, 0, 0)

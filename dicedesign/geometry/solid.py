@@ -109,7 +109,7 @@ def _sums(offsets: Floats, triangles: Integers) -> tuple[float, Floats]:
 
 
 def is_closed(triangles: Integers) -> bool:
-    """Whether the triangles form a closed, consistently oriented surface.
+    """True if the triangles form a closed, consistently oriented surface.
 
     They do when every undirected edge is passed equally often in both directions. Several shells,
     and edges where four or more triangles meet, are allowed.

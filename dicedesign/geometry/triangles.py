@@ -71,7 +71,7 @@ def connected_parts(tails: Integers, heads: Integers, count: int) -> Integers:
 
 
 def winding_number(point: Floats, corners: Floats) -> float:
-    """How often closed oriented surfaces of triangles (t, 3, 3) wind around a point (3,): an
-    integer, 0 outside, to within rounding, but for a point on the surface."""
+    """Turns of closed oriented surfaces of triangles (t, 3, 3) around a point (3,): an integer,
+    0 outside, to within rounding, but for a point on the surface."""
     a, b, c = (corners - point).transpose(1, 0, 2)
     return float(signed_solid_angle(a, b, c, np).sum()) / (4.0 * np.pi)

@@ -145,7 +145,7 @@ def test_the_same_seed_makes_the_same_die() -> None:
     assert second.hull.vertices.tobytes() == die.hull.vertices.tobytes()
 
 
-@pytest.mark.parametrize("done", [1, 3])
+@pytest.mark.parametrize("done", [1, 4])
 def test_a_resumed_search_ends_like_an_uninterrupted_one(done: int) -> None:
     die, attempts = uninterrupted()
     options = ConcaveOptions(attempts=4, displacement=1e-6, seconds=1e9)
@@ -156,17 +156,6 @@ def test_a_resumed_search_ends_like_an_uninterrupted_one(done: int) -> None:
     assert list(map(without_seconds, told)) == list(map(without_seconds, attempts[done:]))
     assert resumed.after.points.tobytes() == die.after.points.tobytes()
     assert resumed.progress.seconds >= attempts[done - 1].seconds
-
-
-def test_a_finished_search_is_not_gone_on_with() -> None:
-    die, attempts = uninterrupted()
-    options = ConcaveOptions(attempts=4, displacement=1e-6, seconds=1e9)
-    told: list[ConcaveProgress] = []
-    again = make_concave_die(
-        small(), HALVES, options, seed=3, resume=attempts[-1], on_attempt=told.append
-    )
-    assert not told
-    assert again.after.points.tobytes() == die.after.points.tobytes()
 
 
 def test_one_that_is_good_enough_ends_the_search() -> None:

@@ -1,4 +1,4 @@
-"""Where a fill of a hull ended, and why."""
+"""The end of a hull fill: the surface, and the reason why it stopped."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OnEnergy: TypeAlias = Callable[[float], None]
 
 
 class FillStatus(Enum):
-    """Why a fill stopped; the value is the message."""
+    """Reasons why a fill stopped; the value is the message."""
 
     FITTED = "reached what was wanted"
     NO_PROGRESS = "no step comes any nearer; design the hull nearer to that of the surface"
@@ -29,7 +29,7 @@ class FillStatus(Enum):
 
 @dataclass(frozen=True, eq=False)
 class FillResult:
-    """Where a fill ended.
+    """The end of a fill.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class FillResult:
 
     @property
     def converged(self) -> bool:
-        """Whether the hull, and the center of mass where one was asked for, are as wanted."""
+        """True if the hull, and the center of mass where one was asked for, are as wanted."""
         return self.status is FillStatus.FITTED
 
     @property

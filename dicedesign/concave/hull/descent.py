@@ -33,7 +33,7 @@ OPTIONS: Final = DescentOptions(
 def descend_hull(
     problem: HullProblem, directions: Floats, on_step: Callable[[float, float], None]
 ) -> DesignedHull:
-    """Where the descent ends, whatever its error.
+    """The hull at the end of the descent, whatever its error.
 
     directions: (k, 3) unit directions of the outcomes; on_step: called with the energy and the
     largest |p - q| of every step. The corners are told by the least sum of squared distances from

@@ -78,7 +78,7 @@ class HullDraft:
 
     @property
     def alone(self) -> bool:
-        """Whether each outcome has a rest of its own and there is no other."""
+        """True if each outcome has a rest of its own and there is no other."""
         return len(self.rests.odds) == len(self.main) == len(np.unique(self.main))
 
     @property

@@ -18,7 +18,7 @@ __all__ = ["DesignedHull", "HullMetric", "HullProblem"]
 
 @dataclass(frozen=True)
 class HullMetric:
-    """What displacements of corners cost: `|(tether I + smoothing L) u|^2 / n`, with the graph
+    """The cost of displacements of corners: `|(tether I + smoothing L) u|^2 / n`, with the graph
     Laplacian L of the original hull (the Sobolev metric of section 3.3), and `elastic` times the
     work that the surface takes.
 

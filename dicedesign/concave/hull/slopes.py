@@ -52,7 +52,7 @@ OPPOSITE: Final = 1e-9
 
 @dataclass(frozen=True)
 class SlopeOptions:
-    """How steep and where, for a body of circumscribed radius about 1.
+    """Slopes to ask for, and where, of a body of circumscribed radius about 1.
 
     Attributes
     ----------
@@ -100,8 +100,8 @@ def climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:
 
 @dataclass
 class SlopeMemory:
-    """Where slopes have been asked for: conditions that are met stay until they are forgotten, as
-    else the surface would spring back.
+    """Directions in which slopes have been asked for: conditions that are met stay until they are
+    forgotten, as else the surface would spring back.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class SlopeMemory:
     def conditions(
         self, rests: RestEvaluation, outcomes: Floats, outcome_of_rest: Integers, step: int
     ) -> SlopeConditions:
-        """What to ask of a hull whose center of mass is the origin.
+        """Conditions on a hull whose center of mass is the origin.
 
         outcomes: (k, 3) their directions; outcome_of_rest: (r,); step: number of the step.
         """

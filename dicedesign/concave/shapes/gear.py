@@ -101,7 +101,7 @@ def _between(points: Floats, rim: Floats, hole: Floats) -> Integers:
 
 
 def _within(points: Floats, rim: Floats, hole: Floats) -> Booleans:
-    """Whether points (n, 2) lie inside the rim and outside the hole, by their winding numbers."""
+    """True (n,) where points (n, 2) lie inside the rim and outside the hole, by winding numbers."""
     total = np.zeros(len(points))
     for loop in (rim, hole):
         a = loop - points[:, None]

@@ -163,7 +163,7 @@ def as_numbers(
 
 
 def is_rounded(points: Floats) -> bool:
-    """Whether coordinates from a file carry no more than single precision.
+    """True if coordinates from a file carry no more than single precision.
 
     They do when all are float32 values, or all have at most `ROUNDED_DIGITS` significant decimal
     digits. Numbers that are short by themselves, such as the corners of a unit cube, count too.

@@ -101,7 +101,7 @@ def shells_of(triangles: Integers) -> Integers:
 
 
 def _is_inside(shell: Floats, bodies: Floats) -> bool:
-    """Whether a shell (s, 3, 3) lies inside bodies (t, 3, 3), by the winding number of a point of
+    """True if a shell (s, 3, 3) lies inside bodies (t, 3, 3), by the winding number of a point of
     it: the first that does not lie on their surface, where that number is no integer."""
     winding = 0.0
     for point in shell.mean(axis=1):

@@ -20,9 +20,10 @@ from dicedesign.geometry.triangles import (
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import VOLUME_TOLERANCE
 
-__all__ = ["make_surface", "pinched_points"]
+__all__ = ["make_surface"]
 
-_REPAIR: Final = "repair the mesh, in MeshLab or Blender for example, and export it again"
+REPAIR: Final = "repair the mesh, in MeshLab or Blender for example, and export it again"
+"""The remedy for a surface that is no manifold."""
 
 
 def make_surface(body: Body) -> tuple[Surface, tuple[str, ...]]:
@@ -75,7 +76,7 @@ def make_surface(body: Body) -> tuple[Surface, tuple[str, ...]]:
     return Surface(points, triangles), body.notes + notes
 
 
-def pinched_points(triangles: Integers) -> Integers:
+def _pinched_points(triangles: Integers) -> Integers:
     """The rising indices of points where several sheets meet: the triangles around them make more
     than one ring. triangles: (t, 3) of a closed oriented surface, each edge in two of them."""
     across = np.roll(edge_neighbors(triangles), -1, axis=1)  # the next triangle around a corner
@@ -92,12 +93,12 @@ def _check_edges(triangles: Integers, name: str) -> None:
     expected = f"{name}: expected a closed surface in which each edge joins two triangles, got"
     if crowded:
         raise InputError(
-            f"{expected} {crowded} edges with more than two triangles (not a manifold); {_REPAIR}"
+            f"{expected} {crowded} edges with more than two triangles (not a manifold); {REPAIR}"
         )
     if open_edges:
         raise InputError(
             f"{expected} {open_edges} edges with one triangle (the mesh is open); close its holes "
-            f"or {_REPAIR}"
+            f"or {REPAIR}"
         )
 
 
@@ -115,12 +116,12 @@ def _check_shells(points: Floats, triangles: Integers, name: str) -> None:
             f"{len(sizes) - 1 - inside} outside; keep one shell, join the parts by a boolean union "
             "or fill the cavities"
         )
-    pinched = pinched_points(triangles)
+    pinched = _pinched_points(triangles)
     if len(pinched) > 0:
         raise InputError(
             f"{name}: expected one sheet of the surface at each point, got several at "
             f"{len(pinched)} points (not a manifold), the first at "
-            f"{_place(points[pinched[0]])}; {_REPAIR}"
+            f"{_place(points[pinched[0]])}; {REPAIR}"
         )
 
 

@@ -20,16 +20,16 @@ from dicedesign.tolerances import SHARP_TURN, SLIVER_ANGLE
 
 __all__ = ["Distortion", "SurfaceQuality", "surface_distortion", "surface_quality"]
 
-_LISTED: Final = 20
+LISTED: Final = 20
 """Triangles and places that the plain data name, at most; their number is always there."""
 
-_SHARE: Final = 0.95
+SHARE: Final = 0.95
 """Part of the area that is distorted no more than the figure given for it."""
 
 
 @dataclass(frozen=True)
 class Distortion:
-    """How far triangles were distorted from those of a reference surface.
+    """Distortion of triangles against those of a reference surface.
 
     A triangle is stretched by factors `a >= b` along two orthogonal directions. It is distorted in
     shape by `a / b`, 1 for a similar triangle (the quasi-conformal error of Sander et al., Texture
@@ -89,26 +89,26 @@ class SurfaceQuality:
 
     def sentences(self) -> tuple[str, ...]:
         """The defects in words, one sentence each; none for a surface without any."""
-        found = []
+        defects = []
         if len(self.intersections):
             at = "; ".join(
                 "(" + ", ".join(f"{x:.4g}" for x in place) + ")" for place in self.places[:3]
             )
-            found.append(
+            defects.append(
                 f"the surface meets itself: {_count(self.intersections, 'pair')} of triangles in "
                 f"{_count(self.places, 'place')}, near {at}"
             )
         if len(self.folds):
-            found.append(f"the surface is folded sharply at {_count(self.folds, 'edge')}")
+            defects.append(f"the surface is folded sharply at {_count(self.folds, 'edge')}")
         if len(self.inverted):
-            found.append(f"{_count(self.inverted, 'triangle')} turned over")
+            defects.append(f"{_count(self.inverted, 'triangle')} turned over")
         if len(self.slivers):
-            found.append(
+            defects.append(
                 f"{_count(self.slivers, 'sliver')} with an angle below "
                 f"{np.degrees(SLIVER_ANGLE):.3g} degrees, the smallest "
                 f"{np.degrees(self.smallest_angle):.2g}"
             )
-        return tuple(found)
+        return tuple(defects)
 
     def data(self) -> dict[str, Any]:
         """Plain numbers and lists for a result file: angles in degrees, at most 20 of each list,
@@ -125,7 +125,7 @@ class SurfaceQuality:
             "folds": _listed(self.folds),
             "self_intersections": {
                 **_listed(self.intersections),
-                "places": self.places[:_LISTED].tolist(),
+                "places": self.places[:LISTED].tolist(),
             },
         }
         if self.distortion is not None:
@@ -171,7 +171,7 @@ def surface_quality(surface: Surface, reference: Surface | None = None) -> Surfa
 
 
 def surface_distortion(surface: Surface, reference: Surface) -> Distortion:
-    """How far the triangles of a surface are distorted from those of the reference, which has the
+    """Distortion of the triangles of a surface against those of the reference, which has the
     same triangles and some area."""
     before, after = (
         norms(doubled_area_vectors(each.points, each.triangles)) for each in (reference, surface)
@@ -207,7 +207,7 @@ def _stretch(surface: Surface, reference: Surface, area: Floats) -> Floats:
 def _figures(values: Floats, weights: Floats) -> tuple[float, float, float]:
     order = np.argsort(values)
     covered = np.cumsum(weights[order])
-    most = values[order[np.searchsorted(covered, _SHARE * covered[-1])]]
+    most = values[order[np.searchsorted(covered, SHARE * covered[-1])]]
     return float(np.average(values, weights=weights)), float(most), float(values.max())
 
 
@@ -245,4 +245,4 @@ def _count(items: NDArray[Any], noun: str) -> str:
 
 
 def _listed(items: Integers) -> dict[str, Any]:
-    return {"count": len(items), "first": items[:_LISTED].tolist()}
+    return {"count": len(items), "first": items[:LISTED].tolist()}

@@ -1,4 +1,4 @@
-"""Where a triangle surface meets itself."""
+"""Places where a triangle surface meets itself."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def _projection(triangles: Integers, points: Floats, signs: Orientation) -> Inte
 
 
 def _folded_flat(first: Integers, second: Integers, points: Floats) -> Booleans:
-    """Whether triangles (m, 3) lie on each other that share all corners but their first ones."""
+    """True (m,) where triangles (m, 3) that share all corners but their first lie on each other."""
     start = points[first[:, 1]]
     edge = points[first[:, 2]] - start
     one, other = (np.cross(edge, points[corner[:, 0]] - start) for corner in (first, second))
@@ -109,7 +109,7 @@ def _folded_flat(first: Integers, second: Integers, points: Floats) -> Booleans:
 def _meet(
     first: Integers, second: Integers, common: int, points: Floats, signs: Orientation
 ) -> Booleans:
-    """Whether triangles (m, 3) with area have more in common than their first corner.
+    """True (m,) where triangles (m, 3) with area have more in common than their first corner.
 
     common: 1 if they share their first corner and no other, 0 if they share none.
     """
@@ -136,14 +136,14 @@ def _sides(planes: Integers, triangles: Integers, common: int, signs: Orientatio
 
 
 def _reaches(sides: Integers) -> Booleans:
-    """Whether not all corners lie strictly on one side."""
+    """True (m,) where not all corners lie strictly on one side."""
     return (sides.min(axis=1) <= 0) & (sides.max(axis=1) >= 0)
 
 
 def _pierces(
     planes: Integers, triangles: Integers, sides: Integers, signs: Orientation
 ) -> Booleans:
-    """Whether an edge of the second triangles meets the first ones, other than in their plane.
+    """True (m,) where an edge of the second triangles meets the first, other than in their plane.
 
     Where triangles do not lie in one plane, what they have in common is a segment with ends on such
     edges. Of triangles with a common corner only the edges opposite to it count.
@@ -166,7 +166,7 @@ def _pierces(
 def _overlap(
     first: Integers, second: Integers, common: int, points: Floats, signs: Orientation
 ) -> Booleans:
-    """Whether triangles of one plane have more in common than their first corner.
+    """True (m,) where triangles of one plane have more in common than their first corner.
 
     They do unless the line of an edge of one has the other strictly beyond it. Where they share
     their first corner, only edges at that corner count, and not what else the other has on their

@@ -54,7 +54,7 @@ def _directions(corners: Floats) -> Floats:
 
 
 def _apart(axis: Floats, first: Floats, second: Floats, common: int) -> Booleans:
-    """Whether the heights of corners along an axis part them beyond the error of rounding."""
+    """True (m,) where the heights of corners along an axis part them beyond rounding."""
     origin = first[:, :1]
     one, other = ((corners - origin)[:, common:] * axis[:, None] for corners in (first, second))
     size = np.maximum(np.abs(one).sum(axis=2).max(axis=1), np.abs(other).sum(axis=2).max(axis=1))

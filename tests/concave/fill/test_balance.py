@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common.bumpy import bent_capsule, bumpy_sphere
+from common.bumpy import ball, bent_capsule, bumpy_sphere
 
 from dicedesign.concave.fill.balance import balance
 from dicedesign.concave.fill.result import FillStatus
@@ -45,9 +45,7 @@ def test_a_balanced_surface_stays_as_it_is() -> None:
 
 def test_a_convex_surface_cannot_be_balanced() -> None:
     """All its points are corners of the hull and stay."""
-    surface = bumpy_sphere(1)
-    convex = surface.moved(surface.points - surface.centroid)
-    convex = convex.moved(convex.points / np.linalg.norm(convex.points, axis=1)[:, None])
+    convex = ball(1)
     hull = convex_hull(convex.points)
     result = balance(convex, convex, hull, np.array([0.05, 0.0, 0.0]), ignored)
     assert result.status is FillStatus.NO_PROGRESS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common.bumpy import bent_capsule, bumpy_sphere, nearby_hull
+from common.bumpy import ball, bent_capsule, bumpy_sphere, nearby_hull, unit
 from common.dented_cube import dented_cube
 
 from dicedesign.concave.fill.correspondence import MOST_ROUNDS, fill_by_correspondence
@@ -14,12 +14,6 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.surfaces.remeshing import refined
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
-
-
-def unit(surface: Surface) -> Surface:
-    """About its center of mass, of circumscribed radius 1."""
-    offsets = surface.points - surface.centroid
-    return surface.moved(offsets / np.linalg.norm(offsets, axis=1).max())
 
 
 def wanted(surface: Surface, amount: float) -> tuple[ConvexHull, Integers]:
@@ -125,9 +119,7 @@ def test_a_center_of_mass_out_of_reach() -> None:
 
 def test_a_convex_surface_has_nothing_to_move() -> None:
     """All its points are corners; they stay in place, and so does the center of mass."""
-    ball = bumpy_sphere(1)
-    offsets = ball.points - ball.centroid
-    surface = unit(ball.moved(offsets / np.linalg.norm(offsets, axis=1)[:, None]))
+    surface = unit(ball(1))
     hull = convex_hull(surface.points)
     assert len(hull.vertices) == len(surface.points)
     center = surface.centroid + np.array([0.05, 0.0, 0.0])

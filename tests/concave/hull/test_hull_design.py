@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from common.bumpy import bent_capsule, bumpy_sphere
+from common.bumpy import bent_capsule, bumpy_sphere, unit
 
 from dicedesign import rest_poses
 from dicedesign.concave.hull.descent import descend_hull
@@ -28,9 +28,7 @@ SHEAR = np.array([[1.0, 0.05, -0.03], [0.0, 1.0, 0.07], [0.0, 0.0, 1.0]])
 
 def problem_of(surface: Surface, target: Floats) -> HullProblem:
     """Of a sheared surface: symmetric bodies have ties."""
-    offsets = (surface.points - surface.centroid) @ SHEAR
-    unit = surface.moved(offsets / np.linalg.norm(offsets, axis=1).max())
-    return HullProblem(unit, target, TOLERANCE)
+    return HullProblem(unit(surface.moved(surface.points @ SHEAR)), target, TOLERANCE)
 
 
 @cache

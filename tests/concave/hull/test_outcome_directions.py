@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common.bumpy import bumpy_sphere
+from common.bumpy import bumpy_sphere, unit
 from common.dented_cube import CORNERS, NORMALS
 
 from dicedesign import rest_poses
@@ -14,9 +14,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 
 
 def bumpy_hull() -> ConvexHull:
-    surface = bumpy_sphere()
-    offsets = surface.points - surface.centroid
-    return convex_hull(offsets / np.linalg.norm(offsets, axis=1).max())
+    return convex_hull(unit(bumpy_sphere()).points)
 
 
 def test_likelier_rests_become_likelier_outcomes() -> None:

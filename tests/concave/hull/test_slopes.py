@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from common.bumpy import bumpy_sphere
+from common.bumpy import bumpy_sphere, unit
 from common.dented_cube import CORNERS, NORMALS
 
 from dicedesign.concave.hull.slopes import LIFETIME, SlopeMemory, SlopeOptions, climbs
@@ -39,9 +39,7 @@ def normals_of(rests: RestEvaluation) -> Floats:
 
 
 def bumpy_points() -> Floats:
-    surface = bumpy_sphere()
-    offsets = surface.points - surface.centroid
-    return np.asarray(offsets / np.linalg.norm(offsets, axis=1).max())
+    return unit(bumpy_sphere()).points
 
 
 def askew_cube(seed: int) -> Floats:
