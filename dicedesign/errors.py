@@ -15,6 +15,7 @@ __all__ = [
     "InputError",
     "LabelRoomError",
     "MeshFileError",
+    "NoStartError",
     "OutputError",
     "OutsideHullError",
     "RecipeError",

@@ -1,9 +1,10 @@
-"""Every numerical tolerance of the package, in one place.
+"""Numerical tolerances by which the package decides about bodies, in one place.
 
-None depends on the unit of length: each says what it is relative to, or is an angle, a probability
-or a count.
-Nothing else in the package decides about a body by a bare small number; the constants of drawing
-and of the optimiser's steps stand where they are used.
+None depends on the unit of length: each says what it is relative to, or is an angle, a probability,
+a count or a limit of the number format. What a body's rests are, whether a surface is sound and
+whether a solid can be printed is decided by these alone. The constants of steps and stops, in
+solvers, searches, fills and simulated contacts, and those of drawing and of the benches' verdicts
+have names and a sentence each where they are used.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ __all__ = [
     "FLATNESS_TOLERANCE",
     "FLAT_FOLD",
     "INERTIA_TOLERANCE",
+    "MATCHED_ODDS",
     "PRINT_TOLERANCE",
     "PROBABILITY_SUM_TOLERANCE",
     "REUSE_FLATNESS",
@@ -39,11 +41,13 @@ __all__ = [
     "SHARP_TURN",
     "SLIVER",
     "SLIVER_ANGLE",
+    "SMALLEST_EXTENT",
     "STANDING_ANGLE",
     "SYMMETRY_TOLERANCE",
     "THIN_VOLUME",
     "TIE_TOLERANCE",
     "TRANSPORT_TOLERANCE",
+    "UNDERFLOW",
     "VOLUME_TOLERANCE",
     "WARP_TOLERANCE",
 ]
@@ -191,5 +195,12 @@ this sine from where the planes beside it meet. It is where an edge or a facet i
 its facets are uneven, as among points that lie in clusters."""
 
 TRANSPORT_TOLERANCE: Final = 1e-10
-"""Part of the mass that a transport plan may leave behind or make up: the least that HiGHS takes.
-"""
+"""Part of the mass that a transport plan may leave behind or make up: HiGHS takes no less."""
+
+SMALLEST_EXTENT: Final = 1e-40
+"""Products of up to six coordinates must neither underflow nor overflow: no body is smaller than
+this, and no coordinate larger than its inverse, whatever the unit."""
+
+UNDERFLOW: Final = 1e-200
+"""Products of coordinates below this may have lost digits to underflow: they decide nothing. A
+product of four at `SMALLEST_EXTENT` is far above it."""

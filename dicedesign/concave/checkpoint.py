@@ -20,7 +20,7 @@ _ARRAYS: Final = ("points", "hull_points", "directions")
 """Of `FilledHull`; all else is text in JSON."""
 
 _DAMAGED: Final = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
-"""What NumPy, JSON and the classes raise for a file that is not such a state."""
+"""Errors of NumPy, JSON and the classes about a file that is not such a state."""
 
 
 def checkpoint_bytes(progress: ConcaveProgress, search: dict[str, str]) -> bytes:

@@ -1,4 +1,4 @@
-"""What making a concave die returns, and what it needs to go on later."""
+"""The result of a search for a concave die, and its state, from which it goes on later."""
 
 from __future__ import annotations
 

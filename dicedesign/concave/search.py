@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dicedesign.concave.fill.correspondence import fill_by_correspondence
-from dicedesign.concave.fill.result import FillResult, FillStep
+from dicedesign.concave.fill.result import FillResult
 from dicedesign.concave.fill.space_elasticity import point_masses
 from dicedesign.concave.hull.design import design_hull
 from dicedesign.concave.hull.easing import eased_hull
@@ -42,10 +42,11 @@ EASINGS: Final = 6
 """Times that the hull is eased where the surface meets itself."""
 
 WIDTH: Final = 0.08
+"""Distance from such a place within which it is eased the first time, over the circumscribed
+radius."""
 
 WIDENING: Final = 1.3
-"""How far about such a place at first, over the circumscribed radius, and how much farther each
-further time."""
+"""Factor of that distance each further time."""
 
 MOST_EASED: Final = 400
 """Pairs of triangles that meet, beyond which that is hopeless."""
@@ -54,11 +55,13 @@ HELPED: Final = 0.8
 """Part of those pairs that may be left for easing to go on."""
 
 FALLS: Final = (1e-3, 1e-2)
+"""Range that the logarithm of an attempt's `SlopeOptions.fall` is drawn from."""
 
 RISES: Final = (2e-3, 5e-3)
+"""Range of `SlopeOptions.rise`."""
 
 CIRCLES: Final = (2.0, 4.5)
-"""Ranges that an attempt's slopes are drawn from, circles in degrees; see `SlopeOptions`."""
+"""Range of `SlopeOptions.circle`, in degrees."""
 
 
 def make_concave_die(
@@ -91,11 +94,15 @@ def make_concave_die(
     NoStartError: no attempt led to a filled hull.
     InputError: more outcomes than the hull can carry; a fill needs a package that is missing.
     """
-    return _Making(surface, target, options, seed, on_step, on_attempt).run(resume)
+    search = _Search(surface, target, options, seed, on_step)
+    progress = search.attempted(resume or ConcaveProgress(0, 0.0, None, ()), on_attempt)
+    if options.fill == "quadratic" and progress.best is not None:
+        progress = search.filled_as_in_the_paper(progress, progress.best)
+    return search.die(progress)
 
 
 @dataclass(eq=False)
-class _Making:
+class _Search:
     """One search. Coordinates are those of the surface about its center of mass, over its
     circumscribed radius."""
 
@@ -104,133 +111,130 @@ class _Making:
     options: ConcaveOptions
     seed: int
     on_step: Callable[[ConcaveStep], None] | None
-    on_attempt: Callable[[ConcaveProgress], None] | None
     steps: list[ConcaveStep] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.started = time.perf_counter()
         self.center = self.surface.centroid
         self.radius = float(norms(self.surface.points - self.center).max())
-        unit = self.surface.moved((self.surface.points - self.center) / self.radius)
-        self.problem = HullProblem(unit, self.target, ROOM * self.options.tolerance)
-        self.masses = point_masses(unit)
+        self.unit = self.surface.moved((self.surface.points - self.center) / self.radius)
+        self.problem = HullProblem(self.unit, self.target, ROOM * self.options.tolerance)
+        self.masses = point_masses(self.unit)
 
-    def run(self, resume: ConcaveProgress | None) -> ConcaveDie:
-        progress = resume or ConcaveProgress(0, 0.0, None, ())
+    def attempted(
+        self, progress: ConcaveProgress, on_attempt: Callable[[ConcaveProgress], None] | None
+    ) -> ConcaveProgress:
+        """The progress once all attempts are made."""
         self.started -= progress.seconds
         choices = outcome_choices(self.problem.hull, self.target)
-        while progress.attempts < self.options.attempts and not self._good_enough(progress.best):
+        while progress.attempts < self.options.attempts and not self.good_enough(progress.best):
             number = progress.attempts + 1
             self.steps = []
-            best, found = progress.best, self._attempt(number, choices)
+            best, filled = progress.best, self.attempt(number, choices)
             history = tuple(self.steps) if best is None else progress.history
-            if found is not None and (best is None or self._rank(found) < self._rank(best)):
-                best, history = found, tuple(self.steps)
+            if filled is not None and (best is None or self.rank(filled) < self.rank(best)):
+                best, history = filled, tuple(self.steps)
             progress = ConcaveProgress(number, self.seconds, best, history)
-            if self.on_attempt is not None:
-                self.on_attempt(progress)
-        if self.options.fill == "quadratic" and progress.best is not None:
-            progress = self._refilled(progress, progress.best)
-        return self._result(progress)
+            if on_attempt is not None:
+                on_attempt(progress)
+        return progress
 
     @property
     def seconds(self) -> float:
         """Wall-clock time, over all sessions."""
         return time.perf_counter() - self.started
 
-    def _good_enough(self, best: FilledHull | None) -> bool:
-        """Whether a die is as wanted, and near the original or all that the time allows."""
+    def good_enough(self, best: FilledHull | None) -> bool:
+        """True if a die is as wanted, and near the original or all that the time allows."""
+        if best is None or best.error > self.options.tolerance or best.intersections > 0:
+            return False
         return (
-            best is not None
-            and best.error <= self.options.tolerance
-            and best.intersections == 0
-            and (
-                best.displacement <= self.options.displacement
-                or self.seconds >= self.options.seconds
-            )
+            best.displacement <= self.options.displacement or self.seconds >= self.options.seconds
         )
 
-    def _rank(self, found: FilledHull) -> tuple[float, int, float]:
-        """What counts, first to last: the odds, fewer self-intersections, less displacement."""
-        missed = found.error if found.error > self.options.tolerance else 0.0
-        return missed, found.intersections, found.displacement
+    def rank(self, filled: FilledHull) -> tuple[float, int, float]:
+        """Sort key, best first: the odds, fewer self-intersections, less displacement."""
+        missed = filled.error if filled.error > self.options.tolerance else 0.0
+        return missed, filled.intersections, filled.displacement
 
-    def _attempt(self, number: int, choices: list[Floats]) -> FilledHull | None:
+    def attempt(self, number: int, choices: list[Floats]) -> FilledHull | None:
+        """A hull designed, filled, and eased as long as that helps; None where none comes about."""
         random = np.random.default_rng([self.seed, number])
         place = 0 if number == 1 else int(random.exponential(CHOICE_SCALE))
-        directions = choices[place % len(choices)]
-        design = self._designed(number, directions, random)
-        found = None if design is None else self._filled(number, design)
+        design = self.design(number, choices[place % len(choices)], random)
+        best = None if design is None else self.filled(number, design)
         for easing in range(EASINGS):
-            if design is None or found is None or not 0 < found.intersections <= MOST_EASED:
+            if design is None or best is None or not 0 < best.intersections <= MOST_EASED:
                 break
-            crossing = np.unique(self._crossing(found.points))
-            places = self.problem.surface.points[np.unique(self.surface.triangles[crossing])]
+            crossing = np.unique(intersecting_triangles(best.points, self.surface.triangles))
+            places = self.unit.points[np.unique(self.surface.triangles[crossing])]
             design = eased_hull(self.problem, design, places, WIDTH * WIDENING**easing)
-            eased = None if design is None else self._filled(number, design)
-            if eased is None or eased.intersections > HELPED * found.intersections:
+            eased = None if design is None else self.filled(number, design)
+            if eased is None or eased.intersections > HELPED * best.intersections:
                 break
-            found = eased
-        return found
+            best = eased
+        return best
 
-    def _crossing(self, points: Floats) -> Integers:
-        """(m, 2) pairs of triangles that meet and should not."""
-        return intersecting_triangles(points, self.surface.triangles)
-
-    def _designed(
+    def design(
         self, number: int, directions: Floats, random: np.random.Generator
     ) -> DesignedHull | None:
+        """A hull for outcomes in some directions (k, 3)."""
+
         def told(energy: float, error: float) -> None:
-            self._record(number, "hull", energy, error)
+            self.record(number, "hull", energy, error)
 
         if self.options.hull == "descent":
             # Imported late: the usual way does without.
             from dicedesign.concave.hull.descent import descend_hull
 
             return descend_hull(self.problem, directions, told)
-        low, high = np.log(FALLS)
         slopes = SlopeOptions(
-            fall=float(np.exp(random.uniform(low, high))),
+            fall=float(np.exp(random.uniform(*np.log(FALLS)))),
             rise=float(random.uniform(*RISES)),
             circle=float(np.radians(random.uniform(*CIRCLES))),
         )
         return design_hull(self.problem, directions, slopes, told)
 
-    def _filled(self, number: int, design: DesignedHull) -> FilledHull | None:
-        def told(step: FillStep) -> None:
-            self._record(number, "fill", sum(step.terms.values()), None)
-
+    def filled(self, number: int, design: DesignedHull) -> FilledHull | None:
+        """A designed hull filled by correspondence, if it can be."""
         filled = fill_by_correspondence(
-            self.problem.elasticity, design.hull, design.corners, design.center_of_mass, told
+            self.problem.elasticity,
+            design.hull,
+            design.corners,
+            design.center_of_mass,
+            lambda energy: self.record(number, "fill", energy),
         )
         if not filled.converged:
             return None
-        return self._measured(number, design.hull, design.corners, design.directions, filled)
+        return self.measured(number, design.hull, design.corners, design.directions, filled)
 
-    def _refilled(self, progress: ConcaveProgress, best: FilledHull) -> ConcaveProgress:
+    def filled_as_in_the_paper(
+        self, progress: ConcaveProgress, best: FilledHull
+    ) -> ConcaveProgress:
         """The best hull, filled by quadratic programs and balanced."""
         # Imported late: the usual way does without.
-        from dicedesign.concave.fill.paper_fill import refill
-
-        def told(stage: str, step: FillStep) -> None:
-            self._record(best.attempt, stage, sum(step.terms.values()), None)
+        from dicedesign.concave.fill.paper_fill import fill
 
         self.steps = list(progress.history)
-        unit = self.problem.surface
         points = (best.points - self.center) / self.radius
         hull = convex_hull((best.hull_points - self.center) / self.radius)
         corners = cKDTree(points).query(hull.vertices)[1]
-        center = unit.moved(points).centroid
-        filled = refill(unit, hull, corners, center, told)
+        filled = fill(
+            self.unit,
+            hull,
+            corners,
+            self.unit.moved(points).centroid,
+            lambda stage, energy: self.record(best.attempt, stage, energy),
+        )
         if not filled.converged:
             raise NoStartError(
                 f"fill: expected quadratic programs to fill the hull of attempt {best.attempt}, "
                 f"but they ended early ({filled.message}); leave fill out for correspondence"
             )
-        found = self._measured(best.attempt, hull, corners, best.directions, filled)
-        return ConcaveProgress(progress.attempts, self.seconds, found, tuple(self.steps))
+        best = self.measured(best.attempt, hull, corners, best.directions, filled)
+        return ConcaveProgress(progress.attempts, self.seconds, best, tuple(self.steps))
 
-    def _measured(
+    def measured(
         self,
         number: int,
         hull: ConvexHull,
@@ -238,9 +242,9 @@ class _Making:
         directions: Floats,
         filled: FillResult,
     ) -> FilledHull:
-        """What came of a designed hull with outcomes in some directions (k, 3), of whose corners
+        """The result of a designed hull with outcomes in some directions (k, 3), of whose corners
         (v,) points of the surface are to be."""
-        unit = self.problem.surface
+        unit = self.unit
         back = best_similarity(filled.points, unit.points, self.masses)
         solid = unit.moved(back(filled.points))
         # As they come out of a file of single precision.
@@ -250,29 +254,26 @@ class _Making:
         directions = directions @ back.rotation.T
         wanted = back(hull.vertices)
         error = outcome_odds(poses, directions).error(self.target)
-        self._record(number, "fill", sum(filled.history[-1].terms.values()), error)
-        displacement = norms(solid.points - unit.points).mean() / unit.diagonal
+        self.record(number, "fill", filled.energy, error)
         return FilledHull(
-            number,
-            self._own(solid.points),
-            self._own(wanted),
-            directions,
-            error,
-            float(norms(solid.points[corners] - wanted).max()) / unit.diagonal,
-            float(displacement),
-            len(self._crossing(solid.points)),
+            attempt=number,
+            points=self.center + self.radius * solid.points,
+            hull_points=self.center + self.radius * wanted,
+            directions=directions,
+            error=error,
+            gap=float(norms(solid.points[corners] - wanted).max()) / unit.diagonal,
+            displacement=float(norms(solid.points - unit.points).mean() / unit.diagonal),
+            intersections=len(intersecting_triangles(solid.points, unit.triangles)),
         )
 
-    def _own(self, points: Floats) -> Floats:
-        """Points (n, 3) in the surface's own unit and place."""
-        return self.center + self.radius * points
-
-    def _record(self, number: int, stage: str, energy: float, error: float | None) -> None:
+    def record(self, number: int, stage: str, energy: float, error: float | None = None) -> None:
+        """Note a step."""
         self.steps.append(ConcaveStep(number, stage, self.seconds, energy, error))
         if self.on_step is not None:
             self.on_step(self.steps[-1])
 
-    def _result(self, progress: ConcaveProgress) -> ConcaveDie:
+    def die(self, progress: ConcaveProgress) -> ConcaveDie:
+        """The best of all attempts."""
         best = progress.best
         if best is None:
             raise NoStartError(
@@ -280,10 +281,9 @@ class _Making:
                 f"{progress.attempts} attempts did; allow more with method.concave.attempts, "
                 "or take another target or surface"
             )
-        after = self.surface.moved(best.points)
         return ConcaveDie(
             self.surface,
-            after,
+            self.surface.moved(best.points),
             convex_hull(best.hull_points),
             best.directions,
             (len(self.problem.hull.vertices), len(best.hull_points)),

@@ -16,29 +16,16 @@ from dicedesign.fabricate.glyphs import text_section
 from dicedesign.fabricate.layout import Placement
 from dicedesign.fabricate.options import EngravingOptions
 from dicedesign.geometry.manifold import mesh_of, solid
+from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
-__all__ = ["Cut", "EngravedDie", "cut_out", "engrave"]
-
-
-@dataclass(frozen=True, eq=False)
-class EngravedDie:
-    """A solid with its labels cut in: closed and one piece.
-
-    Attributes
-    ----------
-    vertices: (n, 3) in mm.
-    triangles: (t, 3) counter-clockwise seen from outside.
-    """
-
-    vertices: Floats
-    triangles: Integers
+__all__ = ["Cut", "cut_out", "engrave"]
 
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """What a label takes away.
+    """The material that a label takes away.
 
     Attributes
     ----------
@@ -65,7 +52,7 @@ def engrave(
     triangles: Integers,
     placements: Sequence[Placement],
     options: EngravingOptions,
-) -> EngravedDie:
+) -> Surface:
     """Cut labels into a solid, `options.depth_mm` deep below their facets.
 
     Parameters
@@ -76,7 +63,7 @@ def engrave(
 
     Returns
     -------
-    EngravedDie that passed the checks: no boolean error, one piece, as many handles as the plain
+    Surface in mm that passed the checks: no boolean error, one piece, as many handles as the plain
     solid, and the volume of the plain solid less the labels to `ENGRAVED_VOLUME_TOLERANCE`.
 
     Raises
@@ -88,18 +75,11 @@ def engrave(
     return cut_out(solid(vertices, triangles), cuts, options)
 
 
-def cut_out(plain: Manifold, cuts: Sequence[Cut], options: EngravingOptions) -> EngravedDie:
+def cut_out(plain: Manifold, cuts: Sequence[Cut], options: EngravingOptions) -> Surface:
     """Subtract cuts from a solid, all at once.
 
-    plain: the solid; cuts: of labels; options: named in the message of an error.
-
-    Returns
-    -------
-    EngravedDie that passed the checks of `engrave`.
-
-    Raises
-    ------
-    EngravingError: a check failed; the message says which, and names the labels at fault.
+    plain: the solid; cuts: of labels; options: named in the message of an error. Returns and raises
+    what `engrave` does.
     """
     body = Manifold.batch_boolean([plain, *(cut.cutter for cut in cuts)], OpType.Subtract)
     failure = _failed_check(plain, body, sum(cut.volume for cut in cuts))
@@ -108,7 +88,7 @@ def cut_out(plain: Manifold, cuts: Sequence[Cut], options: EngravingOptions) -> 
             f"engraved solid: {failure}; {_culprits(plain, cuts)}: reduce depth_mm "
             f"(now {options.depth_mm:g}) or increase size_mm or margin"
         )
-    return EngravedDie(*mesh_of(body))
+    return Surface(*mesh_of(body))
 
 
 def _failed_check(plain: Manifold, body: Manifold, expected: float) -> str | None:
@@ -129,7 +109,7 @@ def _failed_check(plain: Manifold, body: Manifold, expected: float) -> str | Non
 
 
 def _culprits(plain: Manifold, cuts: Sequence[Cut]) -> str:
-    """Which pockets meet others or break through, in words."""
+    """Pockets that meet others or break through, in words."""
     involved = {
         index
         for index, cut in enumerate(cuts)

@@ -39,9 +39,11 @@ BAR_GAP: Final = 0.16
 BAR_THICKNESS: Final = 0.16
 """Thickness of that bar, in digit heights."""
 
-_FONT_FILE: Final = Path("mpl-data", "fonts", "ttf", "DejaVuSans-Bold.ttf")
+FONT_FILE: Final = Path("mpl-data", "fonts", "ttf", "DejaVuSans-Bold.ttf")
+"""Of the font, in the folder of matplotlib."""
 
-_TURNED: Final = {"0": "0", "1": "1", "6": "9", "8": "8", "9": "6"}
+TURNED: Final = {"0": "0", "1": "1", "6": "9", "8": "8", "9": "6"}
+"""Digits that are digits when they are turned by 180 degrees, and which."""
 
 
 class _PolylinePen(BasePen):
@@ -73,7 +75,7 @@ class _PolylinePen(BasePen):
 def _font() -> TTFont:
     spec = importlib.util.find_spec("matplotlib")
     folders = spec.submodule_search_locations if spec else None
-    path = Path(folders[0], _FONT_FILE) if folders else _FONT_FILE
+    path = Path(folders[0], FONT_FILE) if folders else FONT_FILE
     if not path.is_file():
         raise EngravingError(
             f"label font: expected {path} in the installed package matplotlib, got no such file; "
@@ -132,13 +134,13 @@ def text_contours(text: str) -> list[Floats]:
 
 
 def reads_upside_down(text: str) -> bool:
-    """Whether the text, turned by 180 degrees, reads as a different number ("6", "16", "68").
+    """True if the text, turned by 180 degrees, reads as a different number ("6", "16", "68").
 
     Turned texts that start with a zero ("10" gives "01") are no numbers and do not count.
     """
-    if not text or not set(text) <= set(_TURNED):
+    if not text or not set(text) <= set(TURNED):
         return False
-    turned = "".join(_TURNED[digit] for digit in reversed(text))
+    turned = "".join(TURNED[digit] for digit in reversed(text))
     return turned != text and (len(turned) == 1 or turned[0] != "0")
 
 

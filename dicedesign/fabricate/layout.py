@@ -1,4 +1,4 @@
-"""Where a label goes on its facet, how large it is and which way is up.
+"""Places of labels on facets: middle, size and upright.
 
 Lengths are in millimetres.
 """
@@ -18,7 +18,7 @@ from dicedesign.fabricate.options import EngravingOptions
 from dicedesign.geometry.hulls.polygons import inscribed_circle, signed_area
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["Placement", "place_labels"]
+__all__ = ["Placement", "place_labels", "require_room"]
 
 CENTERING: Final = 0.12
 """Part of the inscribed radius given up to bring a label nearer to the middle of its facet."""
@@ -35,13 +35,11 @@ class Placement:
     frame: (4, 4) rigid motion from local x (right), y (up), z (out of the facet) to the body, in
         mm.
     height: digit height in mm.
-    facet: index of the facet that bears the label.
     """
 
     text: str
     frame: Floats
     height: float
-    facet: int
 
 
 def _fit(
@@ -75,7 +73,7 @@ def _fit(
     start = center - 0.5 * height * np.array([left + far_right, bottom + top])
     frame = np.eye(4)
     frame[:3] = np.column_stack([right, up, outward, origin + start[0] * right + start[1] * up])
-    return Placement(text, frame, height, facet), radius
+    return Placement(text, frame, height), radius
 
 
 def place_labels(
@@ -125,17 +123,40 @@ def place_labels(
         _fit(text, polygon, normal, facet, options)
         for text, polygon, normal, facet in zip(texts, polygons, normals, facets, strict=True)
     ]
-    too_small = [fit for fit in fits if fit[0].height < options.min_height_mm]
-    if too_small:
-        worst, radius = min(too_small, key=lambda fit: fit[0].height)
-        needed = size_mm * options.min_height_mm / worst.height
-        rounded_up = (math.floor(10 * needed) + 1) / 10
-        raise LabelRoomError(
-            f"label {worst.text!r}: expected room on facet {worst.facet} for digits of at least "
-            f"min_height_mm = {options.min_height_mm:g}, got {worst.height:.2f} mm in its circle "
-            f"of diameter {2 * radius:.2f} mm ({len(too_small)} of {len(texts)} labels are too "
-            f"small at size_mm = {size_mm:g}); use size_mm = {rounded_up:.1f} or more, or a "
-            "shorter label, a smaller margin or a smaller min_height_mm",
-            rounded_up,
-        )
+    require_room(
+        [placement.height for placement, _ in fits],
+        [
+            (f"label {text!r}", f"facet {facet}", f" in its circle of diameter {2 * radius:.2f} mm")
+            for text, facet, (_, radius) in zip(texts, facets, fits, strict=True)
+        ],
+        size_mm,
+        options,
+    )
     return [placement for placement, _ in fits]
+
+
+def require_room(
+    heights: Sequence[float],
+    rooms: Sequence[tuple[str, str, str]],
+    size_mm: float,
+    options: EngravingOptions,
+) -> None:
+    """Raise LabelRoomError if a label is too small to read: about the smallest, with a size of the
+    die at which all are large enough.
+
+    heights: k of digits, in mm; rooms: k times what messages call a label, what it is on, and more
+    about its room there; size_mm: present largest distance between two vertices of the die.
+    """
+    few = sum(height < options.min_height_mm for height in heights)
+    if few == 0:
+        return
+    least = min(heights)
+    label, place, more = rooms[list(heights).index(least)]
+    needed = (math.floor(10 * size_mm * options.min_height_mm / least) + 1) / 10
+    raise LabelRoomError(
+        f"{label}: expected room on {place} for digits of at least min_height_mm = "
+        f"{options.min_height_mm:g}, got {least:.2f} mm{more} ({few} of {len(heights)} "
+        f"{label.split()[0]}s are too small at size_mm = {size_mm:g}); use size_mm = {needed:.1f} "
+        "or more, or a shorter label, a smaller margin or a smaller min_height_mm",
+        needed,
+    )

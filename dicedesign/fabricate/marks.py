@@ -1,4 +1,4 @@
-"""Mark on a body of any shape which outcome it shows, where it is up when it lies so.
+"""Marks on a body of any shape: the outcome that it shows, on the side that is up when it lies so.
 
 Lengths are in millimetres, volumes in cubic millimetres.
 """
@@ -11,34 +11,35 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.spatial import ConvexHull
-from scipy.spatial.distance import pdist
 
-from dicedesign.errors import EngravingError, InputError, LabelRoomError
-from dicedesign.fabricate.engraving import Cut, EngravedDie, cut_out
+from dicedesign.errors import EngravingError, InputError
+from dicedesign.fabricate.engraving import Cut, cut_out
 from dicedesign.fabricate.glyphs import text_section
+from dicedesign.fabricate.layout import require_room
 from dicedesign.fabricate.options import EngravingOptions
 from dicedesign.fabricate.upper_side import UpperSide, upper_side
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.manifold import solid
+from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
 __all__ = ["Mark", "engrave_marks"]
 
-_CLEARANCE: Final = 0.25
-"""How far a cut reaches above the surface, in depths of the mark."""
+CLEARANCE: Final = 0.25
+"""Distance that a cut reaches above the surface, in depths of the mark."""
 
-_SHRINKING: Final = 0.85
+SHRINKING: Final = 0.85
 """Ratio of the digit heights tried one after the other."""
 
-_SMALLEST: Final = 3.0
+SMALLEST: Final = 3.0
 """Smallest digit height tried, in spacings of the relief."""
 
-_EVENNESS: Final = 2.0
-"""What a millimetre by which the surface rises and falls beneath a mark counts for, in millimetres
-of the height of its digits."""
+EVENNESS: Final = 2.0
+"""Millimetres of the height of its digits that a millimetre counts for by which the surface rises
+and falls beneath a mark."""
 
-_PLACES: Final = 3
+PLACES: Final = 3
 """Places tried of one digit height: one may have a flaw between the nodes of the relief."""
 
 
@@ -65,7 +66,7 @@ def engrave_marks(
     downs: Floats,
     texts: Sequence[str],
     options: EngravingOptions,
-) -> tuple[EngravedDie, list[Mark]]:
+) -> tuple[Surface, list[Mark]]:
     """Engrave a label for each outcome on the side that is up when the body lies on it.
 
     Each label lies on a part of the surface that is seen straight from above, nowhere steeper than
@@ -84,7 +85,7 @@ def engrave_marks(
 
     Returns
     -------
-    EngravedDie that passed the checks of `engrave`, and k marks in the order of the labels.
+    Surface that passed the checks of `engrave`, and k marks in the order of the labels.
 
     Raises
     ------
@@ -108,25 +109,13 @@ def engrave_marks(
         mark, cut = _fit(side, text, marks, options)
         marks.append(mark)
         cuts.append(cut)
-    _check_heights(marks, points, options)
+    require_room(
+        [mark.height for mark in marks],
+        [(f"mark {mark.text!r}", "the upper side", "") for mark in marks],
+        convex_hull(points).diameter,
+        options,
+    )
     return cut_out(plain, cuts, options), marks
-
-
-def _check_heights(marks: Sequence[Mark], points: Floats, options: EngravingOptions) -> None:
-    """Raise LabelRoomError if a mark is too small to read."""
-    too_small = [mark for mark in marks if mark.height < options.min_height_mm]
-    if too_small:
-        worst = min(too_small, key=lambda mark: mark.height)
-        size_mm = float(pdist(points[ConvexHull(points).vertices]).max())
-        rounded_up = math.ceil(10 * size_mm * options.min_height_mm / worst.height) / 10
-        raise LabelRoomError(
-            f"mark {worst.text!r}: expected room on the upper side for digits of at least "
-            f"min_height_mm = {options.min_height_mm:g}, got {worst.height:.2f} mm "
-            f"({len(too_small)} of {len(marks)} marks are too small at size_mm = {size_mm:.4g}); "
-            f"use size_mm = {rounded_up:.1f} or more, or a shorter label, a smaller margin or a "
-            "smaller min_height_mm",
-            rounded_up,
-        )
 
 
 def _fit(
@@ -172,14 +161,14 @@ def _places(
         for other in others
     ]
     places = []
-    for height in _digit_heights(options, legible, _SMALLEST * grid.spacing):
+    for height in _digit_heights(options, legible, SMALLEST * grid.spacing):
         width, tall = _room(text, height, options)
         uneven = side.unevenness(options.depth_mm, width, tall)
         good = np.isfinite(uneven)
         for distance in clear:
             good &= distance > 0.5 * math.hypot(width, tall) + options.depth_mm
-        score = height * (1.0 + rise) - _EVENNESS * uneven
-        for _ in range(_PLACES):
+        score = height * (1.0 + rise) - EVENNESS * uneven
+        for _ in range(PLACES):
             if not good.any():
                 break
             score[~good] = -np.inf
@@ -197,12 +186,12 @@ def _digit_heights(options: EngravingOptions, legible: bool, smallest: float) ->
     largest, least = (
         (options.max_height_mm, options.min_height_mm)
         if legible
-        else (_SHRINKING * options.min_height_mm, smallest)
+        else (SHRINKING * options.min_height_mm, smallest)
     )
     if largest < least:
         return []
-    steps = math.ceil(math.log(least / largest) / math.log(_SHRINKING))
-    return [*(largest * _SHRINKING**k for k in range(steps)), least]
+    steps = math.ceil(math.log(least / largest) / math.log(SHRINKING))
+    return [*(largest * SHRINKING**k for k in range(steps)), least]
 
 
 def _room(text: str, height: float, options: EngravingOptions) -> tuple[float, float]:
@@ -214,7 +203,7 @@ def _room(text: str, height: float, options: EngravingOptions) -> tuple[float, f
 
 def _cut(side: UpperSide, mark: Mark, middle: Floats, options: EngravingOptions) -> Cut | None:
     """The outlines of a mark cut out of the surface; None where it is no whole sheet there."""
-    above, depth = _CLEARANCE * options.depth_mm, options.depth_mm
+    above, depth = CLEARANCE * options.depth_mm, options.depth_mm
     layer = side.layer(middle, *_room(mark.text, mark.height, options), above, depth)
     if layer is None:
         return None

@@ -1,4 +1,4 @@
-"""How labels are sized and cut; apart from the cutting, so that a recipe loads no solids."""
+"""Options of labels; apart from the cutting, so that a recipe loads no solids."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["EngravingOptions"]
 
 @dataclass(frozen=True)
 class EngravingOptions:
-    """How labels are sized and cut.
+    """Sizes and depth of labels.
 
     Raises InputError for a value out of its range.
     """

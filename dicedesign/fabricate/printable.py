@@ -1,6 +1,4 @@
-"""A deformed surface as a solid that can be printed.
-
-Join the parts of a solid that overlap each other."""
+"""A deformed surface as a solid that can be printed: overlaps joined, slivers taken out."""
 
 from __future__ import annotations
 
@@ -18,7 +16,11 @@ from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import PRINT_TOLERANCE
 
-__all__ = ["printable_solid", "with_overlaps_joined"]
+__all__ = ["printable_solid"]
+
+MARGINS: Final = (0.005, 0.02)
+"""Distances that the box that is cut out reaches beyond the triangles that meet, relative to the
+diagonal of the body's box, tried in turn."""
 
 
 def printable_solid(surface: Surface) -> tuple[Floats, Integers, tuple[str, ...]]:
@@ -26,7 +28,7 @@ def printable_solid(surface: Surface) -> tuple[Floats, Integers, tuple[str, ...]
 
     Edges and slivers thinner than `PRINT_TOLERANCE` are collapsed, and points in the middle of flat
     parts with them, so that no point of the surface moves by more. Parts that overlap are joined
-    where `with_overlaps_joined` can.
+    where `_with_overlaps_joined` can.
 
     Returns
     -------
@@ -39,7 +41,7 @@ def printable_solid(surface: Surface) -> tuple[Floats, Integers, tuple[str, ...]
     InputError: the surface bounds no solid of positive volume, or falls apart when it is cleaned.
     """
     body = solid(surface.points, surface.triangles)
-    joined = with_overlaps_joined(body, surface.diagonal)
+    joined = _with_overlaps_joined(body, surface.diagonal)
     cleaned = joined.simplify(PRINT_TOLERANCE * surface.diagonal)
     pieces = len(cleaned.decompose()) if cleaned.status() == Error.NoError else 0
     if pieces != 1 or not cleaned.volume() > 0.0:
@@ -53,7 +55,7 @@ def printable_solid(surface: Surface) -> tuple[Floats, Integers, tuple[str, ...]
 
 
 def _changes(body: Manifold, joined: Manifold, cleaned: Manifold) -> tuple[str, ...]:
-    """What joining and cleaning changed, in words."""
+    """Changes by joining and cleaning, in words."""
     notes = []
     if joined is not body:
         notes.append(
@@ -85,12 +87,7 @@ def _left(points: Floats, triangles: Integers) -> tuple[str, ...]:
     )
 
 
-_MARGINS: Final = (0.005, 0.02)
-"""How far the box that is cut out reaches beyond the triangles that meet, relative to the diagonal
-of the body's box, tried in turn."""
-
-
-def with_overlaps_joined(body: Manifold, diagonal: float) -> Manifold:
+def _with_overlaps_joined(body: Manifold, diagonal: float) -> Manifold:
     """A solid without the places where two parts of it overlap and can be joined.
 
     No boolean operation of a solid with itself joins its overlapping parts: the result is a
@@ -104,7 +101,7 @@ def with_overlaps_joined(body: Manifold, diagonal: float) -> Manifold:
     points, triangles = mesh_of(body)
     for group in intersection_groups(triangles, intersecting_triangles(points, triangles)):
         corners = points[triangles[group]].reshape(-1, 3)
-        for margin in _MARGINS:
+        for margin in MARGINS:
             lower = corners.min(axis=0) - margin * diagonal
             upper = corners.max(axis=0) + margin * diagonal
             box = Manifold.cube(tuple(upper - lower)).translate(tuple(lower))

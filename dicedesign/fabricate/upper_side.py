@@ -1,8 +1,5 @@
-"""The side of a body that is seen from above: where a mark has room, and the layer it is cut from.
-
-Lengths are in millimetres.
-
-A body seen straight from above: how high it is where, and how thick.
+"""A body seen straight from above: how high it is where and how thick, where a mark has room, and
+the layer that the mark is cut from.
 
 Lengths are in millimetres.
 """
@@ -15,22 +12,43 @@ from typing import Final
 import numpy as np
 from manifold3d import Error, Manifold, Mesh64
 from scipy.ndimage import maximum_filter, minimum_filter
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from dicedesign.geometry.triangles import doubled_area_vectors, edge_neighbors
+from dicedesign.geometry.triangles import connected_parts, doubled_area_vectors, edge_neighbors
 from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
 
-__all__ = ["Relief", "UpperSide", "cross", "relief", "upper_side"]
+__all__ = ["Relief", "UpperSide", "relief", "upper_side"]
 
-_STEEPEST: Final = 1.0
+STEEPEST: Final = 1.0
 """Slope of the surface beneath a mark, as rise over run."""
 
-_UPWARD: Final = 0.1
+UPWARD: Final = 0.1
 """Cosine of the angle between the upright and the normal of any triangle beneath a mark."""
 
-_FLOOR: Final = 2.0
+FLOOR: Final = 2.0
 """Thickness of the body beneath a mark before it is cut, in depths of the mark."""
+
+
+SAMPLES: Final = 160
+"""Nodes of a relief along the larger of its extents."""
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """Samples at the nodes of a square grid in the plane of x and y.
+
+    Attributes
+    ----------
+    corner: (2,) x and y of the first node.
+    spacing: between nodes.
+    height: (a, b) z of the highest point of the body above each node, along x and y; -inf beside
+        the body.
+    thickness: (a, b) depth of the body from there down to where it ends or is hollow; 0 beside it.
+    """
+
+    corner: Floats
+    spacing: float
+    height: Floats
+    thickness: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +72,9 @@ class UpperSide:
         """(a, b) how far the surface rises and falls within a box of a width and a height about
         each node; inf where the box does not lie on the body or the body beneath it is steeper
         than 45 degrees or not solid to twice a depth."""
-        good = self.relief.thickness >= _FLOOR * depth
+        good = self.relief.thickness >= FLOOR * depth
         z = np.pad(np.where(good, self.relief.height, np.nan), 1, constant_values=np.nan)
-        reach = _STEEPEST * self.relief.spacing
+        reach = STEEPEST * self.relief.spacing
         along_x = np.abs(np.diff(z, axis=0))[:, 1:-1] <= reach
         along_y = np.abs(np.diff(z, axis=1))[1:-1] <= reach
         gentle = along_x[1:] & along_x[:-1] & along_y[:, 1:] & along_y[:, :-1]
@@ -88,15 +106,16 @@ class UpperSide:
             return None
         across = edge_neighbors(triangles)
         one, edge = np.nonzero(across >= 0)
-        graph = coo_array((np.ones(len(one)), (one, across[one, edge])), shape=2 * across.shape[:1])
-        sheet = connected_components(graph, directed=False)[1]
+        sheet = connected_parts(one, across[one, edge], len(across))
         # The sheet that is seen at the middle.
         a, b, c = corners[near].transpose(1, 0, 2)
-        inside = np.all([cross(p, q, middle) >= 0.0 for p, q in ((a, b), (b, c), (c, a))], axis=0)
+        inside = np.all([_areas(p, q, middle) >= 0.0 for p, q in ((a, b), (b, c), (c, a))], axis=0)
         if not inside.any():
             return None
-        seen = np.flatnonzero(inside)[np.argmax(np.where(inside, a[:, 2], -np.inf)[inside])]
-        kept = sheet == sheet[seen]
+        highest_at_middle = np.flatnonzero(inside)[
+            np.argmax(np.where(inside, a[:, 2], -np.inf)[inside])
+        ]
+        kept = sheet == sheet[highest_at_middle]
         used, flat = np.unique(triangles[kept], return_inverse=True)
         flat = flat.reshape(-1, 3)
         row, corner = np.nonzero(across[kept] < 0)
@@ -131,51 +150,29 @@ def upper_side(points: Floats, triangles: Integers, up: Floats) -> UpperSide:
     turn = np.stack([right, np.cross(up, right), up])
     turned = points @ turn.T
     normals = doubled_area_vectors(turned, triangles)
-    upward = normals[:, 2] > _UPWARD * np.linalg.norm(normals, axis=1)
+    upward = normals[:, 2] > UPWARD * np.linalg.norm(normals, axis=1)
     return UpperSide(turn, turned, triangles[upward], relief(turned, triangles))
 
 
-_SAMPLES: Final = 160
-
-
-@dataclass(frozen=True, eq=False)
-class Relief:
-    """Samples at the nodes of a square grid in the plane of x and y.
-
-    Attributes
-    ----------
-    corner: (2,) x and y of the first node.
-    spacing: between nodes.
-    height: (a, b) z of the highest point of the body above each node, along x and y; -inf beside
-        the body.
-    thickness: (a, b) depth of the body from there down to where it ends or is hollow; 0 beside it.
-    """
-
-    corner: Floats
-    spacing: float
-    height: Floats
-    thickness: Floats
-
-
 def relief(points: Floats, triangles: Integers) -> Relief:
-    """The heights of a body of points (n, 3) and triangles (t, 3), at 160 nodes along the larger
-    of its extents along x and y."""
+    """The heights of a body of points (n, 3) and triangles (t, 3), at `SAMPLES` nodes along the
+    larger of its extents along x and y."""
     low, extent = points[:, :2].min(axis=0), np.ptp(points[:, :2], axis=0)
-    spacing = float(extent.max()) / _SAMPLES
+    spacing = float(extent.max()) / SAMPLES
     shape = tuple((np.ceil(extent / spacing).astype(np.int64) + 2).tolist())
     # Off the points' own coordinates, so that nodes seldom lie on edges.
     corner = low - (np.sqrt(0.5), np.sqrt(0.3)) * np.array([spacing, spacing])
     grid = np.column_stack([(points[:, :2] - corner) / spacing, points[:, 2]])[triangles]
     # Upright triangles hide nothing.
     a, b, c = grid.transpose(1, 0, 2)
-    grid = grid[cross(a, b, c) != 0.0]
+    grid = grid[_areas(a, b, c) != 0.0]
     first = np.ceil(grid[..., :2].min(axis=1)).astype(np.int64)
     count = np.floor(grid[..., :2].max(axis=1)).astype(np.int64) - first + 1
     owner, place = ragged_ranges(np.zeros(len(grid), dtype=np.int64), count.clip(0).prod(axis=1))
     row, column = first[owner].T + np.stack(np.divmod(place, count[owner, 1]))
     a, b, c = grid[owner].transpose(1, 0, 2)
     node = np.stack([row, column], axis=-1)
-    one, other = np.stack([cross(node, b, c), cross(a, node, c)]) / cross(a, b, c)
+    one, other = np.stack([_areas(node, b, c), _areas(a, node, c)]) / _areas(a, b, c)
     hit = (one >= 0.0) & (other >= 0.0) & (one + other <= 1.0)
     z = (one * a[:, 2] + other * b[:, 2] + (1.0 - one - other) * c[:, 2])[hit]
     key = np.ravel_multi_index((row[hit], column[hit]), shape)
@@ -192,7 +189,7 @@ def relief(points: Floats, triangles: Integers) -> Relief:
     return Relief(corner, spacing, height, thickness)
 
 
-def cross(a: Floats, b: Floats, c: Floats) -> Floats:
+def _areas(a: Floats, b: Floats, c: Floats) -> Floats:
     """Twice the signed areas (...) of triangles as seen from above, z being ignored."""
     u, v = b[..., :2] - a[..., :2], c[..., :2] - a[..., :2]
     doubled: Floats = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]

@@ -12,7 +12,8 @@ from itertools import pairwise
 from math import ldexp
 
 import numpy as np
-from numpy.typing import NDArray
+
+from dicedesign.runtime.arrays import Floats
 
 __all__ = ["IntegerPoints", "Vector", "area_vector", "cross", "dot", "minus"]
 
@@ -31,7 +32,7 @@ class IntegerPoints:
     They are converted when they are asked for: `integers[i]` is point i.
     """
 
-    def __init__(self, points: NDArray[np.float64]) -> None:
+    def __init__(self, points: Floats) -> None:
         self._points = points
         self._known: dict[int, Vector] = {}
 
@@ -45,7 +46,7 @@ class IntegerPoints:
             self._known[index] = x, y, z
         return self._known[index]
 
-    def area_vector(self, polygon: Sequence[int]) -> NDArray[np.float64]:
+    def area_vector(self, polygon: Sequence[int]) -> Floats:
         """(3,) normal of a polygon of points, times twice its area, rounded once."""
         exact = area_vector([self[int(corner)] for corner in polygon])
         excess = max(max(x.bit_length() for x in exact) - WIDEST, 0)

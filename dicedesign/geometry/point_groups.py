@@ -107,14 +107,14 @@ def pole_orbits(group: Floats) -> list[Floats]:
     """The directions of all axes of rotation of a group (g, 3, 3), as one array (s, 3) of unit
     vectors for each set that the elements map onto each other; the first come from the element
     that comes first. Only these directions and those on mirror planes have fewer than g images."""
-    found: list[Floats] = []
+    orbits: list[Floats] = []
     for element in group[np.linalg.det(group) > 0.0][1:]:
         for pole in (_axis(element), -_axis(element)):
-            if all((orbit @ pole < SAME_POLE).all() for orbit in found):
+            if all((orbit @ pole < SAME_POLE).all() for orbit in orbits):
                 images = group @ pole
                 first = np.argmax(images @ images.T > SAME_POLE, axis=1)
-                found.append(images[np.unique(first)])
-    return found
+                orbits.append(images[np.unique(first)])
+    return orbits
 
 
 def _axis(rotation: Floats) -> Floats:
@@ -137,7 +137,7 @@ def _axial(family: str, number: int, suffix: str) -> tuple[list[Floats], int] | 
     improper = mirror @ _turn_z(np.pi / order)
     if family == "S":
         return ([improper], order) if number % 2 == 0 and not suffix else None
-    found = {
+    generators = {
         "C": [turn],
         "Cv": [turn, np.array(MIRROR_Y)],
         "Ch": [turn, mirror],
@@ -145,7 +145,7 @@ def _axial(family: str, number: int, suffix: str) -> tuple[list[Floats], int] | 
         "Dh": [turn, half_turn, mirror],
         "Dd": [improper, half_turn],
     }.get(family + suffix)
-    return None if found is None else (found, order)
+    return None if generators is None else (generators, order)
 
 
 def _turn_z(angle: float) -> Floats:
@@ -168,15 +168,15 @@ def _closure(generators: list[Floats], order: int) -> Floats:
     """(g, 3, 3) all products of some generators, of which every entry is the cosine of a multiple
     of a quarter of a turn over `order`."""
     cosines = _cosines(order)
-    found = [np.eye(3)]
-    for element in found:
+    elements = [np.eye(3)]
+    for element in elements:
         for generator in generators:
             product = generator @ element
             nearest = np.abs(product[..., None] - cosines).argmin(axis=-1)
             exact = cosines[nearest]
-            if not any(np.array_equal(exact, other) for other in found):
-                found.append(exact)
-    return np.stack(found)
+            if not any(np.array_equal(exact, other) for other in elements):
+                elements.append(exact)
+    return np.stack(elements)
 
 
 def _cosines(order: int) -> Floats:

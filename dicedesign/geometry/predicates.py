@@ -1,26 +1,28 @@
-"""On which side of a plane through three points a fourth one lies, decided exactly.
-
-Orientations of points in the plane and in space, free of rounding."""
+"""Orientations of points in space and in the plane, decided without rounding."""
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.geometry.integers import IntegerPoints, cross, dot, minus
+from dicedesign.geometry.integers import IntegerPoints, cross, minus
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ROUNDING
 
-__all__ = ["Orientation", "Orientations"]
+__all__ = ["Orientation"]
 
 
 class Orientation:
-    """Exact sides of planes through points (n, 3), finite.
+    """Signs of orientations of points (n, 3), finite.
 
     The value in floating point decides where it exceeds a bound of its rounding error, arithmetic
-    in integers elsewhere.
+    in integers elsewhere: so the signs never contradict each other.
+
+    Attributes
+    ----------
+    integers: the points, times a power of two.
     """
 
     def __init__(self, points: Floats) -> None:
@@ -34,49 +36,13 @@ class Orientation:
 
         triangles: (k, 3) and others: (k,) indices of points.
         """
-        corners = self._points[triangles]
-        a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        c = self._points[others] - corners[:, 0]
-        left, right = np.roll(a, -1, axis=1), np.roll(b, -2, axis=1)
-        low, high = np.roll(a, -2, axis=1), np.roll(b, -1, axis=1)
-        first, second = left * right, low * high
-        values = (c * (first - second)).sum(-1)
-        bounds = ROUNDING * (np.abs(c) * (np.abs(first) + np.abs(second))).sum(-1)
-        # Products that underflow are wrong by less than any normal number.
-        unsure = np.flatnonzero(np.abs(values) <= bounds + np.finfo(np.float64).tiny)
-        found = np.sign(values).astype(np.int64)
-        for k in unsure:
-            found[k] = self._exact(triangles[k].tolist(), int(others[k]))
-        return found
-
-    def _exact(self, triangle: list[int], other: int) -> int:
-        a, b, c = triangle
-        origin = self.integers[a]
-        normal = cross(minus(self.integers[b], origin), minus(self.integers[c], origin))
-        value = dot(normal, minus(self.integers[other], origin))
-        return (value > 0) - (value < 0)
+        return self.in_space(others, *triangles.T)
 
     def collinear(self, a: int, b: int, other: int) -> bool:
-        """Whether three points lie on one line."""
+        """True if three points lie on one line."""
         origin = self.integers[a]
         along = minus(self.integers[b], origin)
         return cross(along, minus(self.integers[other], origin)) == (0, 0, 0)
-
-
-_UNDERFLOW: Final = 1e-200
-"""Products below this may have lost digits to underflow: their signs are found exactly."""
-
-
-class Orientations:
-    """Signs of orientations of points (n, 3).
-
-    What rounding could change is computed again in integers, so the signs never contradict each
-    other.
-    """
-
-    def __init__(self, points: Floats) -> None:
-        self._points = points
-        self._integers = IntegerPoints(points)
 
     def in_space(self, point: Integers, a: Integers, b: Integers, c: Integers) -> Integers:
         """(m,) 1 where a point lies on the side of a, b, c from which they run counter-clockwise,
@@ -103,7 +69,8 @@ class Orientations:
         self, value: Floats, size: Floats, corners: tuple[Integers, ...], kept: tuple[int, ...]
     ) -> Integers:
         signs = np.sign(value).astype(np.int64)
-        doubtful = np.flatnonzero(np.abs(value) <= ROUNDING * size + _UNDERFLOW)
+        # Products that underflow are wrong by less than any normal number.
+        doubtful = np.flatnonzero(np.abs(value) <= ROUNDING * size + np.finfo(np.float64).tiny)
         if len(doubtful) > 0:
             at = [self._exact(index[doubtful])[list(kept)] for index in corners]
             exact, _ = _determinant([corner - at[0] for corner in at[1:]])
@@ -115,7 +82,7 @@ class Orientations:
         used, place = np.unique(index, return_inverse=True)
         exact = np.empty((3, len(used)), dtype=object)
         for column, point in enumerate(used.tolist()):
-            exact[:, column] = self._integers[point]
+            exact[:, column] = self.integers[point]
         return exact[:, place]
 
 

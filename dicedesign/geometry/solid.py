@@ -1,14 +1,13 @@
-"""Volume and centroid of a closed triangle surface, and whether it is closed.
-
-How the center of mass of a uniform solid follows the points of its surface."""
+"""Volume, centroid and inertia of the uniform solid that a closed triangle surface bounds, and how
+the centroid follows the points of the surface."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dicedesign.geometry.triangles import edge_keys
 from dicedesign.kernels import ops as kernels
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 from dicedesign.tolerances import THIN_VOLUME
 
 __all__ = [
@@ -20,7 +19,7 @@ __all__ = [
 ]
 
 
-def solid_properties(points: Floats, triangles: NDArray[np.int64]) -> tuple[float, Floats]:
+def solid_properties(points: Floats, triangles: Integers) -> tuple[float, Floats]:
     """Signed volume and centroid of the uniform solid a closed surface bounds.
 
     The volume is summed over signed tetrahedra from the mean of the points, in units of the
@@ -52,7 +51,7 @@ def solid_properties(points: Floats, triangles: NDArray[np.int64]) -> tuple[floa
     return volume * scale**3, reference + scale * centroid
 
 
-def solid_inertia(points: Floats, triangles: NDArray[np.int64]) -> Floats:
+def solid_inertia(points: Floats, triangles: Integers) -> Floats:
     """Tensor of inertia (3, 3) about the centroid of the uniform solid a closed surface bounds, for
     a mass of 1: in squared length units.
 
@@ -99,7 +98,7 @@ def stretch_matrix(offsets: Floats, volume: float) -> Floats | None:
     return matrix
 
 
-def _sums(offsets: Floats, triangles: NDArray[np.int64]) -> tuple[float, Floats]:
+def _sums(offsets: Floats, triangles: Integers) -> tuple[float, Floats]:
     """Volume and centroid (3,) by tetrahedra from the origin."""
     a, b, c = np.moveaxis(offsets[triangles], 1, 0)
     volumes = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
@@ -109,8 +108,8 @@ def _sums(offsets: Floats, triangles: NDArray[np.int64]) -> tuple[float, Floats]
     return volume, (volumes[:, None] * (a + b + c)).sum(axis=0) / 4.0 / volume
 
 
-def is_closed(triangles: NDArray[np.int64]) -> bool:
-    """Whether the triangles form a closed, consistently oriented surface.
+def is_closed(triangles: Integers) -> bool:
+    """True if the triangles form a closed, consistently oriented surface.
 
     They do when every undirected edge is passed equally often in both directions. Several shells,
     and edges where four or more triangles meet, are allowed.
@@ -122,13 +121,9 @@ def is_closed(triangles: NDArray[np.int64]) -> bool:
         return False
     if kernels.compiled is not None:
         return bool(kernels.compiled.is_closed(triangles, int(triangles.max()) + 1))
-    tails = triangles.ravel()
-    heads = np.roll(triangles, -1, axis=1).ravel()
-    count = int(triangles.max()) + 1
-    keys = np.minimum(tails, heads) * count + np.maximum(tails, heads)
-    _, edges = np.unique(keys, return_inverse=True)
-    balance = np.bincount(edges, weights=np.where(tails < heads, 1.0, -1.0))
-    return not balance.any()
+    _, edges = np.unique(edge_keys(triangles), return_inverse=True)
+    rising = triangles < np.roll(triangles, -1, axis=1)
+    return not np.bincount(edges, weights=np.where(rising, 1.0, -1.0).ravel()).any()
 
 
 def centroid_derivatives(points: Floats, triangles: Integers, center: Floats) -> Floats:
@@ -143,11 +138,5 @@ def centroid_derivatives(points: Floats, triangles: Integers, center: Floats) ->
     means = corners.sum(axis=1) / 4.0
     by_corner = means[:, None, :, None] * lifts[:, :, None, :]
     by_corner += (volumes / 4.0)[:, None, None, None] * np.eye(3)
-    size = len(points)
-    derivatives = np.empty((3, size, 3))
-    for row in range(3):
-        for column in range(3):
-            derivatives[row, :, column] = np.bincount(
-                triangles.ravel(), by_corner[:, :, row, column].ravel(), size
-            )
-    return derivatives / volumes.sum()
+    sums = sums_by_index(triangles.ravel(), by_corner.reshape(-1, 3, 3), len(points))
+    return np.ascontiguousarray(sums.transpose(1, 0, 2)) / volumes.sum()

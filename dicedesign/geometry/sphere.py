@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dicedesign.runtime.arrays import Floats
+
 __all__ = [
     "angle_between",
     "foot_on_line",
@@ -65,22 +67,22 @@ def signed_solid_angle(n: Any, a: Any, b: Any, xp: ModuleType) -> Any:
     return 2.0 * xp.atan2(determinant, denominator)
 
 
-def norms(vectors: NDArray[Any]) -> NDArray[np.float64]:
+def norms(vectors: NDArray[Any]) -> Floats:
     """Lengths (...) of vectors (..., 3)."""
     return np.sqrt((vectors * vectors).sum(-1))
 
 
-def unit_vectors(vectors: NDArray[Any]) -> NDArray[np.float64]:
+def unit_vectors(vectors: NDArray[Any]) -> Floats:
     """Vectors (..., 3), none of them zero, at length 1."""
     return vectors / norms(vectors)[..., None]
 
 
-def angle_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def angle_between(a: Floats, b: Floats) -> Floats:
     """Angle in [0, pi] between vectors a and b (..., 3), exact for small and flat angles."""
     return np.arctan2(norms(np.linalg.cross(a, b)), (a * b).sum(-1))
 
 
-def rotation_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def rotation_between(a: Floats, b: Floats) -> Floats:
     """The rotation (3, 3) by the smallest angle that turns the direction of a onto that of b.
 
     For opposite directions the axis is chosen perpendicular to a, along the coordinate axis where

@@ -1,16 +1,22 @@
-"""Areas and directions of triangles that may be slivers."""
+"""Triangles of a mesh: areas, neighbors, what hangs together, and what lies inside."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dicedesign.runtime.arrays import Floats
+from dicedesign.geometry.sphere import signed_solid_angle
+from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["doubled_area_vectors", "edge_neighbors"]
+__all__ = [
+    "connected_parts",
+    "doubled_area_vectors",
+    "edge_keys",
+    "edge_neighbors",
+    "winding_number",
+]
 
 
-def doubled_area_vectors(points: Floats, triangles: NDArray[np.int64]) -> Floats:
+def doubled_area_vectors(points: Floats, triangles: Integers) -> Floats:
     """Normals of triangles, of length twice their areas.
 
     The cross product is taken of the two shorter edges: of two long and nearly parallel ones it
@@ -27,7 +33,15 @@ def doubled_area_vectors(points: Floats, triangles: NDArray[np.int64]) -> Floats
     return np.linalg.cross(b - a, c - a)
 
 
-def edge_neighbors(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+def edge_keys(triangles: Integers) -> Integers:
+    """(3 t,) a number for the edge from each corner of triangles (t, 3) to the next, the same for
+    either direction and different for different edges."""
+    tails, heads = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    size = int(triangles.max()) + 1
+    return np.minimum(tails, heads) * size + np.maximum(tails, heads)
+
+
+def edge_neighbors(triangles: Integers) -> Integers:
     """Neighbours of triangles (t, 3): `[t, k]` lies across the edge opposite to corner k, or is -1
     where not exactly one triangle runs along that edge the other way around and none the same
     way."""
@@ -42,3 +56,22 @@ def edge_neighbors(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
     alone = np.bincount(np.searchsorted(ranked, forward), minlength=len(order))
     single = alone[np.searchsorted(ranked, forward)] == 1
     return np.where(once & single, twin // 3, -1).reshape(triangles.shape)
+
+
+def connected_parts(tails: Integers, heads: Integers, count: int) -> Integers:
+    """(count,) the part of each of so many things, numbered from 0 in the order of their first
+    things, when pairs of them (m,) and (m,) are joined."""
+    # Imported late: a query of a mesh does without SciPy.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(len(tails)), (tails, heads)), shape=(count, count))
+    labels: Integers = connected_components(graph, directed=False)[1].astype(np.int64)
+    return labels
+
+
+def winding_number(point: Floats, corners: Floats) -> float:
+    """Turns of closed oriented surfaces of triangles (t, 3, 3) around a point (3,): an integer,
+    0 outside, to within rounding, but for a point on the surface."""
+    a, b, c = (corners - point).transpose(1, 0, 2)
+    return float(signed_solid_angle(a, b, c, np).sum()) / (4.0 * np.pi)

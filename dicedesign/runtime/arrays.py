@@ -1,13 +1,14 @@
-"""Names of array types, and many ranges of integers as one flat array."""
+"""Names of array types, ranges of integers as one flat array, and sums by index."""
 
 from __future__ import annotations
 
+import math
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Booleans", "Floats", "Integers", "ragged_ranges"]
+__all__ = ["Booleans", "Floats", "Integers", "ragged_ranges", "sums_by_index"]
 
 Floats: TypeAlias = NDArray[np.float64]
 """Array of real numbers."""
@@ -28,3 +29,10 @@ def ragged_ranges(starts: Integers, counts: Integers) -> tuple[Integers, Integer
     owner = np.repeat(np.arange(len(counts)), counts)
     before = np.cumsum(counts) - counts
     return owner, (starts - before)[owner] + np.arange(len(owner))
+
+
+def sums_by_index(index: Integers, values: Floats, size: int) -> Floats:
+    """(size, ...) sums of values (m, ...) over those with the same index (m,), in [0, size)."""
+    columns = values.reshape(len(index), math.prod(values.shape[1:])).T
+    sums: Floats = np.stack([np.bincount(index, column, size) for column in columns], axis=-1)
+    return sums.reshape(size, *values.shape[1:])

@@ -1,25 +1,44 @@
-"""Surfaces of a few hundred points that are not convex, and hulls near theirs."""
+"""Surfaces of a few hundred points, most of them not convex, and hulls near theirs."""
 
 from __future__ import annotations
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
 
-Floats = NDArray[np.float64]
+
+def surface_of(mesh: trimesh.Trimesh) -> Surface:
+    """The points and triangles of a mesh, as its own."""
+    return Surface(np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64))
+
+
+def ball(subdivisions: int) -> Surface:
+    """A sphere of triangles about the origin, of radius 1."""
+    return surface_of(trimesh.creation.icosphere(subdivisions=subdivisions))
+
+
+def pushed_through(subdivisions: int = 4) -> Surface:
+    """A sphere with a finger from its top through its other side, near (0, 0, -1)."""
+    surface = ball(subdivisions)
+    tip = np.exp(-((np.linalg.norm(surface.points - [0, 0, 1], axis=1) / 0.25) ** 2))
+    return surface.moved(surface.points - 2.6 * tip[:, None] * [0.0, 0.0, 1.0])
+
+
+def unit(surface: Surface) -> Surface:
+    """About its center of mass, of circumscribed radius 1."""
+    offsets = surface.points - surface.centroid
+    return surface.moved(offsets / np.linalg.norm(offsets, axis=1).max())
 
 
 def bumpy_sphere(subdivisions: int = 2) -> Surface:
     """A sphere with three dents and three humps, stretched: 42, 162, 642 points."""
-    ball = trimesh.creation.icosphere(subdivisions=subdivisions)
-    unit = np.array(ball.vertices)
-    x, y, z = unit.T
+    surface = ball(subdivisions)
+    x, y, z = surface.points.T
     radii = 1.0 + 0.25 * np.sin(3.0 * np.arctan2(y, x)) * (1.0 - z * z) ** 1.5 + 0.1 * z
-    stretched = unit * radii[:, None] * np.array([1.3, 1.0, 0.8])
-    return Surface(stretched + np.array([5.0, -2.0, 1.0]), np.array(ball.faces, dtype=np.int64))
+    stretched = surface.points * radii[:, None] * np.array([1.3, 1.0, 0.8])
+    return surface.moved(stretched + np.array([5.0, -2.0, 1.0]))
 
 
 def bent_capsule(rings: int = 24, around: int = 12) -> Surface:

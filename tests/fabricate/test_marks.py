@@ -80,13 +80,13 @@ def test_outline_area_times_depth_is_removed(marked):
         text_section(mark.text).area() * mark.height**2 * OPTIONS.depth_mm for mark in marks
     )
     plain, _ = solid_properties(points, triangles)
-    engraved, _ = solid_properties(die.vertices, die.triangles)
+    engraved, _ = solid_properties(die.points, die.triangles)
     assert plain - engraved == pytest.approx(expected, rel=1e-4)
 
 
 def test_the_stl_is_one_watertight_piece(marked):
     *_, genus, die, _ = marked
-    mesh = trimesh.load(io.BytesIO(stl_bytes(die.vertices, die.triangles)), file_type="stl")
+    mesh = trimesh.load(io.BytesIO(stl_bytes(die.points, die.triangles)), file_type="stl")
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.body_count == 1
@@ -97,7 +97,7 @@ def test_a_mark_is_cut_straight_down_by_the_depth_all_over():
     points, triangles = sphere(25.0)
     die, (mark,) = engrave_marks(points, triangles, DOWNS[:1], ["8"], OPTIONS)
     # Seen from above, the surface is lower by the depth within the outlines and as it was beside.
-    before, after = relief(points, triangles), relief(die.vertices, die.triangles)
+    before, after = relief(points, triangles), relief(die.points, die.triangles)
     inside = np.isfinite(before.height)
     assert np.array_equal(inside, np.isfinite(after.height))
     fall = before.height[inside] - after.height[inside]
@@ -112,7 +112,7 @@ def test_an_l_reads_upright_and_is_not_mirrored():
     points, triangles = ellipsoid(40.0, 25.0, 16.0)
     die, (mark,) = engrave_marks(points, triangles, DOWNS[:1], ["L"], OPTIONS)
     to_mark = np.linalg.inv(mark.frame)
-    cut = relief(die.vertices @ to_mark[:3, :3].T + to_mark[:3, 3], die.triangles)
+    cut = relief(die.points @ to_mark[:3, :3].T + to_mark[:3, 3], die.triangles)
     plain = relief(points @ to_mark[:3, :3].T + to_mark[:3, 3], triangles)
     inside = np.argwhere(np.isfinite(plain.height))
     fall = plain.height[tuple(inside.T)] - cut.height[tuple(inside.T)]
@@ -168,7 +168,7 @@ def test_turned_and_noisy_bodies_with_many_triangles_are_marked():
 
 
 def _arrays(die):
-    return die.vertices, die.triangles
+    return die.points, die.triangles
 
 
 def test_the_same_input_gives_the_same_bytes():

@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 import trimesh
+from common.bumpy import ball, pushed_through, surface_of
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.printable import printable_solid
@@ -14,14 +15,6 @@ from dicedesign.geometry.sphere import signed_solid_angle
 from dicedesign.geometry.surfaces.quality import surface_quality
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.surfaces.surface import Surface
-
-
-def surface_of(mesh: trimesh.Trimesh) -> Surface:
-    return Surface(np.asarray(mesh.vertices).copy(), np.asarray(mesh.faces, dtype=np.int64))
-
-
-def sphere() -> Surface:
-    return surface_of(trimesh.creation.icosphere(subdivisions=4))
 
 
 def test_a_good_surface_comes_through_as_it_was() -> None:
@@ -33,7 +26,7 @@ def test_a_good_surface_comes_through_as_it_was() -> None:
 
 
 def test_slivers_are_collapsed_and_counted() -> None:
-    before = sphere()
+    before = ball(4)
     points = before.points.copy()
     a, b = before.triangles[0, :2]
     points[a] = points[b] + 1e-9 * (points[a] - points[b])
@@ -59,23 +52,19 @@ def test_points_of_flat_parts_may_go_but_the_shape_stays() -> None:
 
 
 def test_where_the_solid_meets_itself_is_left_and_said() -> None:
-    before = sphere()
-    points = before.points.copy()
-    tip = np.exp(-((np.linalg.norm(points - [0, 0, 1], axis=1) / 0.25) ** 2))
-    points[:, 2] -= 2.6 * tip
-    found, triangles, notes = printable_solid(before.moved(points))
-    pairs = intersecting_triangles(found, triangles)
+    points, triangles, notes = printable_solid(pushed_through())
+    pairs = intersecting_triangles(points, triangles)
     assert len(pairs) > 0
     assert notes[-1].startswith(f"the solid still meets itself in {len(pairs)} pairs of triangles")
 
 
 def ring_with_overlap(x: float) -> Surface:
     """A sphere bent into a ring about the z axis whose ends overlap, stretched along x."""
-    ball = surface_of(trimesh.creation.icosphere(subdivisions=3))
-    angle, radius = 1.06 * np.pi * ball.points[:, 0], 1.0 + 0.3 * ball.points[:, 1]
-    height = 0.3 * ball.points[:, 2] + 0.05 * ball.points[:, 0]
+    along, across, up = ball(3).points.T
+    angle, radius = 1.06 * np.pi * along, 1.0 + 0.3 * across
+    height = 0.3 * up + 0.05 * along
     points = np.column_stack((x * radius * np.cos(angle), radius * np.sin(angle), height))
-    return Surface(points, ball.triangles[:, ::-1].copy())
+    return Surface(points, ball(3).triangles[:, ::-1].copy())
 
 
 @pytest.mark.parametrize("x", [1.0, 1.7])
@@ -101,7 +90,7 @@ def test_parts_that_overlap_are_joined(x: float) -> None:
 
 
 def test_what_is_no_solid_is_refused() -> None:
-    before = sphere()
+    before = ball(4)
     with pytest.raises(InputError, match="NotManifold for 5119 triangles; repair"):
         printable_solid(Surface(before.points, before.triangles[1:]))
     with pytest.raises(InputError, match="reverse their corners"):
@@ -109,7 +98,7 @@ def test_what_is_no_solid_is_refused() -> None:
 
 
 def test_a_solid_that_is_gone_when_it_is_cleaned_is_refused() -> None:
-    flat = sphere().moved(sphere().points * [1, 1, 1e-9])
+    flat = ball(4).moved(ball(4).points * [1, 1, 1e-9])
     with pytest.raises(InputError, match="printable solid: expected one piece of positive volume"):
         printable_solid(flat)
 

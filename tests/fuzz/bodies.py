@@ -7,14 +7,12 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull as Triangulation
 from scipy.spatial import QhullError
 
 from dicedesign.bench.bodies.problem import Problem
 from dicedesign.bench.bodies.solids import icosphere
-
-Floats = NDArray[np.float64]
+from dicedesign.runtime.arrays import Floats, Integers
 
 ON: Final = ("facet", "edge", "corner")
 
@@ -170,7 +168,7 @@ def _centered(problem: Problem, center: Floats) -> Problem:
     return Problem(problem.points, center, coplanar_tolerance=problem.coplanar_tolerance)
 
 
-def _triangles(points: Floats) -> NDArray[np.int64] | None:
+def _triangles(points: Floats) -> Integers | None:
     """Triangles of the hull, in a fixed order, or None where points are too flat for Qhull."""
     local = points - points.mean(axis=0)
     try:

@@ -6,16 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.bench.bodies.problem import Problem
 from dicedesign.bench.reference.measurement import measure, share_error
 from dicedesign.bench.stability import OK, verdict
 from dicedesign.rest.basins import find_basins
 from dicedesign.rest.poses import RestPoses, rest_poses
-
-Floats = NDArray[np.float64]
-
+from dicedesign.runtime.arrays import Floats
 
 CRAMPED = 1e-12
 """Depth of a center of mass over the body's extent below which its odds are known to few digits."""

@@ -5,21 +5,19 @@ from __future__ import annotations
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
+from common.exact_vectors import cross, dot, minus
 from scipy.spatial import ConvexHull as Triangulation
 from scipy.spatial import QhullError
 
 from dicedesign.bench.bodies.problem import Problem
 from dicedesign.rest.basins import TIE_STEP
+from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import (
     BOUNDARY_TOLERANCE,
     COPLANAR_TOLERANCE,
     COPLANAR_WIDENINGS,
     TIE_TOLERANCE,
 )
-
-Floats = NDArray[np.float64]
-Vector = list[Fraction]
 
 MARGIN = 4.0
 """Bodies within so many tolerances of being refused may be."""
@@ -28,18 +26,18 @@ MARGIN = 4.0
 def thickness(points: Floats) -> float:
     """Height of a large tetrahedron of points over half their extent: 0 exactly where they lie on
     a plane, else at most the least width of the body and not much less."""
-    rows = [[Fraction(float(x)) for x in point] for point in np.unique(points, axis=0)]
-    local = [_minus(row, rows[0]) for row in rows]
-    a = max(local, key=lambda x: _dot(x, x))
+    rows = [tuple(map(Fraction, row)) for row in np.unique(points, axis=0).tolist()]
+    local = [minus(row, rows[0]) for row in rows]
+    a = max(local, key=lambda x: dot(x, x))
     if not any(a):
         return 0.0
-    b = max(local, key=lambda x: _dot(_cross(a, x), _cross(a, x)))
-    normal = _cross(a, b)
+    b = max(local, key=lambda x: dot(cross(a, x), cross(a, x)))
+    normal = cross(a, b)
     if not any(normal):
         return 0.0
-    height = max(abs(_dot(normal, x)) for x in local)
+    height = max(abs(dot(normal, x)) for x in local)
     extent = float(np.ptp(points, axis=0).max()) / 2.0
-    return float(height) / (float(_dot(normal, normal)) ** 0.5 * extent)
+    return float(height) / (float(dot(normal, normal)) ** 0.5 * extent)
 
 
 def may_be_refused(problem: Problem) -> bool:
@@ -84,15 +82,3 @@ def _tolerance(problem: Problem) -> float:
     far = float(np.abs(problem.points).max()) / scale
     chosen = COPLANAR_TOLERANCE if tolerance is None else tolerance
     return float(chosen + 4.0 * np.finfo(np.float64).eps * far)
-
-
-def _minus(a: Vector, b: Vector) -> Vector:
-    return [x - y for x, y in zip(a, b, strict=True)]
-
-
-def _dot(a: Vector, b: Vector) -> Fraction:
-    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    return [a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)]

@@ -15,7 +15,7 @@ from dicedesign.bench.reference.oracle import hull_probabilities
 from dicedesign.bench.reference.sixty_digits import DIGITS, multiprecision, solid_centroid, vector
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.meshes.winding import consistent_winding
+from dicedesign.geometry.meshes.orientation import consistent_winding
 from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.poses import UNEVEN, RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats

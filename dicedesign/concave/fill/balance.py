@@ -5,27 +5,21 @@ Source: appendix B.2.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from dicedesign.concave.fill.elastic_energy import SOFT, ElasticEnergy, ElasticWeights
-from dicedesign.concave.fill.result import FillResult, FillStatus, FillStep
+from dicedesign.concave.fill.elastic_energy import ElasticEnergy
+from dicedesign.concave.fill.result import FillResult, FillStatus, OnEnergy
 from dicedesign.design.options import SobolevOptions
 from dicedesign.design.solvers.sobolev import SobolevSolver, edge_laplacian
-from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats
-from dicedesign.runtime.registry import STRICT
 
-__all__ = ["BalanceOptions", "balance"]
-
-OnStep = Callable[[FillStep], None]
+__all__ = ["balance"]
 
 DEPTH: Final = 1e-7
 """Depth inside the hull, over the diagonal, at which points do not move any more. The corners do
@@ -40,14 +34,27 @@ SHORTEST: Final = 1e-6
 NEAR: Final = 1e-3
 """Distance of the center of mass, over the diagonal, from which on Newton's method takes over."""
 
-HEAVIEST: Final = 1e4
-"""Weight of centering over that of the first steps beyond which it does not grow."""
+LIGHTEST: Final = 100.0
+"""Weight, in the first steps, of the squared distance of the center of mass from where it is
+wanted, over the squared diagonal."""
+
+HEAVIEST: Final = 1e6
+"""Weight beyond which it does not grow."""
+
+GROWTH: Final = 3.0
+"""Factor by which it grows."""
+
+STEPS: Final = 20
+"""Most steps at each weight."""
 
 DECREASE: Final = 1e-4
 """Part of the decrease that the slope promises which a step must achieve."""
 
 EXACT: Final = 1e-13
-"""The same at which it ends."""
+"""Distance of the center of mass, over the diagonal, at which Newton's method ends."""
+
+CONTENT: Final = 1e-9
+"""The same with which the balance is content."""
 
 REFINED: Final = 100
 """Most steps of Newton's method."""
@@ -60,60 +67,12 @@ SMOOTH: Final = SobolevOptions(smoothing=5.0, power=2)
 distance from the hull."""
 
 
-@dataclass(frozen=True)
-class BalanceOptions:
-    """Options of the balance.
-
-    Attributes
-    ----------
-    elastic: weights of membrane and bending energy.
-    sobolev: smoothing and power of the operator that spreads gradients over the surface.
-    centering: weight of the squared distance of the center of mass from where it is wanted, over
-        the squared diagonal, in the first steps; positive.
-    growth: factor by which that weight grows, above 1.
-    steps: most steps at each weight, at least 1.
-    tolerance: distance of the center of mass, over the diagonal, with which the balance is content;
-        from 1e-12 on and below 1.
-    """
-
-    __pydantic_config__ = STRICT
-
-    elastic: ElasticWeights = SOFT
-    sobolev: SobolevOptions = SMOOTH
-    centering: float = 100.0
-    growth: float = 3.0
-    steps: int = 20
-    tolerance: float = 1e-9
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.centering < np.inf:
-            raise InputError(
-                f"centering: expected a positive number, got {self.centering:g}; leave it out for "
-                "100"
-            )
-        if not 1.0 < self.growth < np.inf:
-            raise InputError(
-                f"growth: expected a number above 1, got {self.growth:g}; leave it out for 3"
-            )
-        if self.steps < 1:
-            raise InputError(
-                f"steps: expected a whole number above 0, got {self.steps}; leave it out for 20"
-            )
-        if not 1e-12 <= self.tolerance < 1.0:
-            raise InputError(
-                f"tolerance: expected a number from 1e-12 on and below 1, got {self.tolerance:g}; "
-                "leave it out for 1e-9"
-            )
-
-
 def balance(
     reference: Surface,
     filled: Surface,
     hull: ConvexHull,
     center_of_mass: Floats,
-    options: BalanceOptions,
-    *,
-    on_step: OnStep | None = None,
+    on_step: OnEnergy,
 ) -> FillResult:
     """Move a surface's center of mass to where it is wanted, the hull staying as it is to the last
     bit.
@@ -129,20 +88,13 @@ def balance(
     filled: the same triangles in the hull, as `fill_by_quadratic_programs` makes them.
     hull: of `filled`.
     center_of_mass: (3,) wanted for the uniform solid, strictly inside the hull.
-    options: see `BalanceOptions`.
-    on_step: called after every accepted step.
+    on_step: see `OnEnergy`.
 
     Raises
     ------
-    InputError: the center of mass is not inside the hull; a triangle of the reference without area.
+    InputError: a triangle of the reference has no area.
     """
-    depth = float(hull.heights(center_of_mass).min()) / reference.diagonal
-    if not depth > 0.0:
-        raise InputError(
-            f"center of mass: expected one inside the hull, got one {-depth:.3g} diagonals outside "
-            "or on it; move it inward"
-        )
-    return _Balance(reference, filled, hull, center_of_mass, options, on_step).run()
+    return _Balance(reference, filled, hull, center_of_mass, on_step).run()
 
 
 @dataclass(eq=False)
@@ -153,17 +105,14 @@ class _Balance:
     filled: Surface
     hull: ConvexHull
     center_of_mass: Floats
-    options: BalanceOptions
-    on_step: OnStep | None
-    history: list[FillStep] = field(default_factory=list)
+    on_step: OnEnergy
 
     def __post_init__(self) -> None:
-        self.started = time.perf_counter()
         unit = self.reference.diagonal
         scaled = self.reference.moved(self.reference.points / unit)
         self.surface = self.filled.moved((self.filled.points - self.center_of_mass) / unit)
         self.heights = self.hull.heights(self.center_of_mass) / unit
-        self.elastic = ElasticEnergy.of(scaled, self.options.elastic)
+        self.elastic = ElasticEnergy.of(scaled)
         self.sobolev = SobolevSolver(
             # A closed oriented surface passes each edge once in each direction.
             edge_laplacian(
@@ -171,32 +120,28 @@ class _Balance:
                 np.roll(scaled.triangles, -1, axis=1).ravel(),
                 len(scaled.points),
             ),
-            self.options.sobolev,
+            SMOOTH,
         )
-        self.weight = self.options.centering
+        self.weight = LIGHTEST
         self.part = 1.0
 
     def run(self) -> FillResult:
-        self.record()
-        while self.error > NEAR and self.weight <= HEAVIEST * self.options.centering:
-            for _ in range(self.options.steps):
+        self.on_step(self.energy(self.surface))
+        while self.error > NEAR and self.weight <= HEAVIEST:
+            for _ in range(STEPS):
                 if self.error <= NEAR or not self.descend():
                     break
-            self.weight *= self.options.growth
+            self.weight *= GROWTH
         for _ in range(REFINED):
             before = self.error
             if before <= EXACT or not self.refine() or self.error > USEFUL * before:
                 break
-        met = self.error <= self.options.tolerance
+        met = self.error <= CONTENT
         points = self.surface.points * self.reference.diagonal + self.center_of_mass
         still = self.depths() == 0.0
         points[still] = self.filled.points[still]
-        return FillResult(
-            points,
-            self.history[-1].gap,
-            tuple(self.history),
-            FillStatus.FITTED if met else FillStatus.NO_PROGRESS,
-        )
+        status = FillStatus.FITTED if met else FillStatus.NO_PROGRESS
+        return FillResult(points, self.energy(self.surface), status)
 
     @property
     def error(self) -> float:
@@ -216,10 +161,10 @@ class _Balance:
         spread = self.sobolev.solve(depths * flat)
         return (depths * spread).reshape(gradients.shape), spread.reshape(gradients.shape)
 
-    def terms(self, surface: Surface) -> dict[str, float]:
+    def energy(self, surface: Surface) -> float:
+        """That of a surface, with the weight of centering as it is now."""
         centroid = surface.centroid
-        center = self.weight * float(centroid @ centroid)
-        return {"centering": center, **self.elastic.terms(surface.points)}
+        return sum(self.elastic.terms(surface.points), self.weight * float(centroid @ centroid))
 
     def descend(self) -> bool:
         """One step of eq. 35; whether there was any."""
@@ -231,14 +176,14 @@ class _Balance:
         move, reach = self.moves(gradient)
         slope = float((gradient * move).sum())
         longest = BOLDEST / max(float(norms(reach).max()), np.finfo(np.float64).tiny)
-        before = sum(self.terms(surface).values())
+        before = self.energy(surface)
         self.part = min(1.0, 4.0 * self.part)
         while self.part >= SHORTEST:
             step = self.part * longest
             trial = surface.moved(surface.points - step * move)
-            if sum(self.terms(trial).values()) <= before - DECREASE * step * slope:
+            if self.energy(trial) <= before - DECREASE * step * slope:
                 self.surface = trial
-                self.record()
+                self.on_step(self.energy(self.surface))
                 return True
             self.part *= 0.5
         self.part = 1.0
@@ -256,15 +201,5 @@ class _Balance:
             return False
         part = min(1.0, BOLDEST / longest)
         self.surface = self.surface.moved(self.surface.points + part * (moves @ multipliers))
-        self.record()
+        self.on_step(self.energy(self.surface))
         return True
-
-    def record(self) -> None:
-        """Note where the surface is."""
-        slacks = self.heights - self.surface.points @ self.hull.normals.T
-        seconds = time.perf_counter() - self.started
-        outside = max(-float(slacks.min()), 0.0)
-        step = FillStep(len(self.history), seconds, self.terms(self.surface), 0.0, outside)
-        self.history.append(step)
-        if self.on_step is not None:
-            self.on_step(step)

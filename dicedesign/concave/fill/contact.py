@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from dicedesign.concave.fill.space_elasticity import HeldCorners
-from dicedesign.runtime.arrays import Booleans, Floats, Integers
+from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
 
 __all__ = ["Contacts"]
 
@@ -86,16 +86,13 @@ class Contacts:
         system[count:, :count] = np.einsum("abs,sa->bs", along, normals)
         system[count:, count:] = np.einsum("nab,nac->bc", gradient, raised)
         values = np.concatenate([bounds, misses])
-        strengths = _complementary(system, values, self.active_of(count))
+        fresh = np.ones(count - len(self.active), dtype=bool)
+        strengths = _complementary(system, values, np.concatenate([self.active, fresh]))
         self.active = strengths[:count] < 0.0
-        forces = np.zeros((self.responses.shape[1], 3))
-        np.add.at(forces, self.place[self.points], strengths[:count, None] * normals)
-        found: Floats = self.responses @ forces + raised @ strengths[count:]
-        return found
-
-    def active_of(self, count: int) -> Booleans:
-        """(count,) contacts that bore last time, and those that are new."""
-        return np.concatenate([self.active, np.ones(count - len(self.active), dtype=bool)])
+        pushes = strengths[:count, None] * normals
+        forces = sums_by_index(self.place[self.points], pushes, self.responses.shape[1])
+        displacement: Floats = self.responses @ forces + raised @ strengths[count:]
+        return displacement
 
 
 def _complementary(system: Floats, values: Floats, active: Booleans) -> Floats:

@@ -8,14 +8,12 @@ center of mass is held by forces along its own gradient.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 
 from dicedesign.concave.fill.contact import Contacts
-from dicedesign.concave.fill.result import FillResult, FillStatus, FillStep
+from dicedesign.concave.fill.result import FillResult, FillStatus, OnEnergy
 from dicedesign.concave.fill.space_elasticity import Elasticity, HeldCorners
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
@@ -43,7 +41,7 @@ def fill_by_correspondence(
     hull: ConvexHull,
     corners: Integers,
     center_of_mass: Floats,
-    on_step: Callable[[FillStep], None],
+    on_step: OnEnergy,
 ) -> FillResult:
     """Deform a surface until its hull and its center of mass are the wanted ones.
 
@@ -53,7 +51,7 @@ def fill_by_correspondence(
     hull: the wanted one, in the surface's own unit and place, or near.
     corners: (v,) distinct numbers of the surface's points that are to become its corners.
     center_of_mass: (3,) that of the uniform solid that is wanted, inside the hull.
-    on_step: called after each round.
+    on_step: see `OnEnergy`; the energy is the mean squared displacement.
 
     Returns
     -------
@@ -61,15 +59,13 @@ def fill_by_correspondence(
     mass to rounding; NO_PROGRESS where the center cannot be held, STEP_LIMIT where points still
     stick out after the last round.
     """
-    started = time.perf_counter()
     surface, held = elasticity.surface, HeldCorners(elasticity, corners)
     following = held.followed(hull.vertices - surface.points[corners])
     contacts, moved = Contacts(held), following.copy()
     middle = hull.vertices.mean(axis=0)
     room = hull.heights(middle) - SINK * surface.diagonal
-    history: list[FillStep] = []
     status = FillStatus.STEP_LIMIT
-    for step in range(MOST_ROUNDS):
+    for number in range(MOST_ROUNDS):
         now = surface.moved(surface.points + moved)
         # By the forces they come there to within rounding times the condition of those.
         now.points[corners] = hull.vertices
@@ -78,22 +74,18 @@ def fill_by_correspondence(
         worst = heights[np.arange(len(heights)), highest]
         worst[corners] = -np.inf
         outside = max(float(worst.max()) / surface.diagonal - SINK, 0.0)
-        seconds = time.perf_counter() - started
-        history.append(
-            FillStep(
-                step, seconds, {"displacement": float((moved * moved).sum(-1).mean())}, 0.0, outside
-            )
-        )
-        on_step(history[-1])
+        energy = float((moved * moved).sum(-1).mean())
+        on_step(energy)
         miss = center_of_mass - now.centroid
         if not norms(moved).max() <= surface.diagonal:
             status = FillStatus.NO_PROGRESS
             break
         if outside == 0.0 and norms(miss) <= CENTERED * surface.diagonal:
-            return FillResult(now.points, 0.0, tuple(history), FillStatus.FITTED)
+            status = FillStatus.FITTED
+            break
         out = np.flatnonzero(worst > 0.5 * SINK * surface.diagonal)
         contacts.add(out, highest[out])
-        if step < FIRST_ROUNDS:
+        if number < FIRST_ROUNDS:
             # Of a change from start to end its gradient half way tells all but the third order.
             halfway = surface.moved(surface.points + 0.5 * moved)
             whole = np.moveaxis(halfway.centroid_derivatives(), 0, -1)
@@ -107,4 +99,4 @@ def fill_by_correspondence(
         bounds = room[contacts.facets] - (places * normals).sum(-1)
         change = contacts.solve(normals, bounds, whole, raised, misses)
         moved = following + change
-    return FillResult(now.points, 0.0, tuple(history), status)
+    return FillResult(now.points, energy, status)

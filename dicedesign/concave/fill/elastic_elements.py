@@ -99,8 +99,8 @@ def membrane_energy(
 def _half_angles(
     start: Floats, end: Floats, apex: Floats, side: float, with_hessians: bool
 ) -> tuple[Floats, Floats]:
-    """What one triangle beside an edge adds to the angle's gradient (m, 3, 3) and Hessian
-    (m, 9, 9), by start, end and apex.
+    """Parts of the angle's gradient (m, 3, 3) and Hessian (m, 9, 9), by start, end and apex, that
+    come from one triangle beside an edge.
 
     side: 1 where start, end, apex is its orientation, -1 where it is the other way around.
     """

@@ -25,41 +25,17 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.geometry.triangles import edge_neighbors
-from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.runtime.registry import STRICT
+from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 
-__all__ = ["SOFT", "ElasticEnergy", "ElasticWeights"]
-
-
-@dataclass(frozen=True)
-class ElasticWeights:
-    """Weights of the two parts of the elastic energy.
-
-    Attributes
-    ----------
-    membrane: lambda_m, of the mean conformal distortion; positive.
-    bending: lambda_b, of the sum of squared changes of angle; positive.
-    """
-
-    __pydantic_config__ = STRICT
-
-    membrane: float = 1.0
-    bending: float = 0.02
-
-    def __post_init__(self) -> None:
-        for name, value, default in (
-            ("membrane", self.membrane, 1.0),
-            ("bending", self.bending, 0.02),
-        ):
-            if not 0.0 < value < np.inf:
-                raise InputError(
-                    f"elastic.{name}: expected a positive number, got {value:g}; leave it out for "
-                    f"{default:g}"
-                )
+__all__ = ["ElasticEnergy"]
 
 
-SOFT: Final = ElasticWeights()
-"""A change of shape costs more than one of curvature."""
+MEMBRANE: Final = 1.0
+"""lambda_m, weight of the mean conformal distortion."""
+
+BENDING: Final = 0.02
+"""lambda_b, weight of the sum of squared changes of angle: a change of shape costs more than one of
+curvature."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +51,7 @@ class _Pattern:
 
 @dataclass(frozen=True, eq=False)
 class ElasticEnergy:
-    """`lambda_m E_m + lambda_b E_b` of a surface against a reference (eq. 26).
+    """`MEMBRANE E_m + BENDING E_b` of a surface against a reference (eq. 26).
 
     E_m is the mean over the reference's area, E_b the sum over its edges.
 
@@ -89,7 +65,6 @@ class ElasticEnergy:
         one to its right.
     angles: (e,) of the reference there, in radians.
     hinge_weights: (e,) of squared changes of angle.
-    weights: lambda_m and lambda_b.
     """
 
     size: int
@@ -99,10 +74,9 @@ class ElasticEnergy:
     hinges: Integers
     angles: Floats
     hinge_weights: Floats
-    weights: ElasticWeights
 
     @classmethod
-    def of(cls, reference: Surface, weights: ElasticWeights) -> ElasticEnergy:
+    def of(cls, reference: Surface) -> ElasticEnergy:
         """The energy against a reference.
 
         Edges that two triangles do not share in opposite directions do not bend.
@@ -134,8 +108,7 @@ class ElasticEnergy:
         lengths = norms(points[end] - points[start])
         hinge_weights = 6.0 * lengths * lengths / (doubled[left] + doubled[right])
         areas = 0.5 * doubled / whole
-        size = len(points)
-        return cls(size, triangles, stiffness, areas, hinges, angles, hinge_weights, weights)
+        return cls(len(points), triangles, stiffness, areas, hinges, angles, hinge_weights)
 
     def _elements(self, points: Floats, with_hessians: bool) -> tuple[Elements, Elements]:
         return (
@@ -143,15 +116,16 @@ class ElasticEnergy:
             bending_energy(points[self.hinges], self.angles, self.hinge_weights, with_hessians),
         )
 
-    def terms(self, points: Floats) -> dict[str, float]:
+    def terms(self, points: Floats) -> tuple[float, float]:
         """Both weighted energies at points (n, 3); infinite where a triangle is flat."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             membrane, bending = self._elements(points, False)
-            values = {
-                "membrane": self.weights.membrane * float(membrane.values.sum()),
-                "bending": self.weights.bending * float(bending.values.sum()),
-            }
-        return {name: value if np.isfinite(value) else np.inf for name, value in values.items()}
+            stretched = MEMBRANE * float(membrane.values.sum())
+            bent = BENDING * float(bending.values.sum())
+        return (
+            stretched if np.isfinite(stretched) else np.inf,
+            bent if np.isfinite(bent) else np.inf,
+        )
 
     def gradient(self, points: Floats) -> Floats:
         """(n, 3) derivative of the weighted energies at points (n, 3)."""
@@ -166,36 +140,26 @@ class ElasticEnergy:
         pattern = self._pattern
         blocks = np.zeros((len(pattern.indices), 9))
         for weight, hessians, place in (
-            (self.weights.membrane, membrane.hessians, pattern.of_triangles),
-            (self.weights.bending, bending.hessians, pattern.of_hinges),
+            (MEMBRANE, membrane.hessians, pattern.of_triangles),
+            (BENDING, bending.hessians, pattern.of_hinges),
         ):
             corners = hessians.shape[1] // 3
             projected = weight * positive_semidefinite(hessians)
             projected = projected.reshape(-1, corners, 3, corners, 3).swapaxes(2, 3).reshape(-1, 9)
-            for entry in range(9):
-                blocks[:, entry] += np.bincount(
-                    place, weights=projected[:, entry], minlength=len(blocks)
-                )
+            blocks += sums_by_index(place, projected, len(blocks))
         shape = (3 * self.size, 3 * self.size)
         matrix = bsr_array((blocks.reshape(-1, 3, 3), pattern.indices, pattern.starts), shape=shape)
         return self._sum_of_gradients(membrane, bending), csc_array(matrix.tocsc())
 
     def _sum_of_gradients(self, membrane: Elements, bending: Elements) -> Floats:
-        total = np.empty((self.size, 3))
+        pulls = [MEMBRANE * membrane.gradients.reshape(-1, 3)]
+        pulls.append(BENDING * bending.gradients.reshape(-1, 3))
         places = np.concatenate([self.triangles.ravel(), self.hinges.ravel()])
-        for axis in range(3):
-            pulls = np.concatenate(
-                [
-                    self.weights.membrane * membrane.gradients[:, :, axis].ravel(),
-                    self.weights.bending * bending.gradients[:, :, axis].ravel(),
-                ]
-            )
-            total[:, axis] = np.bincount(places, weights=pulls, minlength=self.size)
-        return total
+        return sums_by_index(places, np.concatenate(pulls), self.size)
 
     @cached_property
     def _pattern(self) -> _Pattern:
-        """Which blocks of the Hessian there are, and where those of each element go."""
+        """The blocks of the Hessian that are not 0, and the places of each element's."""
         keys = [
             (element[:, :, None] * self.size + element[:, None, :]).ravel()
             for element in (self.triangles, self.hinges)

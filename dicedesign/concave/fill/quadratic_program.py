@@ -1,4 +1,4 @@
-"""Quadratic programs: how points move least uphill and stay inside a convex polyhedron."""
+"""Quadratic programs for points that move least uphill and stay inside a convex polyhedron."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ def solve_quadratic_program(
     solution = clarabel.DefaultSolver(
         csc_matrix(triu(hessian, format="csc")), gradient, csc_matrix(rows), bounds, cones, settings
     ).solve()
-    found = np.array(solution.x)
+    minimum = np.array(solution.x)
     solved = (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
-    return found if solution.status in solved and bool(np.isfinite(found).all()) else None
+    return minimum if solution.status in solved and bool(np.isfinite(minimum).all()) else None
 
 
 class PointsInside:
@@ -143,16 +143,16 @@ class PointsInside:
                 (self.normals[plane].ravel(), (np.repeat(np.arange(len(point)), 3), entries)),
                 shape=(len(point), len(columns)),
             )
-            found = solve_quadratic_program(
+            minimum = solve_quadratic_program(
                 reduced,
                 pull,
                 csc_array(vstack([csc_array(weights[:, columns]), rows])),
                 np.concatenate([values, slacks[point, plane]]),
                 len(values),
             )
-            if found is None:
+            if minimum is None:
                 return None
-            result[free] = found.reshape(-1, 3)
+            result[free] = minimum.reshape(-1, 3)
             left = slacks - result @ self.normals.T
             if not _add_least(pairs, left, WORST, -OUTSIDE):
                 break

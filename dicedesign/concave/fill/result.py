@@ -1,17 +1,22 @@
-"""What a hull fill returns."""
+"""The end of a hull fill: the surface, and the reason why it stopped."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from typing import TypeAlias
 
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["FillResult", "FillStatus", "FillStep"]
+__all__ = ["FillResult", "FillStatus", "OnEnergy"]
+
+OnEnergy: TypeAlias = Callable[[float], None]
+"""Called with the energy at the start and after every accepted step."""
 
 
 class FillStatus(Enum):
-    """Why a fill stopped; the value is the message."""
+    """Reasons why a fill stopped; the value is the message."""
 
     FITTED = "reached what was wanted"
     NO_PROGRESS = "no step comes any nearer; design the hull nearer to that of the surface"
@@ -22,46 +27,24 @@ class FillStatus(Enum):
     )
 
 
-@dataclass(frozen=True)
-class FillStep:
-    """One accepted step.
-
-    Attributes
-    ----------
-    step: number of the step, 0 for the start.
-    seconds: since the start.
-    terms: the energy's terms, weighted.
-    gap: largest distance of a corner of the wanted hull from the surface, over the diagonal.
-    outside: largest distance of a point of the surface outside the wanted hull, over the diagonal.
-    """
-
-    step: int
-    seconds: float
-    terms: dict[str, float]
-    gap: float
-    outside: float
-
-
 @dataclass(frozen=True, eq=False)
 class FillResult:
-    """Where a fill ended.
+    """The end of a fill.
 
     Attributes
     ----------
     points: (n, 3) of the surface, in the order of those it was made from.
-    gap: largest distance of a corner of the wanted hull from the surface, over the diagonal.
-    history: every accepted step, the first being the start.
+    energy: there; those of different ways to fill do not compare.
     status: why it stopped.
     """
 
     points: Floats
-    gap: float
-    history: tuple[FillStep, ...]
+    energy: float
     status: FillStatus
 
     @property
     def converged(self) -> bool:
-        """Whether the hull, and the center of mass where one was asked for, are as wanted."""
+        """True if the hull, and the center of mass where one was asked for, are as wanted."""
         return self.status is FillStatus.FITTED
 
     @property

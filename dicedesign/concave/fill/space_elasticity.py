@@ -1,4 +1,4 @@
-"""How a surface gives way: smooth displacements of the space it lies in.
+"""Smooth displacements of the space that a surface lies in, as which it gives way.
 
 The displacement of least work that forces on points cause is a sum of kernels about them, each
 coordinate apart. The kernel is that of the biharmonic operator in space, so the work is the
@@ -23,7 +23,7 @@ from scipy.spatial.distance import cdist
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 
 __all__ = ["Elasticity", "HeldCorners", "point_masses", "positive_inverse", "spread_points"]
 
@@ -39,8 +39,8 @@ def point_masses(surface: Surface) -> Floats:
     """(n,) part of the surface's area that belongs to each point, summing to 1."""
     a, b, c = surface.points[surface.triangles].transpose(1, 0, 2)
     areas = norms(np.linalg.cross(b - a, c - a))
-    masses = np.bincount(surface.triangles.ravel(), np.repeat(areas, 3), len(surface.points))
-    return np.asarray(masses / masses.sum(), dtype=np.float64)
+    masses = sums_by_index(surface.triangles.ravel(), areas.repeat(3), len(surface.points))
+    return masses / masses.sum()
 
 
 def positive_inverse(matrix: Floats) -> Floats:
@@ -95,8 +95,7 @@ class Elasticity:
         """(n, 3, 3) displacements that move the center of mass along each axis, last, for its
         gradient (n, 3, 3)."""
         handles, owner = self._handles
-        lumped = np.zeros((len(handles), 9))
-        np.add.at(lumped, owner, gradient.reshape(-1, 9))
+        lumped = sums_by_index(owner, gradient.reshape(-1, 9), len(handles))
         return (self._by_handle @ lumped).reshape(gradient.shape)
 
 
@@ -120,8 +119,8 @@ class HeldCorners:
 
     @cached_property
     def _factor(self) -> tuple[Floats, bool]:
-        found: tuple[Floats, bool] = cho_factor(self.by_corner[self.corners])
-        return found
+        factor: tuple[Floats, bool] = cho_factor(self.by_corner[self.corners])
+        return factor
 
     def followed(self, displacement: Floats) -> Floats:
         """(n, d) displacements of all points for those (c, d) of the corners."""

@@ -15,7 +15,6 @@ from dicedesign.design.options import DescentOptions, SobolevOptions
 from dicedesign.design.result import DesignStep
 from dicedesign.design.solvers.descent import descend_to_target
 from dicedesign.design.starts.start import Start
-from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
@@ -34,7 +33,7 @@ OPTIONS: Final = DescentOptions(
 def descend_hull(
     problem: HullProblem, directions: Floats, on_step: Callable[[float, float], None]
 ) -> DesignedHull:
-    """Where the descent ends, whatever its error.
+    """The hull at the end of the descent, whatever its error.
 
     directions: (k, 3) unit directions of the outcomes; on_step: called with the energy and the
     largest |p - q| of every step. The corners are told by the least sum of squared distances from
@@ -53,9 +52,6 @@ def descend_hull(
     chosen = linear_sum_assignment(squares)[1]
     moved = np.zeros_like(original.vertices)
     moved[chosen] = design.hull.vertices - original.vertices[chosen]
-    center = np.tensordot(moved, problem.relative[1], 2)
-    hull = convex_hull(design.hull.vertices + center)
-    corners = original.source[chosen][hull.source]
     clusters = outcome_odds(analyse(design.hull, np.zeros(3), "given"), design.directions)
     error = clusters.error(problem.target)
-    return DesignedHull(hull, corners, center, design.directions, error, moved)
+    return problem.designed(design.hull.vertices, chosen, moved, design.directions, error)

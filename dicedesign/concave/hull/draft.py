@@ -17,7 +17,6 @@ from dicedesign.design.options import SobolevOptions
 from dicedesign.design.solvers.candidate import CandidateMaker
 from dicedesign.design.solvers.levenberg_marquardt import LevenbergMarquardt
 from dicedesign.errors import DiceError
-from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.rest.outcomes import gathered
 from dicedesign.runtime.arrays import Floats, Integers
@@ -79,7 +78,7 @@ class HullDraft:
 
     @property
     def alone(self) -> bool:
-        """Whether each outcome has a rest of its own and there is no other."""
+        """True if each outcome has a rest of its own and there is no other."""
         return len(self.rests.odds) == len(self.main) == len(np.unique(self.main))
 
     @property
@@ -144,13 +143,9 @@ def change_of_least_work(
 
 def designed_hull(problem: HullProblem, draft: HullDraft) -> DesignedHull:
     """A draft as the hull to fill, where the surface would be led by its corners alone."""
-    moved = draft.corners - problem.hull.vertices
-    center = np.tensordot(moved, problem.relative[1], 2)
-    own = draft.rests.hull
-    hull = convex_hull(own.vertices + center)
-    corners = problem.hull.source[own.source[hull.source]]
+    own, moved = draft.rests.hull, draft.corners - problem.hull.vertices
     error = draft.error(problem.target)
-    return DesignedHull(hull, corners, center, draft.normals, error, moved)
+    return problem.designed(own.vertices, own.source, moved, draft.normals, error)
 
 
 class _AllCorners(VertexCoordinates):

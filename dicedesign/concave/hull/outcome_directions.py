@@ -1,4 +1,4 @@
-"""Which rests of a surface's hull may become the outcomes, the likeliest choice first."""
+"""Choices of rests of a surface's hull that may become the outcomes, the likeliest first."""
 
 from __future__ import annotations
 

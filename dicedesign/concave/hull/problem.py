@@ -18,7 +18,7 @@ __all__ = ["DesignedHull", "HullMetric", "HullProblem"]
 
 @dataclass(frozen=True)
 class HullMetric:
-    """What displacements of corners cost: `|(tether I + smoothing L) u|^2 / n`, with the graph
+    """The cost of displacements of corners: `|(tether I + smoothing L) u|^2 / n`, with the graph
     Laplacian L of the original hull (the Sobolev metric of section 3.3), and `elastic` times the
     work that the surface takes.
 
@@ -76,6 +76,19 @@ class HullProblem:
         if metric not in self._compliances:
             self._compliances[metric] = self._compliance(metric)
         return self._compliances[metric]
+
+    def designed(
+        self, vertices: Floats, source: Integers, moved: Floats, directions: Floats, error: float
+    ) -> DesignedHull:
+        """A hull where the surface would be led by its corners alone.
+
+        vertices: (m, 3) of it, relative to the center of mass; source: (m,) corner of the original
+        hull that each of them was; moved, directions, error: see `DesignedHull`.
+        """
+        center = np.tensordot(moved, self.relative[1], 2)
+        hull = convex_hull(vertices + center)
+        corners = self.hull.source[source[hull.source]]
+        return DesignedHull(hull, corners, center, directions, error, moved)
 
     def _compliance(self, metric: HullMetric) -> Floats:
         count = len(self.hull.vertices)

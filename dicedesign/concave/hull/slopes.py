@@ -52,7 +52,7 @@ OPPOSITE: Final = 1e-9
 
 @dataclass(frozen=True)
 class SlopeOptions:
-    """How steep and where, for a body of circumscribed radius about 1.
+    """Slopes to ask for, and where, of a body of circumscribed radius about 1.
 
     Attributes
     ----------
@@ -100,8 +100,8 @@ def climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:
 
 @dataclass
 class SlopeMemory:
-    """Where slopes have been asked for: conditions that are met stay until they are forgotten, as
-    else the surface would spring back.
+    """Directions in which slopes have been asked for: conditions that are met stay until they are
+    forgotten, as else the surface would spring back.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class SlopeMemory:
     def conditions(
         self, rests: RestEvaluation, outcomes: Floats, outcome_of_rest: Integers, step: int
     ) -> SlopeConditions:
-        """What to ask of a hull whose center of mass is the origin.
+        """Conditions on a hull whose center of mass is the origin.
 
         outcomes: (k, 3) their directions; outcome_of_rest: (r,); step: number of the step.
         """
@@ -139,11 +139,8 @@ class SlopeMemory:
             corners.append(hull.tail[half_edges])
             least.append(np.full(len(half_edges), self.options.fall))
         along, at, wanted = np.concatenate(tangents), np.concatenate(corners), np.concatenate(least)
-        near = np.flatnonzero((along * hull.vertices[at]).sum(-1) + wanted > -FARTHEST)
-        near = near[np.argsort(-wanted[near], kind="stable")]
-        alike = np.column_stack([at[near], np.round(along[near] / ALIKE).astype(np.int64)])
-        near = np.sort(near[np.unique(alike, axis=0, return_index=True)[1]])
-        return SlopeConditions(along[near], hull.source[at[near]], wanted[near])
+        kept = _worth_asking(along, at, wanted, hull.vertices)
+        return SlopeConditions(along[kept], hull.source[at[kept]], wanted[kept])
 
     def _remember(
         self, normals: Floats, outcomes: Floats, outcome_of_rest: Integers, step: int
@@ -175,6 +172,15 @@ class SlopeMemory:
     def _nearly_stable(self, rests: RestEvaluation, outcomes: Floats) -> Integers:
         apart = (rests.hull.normals @ outcomes.T).max(axis=1) < math.cos(self.options.circle)
         return np.flatnonzero((rests.depths > -NEARLY_STABLE) & apart)
+
+
+def _worth_asking(along: Floats, at: Integers, wanted: Floats, vertices: Floats) -> Integers:
+    """The rising places of conditions, with tangents (s, 3) at vertices (s,), that fail or nearly;
+    of those that are alike, the one that asks for most."""
+    near = np.flatnonzero((along * vertices[at]).sum(-1) + wanted > -FARTHEST)
+    near = near[np.argsort(-wanted[near], kind="stable")]
+    alike = np.column_stack([at[near], np.round(along[near] / ALIKE).astype(np.int64)])
+    return np.sort(near[np.unique(alike, axis=0, return_index=True)[1]])
 
 
 def _tangents(directions: Floats, ends: Floats) -> Floats:

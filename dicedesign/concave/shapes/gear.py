@@ -6,17 +6,18 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
 
 __all__ = ["gear"]
 
-_EVENING_ROUNDS: Final = 20
+EVENING_ROUNDS: Final = 20
+"""Times that points are moved to the middle of the triangles around them."""
 
-_FLAT: Final = 1e-6
+FLAT: Final = 1e-6
+"""Part of the mean area up to which a triangle has none."""
 
 
 def gear() -> Surface:
@@ -48,10 +49,10 @@ def gear() -> Surface:
     points += [np.column_stack([flat[:loops], np.full(loops, z)]) for z in levels[1:-1]]
     start = [0, *(2 * len(flat) + loops * k for k in range(layers - 1)), len(flat)]
     triangles = [faces[:, ::-1], faces + len(flat)]
-    here = np.arange(loops)
+    corner = np.arange(loops)
     for below, above in pairwise(start):
-        triangles.append(np.column_stack([here + below, ahead + below, ahead + above]))
-        triangles.append(np.column_stack([here + below, ahead + above, here + above]))
+        triangles.append(np.column_stack([corner + below, ahead + below, ahead + above]))
+        triangles.append(np.column_stack([corner + below, ahead + above, corner + above]))
     return Surface(np.concatenate(points), np.concatenate(triangles))
 
 
@@ -78,12 +79,12 @@ def _filled(rim: Floats, hole: Floats, spacing: float) -> tuple[Floats, Integers
     )
     away = np.linalg.norm(lattice[:, None] - loops, axis=-1).min(axis=1)
     points = np.concatenate([loops, lattice[_within(lattice, rim, hole) & (away > 0.7 * spacing)]])
-    for _ in range(_EVENING_ROUNDS):
+    for _ in range(EVENING_ROUNDS):
         triangles = _between(points, rim, hole)
         middles = points[triangles].mean(axis=1)
+        sums = sums_by_index(triangles.ravel(), middles.repeat(3, axis=0), len(points))
         count = np.bincount(triangles.ravel())
-        sums = [np.bincount(triangles.ravel(), weights=middles[:, k].repeat(3)) for k in range(2)]
-        points[len(loops) :] = (np.stack(sums, axis=-1) / count[:, None])[len(loops) :]
+        points[len(loops) :] = (sums / count[:, None])[len(loops) :]
     return points, _between(points, rim, hole)
 
 
@@ -95,12 +96,12 @@ def _between(points: Floats, rim: Floats, hole: Floats) -> Integers:
     area = np.linalg.det(np.stack([b - a, c - a], axis=-1))
     triangles = np.where((area < 0.0)[:, None], triangles[:, ::-1], triangles)
     # Points in line on the rim can span triangles without area along it.
-    solid = np.abs(area) > _FLAT * np.abs(area).mean()
+    solid = np.abs(area) > FLAT * np.abs(area).mean()
     return triangles[solid & _within(points[triangles].mean(axis=1), rim, hole)]
 
 
-def _within(points: Floats, rim: Floats, hole: Floats) -> NDArray[np.bool_]:
-    """Whether points (n, 2) lie inside the rim and outside the hole, by their winding numbers."""
+def _within(points: Floats, rim: Floats, hole: Floats) -> Booleans:
+    """True (n,) where points (n, 2) lie inside the rim and outside the hole, by winding numbers."""
     total = np.zeros(len(points))
     for loop in (rim, hole):
         a = loop - points[:, None]

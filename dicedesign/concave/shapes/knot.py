@@ -31,12 +31,11 @@ def knot() -> Surface:
     )
 
     after, turned, odd = (ring + 1) % rings * around, (step + 1) % around, ring % 2
-    here, next_here = ring * around + step, ring * around + turned
-    there = after + step + 0 * ring
-    next_there = after + turned
+    this, beside = ring * around + step, ring * around + turned
+    ahead, across = after + step + 0 * ring, after + turned
     # In even rings the ring ahead is half a step ahead, in odd ones half a step behind.
-    lower = np.stack([here, next_here, np.where(odd, next_there, there)], axis=-1)
-    upper = np.stack([np.where(odd, here, next_here), next_there, there], axis=-1)
+    lower = np.stack([this, beside, np.where(odd, across, ahead)], axis=-1)
+    upper = np.stack([np.where(odd, this, beside), across, ahead], axis=-1)
     triangles = np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)])
     return Surface(points.reshape(-1, 3), triangles)
 

@@ -8,21 +8,27 @@ import numpy as np
 
 from dicedesign.concave.shapes.distance_functions import Distance
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 
 __all__ = ["level_set"]
 
-_ROUNDS: Final = 15
+ROUNDS: Final = 15
+"""Times that edges are flipped and points moved."""
 
-_FLIP_PASSES: Final = 3
+FLIP_PASSES: Final = 3
+"""Most passes over all edges each time."""
 
-_STEP: Final = 0.6
+STEP: Final = 0.6
+"""Part of the way to the middle of its neighbours that a point is moved."""
 
-_DIFFERENCE: Final = 1e-5
+DIFFERENCE: Final = 1e-5
+"""Step of the difference quotients, in cells."""
 
-_EXCESS: Final = 1e-9
+EXCESS: Final = 1e-9
+"""Angle, in radians, by which those opposite to an edge must exceed 180 degrees to flip it."""
 
-_AROUND: Final = ((0, 0), (-1, 0), (-1, -1), (0, -1))
+AROUND: Final = ((0, 0), (-1, 0), (-1, -1), (0, -1))
+"""Offsets of the four cells about an edge of the grid."""
 
 
 def level_set(distance: Distance, low: Floats, high: Floats, spacing: float) -> Surface:
@@ -46,7 +52,7 @@ def level_set(distance: Distance, low: Floats, high: Floats, spacing: float) -> 
     Source: Gibson, Constrained elastic surface nets (MICCAI 1998), for the first step.
     """
     points, triangles = _surface_nets(distance, low, high, spacing)
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         triangles = _flipped(points, triangles)
         points = _onto(distance, _spread(points, triangles), spacing)
     return Surface(points, _flipped(points, triangles))
@@ -67,17 +73,14 @@ def _surface_nets(
         part = behind / (behind - ahead)
         crossings.append(low + spacing * (nodes + part[:, None] * step))
         # Counter-clockwise seen from the far end of the edge, which is outside where it leaves.
-        offsets = np.roll([(0, i, j) for i, j in _AROUND], axis, axis=1)
+        offsets = np.roll([(0, i, j) for i, j in AROUND], axis, axis=1)
         cells = np.ravel_multi_index((nodes[:, None] + offsets).transpose(2, 0, 1), values.shape)
         quads.append(np.where((behind < 0.0)[:, None], cells, cells[:, ::-1]))
     # Numbered without gaps.
     corners = np.unique(np.concatenate(quads), return_inverse=True)[1].reshape(-1, 4)
-    at = np.concatenate(crossings)
     count = np.bincount(corners.ravel())
-    points = np.stack(
-        [np.bincount(corners.ravel(), weights=at[:, k].repeat(4)) / count for k in range(3)],
-        axis=-1,
-    )
+    crossed = np.concatenate(crossings).repeat(4, axis=0)
+    points = sums_by_index(corners.ravel(), crossed, len(count)) / count[:, None]
     return points, np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
 
 
@@ -87,18 +90,15 @@ def _spread(points: Floats, triangles: Integers) -> Floats:
     areas = np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1
     )
-    weights = np.bincount(triangles.ravel(), weights=areas.repeat(3))
-    moments = areas[:, None] * corners.mean(axis=1)
-    middles = np.stack(
-        [np.bincount(triangles.ravel(), weights=moments[:, k].repeat(3)) for k in range(3)],
-        axis=-1,
-    )
-    return points + _STEP * (middles / weights[:, None] - points)
+    weights = sums_by_index(triangles.ravel(), areas.repeat(3), len(points))
+    moments = (areas[:, None] * corners.mean(axis=1)).repeat(3, axis=0)
+    middles = sums_by_index(triangles.ravel(), moments, len(points)) / weights[:, None]
+    return points + STEP * (middles - points)
 
 
 def _onto(distance: Distance, points: Floats, spacing: float) -> Floats:
     """Points after a Newton step toward the level set, no longer than half a cell."""
-    step = _DIFFERENCE * spacing
+    step = DIFFERENCE * spacing
     values = distance(points)
     slopes = (distance(points[:, None] + step * np.eye(3)) - values[:, None]) / step
     squares = (slopes * slopes).sum(axis=-1).clip(0.25)
@@ -111,7 +111,7 @@ def _flipped(points: Floats, triangles: Integers) -> Integers:
     degrees, as long as that is so and the new edge does not exist yet."""
     triangles = triangles.copy()
     size = len(points)
-    for _ in range(_FLIP_PASSES):
+    for _ in range(FLIP_PASSES):
         tail, head = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
         forward = tail * size + head
         order = np.argsort(forward)
@@ -120,7 +120,7 @@ def _flipped(points: Floats, triangles: Integers) -> Integers:
         a, b = points[tail] - points[apex], points[head] - points[apex]
         angles = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))
         excess = angles + angles[twin] - np.pi
-        candidates = np.flatnonzero((excess > _EXCESS) & (tail < head))
+        candidates = np.flatnonzero((excess > EXCESS) & (tail < head))
         if not len(candidates):
             break
         edges = set(forward.tolist())

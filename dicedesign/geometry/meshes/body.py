@@ -10,13 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.kernels import ops as kernels
-from dicedesign.tolerances import ROUNDED_DIGITS
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import ROUNDED_DIGITS, SMALLEST_EXTENT
 
 __all__ = ["Body", "as_numbers", "is_rounded", "make_body", "repeated_positions", "weld"]
-
-SMALLEST_EXTENT: Final = 1e-40
-"""Products of up to six coordinates must neither underflow nor overflow: no body is smaller than
-this, and no coordinate larger than its inverse, in the unit given."""
 
 _POWERS_OF_TEN: Final = np.array([float(f"1e{k}") for k in range(23)])
 """Those that are float64 numbers, so that a quotient by them is the nearest to the decimal."""
@@ -36,8 +33,8 @@ class Body:
     notes: what was repaired on the way in, one sentence each.
     """
 
-    points: NDArray[np.float64]
-    triangles: NDArray[np.int64] | None
+    points: Floats
+    triangles: Integers | None
     name: str
     single_precision: bool
     notes: tuple[str, ...]
@@ -72,7 +69,7 @@ def make_body(
     positions = array.astype(np.float64, order="C")
     if kernels.compiled is None or not kernels.compiled.are_proper(positions, SMALLEST_EXTENT):
         _check_coordinates(positions, name)
-    faces: NDArray[np.int64] | None = None
+    faces: Integers | None = None
     if triangles is not None and np.size(triangles) > 0:
         faces = as_numbers(triangles, name, "triangles", integer=True).astype(np.int64)
         _check_range(faces, len(positions), name)
@@ -99,9 +96,7 @@ def make_body(
     return Body(welded, welded_faces, name, single, tuple(notes))
 
 
-def weld(
-    points: NDArray[np.float64], triangles: NDArray[np.int64] | None
-) -> tuple[NDArray[np.float64], NDArray[np.int64] | None]:
+def weld(points: Floats, triangles: Integers | None) -> tuple[Floats, Integers | None]:
     """Merge points at exactly equal positions, as texture and normal seams leave them.
 
     Parameters
@@ -125,15 +120,13 @@ def weld(
 
 
 def repeated_positions(
-    points: NDArray[np.float64],
-) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+    points: Floats,
+) -> tuple[Integers, Integers] | None:
     """The first point (m,) at each position of points (n, 3), in order, and (n,) the place of each
     point's position there; None may be said where all positions differ."""
     if kernels.compiled is not None:
-        found: tuple[NDArray[np.int64], NDArray[np.int64]] | None = (
-            kernels.compiled.repeated_positions(points)
-        )
-        return found
+        repeated: tuple[Integers, Integers] | None = kernels.compiled.repeated_positions(points)
+        return repeated
     order = np.lexsort(points.T)
     ranked = points[order]
     is_new = np.ones(len(order), dtype=bool)
@@ -169,8 +162,8 @@ def as_numbers(
     return array
 
 
-def is_rounded(points: NDArray[np.float64]) -> bool:
-    """Whether coordinates from a file carry no more than single precision.
+def is_rounded(points: Floats) -> bool:
+    """True if coordinates from a file carry no more than single precision.
 
     They do when all are float32 values, or all have at most `ROUNDED_DIGITS` significant decimal
     digits. Numbers that are short by themselves, such as the corners of a unit cube, count too.
@@ -189,7 +182,7 @@ def is_rounded(points: NDArray[np.float64]) -> bool:
     return all(float(f"{value:.{ROUNDED_DIGITS - 1}e}") == value for value in values[~short])
 
 
-def _check_coordinates(positions: NDArray[np.float64], name: str) -> None:
+def _check_coordinates(positions: Floats, name: str) -> None:
     finite = np.isfinite(positions).all(axis=1)
     if not finite.all():
         first = int(np.argmin(finite))
@@ -207,7 +200,7 @@ def _check_coordinates(positions: NDArray[np.float64], name: str) -> None:
         )
 
 
-def _check_range(faces: NDArray[np.int64], count: int, name: str) -> None:
+def _check_range(faces: Integers, count: int, name: str) -> None:
     outside = (faces < 0) | (faces >= count)
     if outside.any():
         row, column = np.argwhere(outside)[0]

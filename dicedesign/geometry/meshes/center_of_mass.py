@@ -1,16 +1,17 @@
-"""Which point of a body is its center of mass."""
+"""The center of mass of a body, and the triangles that bound its solid."""
 
 from __future__ import annotations
 
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.shells import oriented_shells
-from dicedesign.geometry.solid import is_closed, solid_properties
+from dicedesign.geometry.meshes.orientation import closed_triangles, oriented_shells
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import VOLUME_TOLERANCE
 
 __all__ = ["resolve_center_of_mass", "solid_triangles"]
@@ -18,9 +19,9 @@ __all__ = ["resolve_center_of_mass", "solid_triangles"]
 
 def resolve_center_of_mass(
     body: Body,
-    hull_centroid: NDArray[np.float64],
+    hull_centroid: Floats,
     request: Literal["hull"] | ArrayLike | None = None,
-) -> tuple[NDArray[np.float64], str, tuple[str, ...]]:
+) -> tuple[Floats, str, tuple[str, ...]]:
     """Center of mass of a body, where it comes from, and what had to be assumed.
 
     Parameters
@@ -68,32 +69,20 @@ def resolve_center_of_mass(
     return centroid, "uniform solid", notes
 
 
-def solid_triangles(body: Body) -> tuple[NDArray[np.int64], tuple[str, ...]] | None:
+def solid_triangles(body: Body) -> tuple[Integers, tuple[str, ...]] | None:
     """The triangles (t, 3) that bound a body's solid, wound alike, and what had to be done for it,
     one sentence each; None for a point cloud and an open mesh. All may point inward."""
-    triangles = body.triangles
-    if triangles is None:
+    closed = None if body.triangles is None else closed_triangles(body.triangles)
+    if closed is None:
         return None
-    notes = []
-    if not is_closed(triangles):
-        # Imported late, with SciPy: most meshes are closed.
-        from dicedesign.geometry.meshes.winding import consistent_winding
-
-        oriented = consistent_winding(triangles)
-        if oriented is None:
-            return None
-        changed = np.count_nonzero((oriented != triangles).any(axis=1))
-        notes.append(f"reversed {changed} triangles that were wound against their neighbors")
-        triangles = oriented
+    triangles, notes = closed
     triangles, turned = oriented_shells(body.points, triangles)
     if turned > 0:
-        notes.append(
-            f"turned {turned} shells that lie beside others and were oriented against them"
-        )
-    return triangles, tuple(notes)
+        notes += (f"turned {turned} shells that lie beside others and were oriented against them",)
+    return triangles, notes
 
 
-def _given(request: ArrayLike) -> NDArray[np.float64]:
+def _given(request: ArrayLike) -> Floats:
     try:
         center = np.asarray(request, dtype=np.float64)
     except (ValueError, TypeError) as error:

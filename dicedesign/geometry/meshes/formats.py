@@ -1,4 +1,4 @@
-"""Which files are meshes, by their endings."""
+"""Endings of mesh files, and trimesh without what it takes along."""
 
 from __future__ import annotations
 

@@ -10,20 +10,17 @@ from pathlib import Path
 from typing import Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
 from dicedesign.geometry.meshes.body import Body, is_rounded, make_body
 from dicedesign.geometry.meshes.formats import mesh_endings
 from dicedesign.geometry.meshes.stl import read_stl
-from dicedesign.geometry.meshes.text_formats import EXPORT_AGAIN, TEXT_READERS
+from dicedesign.geometry.meshes.text_formats import EXPORT_AGAIN, TEXT_READERS, Geometry
+from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["read_body"]
 
-_READERS: Final[dict[str, Callable[[Path], tuple[NDArray[np.float64], NDArray[np.int64]]]]] = {
-    **TEXT_READERS,
-    ".stl": read_stl,
-}
+OWN_READERS: Final[dict[str, Callable[[Path], Geometry]]] = {**TEXT_READERS, ".stl": read_stl}
 """The reader of each file ending, in lower case, that needs no other package."""
 
 
@@ -49,7 +46,7 @@ def read_body(path: str | Path) -> Body:
     """
     path = Path(path)
     _check_file(path)
-    reader = _READERS.get(path.suffix.lower())
+    reader = OWN_READERS.get(path.suffix.lower())
     if reader is not None:
         points, triangles = reader(path)
         rounded, count = is_rounded(points), 1
@@ -89,7 +86,7 @@ def _check_file(path: Path) -> None:
 
 def _read_scene(
     path: Path,
-) -> tuple[NDArray[np.float64], NDArray[np.int64], bool, int]:
+) -> tuple[Floats, Integers, bool, int]:
     """Points, triangles, whether they were rounded, and the number of parts, by trimesh."""
     with _quiet():
         import trimesh
@@ -126,7 +123,7 @@ def _read_scene(
     return np.concatenate(points), np.concatenate(triangles), rounded, len(meshes or clouds)
 
 
-def _transformed(points: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def _transformed(points: Floats, matrix: Floats) -> Floats:
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 

@@ -1,6 +1,4 @@
-"""Reader of STL files, binary and ASCII.
-
-Solids as binary STL."""
+"""STL files: solids as binary ones, and a reader of these and of ASCII."""
 
 from __future__ import annotations
 
@@ -8,7 +6,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.errors import InputError, MeshFileError
 from dicedesign.geometry.meshes.body import repeated_positions
@@ -20,16 +17,19 @@ __all__ = ["STL_HEADER", "STL_TRIANGLE", "parsed_stl", "read_stl", "stl_bytes"]
 STL_HEADER: Final = 84
 """Bytes before the first triangle: 80 of any text, then the number of triangles."""
 
+STL_TITLE: Final = b"dicedesign, binary STL, lengths in millimetres".ljust(STL_HEADER - 4)
+"""Text at the start of the files that this package writes."""
+
 STL_TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("color", "<u2")])
 """A triangle of a binary file; its last two bytes are an extension that most programs skip."""
 
 
-def read_stl(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def read_stl(path: Path) -> tuple[Floats, Integers]:
     """Points and triangles of an STL file, see `parsed_stl`."""
     return parsed_stl(path.read_bytes(), path)
 
 
-def parsed_stl(data: bytes, path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def parsed_stl(data: bytes, path: Path) -> tuple[Floats, Integers]:
     """Points and triangles of the content of an STL file, equal positions made one point again.
 
     A file is binary when its size is that of the number of triangles it tells, whatever its header
@@ -58,7 +58,7 @@ def parsed_stl(data: bytes, path: Path) -> tuple[NDArray[np.float64], NDArray[np
     return points[first], place.reshape(-1, 3)
 
 
-def _ascii_corners(path: Path, text: str) -> NDArray[np.float64]:
+def _ascii_corners(path: Path, text: str) -> Floats:
     corners: list[list[float]] = []
     for number, line in enumerate(text.splitlines(), start=1):
         keyword, *fields = line.split() or [""]
@@ -76,9 +76,6 @@ def _ascii_corners(path: Path, text: str) -> NDArray[np.float64]:
             f"{EXPORT_AGAIN}"
         )
     return np.array(corners, dtype=np.float64).reshape(-1, 3)
-
-
-_TITLE: Final = b"dicedesign, binary STL, lengths in millimetres".ljust(80)
 
 
 def stl_bytes(vertices: Floats, triangles: Integers) -> bytes:
@@ -118,4 +115,4 @@ def stl_bytes(vertices: Floats, triangles: Integers) -> bytes:
     records = np.zeros(len(corners), dtype=STL_TRIANGLE)
     records["normal"] = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
     records["corners"] = corners
-    return _TITLE + np.array(len(records), dtype="<u4").tobytes() + records.tobytes()
+    return STL_TITLE + np.array(len(records), dtype="<u4").tobytes() + records.tobytes()

@@ -2,8 +2,6 @@
 
 They take polygons of any size, relative OBJ indices, comments and any separator, and say on which
 line a file is wrong.
-
-What the readers of mesh files say when a file is wrong.
 """
 
 from __future__ import annotations
@@ -15,15 +13,32 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.errors import MeshFileError
+from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["EXPORT_AGAIN", "TEXT_READERS", "bad_line", "read_obj", "read_off", "read_xyz"]
+__all__ = [
+    "EXPORT_AGAIN",
+    "TEXT_READERS",
+    "Geometry",
+    "bad_line",
+    "read_obj",
+    "read_off",
+    "read_xyz",
+]
 
-Geometry = tuple[NDArray[np.float64], NDArray[np.int64]]
+Geometry = tuple[Floats, Integers]
 
 Line = tuple[int, list[str]]
+
+EXPORT_AGAIN: Final = "export it again as STL, PLY or OBJ"
+"""The remedy for a file that is wrong as a whole."""
+
+QUOTED: Final = 40
+"""Characters of a wrong line that are quoted."""
+
+DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+")
+"""A number with a comma for its point."""
 
 
 def read_obj(path: Path) -> Geometry:
@@ -103,7 +118,7 @@ def read_xyz(path: Path) -> Geometry:
     """
     points: list[float] = []
     for number, words in _lines(path):
-        if len(words) >= 3 and all(_DECIMAL_COMMA.fullmatch(word) for word in words[:3]):
+        if len(words) >= 3 and all(DECIMAL_COMMA.fullmatch(word) for word in words[:3]):
             raise bad_line(path, number, "decimal points", " ".join(words))
         fields = " ".join(words).replace(",", " ").replace(";", " ").split()
         points += _position(path, number, fields[:3])
@@ -116,8 +131,6 @@ TEXT_READERS: Final[dict[str, Callable[[Path], Geometry]]] = {
     ".xyz": read_xyz,
 }
 """The reader of each file ending, in lower case."""
-
-_DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+")
 
 
 def _lines(path: Path) -> Iterator[Line]:
@@ -169,17 +182,10 @@ def _arrays(points: list[float], triangles: list[int]) -> Geometry:
     )
 
 
-EXPORT_AGAIN: Final = "export it again as STL, PLY or OBJ"
-"""The remedy for a file that is wrong as a whole."""
-
-_QUOTED: Final = 40
-"""Characters of a wrong line that are quoted."""
-
-
 def bad_line(path: Path, number: int, expected: str, line: str) -> MeshFileError:
     """The error of a text file whose line of this number, counted from 1, does not hold what was
     expected."""
     return MeshFileError(
-        f"{path}: line {number}: expected {expected}, got {line.strip()[:_QUOTED]!a}; correct the "
+        f"{path}: line {number}: expected {expected}, got {line.strip()[:QUOTED]!a}; correct the "
         "line or export the file again"
     )

@@ -1,4 +1,4 @@
-"""Which of many boxes overlap, by a tree of boxes."""
+"""Pairs of boxes that overlap, by a tree of boxes."""
 
 from __future__ import annotations
 

@@ -5,23 +5,25 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.winding import consistent_winding
-from dicedesign.geometry.solid import is_closed, solid_properties
-from dicedesign.geometry.sphere import signed_solid_angle
+from dicedesign.geometry.meshes.orientation import closed_triangles, shells_of
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.geometry.triangles import edge_neighbors
+from dicedesign.geometry.triangles import (
+    connected_parts,
+    edge_keys,
+    edge_neighbors,
+    winding_number,
+)
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import VOLUME_TOLERANCE
 
-__all__ = ["make_surface", "shells_and_sheets"]
+__all__ = ["make_surface"]
 
-_REPAIR: Final = "repair the mesh, in MeshLab or Blender for example, and export it again"
+REPAIR: Final = "repair the mesh, in MeshLab or Blender for example, and export it again"
+"""The remedy for a surface that is no manifold."""
 
 
 def make_surface(body: Body) -> tuple[Surface, tuple[str, ...]]:
@@ -48,13 +50,19 @@ def make_surface(body: Body) -> tuple[Surface, tuple[str, ...]]:
             "mesh"
         )
     _check_edges(body.triangles, name)
-    triangles, notes = _oriented(body.triangles, name)
+    closed = closed_triangles(body.triangles)
+    if closed is None:
+        raise InputError(
+            f"{name}: expected a surface with an inside and an outside, got a one-sided one (not "
+            "orientable, like a Klein bottle); use the surface of a solid"
+        )
+    triangles, notes = closed
     used, triangles = np.unique(triangles, return_inverse=True)
     points, triangles = body.points[used], triangles.reshape(-1, 3)
     if len(used) < len(body.points):
-        notes.append(f"dropped {len(body.points) - len(used)} points that are on no triangle")
+        notes += (f"dropped {len(body.points) - len(used)} points that are on no triangle",)
     _check_shells(points, triangles, name)
-    volume, _ = solid_properties(points, triangles)
+    volume = Surface(points, triangles).volume
     extent = float(np.ptp(points, axis=0).max())
     if abs(volume) <= VOLUME_TOLERANCE * extent**3:
         raise DegenerateBodyError(
@@ -63,91 +71,58 @@ def make_surface(body: Body) -> tuple[Surface, tuple[str, ...]]:
         )
     if volume < 0.0:
         triangles = triangles[:, ::-1].copy()
-        notes.append("turned the surface, which was oriented inward")
+        notes += ("turned the surface, which was oriented inward",)
     _check_intersections(points, triangles, name)
-    return Surface(points, triangles), (*body.notes, *notes)
+    return Surface(points, triangles), body.notes + notes
 
 
-def shells_and_sheets(triangles: Integers) -> tuple[Integers, Integers]:
-    """Which triangles hang together, and the points where several sheets meet.
-
-    triangles: (t, 3) of a closed oriented surface, each edge in two of them. Returns (t,) the shell
-    of each triangle, numbered from 0, triangles being joined by edges, and the rising indices of
-    points around which the triangles make more than one ring.
-    """
-    neighbors = edge_neighbors(triangles)
-    shell = _components(np.repeat(np.arange(len(triangles)), 3), neighbors.ravel(), len(triangles))
-    across = np.roll(neighbors, -1, axis=1)  # the next triangle around the same corner
+def _pinched_points(triangles: Integers) -> Integers:
+    """The rising indices of points where several sheets meet: the triangles around them make more
+    than one ring. triangles: (t, 3) of a closed oriented surface, each edge in two of them."""
+    across = np.roll(edge_neighbors(triangles), -1, axis=1)  # the next triangle around a corner
     corner = (triangles[across] == triangles[:, :, None]).argmax(axis=2)
     following = (3 * across + corner).ravel()
-    ring = _components(np.arange(triangles.size), following, triangles.size)
+    ring = connected_parts(np.arange(triangles.size), following, triangles.size)
     rings = np.unique(np.stack((triangles.ravel(), ring)), axis=1)
-    return shell, np.flatnonzero(np.bincount(rings[0]) > 1)
-
-
-def _components(tails: Integers, heads: Integers, count: int) -> Integers:
-    graph = coo_array((np.ones(len(tails)), (tails, heads)), shape=(count, count))
-    labels: Integers = connected_components(graph, directed=False)[1].astype(np.int64)
-    return labels
+    return np.flatnonzero(np.bincount(rings[0]) > 1)
 
 
 def _check_edges(triangles: Integers, name: str) -> None:
-    tails, heads = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
-    keys = np.minimum(tails, heads) * (int(triangles.max()) + 1) + np.maximum(tails, heads)
-    _, uses = np.unique(keys, return_counts=True)
+    _, uses = np.unique(edge_keys(triangles), return_counts=True)
     open_edges, crowded = np.count_nonzero(uses == 1), np.count_nonzero(uses > 2)
     expected = f"{name}: expected a closed surface in which each edge joins two triangles, got"
     if crowded:
         raise InputError(
-            f"{expected} {crowded} edges with more than two triangles (not a manifold); {_REPAIR}"
+            f"{expected} {crowded} edges with more than two triangles (not a manifold); {REPAIR}"
         )
     if open_edges:
         raise InputError(
             f"{expected} {open_edges} edges with one triangle (the mesh is open); close its holes "
-            f"or {_REPAIR}"
+            f"or {REPAIR}"
         )
-
-
-def _oriented(triangles: Integers, name: str) -> tuple[Integers, list[str]]:
-    if is_closed(triangles):
-        return triangles, []
-    oriented = consistent_winding(triangles)
-    if oriented is None:
-        raise InputError(
-            f"{name}: expected a surface with an inside and an outside, got a one-sided one (not "
-            "orientable, like a Klein bottle); use the surface of a solid"
-        )
-    count = np.count_nonzero((oriented != triangles).any(axis=1))
-    return oriented, [f"reversed {count} triangles that were wound against their neighbors"]
 
 
 def _check_shells(points: Floats, triangles: Integers, name: str) -> None:
-    shell, pinched = shells_and_sheets(triangles)
+    shell = shells_of(triangles)
     sizes = np.bincount(shell)
     if len(sizes) > 1:
-        largest = triangles[shell == sizes.argmax()]
-        inside = sum(
-            _is_inside(points[triangles[np.argmax(shell == k)]].mean(axis=0), points[largest])
-            for k in range(len(sizes))
-            if k != sizes.argmax()
-        )
+        largest = points[triangles[shell == sizes.argmax()]]
+        middles = (points[triangles[np.argmax(shell == k)]].mean(axis=0) for k in range(len(sizes)))
+        windings = [abs(winding_number(middle, largest)) for middle in middles]
+        inside = sum(w > 0.5 for k, w in enumerate(windings) if k != sizes.argmax())
         raise InputError(
             f"{name}: expected one connected surface, got {len(sizes)} shells: the largest of "
             f"{sizes.max()} triangles, {inside} inside it (cavities or parts) and "
             f"{len(sizes) - 1 - inside} outside; keep one shell, join the parts by a boolean union "
             "or fill the cavities"
         )
+    pinched = _pinched_points(triangles)
     if len(pinched) > 0:
         raise InputError(
             f"{name}: expected one sheet of the surface at each point, got several at "
             f"{len(pinched)} points (not a manifold), the first at "
-            f"{_place(points[pinched[0]])}; {_REPAIR}"
+            f"{_place(points[pinched[0]])}; {REPAIR}"
         )
-
-
-def _is_inside(point: Floats, shell: Floats) -> bool:
-    a, b, c = (shell - point).transpose(1, 0, 2)
-    return abs(float(signed_solid_angle(a, b, c, np).sum())) > 2.0 * np.pi
 
 
 def _check_intersections(points: Floats, triangles: Integers, name: str) -> None:

@@ -1,4 +1,4 @@
-"""What is wrong with the triangles of a surface, and how far they are distorted."""
+"""Defects of the triangles of a surface, and how far they are distorted."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from dicedesign.geometry.surfaces.self_intersections import (
 )
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.geometry.triangles import doubled_area_vectors, edge_neighbors
-from dicedesign.runtime.arrays import Booleans, Floats, Integers
+from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
 from dicedesign.tolerances import SHARP_TURN, SLIVER_ANGLE
 
 __all__ = ["Distortion", "SurfaceQuality", "surface_distortion", "surface_quality"]
 
-_LISTED: Final = 20
+LISTED: Final = 20
 """Triangles and places that the plain data name, at most; their number is always there."""
 
-_SHARE: Final = 0.95
+SHARE: Final = 0.95
 """Part of the area that is distorted no more than the figure given for it."""
 
 
 @dataclass(frozen=True)
 class Distortion:
-    """How far triangles were distorted from those of a reference surface.
+    """Distortion of triangles against those of a reference surface.
 
     A triangle is stretched by factors `a >= b` along two orthogonal directions. It is distorted in
     shape by `a / b`, 1 for a similar triangle (the quasi-conformal error of Sander et al., Texture
@@ -89,26 +89,26 @@ class SurfaceQuality:
 
     def sentences(self) -> tuple[str, ...]:
         """The defects in words, one sentence each; none for a surface without any."""
-        found = []
+        defects = []
         if len(self.intersections):
             at = "; ".join(
                 "(" + ", ".join(f"{x:.4g}" for x in place) + ")" for place in self.places[:3]
             )
-            found.append(
+            defects.append(
                 f"the surface meets itself: {_count(self.intersections, 'pair')} of triangles in "
                 f"{_count(self.places, 'place')}, near {at}"
             )
         if len(self.folds):
-            found.append(f"the surface is folded sharply at {_count(self.folds, 'edge')}")
+            defects.append(f"the surface is folded sharply at {_count(self.folds, 'edge')}")
         if len(self.inverted):
-            found.append(f"{_count(self.inverted, 'triangle')} turned over")
+            defects.append(f"{_count(self.inverted, 'triangle')} turned over")
         if len(self.slivers):
-            found.append(
+            defects.append(
                 f"{_count(self.slivers, 'sliver')} with an angle below "
                 f"{np.degrees(SLIVER_ANGLE):.3g} degrees, the smallest "
                 f"{np.degrees(self.smallest_angle):.2g}"
             )
-        return tuple(found)
+        return tuple(defects)
 
     def data(self) -> dict[str, Any]:
         """Plain numbers and lists for a result file: angles in degrees, at most 20 of each list,
@@ -125,7 +125,7 @@ class SurfaceQuality:
             "folds": _listed(self.folds),
             "self_intersections": {
                 **_listed(self.intersections),
-                "places": self.places[:_LISTED].tolist(),
+                "places": self.places[:LISTED].tolist(),
             },
         }
         if self.distortion is not None:
@@ -171,15 +171,14 @@ def surface_quality(surface: Surface, reference: Surface | None = None) -> Surfa
 
 
 def surface_distortion(surface: Surface, reference: Surface) -> Distortion:
-    """How far the triangles of a surface are distorted from those of the reference, which has the
+    """Distortion of the triangles of a surface against those of the reference, which has the
     same triangles and some area."""
     before, after = (
         norms(doubled_area_vectors(each.points, each.triangles)) for each in (reference, surface)
     )
     kept = before > 0.0
+    spread = _stretch(surface, reference, before)[kept]
     before, after = before[kept], after[kept]
-    # Of stretches a and b, (a^2 + b^2) areas are a sum over edges with cotangents of the reference.
-    spread = _stretch(surface, reference)[kept]
     ratio = after / before * (before.sum() / after.sum())
     with np.errstate(divide="ignore", invalid="ignore"):
         half = np.where(after > 0.0, np.maximum(0.5 * spread / after, 1.0), np.inf)
@@ -188,14 +187,14 @@ def surface_distortion(surface: Surface, reference: Surface) -> Distortion:
     return Distortion(*_figures(shape, before), *_figures(size, before))
 
 
-def _stretch(surface: Surface, reference: Surface) -> Floats:
-    """(t,) twice the area of each reference triangle times the sum of its squared stretches.
+def _stretch(surface: Surface, reference: Surface, area: Floats) -> Floats:
+    """(t,) twice the area (t,) of each reference triangle times the sum of its squared stretches: a
+    sum over its edges with the cotangents of its angles.
 
     Source: Pinkall and Polthier, Computing discrete minimal surfaces, 1993: the Dirichlet energy.
     """
     corners = reference.points[reference.triangles]
     new = surface.points[surface.triangles]
-    area = norms(doubled_area_vectors(reference.points, reference.triangles))
     total = np.zeros(len(corners))
     with np.errstate(divide="ignore", invalid="ignore"):
         for k in range(3):
@@ -208,7 +207,7 @@ def _stretch(surface: Surface, reference: Surface) -> Floats:
 def _figures(values: Floats, weights: Floats) -> tuple[float, float, float]:
     order = np.argsort(values)
     covered = np.cumsum(weights[order])
-    most = values[order[np.searchsorted(covered, _SHARE * covered[-1])]]
+    most = values[order[np.searchsorted(covered, SHARE * covered[-1])]]
     return float(np.average(values, weights=weights)), float(most), float(values.max())
 
 
@@ -236,13 +235,7 @@ def _is_inverted(surface: Surface) -> Booleans:
     """(t,) whether triangles face away from the surface at two or three of their corners."""
     normals, triangles = _normals(surface), surface.triangles
     weighted = _angles(surface.points[triangles])[:, :, None] * normals[:, None]
-    at_points = np.stack(
-        [
-            np.bincount(triangles.ravel(), weights=part.ravel())
-            for part in weighted.transpose(2, 0, 1)
-        ],
-        axis=1,
-    )
+    at_points = sums_by_index(triangles.ravel(), weighted.reshape(-1, 3), len(surface.points))
     away = (normals[:, None] * at_points[triangles]).sum(axis=2) < 0.0
     return away.sum(axis=1) >= 2
 
@@ -252,4 +245,4 @@ def _count(items: NDArray[Any], noun: str) -> str:
 
 
 def _listed(items: Integers) -> dict[str, Any]:
-    return {"count": len(items), "first": items[:_LISTED].tolist()}
+    return {"count": len(items), "first": items[:LISTED].tolist()}

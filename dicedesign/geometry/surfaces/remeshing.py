@@ -7,25 +7,24 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import InputError, missing_extra
-from dicedesign.geometry.surfaces.closed_surface import shells_and_sheets
-from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
+from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.geometry.triangles import edge_neighbors
 
 __all__ = ["decimated", "refined"]
 
-_FEWEST: Final = 4
+FEWEST: Final = 4
 """Points of the smallest closed surface, a tetrahedron."""
 
-_AGGRESSIVENESS: Final = (5.0, 4.0)
-"""How fast the decimation raises its threshold, tried in turn: slower keeps to small edges longer
-and to the shape better, and may end before it has come to the wanted number."""
+AGGRESSIVENESS: Final = (5.0, 4.0)
+"""Speeds at which the decimation raises its threshold, tried in turn: slower keeps to small edges
+longer and to the shape better, and may end before it has come to the wanted number."""
 
-_WEAKER: Final = 1.25
+WEAKER: Final = 1.25
 """Factor by which the wanted number of points is raised where no decimation gives a good
 surface."""
 
-_SHORTER: Final = 0.93
+SHORTER: Final = 0.93
 """Factor by which edges are shortened until there are enough points."""
 
 
@@ -44,9 +43,9 @@ def decimated(surface: Surface, points: int) -> tuple[Surface, str]:
     InputError: fewer than 4 points are wanted, the extra `concave` is not installed, or no
         decimation gives a good surface.
     """
-    if points < _FEWEST:
+    if points < FEWEST:
         raise InputError(
-            f"decimation: expected at least {_FEWEST} points, got {points}; ask for more points"
+            f"decimation: expected at least {FEWEST} points, got {points}; ask for more points"
         )
     before = len(surface.points)
     if before <= points:
@@ -58,20 +57,20 @@ def decimated(surface: Surface, points: int) -> tuple[Surface, str]:
     handles = len(surface.triangles) - 2 * (before - 2)
     wanted = points
     while wanted < before:
-        for aggressiveness in _AGGRESSIVENESS:
+        for aggressiveness in AGGRESSIVENESS:
             places, triangles = fast_simplification.simplify(
                 surface.points,
                 surface.triangles,
                 target_count=2 * (wanted - 2) + handles,
                 agg=aggressiveness,
             )
-            found = Surface(np.asarray(places, np.float64), np.asarray(triangles, np.int64))
-            if _is_good(found, handles):
-                return found, (
-                    f"decimated the surface from {before} to {len(found.points)} points "
-                    f"(fast-simplification), {_change(surface, found)}"
+            coarser = Surface(np.asarray(places, np.float64), np.asarray(triangles, np.int64))
+            if _is_good(coarser, handles):
+                return coarser, (
+                    f"decimated the surface from {before} to {len(coarser.points)} points "
+                    f"(fast-simplification), {_change(surface, coarser)}"
                 )
-        wanted = int(np.ceil(_WEAKER * wanted))
+        wanted = int(np.ceil(WEAKER * wanted))
     raise InputError(
         f"decimation: expected a closed surface of {points} points that does not meet itself, got "
         f"none from {before} points by any reduction; remesh the surface, or leave it as it is"
@@ -101,33 +100,31 @@ def refined(surface: Surface, points: int) -> tuple[Surface, str]:
     body = solid(surface.points, surface.triangles)
     # Of equilateral triangles, two for each point, edges would be half as long.
     length = 2.0 * np.sqrt(4.0 / np.sqrt(3.0) * body.surface_area() / (2.0 * points))
-    found = surface
-    while len(found.points) < points:
-        found = Surface(*mesh_of(body.refine_to_length(length)))
-        length *= _SHORTER
-    if not _is_good(found, len(surface.triangles) - 2 * (before - 2)):
+    finer = surface
+    while len(finer.points) < points:
+        finer = Surface(*mesh_of(body.refine_to_length(length)))
+        length *= SHORTER
+    if not _is_good(finer, len(surface.triangles) - 2 * (before - 2)):
         raise InputError(
             f"refinement: expected a closed surface of {points} points that does not meet itself, "
             f"got one that does from {before} points; remesh the surface"
         )
-    return found, (
-        f"refined the surface from {before} to {len(found.points)} points (manifold3d), all of "
+    return finer, (
+        f"refined the surface from {before} to {len(finer.points)} points (manifold3d), all of "
         "them on the old triangles"
     )
 
 
 def _is_good(surface: Surface, handles: int) -> bool:
-    """Whether a surface is closed, in one piece, has as many handles as before and does not meet
-    itself; handles: four times their number."""
-    triangles = surface.triangles
-    if len(triangles) - 2 * (len(surface.points) - 2) != handles:
+    """True if nothing has to be repaired for a surface to be taken as one (`make_surface`) and it
+    has as many handles as before; handles: four times their number."""
+    points, triangles = surface.points, surface.triangles
+    if len(triangles) - 2 * (len(points) - 2) != handles:
         return False
-    if (edge_neighbors(triangles) < 0).any() or surface.volume <= 0.0:
+    try:
+        return not make_surface(Body(points, triangles, "surface", False, ()))[1]
+    except InputError:
         return False
-    shell, pinched = shells_and_sheets(triangles)
-    if shell.any() or len(pinched) > 0:
-        return False
-    return len(intersecting_triangles(surface.points, triangles)) == 0
 
 
 def _change(before: Surface, after: Surface) -> str:

@@ -1,14 +1,13 @@
-"""Where a triangle surface meets itself."""
+"""Places where a triangle surface meets itself."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from dicedesign.geometry.predicates import Orientations
+from dicedesign.geometry.predicates import Orientation
 from dicedesign.geometry.surfaces.box_tree import overlapping_boxes
 from dicedesign.geometry.surfaces.separating_planes import close_pairs
+from dicedesign.geometry.triangles import connected_parts
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import FLAT_FOLD
 
@@ -35,7 +34,7 @@ def intersecting_triangles(points: Floats, triangles: Integers) -> Integers:
     -------
     (m, 2) indices of triangles, the smaller first, in order.
     """
-    signs = Orientations(points)
+    signs = Orientation(points)
     whole = np.flatnonzero(_projection(triangles, points, signs) >= 0)
     corners = points[triangles[whole]]
     pairs = whole[overlapping_boxes(corners.min(axis=1), corners.max(axis=1))]
@@ -75,10 +74,8 @@ def intersection_groups(triangles: Integers, pairs: Integers) -> list[Integers]:
     count = len(involved)
     tails = np.concatenate((first, np.repeat(np.arange(count), 3)))
     heads = np.concatenate((second, count + corners.ravel()))
-    size = count + len(used)
-    graph = coo_array((np.ones(len(tails)), (tails, heads)), shape=(size, size))
-    number, group = connected_components(graph, directed=False)
-    groups = [involved[group[:count] == k] for k in range(number)]
+    group = connected_parts(tails, heads, count + len(used))[:count]
+    groups = [involved[group == k] for k in np.unique(group)]
     return sorted(groups, key=len, reverse=True)
 
 
@@ -87,7 +84,7 @@ def _from(triangles: Integers, column: Integers) -> Integers:
     return np.take_along_axis(triangles, (column[:, None] + np.arange(3)) % 3, axis=1)
 
 
-def _projection(triangles: Integers, points: Floats, signs: Orientations) -> Integers:
+def _projection(triangles: Integers, points: Floats, signs: Orientation) -> Integers:
     """(t,) a coordinate that can be dropped without making the triangle flat, the best one as far
     as rounding tells; -1 for a triangle without area."""
     a, b, c = np.moveaxis(points[triangles], 1, 0)
@@ -101,7 +98,7 @@ def _projection(triangles: Integers, points: Floats, signs: Orientations) -> Int
 
 
 def _folded_flat(first: Integers, second: Integers, points: Floats) -> Booleans:
-    """Whether triangles (m, 3) lie on each other that share all corners but their first ones."""
+    """True (m,) where triangles (m, 3) that share all corners but their first lie on each other."""
     start = points[first[:, 1]]
     edge = points[first[:, 2]] - start
     one, other = (np.cross(edge, points[corner[:, 0]] - start) for corner in (first, second))
@@ -110,9 +107,9 @@ def _folded_flat(first: Integers, second: Integers, points: Floats) -> Booleans:
 
 
 def _meet(
-    first: Integers, second: Integers, common: int, points: Floats, signs: Orientations
+    first: Integers, second: Integers, common: int, points: Floats, signs: Orientation
 ) -> Booleans:
-    """Whether triangles (m, 3) with area have more in common than their first corner.
+    """True (m,) where triangles (m, 3) with area have more in common than their first corner.
 
     common: 1 if they share their first corner and no other, 0 if they share none.
     """
@@ -131,7 +128,7 @@ def _meet(
     return meet
 
 
-def _sides(planes: Integers, triangles: Integers, common: int, signs: Orientations) -> Integers:
+def _sides(planes: Integers, triangles: Integers, common: int, signs: Orientation) -> Integers:
     """(m, 3 - common) the sides of planes on which the corners of triangles lie that are not
     common."""
     corners = triangles.T[common:]
@@ -139,14 +136,14 @@ def _sides(planes: Integers, triangles: Integers, common: int, signs: Orientatio
 
 
 def _reaches(sides: Integers) -> Booleans:
-    """Whether not all corners lie strictly on one side."""
+    """True (m,) where not all corners lie strictly on one side."""
     return (sides.min(axis=1) <= 0) & (sides.max(axis=1) >= 0)
 
 
 def _pierces(
-    planes: Integers, triangles: Integers, sides: Integers, signs: Orientations
+    planes: Integers, triangles: Integers, sides: Integers, signs: Orientation
 ) -> Booleans:
-    """Whether an edge of the second triangles meets the first ones, other than in their plane.
+    """True (m,) where an edge of the second triangles meets the first, other than in their plane.
 
     Where triangles do not lie in one plane, what they have in common is a segment with ends on such
     edges. Of triangles with a common corner only the edges opposite to it count.
@@ -167,9 +164,9 @@ def _pierces(
 
 
 def _overlap(
-    first: Integers, second: Integers, common: int, points: Floats, signs: Orientations
+    first: Integers, second: Integers, common: int, points: Floats, signs: Orientation
 ) -> Booleans:
-    """Whether triangles of one plane have more in common than their first corner.
+    """True (m,) where triangles of one plane have more in common than their first corner.
 
     They do unless the line of an edge of one has the other strictly beyond it. Where they share
     their first corner, only edges at that corner count, and not what else the other has on their

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
-from dicedesign.tolerances import ROUNDING
+from dicedesign.tolerances import ROUNDING, UNDERFLOW
 
 __all__ = ["close_pairs"]
-
-_UNDERFLOW: Final = 1e-200
-"""Heights below this may have lost digits to underflow: they part nothing."""
 
 
 def close_pairs(first: Floats, second: Floats, common: int) -> Integers:
@@ -59,11 +54,11 @@ def _directions(corners: Floats) -> Floats:
 
 
 def _apart(axis: Floats, first: Floats, second: Floats, common: int) -> Booleans:
-    """Whether the heights of corners along an axis part them beyond the error of rounding."""
+    """True (m,) where the heights of corners along an axis part them beyond rounding."""
     origin = first[:, :1]
     one, other = ((corners - origin)[:, common:] * axis[:, None] for corners in (first, second))
     size = np.maximum(np.abs(one).sum(axis=2).max(axis=1), np.abs(other).sum(axis=2).max(axis=1))
-    error = ROUNDING * size + _UNDERFLOW
+    error = ROUNDING * size + UNDERFLOW
     one, other = one.sum(axis=2), other.sum(axis=2)
     if common:
         return (one.max(axis=1) < -error) & (other.min(axis=1) > error)

@@ -172,10 +172,10 @@ def _gap(surface: Surface, work: Work) -> float:
     """Over the diagonal: how far corners of the designed hull are from the surface, or the surface
     is outside of that hull."""
     from dicedesign.geometry.hulls.hull import convex_hull
-    from dicedesign.geometry.surfaces.closest_points import closest_points
+    from dicedesign.geometry.surfaces.distances import distances_from_surface
 
     corners = work.solid.hull_points
-    inside = closest_points(surface, corners).distances.max()
+    inside = distances_from_surface(surface, corners).max()
     designed = convex_hull(corners)
     middle = designed.vertices.mean(axis=0)
     heights = (work.plain.poses.hull.vertices - middle) @ designed.normals.T

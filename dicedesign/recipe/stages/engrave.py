@@ -103,7 +103,7 @@ def _cut(work: Work) -> None:
         _require_rests(labels, main, "a side")
         downs = work.plain.poses.normals[main]
         marked, _ = engrave_marks(solid.points, solid.triangles, downs, labels, options)
-    data = stl_bytes(marked.vertices, marked.triangles)
+    data = stl_bytes(marked.points, marked.triangles)
     work.files["die.stl"] = data
     verdict = None
     if solid.center_of_mass is None:
@@ -112,7 +112,7 @@ def _cut(work: Work) -> None:
         if not work.recipe.method.thrown:
             work.remarks.append(f"{verdict.max_abs_error:.3g} with the labels cut in")
         work.notes += _changes(work, verdict.outcomes.odds)
-    work.engraved = EngravedFile(marked.vertices, marked.triangles, verdict, tuple(placements))
+    work.engraved = EngravedFile(marked.points, marked.triangles, verdict, tuple(placements))
 
 
 def _require_rests(labels: Sequence[str], main: np.ndarray, what: str) -> None:

@@ -7,15 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from common.bumpy import bent_capsule
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from dicedesign.concave.fill.contact import Contacts
 from dicedesign.concave.fill.space_elasticity import Elasticity, HeldCorners
 from dicedesign.geometry.hulls.hull import convex_hull
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from dicedesign.runtime.arrays import Floats, Integers
 
 
 @dataclass

@@ -6,8 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from common.bumpy import bent_capsule, bumpy_sphere
-from numpy.typing import NDArray
+from common.bumpy import bent_capsule, bumpy_sphere, unit
 
 from dicedesign import rest_poses
 from dicedesign.concave.hull.descent import descend_hull
@@ -20,8 +19,7 @@ from dicedesign.concave.hull.slopes import SlopeOptions
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.outcomes import outcome_odds
-
-Floats = NDArray[np.float64]
+from dicedesign.runtime.arrays import Floats
 
 SLOPES = SlopeOptions(fall=3e-3, rise=3e-3, circle=float(np.radians(3.0)))
 TOLERANCE = 0.004
@@ -30,9 +28,7 @@ SHEAR = np.array([[1.0, 0.05, -0.03], [0.0, 1.0, 0.07], [0.0, 0.0, 1.0]])
 
 def problem_of(surface: Surface, target: Floats) -> HullProblem:
     """Of a sheared surface: symmetric bodies have ties."""
-    offsets = (surface.points - surface.centroid) @ SHEAR
-    unit = surface.moved(offsets / np.linalg.norm(offsets, axis=1).max())
-    return HullProblem(unit, target, TOLERANCE)
+    return HullProblem(unit(surface.moved(surface.points @ SHEAR)), target, TOLERANCE)
 
 
 @cache

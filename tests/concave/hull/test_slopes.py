@@ -7,14 +7,12 @@ import math
 import numpy as np
 import pytest
 import torch
-from common.bumpy import bumpy_sphere
+from common.bumpy import bumpy_sphere, unit
 from common.dented_cube import CORNERS, NORMALS
-from numpy.typing import NDArray
 
 from dicedesign.concave.hull.slopes import LIFETIME, SlopeMemory, SlopeOptions, climbs
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-
-Floats = NDArray[np.float64]
+from dicedesign.runtime.arrays import Floats
 
 OPTIONS = SlopeOptions(fall=5e-3, rise=3e-3, circle=math.radians(3.0))
 
@@ -41,9 +39,7 @@ def normals_of(rests: RestEvaluation) -> Floats:
 
 
 def bumpy_points() -> Floats:
-    surface = bumpy_sphere()
-    offsets = surface.points - surface.centroid
-    return np.asarray(offsets / np.linalg.norm(offsets, axis=1).max())
+    return unit(bumpy_sphere()).points
 
 
 def askew_cube(seed: int) -> Floats:

@@ -8,31 +8,14 @@ from itertools import combinations
 import numpy as np
 import pytest
 import trimesh
-from common.paths import DATA
+from common.exact_vectors import Vector, cross, dot, minus
 from scipy.spatial.transform import Rotation
 
-from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.surfaces.box_tree import overlapping_boxes
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 
-MODELS = DATA / "models"
 
-Point = tuple[Fraction, Fraction, Fraction]
-
-
-def minus(a: Point, b: Point) -> Point:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-def dot(a: Point, b: Point) -> Fraction:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def cross(a: Point, b: Point) -> Point:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def clipped(polygon: list[Point], origin: Point, normal: Point) -> list[Point]:
+def clipped(polygon: list[Vector], origin: Vector, normal: Vector) -> list[Vector]:
     """The part of a convex polygon, a segment or a point on the side that the normal points to."""
     heights = [dot(minus(corner, origin), normal) for corner in polygon]
     part = []
@@ -40,18 +23,16 @@ def clipped(polygon: list[Point], origin: Point, normal: Point) -> list[Point]:
         q, other = polygon[k - 1], heights[k - 1]
         if h * other < 0:
             share = h / (h - other)
-            x, y, z = minus(q, p)
-            part.append((p[0] + share * x, p[1] + share * y, p[2] + share * z))
+            part.append(tuple(x + share * step for x, step in zip(p, minus(q, p), strict=True)))
         if h >= 0:
             part.append(p)
     return part
 
 
-def common_corners(one: list[Point], other: list[Point]) -> set[Point]:
+def common_corners(one: list[Vector], other: list[Vector]) -> set[Vector]:
     """The corners of what two triangles have in common."""
     normal = cross(minus(one[1], one[0]), minus(one[2], one[0]))
-    x, y, z = normal
-    part = clipped(clipped(other, one[0], normal), one[0], (-x, -y, -z))
+    part = clipped(clipped(other, one[0], normal), one[0], tuple(-x for x in normal))
     for k in range(3):
         edge = minus(one[k], one[k - 1])
         part = clipped(part, one[k], cross(normal, edge)) if part else []
@@ -262,13 +243,3 @@ def test_the_same_triangle_twice_intersects() -> None:
 def test_triangles_without_area_are_left_out() -> None:
     points = np.array([[0, 0, 0], [2, 0, 0], [1, 0, 0], [0.5, -1, -1], [0.5, 1, -1], [0.5, 0, 1]])
     assert pairs_of(points, np.array([[0, 1, 2], [3, 4, 5]])) == []
-
-
-@pytest.mark.parametrize("name", ["spot", "penguin", "koala", "bunny", "armadillo"])
-def test_models_do_not_intersect_themselves(name: str) -> None:
-    path = MODELS / f"{name}.obj"
-    if not path.exists():
-        pytest.skip(f"model file {path} is not here")
-    body = read_body(path)
-    assert body.triangles is not None
-    assert len(intersecting_triangles(body.points, body.triangles)) == 0

@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
+from common.bumpy import ball, pushed_through, surface_of
 from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.surfaces.quality import surface_distortion, surface_quality
@@ -15,16 +16,8 @@ from dicedesign.geometry.surfaces.surface import Surface
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 
 
-def surface_of(mesh: trimesh.Trimesh) -> Surface:
-    return Surface(np.asarray(mesh.vertices).copy(), np.asarray(mesh.faces, dtype=np.int64))
-
-
-def sphere(subdivisions: int = 3) -> Surface:
-    return surface_of(trimesh.creation.icosphere(subdivisions=subdivisions))
-
-
 def test_a_sphere_has_no_defect() -> None:
-    quality = surface_quality(sphere())
+    quality = surface_quality(ball(3))
     assert quality.sentences() == ()
     assert (quality.points, quality.triangles, quality.genus) == (642, 1280, 0)
     shortest, mean, longest = quality.edges
@@ -53,7 +46,7 @@ def test_angles_of_a_needle_are_those_of_its_closed_form() -> None:
 
 def folded_sphere() -> tuple[Surface, Surface, int]:
     """A sphere, the same with a point pulled past its neighbors in their plane, and the point."""
-    before = sphere()
+    before = ball(3)
     points = before.points.copy()
     point = int(np.argmax(points[:, 2]))
     ring = np.unique(before.triangles[(before.triangles == point).any(axis=1)])
@@ -89,11 +82,7 @@ def test_sharp_bodies_have_no_triangles_turned_over() -> None:
 
 
 def test_a_finger_through_the_other_side_is_found_where_it_is() -> None:
-    before = sphere(4)
-    points = before.points.copy()
-    top = np.exp(-((np.linalg.norm(points - [0, 0, 1], axis=1) / 0.25) ** 2))
-    points[:, 2] -= 2.6 * top
-    quality = surface_quality(before.moved(points), before)
+    quality = surface_quality(pushed_through(), ball(4))
     assert len(quality.intersections) > 10
     assert len(quality.places) == 1
     np.testing.assert_allclose(quality.places[0], [0, 0, -1], atol=0.1)
@@ -101,18 +90,8 @@ def test_a_finger_through_the_other_side_is_found_where_it_is() -> None:
     assert " in 1 place, near (" in quality.sentences()[0]
 
 
-def test_places_are_told_apart() -> None:
-    before = sphere(4)
-    points = before.points.copy()
-    for side, wide in ((1.0, 0.25), (-1.0, 0.35)):
-        tip = np.exp(-((np.linalg.norm(before.points - [0, side, 0], axis=1) / wide) ** 2))
-        points += tip[:, None] * [2.6 * side, -side, 0]
-    quality = surface_quality(before.moved(points))
-    assert len(quality.places) in (0, 2)
-
-
 def test_plain_data_can_be_written_as_json() -> None:
-    before = sphere()
+    before = ball(3)
     points = before.points.copy()
     points[before.triangles[0]] = points[before.triangles[0, 0]]
     data = surface_quality(before.moved(points), before).data()
@@ -123,7 +102,7 @@ def test_plain_data_can_be_written_as_json() -> None:
 
 
 def test_a_similar_surface_is_not_distorted() -> None:
-    before = sphere()
+    before = ball(3)
     turned = 3.0 * before.points @ Rotation.random(random_state=0).as_matrix().T + [1, 2, 3]
     distortion = surface_distortion(before.moved(turned), before)
     for value in vars(distortion).values():
@@ -132,7 +111,7 @@ def test_a_similar_surface_is_not_distorted() -> None:
 
 def test_distortion_is_the_ratio_of_singular_values() -> None:
     rng = np.random.default_rng(1)
-    before = sphere(2)
+    before = ball(2)
     after = before.moved(before.points @ rng.normal(size=(3, 3)) + 0.05 * rng.normal(size=(162, 3)))
     shapes, ratios, weights = [], [], []
     for corners, images in zip(
@@ -157,7 +136,7 @@ def test_distortion_is_the_ratio_of_singular_values() -> None:
 
 
 def test_the_report_does_not_depend_on_unit_or_frame() -> None:
-    before = sphere()
+    before = ball(3)
     points = before.points.copy()
     points[:, 2] *= 1.0 - 1.9 * np.exp(-(points[:, :2] ** 2).sum(axis=1) / 0.1)
     points += 1e-3 * np.random.default_rng(2).normal(size=points.shape)  # no exact touches

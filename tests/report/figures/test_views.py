@@ -29,14 +29,14 @@ def engraved_cube():
 def test_view_figures():
     die, hull, labels = engraved_cube()
     ups = np.array([label.frame[:3, 1] for label in labels])
-    figure = views_figure(die.vertices, die.triangles)
+    figure = views_figure(die.points, die.triangles)
     assert len(figure.pictures) == 8
     assert "from -z" in figure.texts
     facets = labels_figure(
-        die.vertices, die.triangles, hull.normals, ups, [label.text for label in labels]
+        die.points, die.triangles, hull.normals, ups, [label.text for label in labels]
     )
     assert facets.texts == [label.text for label in labels]
-    again = labels_figure(die.vertices, die.triangles, hull.normals, ups, list("123457"))
+    again = labels_figure(die.points, die.triangles, hull.normals, ups, list("123457"))
     assert facets.png() == again.png()
 
 

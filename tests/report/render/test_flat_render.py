@@ -133,7 +133,7 @@ def test_an_engraved_pocket_is_seen():
     normal, up = hull.normals[0], labels[0].frame[:3, 1]
     camera = Camera(normal, up, np.zeros(3), 10.0)
     plain = render_view(hull.vertices, hull.triangles, camera, 100)
-    cut = render_view(die.vertices, die.triangles, camera, 100)
+    cut = render_view(die.points, die.triangles, camera, 100)
     changed = (plain != cut).any(axis=2)
     assert 0.03 < changed.mean() < 0.4
     assert cut[changed].mean() < plain[changed].mean() - 15

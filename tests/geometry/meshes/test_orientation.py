@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from numpy.typing import NDArray
 
-from dicedesign.geometry.meshes.shells import _shells, oriented_shells
+from dicedesign.geometry.meshes.orientation import oriented_shells, shells_of
 from dicedesign.geometry.solid import is_closed
 from dicedesign.kernels import ops as kernels
+from dicedesign.runtime.arrays import Integers
 
 pytestmark = pytest.mark.skipif(kernels.compiled is None, reason="kernels were not built")
 
 
-def soups() -> list[NDArray[np.int64]]:
+def soups() -> list[Integers]:
     """Triangles that meet at random, spheres, pairs of them, and spheres with a hole."""
     rng = np.random.default_rng(0)
     found = []
@@ -31,9 +31,9 @@ def soups() -> list[NDArray[np.int64]]:
 
 def test_shells_are_the_connected_components(monkeypatch: pytest.MonkeyPatch) -> None:
     for triangles in soups():
-        shells = _shells(triangles)
+        shells = shells_of(triangles)
         monkeypatch.setattr(kernels, "compiled", None)
-        np.testing.assert_array_equal(shells, _shells(triangles))
+        np.testing.assert_array_equal(shells, shells_of(triangles))
         monkeypatch.undo()
 
 

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common.bumpy import bumpy_sphere
+from common.bumpy import bumpy_sphere, unit
 from common.dented_cube import CORNERS, NORMALS
-from numpy.typing import NDArray
 
 from dicedesign import rest_poses
 from dicedesign.concave.hull.outcome_directions import outcome_choices
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 
-Floats = NDArray[np.float64]
-
 
 def bumpy_hull() -> ConvexHull:
-    surface = bumpy_sphere()
-    offsets = surface.points - surface.centroid
-    return convex_hull(offsets / np.linalg.norm(offsets, axis=1).max())
+    return convex_hull(unit(bumpy_sphere()).points)
 
 
 def test_likelier_rests_become_likelier_outcomes() -> None:

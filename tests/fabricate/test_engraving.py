@@ -42,7 +42,7 @@ def engraved_volume(placements) -> float:
 
 
 def volume(die) -> float:
-    return solid_properties(die.vertices, die.triangles)[0]
+    return solid_properties(die.points, die.triangles)[0]
 
 
 def test_a_cube_loses_outline_area_times_depth(box):
@@ -50,24 +50,24 @@ def test_a_cube_loses_outline_area_times_depth(box):
     die, placements = engraved(body, list("123456"))
     removed = engraved_volume(placements)
     assert volume(die) == pytest.approx(8000.0 - removed, rel=1e-9)
-    assert die.vertices.dtype == np.float64
+    assert die.points.dtype == np.float64
     assert die.triangles.dtype == np.int64
 
 
 def test_the_stl_is_one_watertight_piece_of_the_same_volume_and_hull(box):
     body = box(20.0, 20.0, 20.0).moved(Rotation.from_rotvec((0.3, 1.1, -0.7)).as_matrix())
     die, _ = engraved(body, list("123456"))
-    mesh = trimesh.load(io.BytesIO(stl_bytes(die.vertices, die.triangles)), file_type="stl")
+    mesh = trimesh.load(io.BytesIO(stl_bytes(die.points, die.triangles)), file_type="stl")
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.body_count == 1
     assert mesh.euler_number == 2
     assert mesh.volume == pytest.approx(volume(die), rel=1e-5)
-    assert ConvexHull(die.vertices).volume == pytest.approx(8000.0, rel=1e-9)
+    assert ConvexHull(die.points).volume == pytest.approx(8000.0, rel=1e-9)
 
 
 def level(die, z: float) -> CrossSection:
-    return solid(die.vertices, die.triangles).slice(z)
+    return solid(die.points, die.triangles).slice(z)
 
 
 def empty_at(section: CrossSection, x: float, y: float) -> bool:
@@ -113,9 +113,9 @@ def test_engraving_turns_with_the_body(box):
     rotation = Rotation.from_rotvec((1.0, -0.4, 2.0)).as_matrix()
     plain, _ = engraved(body, list("123456"))
     turned, _ = engraved(body.moved(rotation), list("123456"))
-    assert len(plain.vertices) == len(turned.vertices)
-    back = turned.vertices @ rotation
-    distance = np.linalg.norm(back[:, None] - plain.vertices[None], axis=-1).min(axis=1)
+    assert len(plain.points) == len(turned.points)
+    back = turned.points @ rotation
+    distance = np.linalg.norm(back[:, None] - plain.points[None], axis=-1).min(axis=1)
     assert distance.max() < 1e-6
 
 
@@ -136,9 +136,7 @@ def test_no_labels_leave_the_solid_as_it_is(box):
 
 def test_the_same_input_gives_the_same_bytes(box):
     first, second = (engraved(box(20.0, 20.0, 20.0), list("123456"))[0] for _ in range(2))
-    assert stl_bytes(first.vertices, first.triangles) == stl_bytes(
-        second.vertices, second.triangles
-    )
+    assert stl_bytes(first.points, first.triangles) == stl_bytes(second.points, second.triangles)
 
 
 @pytest.mark.parametrize("depth", [6.0, 9.0, 25.0])

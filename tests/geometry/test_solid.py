@@ -7,10 +7,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import trimesh
+from common.bumpy import bent_capsule, bumpy_sphere
 from common.paths import DATA
 from scipy.spatial.transform import Rotation
 
-from dicedesign.geometry.meshes.winding import consistent_winding
+from dicedesign.geometry.meshes.orientation import consistent_winding
 from dicedesign.geometry.solid import is_closed, solid_properties, stretch_matrix
 
 MODELS = DATA / "models"
@@ -250,3 +251,22 @@ def test_open_and_one_sided_surfaces_have_no_winding() -> None:
     )  # the projective plane on six vertices: closed, one-sided
     for faces in (TETRAHEDRON[:3], strip, plane, np.empty((0, 3), dtype=np.int64)):
         assert consistent_winding(faces) is None
+
+
+def test_derivatives_of_the_centroid_by_finite_differences() -> None:
+    surface = bumpy_sphere(1)
+    rng = np.random.default_rng(10)
+    way = rng.normal(size=surface.points.shape)
+    step = 1e-6
+    after, before = (surface.moved(surface.points + s * way).centroid for s in (step, -step))
+    derivatives = surface.centroid_derivatives()
+    expected = (after - before) / (2.0 * step)
+    np.testing.assert_allclose(np.tensordot(derivatives, way, 2), expected, rtol=1e-7)
+
+
+def test_a_centroid_moves_and_grows_with_its_surface() -> None:
+    surface = bent_capsule()
+    derivatives = surface.centroid_derivatives()
+    np.testing.assert_allclose(derivatives.sum(axis=1), np.eye(3), atol=1e-12)
+    grown = np.tensordot(derivatives, surface.points, 2)
+    np.testing.assert_allclose(grown, surface.centroid, atol=1e-12)

@@ -14,6 +14,7 @@ import trimesh
 from common.paths import DATA, ROOT
 
 from dicedesign.errors import DegenerateBodyError, MeshFileError
+from dicedesign.geometry.meshes.formats import OWN_ENDINGS
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.meshes.stl import read_stl
 from dicedesign.geometry.solid import is_closed, solid_properties
@@ -293,30 +294,14 @@ GARBAGE = np.random.default_rng(0).bytes(3000)
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        (
-            "a.stl",
-            b"",
-            "expected a mesh or point file, got an empty one; export it again as STL, PLY or OBJ",
-        ),
-        (
-            "a.xyz",
-            b"",
-            "expected a mesh or point file, got an empty one; export it again as STL, PLY or OBJ",
-        ),
+        ("a.stl", b"", "got an empty one; export it again as STL, PLY or OBJ"),
+        ("a.xyz", b"", "got an empty one; export it again as STL, PLY or OBJ"),
         ("a.obj", "# nothing\n", "expected a mesh or points, found neither; export it again"),
-        (
-            "a.stl",
-            "hello world\n",
-            "expected a .stl file, text that begins with solid or binary of 84",
-        ),
+        ("a.stl", "hello world\n", "expected a .stl file, text that begins with"),
         ("a.stl", "solid\nendsolid\n", "expected a mesh or points, found neither; export it again"),
         ("a.stl", bytes(84), "expected a mesh or points, found neither; export it again"),
         ("a.stl", b"solid" + bytes(80), "got 85 bytes; export it again as STL, PLY or OBJ"),
-        (
-            "a.stl",
-            GARBAGE,
-            "expected a .stl file, text that begins with solid or binary of 84 + 50",
-        ),
+        ("a.stl", GARBAGE, "begins with solid or binary of 84 + 50"),
         ("a.stl", "solid\nfacet\nvertex 1 2\n", "line 3: expected three coordinates, got 'vert"),
         ("a.stl", "solid\nvertex 1 2 x\n", "line 2: expected three coordinates, got 'vertex 1 "),
         ("a.stl", "solid\nvertex 1 2 3 4\n", "line 2: expected three coordinates, got 'vertex"),
@@ -329,30 +314,14 @@ GARBAGE = np.random.default_rng(0).bytes(3000)
         ("a.xyz", GARBAGE, "line 1: expected three coordinates, got "),
         ("a.foo", "hello", "got '.foo'; export it again as STL, PLY or OBJ"),
         ("a", "hello", "expected a file ending out of .3"),
-        (
-            "a.xyz",
-            "0 0 0\n1 2\n",
-            "line 2: expected three coordinates, got '1 2'; correct the line",
-        ),
+        ("a.xyz", "0 0 0\n1 2\n", "line 2: expected three coordinates, got '1 2'; cor"),
         ("a.xyz", "0 0 0\n1 2 x\n", "line 2: expected three coordinates, got '1 2 x'"),
         ("a.obj", "v 0 0 0\nv 1 1\n", "line 2: expected three coordinates, got '1 1'"),
         ("a.obj", CUBE + "f 1 2\n", "line 9: expected a face of at least 3 vertices, got 'f 1 2'"),
-        (
-            "a.obj",
-            CUBE + "f 1 2 0\n",
-            "line 9: expected vertex numbers other than 0, got 'f 1 2 0'",
-        ),
+        ("a.obj", CUBE + "f 1 2 0\n", "line 9: expected vertex numbers other than 0,"),
         ("a.obj", CUBE + "f 1 2 b\n", "line 9: expected whole numbers, got '1 2 b'"),
-        (
-            "a.obj",
-            CUBE + "f 1 2 9\n",
-            "expected triangles of points 0 to 7, got point 8 in triangle 0",
-        ),
-        (
-            "a.obj",
-            CUBE + "f 1 2 -9\n",
-            "expected triangles of points 0 to 7, got point -1 in triangle 0",
-        ),
+        ("a.obj", CUBE + "f 1 2 9\n", "points 0 to 7, got point 8 in triangle 0"),
+        ("a.obj", CUBE + "f 1 2 -9\n", "points 0 to 7, got point -1 in triangle 0"),
         ("a.off", "OFF\n", "expected the numbers of vertices and faces and then as many lines"),
         ("a.off", "OFF\n4 1 0\n0 0 0\n", "got [4, 1] and 1 lines; export the file again"),
         ("a.off", "OFF\n1 1\n0 0 0\n4 0 0 0\n", "line 4: expected 4 vertex numbers, got '4 0 0 0'"),
@@ -416,12 +385,7 @@ def test_reading_imports_no_more_than_it_needs(tmp_path: Path, name: str) -> Non
     cloud = trimesh.PointCloud(mesh.vertices)
     (cloud if name == "a.xyz" else mesh).export(tmp_path / name)
     heavy = {"torch", "matplotlib"}
-    if name in {
-        "a.obj",
-        "a.off",
-        "a.xyz",
-        "a.stl",
-    }:  # trimesh itself imports manifold3d where it is there
+    if Path(name).suffix in OWN_ENDINGS:  # trimesh itself imports manifold3d where it is there
         heavy |= {"trimesh", "manifold3d"}
     code = (
         "import sys; from dicedesign.geometry.meshes.reading import read_body; "

@@ -6,8 +6,7 @@ from functools import cached_property
 
 import numpy as np
 import pytest
-from common.bumpy import bent_capsule, bumpy_sphere
-from numpy.typing import NDArray
+from common.bumpy import ball, bent_capsule, bumpy_sphere, unit
 
 from dicedesign.concave.fill.space_elasticity import (
     FREE,
@@ -19,15 +18,7 @@ from dicedesign.concave.fill.space_elasticity import (
 )
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.surfaces.surface import Surface
-
-Floats = NDArray[np.float64]
-
-
-def unit(surface: Surface) -> Surface:
-    """About its center of mass, of circumscribed radius 1."""
-    offsets = surface.points - surface.centroid
-    return surface.moved(offsets / np.linalg.norm(offsets, axis=1).max())
+from dicedesign.runtime.arrays import Floats
 
 
 class Bodies:
@@ -137,9 +128,7 @@ def test_relative_displacements_by_brute_force(held: HeldCorners) -> None:
 
 
 def test_a_convex_surface_has_nothing_to_move_the_center_of_mass_with() -> None:
-    ball = unit(bumpy_sphere(1))
-    lengths = np.linalg.norm(ball.points, axis=1)[:, None]
-    convex = unit(ball.moved(ball.points / lengths))
+    convex = unit(ball(1))
     held = HeldCorners(Elasticity(convex), convex_hull(convex.points).source)
     text = "surface: expected one with dents, but 42 of its 42 points are corners of its hull, and"
     with pytest.raises(InputError, match=text):

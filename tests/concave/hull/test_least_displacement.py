@@ -6,12 +6,10 @@ from itertools import product
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from dicedesign.concave.hull.least_displacement import REGULAR, SOFTNESS, least_displacement
 from dicedesign.concave.hull.slopes import SlopeConditions
-
-Floats = NDArray[np.float64]
+from dicedesign.runtime.arrays import Floats
 
 CORNERS = 7
 

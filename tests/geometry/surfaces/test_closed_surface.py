@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from common.bumpy import pushed_through
 from common.paths import DATA
 
 from dicedesign.errors import DegenerateBodyError, InputError
@@ -133,12 +134,9 @@ def test_two_sheets_at_a_point_are_refused() -> None:
 
 
 def test_a_surface_that_meets_itself_is_refused() -> None:
-    mesh = trimesh.creation.icosphere(subdivisions=4)
-    points = np.asarray(mesh.vertices).copy()
-    tip = np.exp(-((np.linalg.norm(points - [0, 0, 1], axis=1) / 0.25) ** 2))
-    points[:, 2] -= 2.6 * tip
+    surface = pushed_through()
     refused(
-        make_body(points, mesh.faces, name="thing"),
+        make_body(surface.points, surface.triangles, name="thing"),
         "a surface that does not meet itself",
         "pairs of triangles that do, the first near (",
         "boolean union",

@@ -1,0 +1,77 @@
+"""Quadratic programs and points inside polyhedra, against SciPy's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.sparse import csc_array
+
+from dicedesign.concave.fill.quadratic_program import PointsInside, solve_quadratic_program
+from dicedesign.geometry.hulls.hull import convex_hull
+
+pytest.importorskip("clarabel", reason="the optional extra 'concave' is not installed")
+
+
+def test_a_quadratic_program_against_scipy() -> None:
+    rng = np.random.default_rng(8)
+    root = rng.normal(size=(6, 6))
+    hessian, gradient = root @ root.T, rng.normal(size=6)
+    rows, bounds = rng.normal(size=(9, 6)), rng.uniform(0.1, 1.0, size=9)
+    found = solve_quadratic_program(csc_array(hessian), gradient, csc_array(rows), bounds, 2)
+    expected = minimize(
+        lambda x: 0.5 * x @ hessian @ x + gradient @ x,
+        np.zeros(6),
+        jac=lambda x: hessian @ x + gradient,
+        constraints=[
+            {"type": "eq", "fun": lambda x: bounds[:2] - rows[:2] @ x},
+            {"type": "ineq", "fun": lambda x: bounds[2:] - rows[2:] @ x},
+        ],
+        tol=1e-12,
+    ).x
+    assert found is not None
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_a_program_without_solution_has_none() -> None:
+    rows = csc_array(np.array([[1.0], [-1.0]]))
+    assert solve_quadratic_program(csc_array(np.eye(1)), np.zeros(1), rows, -np.ones(2)) is None
+
+
+def test_points_inside_a_polyhedron() -> None:
+    """Pulled out of a ball of half-spaces, each point stops at the boundary nearest to its aim."""
+    rng = np.random.default_rng(9)
+    hull = convex_hull(rng.normal(size=(200, 3)) * [1.0, 0.5, 2.0])
+    inside = PointsInside(hull.normals, hull.heights(hull.centroid))
+    points = 0.1 * rng.normal(size=(40, 3))
+    aims = 3.0 * rng.normal(size=(40, 3))
+    known = np.array([3, 17])
+    moves = inside.step(
+        points, csc_array(np.eye(120)), points - aims, known, aims[known] - points[known]
+    )
+    assert moves is not None
+    np.testing.assert_array_equal(moves[known], aims[known] - points[known])
+    free = np.delete(np.arange(40), known)
+    reached = inside.mended(points + moves)[free]
+    assert inside.slacks(reached).min() > -1e-14
+    for place, aim in zip(reached, aims[free], strict=True):
+        expected = minimize(
+            lambda x, aim=aim: 0.5 * (x - aim) @ (x - aim),
+            np.zeros(3),
+            jac=lambda x, aim=aim: x - aim,
+            constraints={"type": "ineq", "fun": lambda x: inside.slacks(x[None])[0]},
+        ).x
+        np.testing.assert_allclose(place, expected, atol=1e-4)
+
+
+def test_the_largest_size_inside() -> None:
+    cube = convex_hull(np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T * 1.0)
+    inside = PointsInside(cube.normals, cube.heights(np.zeros(3)))
+    points = np.array([[3.0, 0.0, 0.0], [0.5, 0.5, 0.5], [-1.0, 0.0, 0.0]])
+    scaled = inside.largest(points, np.array([0.5, 0.0, 0.0]))
+    middle = np.array([0.5, 0.0, 0.0])
+    np.testing.assert_allclose(scaled - middle, 0.1998 * (points - middle), atol=1e-15)
+    assert inside.slacks(scaled).min() > 0.0
+    away = inside.largest(points + 10.0, np.array([10.5, 10.0, 10.0]))
+    assert inside.slacks(away).min() > 0.0
+    np.testing.assert_allclose(inside.largest(0.1 * points, np.zeros(3)), 0.1 * points)
