@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -20,18 +21,15 @@ from common.dented_cube import write_cube
 
 from dicedesign import rest_poses
 from dicedesign.bench.bodies.extremes import large, weighted_sphere
-from dicedesign.design.energy import total as energy
-from dicedesign.design.energy.compiled import PAPER_TERMS
 from dicedesign.design.energy.objective import Evaluation, Objective
-from dicedesign.design.energy.weights import EnergyWeights
+from dicedesign.design.energy.term import TERMS, EnergyWeights
+from dicedesign.design.options import DescentOptions, SobolevOptions, Stopping
 from dicedesign.design.result import DesignResult
 from dicedesign.design.solvers import sobolev
-from dicedesign.design.solvers.descent import DescentOptions, descend_to_target
+from dicedesign.design.solvers.descent import descend_to_target
 from dicedesign.design.solvers.line_search import LineSearch
-from dicedesign.design.solvers.sobolev import SobolevOptions
-from dicedesign.design.starts.hendecahedron import hendecahedron
+from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.design.starts.start import Start
-from dicedesign.design.stopping import Stopping
 from dicedesign.design.targets import sum_of_dice
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient import rest_odds as differentiable
@@ -47,7 +45,8 @@ SOLVERS = {"clarabel", "osqp", "piqp", "proxsuite", "quadprog", "cvxpy", "highsp
 
 compiled_only = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
 
-TERMS = ("coplanar", "barycenter", "neighbor", "stability")
+PAPER_TERMS = ("dice", "coplanar", "barycenter", "neighbor")
+REGULARIZERS = (*PAPER_TERMS[1:], "stability")
 
 
 def modules_after(arguments: list[str], folder: Path) -> set[str]:
@@ -74,6 +73,13 @@ def descend(**options: Any) -> DesignResult:
 
 def forbidden(*arguments: object, **options: object) -> None:
     raise AssertionError("this was not asked for")
+
+
+def replaced(monkeypatch: pytest.MonkeyPatch, term: str, **parts: Any) -> None:
+    """Give a term of the energy other functions."""
+    TERMS._read()
+    monkeypatch.setitem(TERMS._entries, term, replace(TERMS[term], **parts))
+    monkeypatch.setattr(TERMS, "_ordered", None)
 
 
 @pytest.fixture
@@ -211,10 +217,10 @@ def test_exact_arithmetic_is_for_what_rounding_leaves_open(
 # A design.
 
 
-@pytest.mark.parametrize("term", TERMS)
+@pytest.mark.parametrize("term", REGULARIZERS)
 def test_a_term_without_weight_is_not_called(monkeypatch: pytest.MonkeyPatch, term: str) -> None:
     monkeypatch.setattr(kernels, "compiled", None)
-    monkeypatch.setattr(energy, f"{term}_energy", forbidden)
+    replaced(monkeypatch, term, evaluate=forbidden)
     result = descend(weights=EnergyWeights(**{term: 0.0}))
     assert term not in result.terms
     assert len(result.history) == 5
@@ -223,13 +229,13 @@ def test_a_term_without_weight_is_not_called(monkeypatch: pytest.MonkeyPatch, te
 
 
 @compiled_only
-@pytest.mark.parametrize("term", TERMS)
+@pytest.mark.parametrize("term", REGULARIZERS)
 def test_kernels_leave_out_a_term_without_weight(
     monkeypatch: pytest.MonkeyPatch, term: str
 ) -> None:
     """They are not told to evaluate it, and return 0; stability is the only one in Python."""
     if term == "stability":
-        monkeypatch.setattr(energy, "_sides", forbidden)
+        replaced(monkeypatch, term, of_depths=forbidden)
     module: Any = kernels.compiled
     values: list[list[float]] = []
     asked: list[list[bool]] = []
@@ -257,10 +263,17 @@ def test_kernels_leave_out_a_term_without_weight(
 
 def test_shaping_terms_are_not_called_once_they_have_given_way(
     monkeypatch: pytest.MonkeyPatch,
-    counted: Callable[[Any, str], list[tuple[Any, ...]]],
 ) -> None:
     monkeypatch.setattr(kernels, "compiled", None)
-    calls = {name: counted(energy, f"{name}_energy") for name in ("dice", "neighbor")}
+    calls: dict[str, list[Any]] = {"dice": [], "neighbor": []}
+    for name, list_of_calls in calls.items():
+        original = TERMS[name].evaluate
+
+        def spy(*arguments: Any, original=original, told=list_of_calls) -> Any:
+            told.append(arguments)
+            return original(*arguments)
+
+        replaced(monkeypatch, name, evaluate=spy)
     result = descend(steps=120, relaxation=1e-6)
     gone = [step.step for step in result.history if "neighbor" not in step.terms]
     assert gone
@@ -347,7 +360,12 @@ def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -
     own = {name for name in loaded if name.startswith("dicedesign.")}
     # What a recipe may say of a concave die is read, what makes one is not.
     concave = {name for name in own if name.startswith("dicedesign.concave")}
-    assert concave == {"dicedesign.concave", "dicedesign.concave.options"}
+    assert concave == {
+        "dicedesign.concave",
+        "dicedesign.concave.options",
+        "dicedesign.concave.shapes",
+        "dicedesign.concave.shapes.start",
+    }
     assert not any(name.startswith("dicedesign.bench") for name in own)
     assert (
         own & {f"dicedesign.fabricate.{name}" for name in ("engrave", "glyphs", "layout")} == set()

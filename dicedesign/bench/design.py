@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 
 from dicedesign.bench.machine import machine_description
-from dicedesign.design.preferences.weights import Preferences
+from dicedesign.design.options import DescentOptions, ExactOptions, SobolevOptions
+from dicedesign.design.preferences.preference import Preferences
 from dicedesign.design.result import DesignStep
-from dicedesign.design.solvers.descent import DescentOptions
-from dicedesign.design.solvers.exact import ExactOptions
-from dicedesign.design.solvers.sobolev import SobolevOptions
 from dicedesign.design.starts.start import Start
 from dicedesign.recipe.design_stage import design_die
 from dicedesign.recipe.schema.recipe import Recipe
@@ -49,7 +47,7 @@ def _descent(
     def set_up(recipe: Recipe) -> Recipe:
         own = recipe.method.descent or DescentOptions()
         weight = own.weights.stability if stability is None else stability
-        weights = replace(own.weights, stability=weight)
+        weights = own.weights.changed(stability=weight)
         return _under(
             recipe, replace(own, coordinates=coordinates, sobolev=sobolev, weights=weights)
         )

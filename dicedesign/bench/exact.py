@@ -10,13 +10,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from dicedesign.design.preferences.weights import Preferences
+from dicedesign.design.options import DescentOptions, ExactOptions, Stopping
+from dicedesign.design.preferences.preference import Preferences
 from dicedesign.design.result import DesignResult
-from dicedesign.design.solvers.descent import DescentOptions, descend_to_target
-from dicedesign.design.solvers.exact import ExactOptions, solve_exactly
+from dicedesign.design.solvers.descent import descend_to_target
+from dicedesign.design.solvers.exact import solve_exactly
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.design.starts.search import shapes_near
-from dicedesign.design.stopping import Stopping
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats
 

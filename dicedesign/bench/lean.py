@@ -15,7 +15,7 @@ from dicedesign.bench.measures.feature_costs import (
     sobolev_rows,
 )
 from dicedesign.bench.measures.processes import in_new_process
-from dicedesign.design.starts.hendecahedron import hendecahedron
+from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.stl import stl_bytes
 

@@ -26,7 +26,6 @@ from dicedesign.learning.random_throws import (
     throw_random_dice,
 )
 from dicedesign.throws.counts.throw_counts import CountedDie
-from dicedesign.throws.engines.engine import Engine
 from dicedesign.throws.momentum.momentum_model import MomentumModel
 from dicedesign.throws.momentum.momentum_odds import momentum_odds
 from dicedesign.throws.simulation.simulation import simulate
@@ -143,7 +142,7 @@ class PrintedDie:
 
 
 def throw_unseen_dice(
-    extent: Extent, table: Table, engine: Engine, workers: Executor
+    extent: Extent, table: Table, engine: str, workers: Executor
 ) -> Iterator[ThrownRandomDie]:
     """Random dice of `RESTS` rests, thrown. Raises InputError: as `throw_random_die`."""
     throws = [[(table, extent.drops)]] * extent.dice
@@ -193,7 +192,7 @@ def judge_printed_die(
     table: Table,
     model: MomentumModel | None,
     drops: int,
-    engine: Engine,
+    engine: str,
     workers: Executor,
 ) -> PrintedDie:
     """Three predictions of a printed die beside what came up. Where its size is unknown it has the

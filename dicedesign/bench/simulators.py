@@ -11,7 +11,6 @@ import numpy as np
 from dicedesign.bench.measures.simulator_odds import TABLES, ShapeOdds
 from dicedesign.bench.reference.published_distances import PRINTED_CORRELATIONS, PublishedDistances
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.engines.engine import Engine
 from dicedesign.throws.statistics.correlation import Correlation, correlation
 from dicedesign.throws.statistics.odds_comparison import Distance
 
@@ -56,7 +55,7 @@ class EngineTotals:
     part of one shape's that did, and the seconds of one core that they took."""
 
     table: str
-    engine: Engine
+    engine: str
     drops: int
     unresolved: int
     largest_share: float

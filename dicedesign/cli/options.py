@@ -43,12 +43,14 @@ def add_worker_options(parser: argparse.ArgumentParser, jobs_help: str, where: s
 
 def add_engine_option(parser: argparse.ArgumentParser) -> None:
     """Add `--engine`, the simulator of throws."""
+    from dicedesign.throws.engines.engine import ENGINES
+
+    *lines, last = (f"{engine.name}, {engine.line}" for engine in ENGINES)
     parser.add_argument(
         "--engine",
         default="native",
         metavar="NAME",
-        help="native, the package's own; mujoco, which needs the extra 'throws'; or bullet, which "
-        "needs the extra 'bullet' (default: native)",
+        help=f"{'; '.join(lines)}; or {last} (default: native)",
     )
 
 

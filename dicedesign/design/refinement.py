@@ -8,8 +8,6 @@ mean of `log(f / m)` over the dice so far, in which later dice and larger sample
 Where the die shall be robust it is thrown onto changed tables as well, and what the model gets
 wrong there is measured likewise, for the preference that makes it so. In the last rounds the die
 is no more made better by preference: one that hardly moves keeps what was measured of it.
-
-Options of designing against simulated throws.
 """
 
 from __future__ import annotations
@@ -21,15 +19,13 @@ from typing import Final
 
 import numpy as np
 
+from dicedesign.design.options import MOST_DROPS
 from dicedesign.design.result import DesignResult
-from dicedesign.errors import InputError
 from dicedesign.gradient.restitution_sensitivity import CHANGES
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.runtime.registry import STRICT
-from dicedesign.throws.engines.engine import Engine
 from dicedesign.throws.statistics.total_variation import noise_floor, total_variation
 
-__all__ = ["MOST_DROPS", "MOST_ROUNDS", "RefineOptions", "Refinement", "Round"]
+__all__ = ["Refinement", "Round"]
 
 GROWTH: Final = 1.5
 """Throws of a round over those of the one before."""
@@ -128,13 +124,13 @@ class Refinement:
             met = self._is_met(counts)
             if met and not (self.robust and number == 0):
                 break
-            swing = None if settling else np.stack([bias.value for bias in biases[1:]])
+            sensitivity = None if settling else np.stack([bias.value for bias in biases[1:]])
             if met:
                 # The first die does not know what the changed tables do, but has the right odds.
-                again = self.design(die, asked, swing)
+                again = self.design(die, asked, sensitivity)
                 found = None if again is None else (again, asked)
             else:
-                found = self._corrected(die, asked, biases[0].value, swing)
+                found = self._corrected(die, asked, biases[0].value, sensitivity)
             if found is None:
                 break
             die, asked = found
@@ -172,16 +168,16 @@ class Refinement:
         return frequencies
 
     def _corrected(
-        self, die: DesignResult, asked: Floats, bias: Floats, swing: Floats | None
+        self, die: DesignResult, asked: Floats, bias: Floats, sensitivity: Floats | None
     ) -> tuple[DesignResult, Floats] | None:
         """A die that makes up for a bias (k,), and its odds in the model; where none is found, one
-        that goes a part of the way from what was asked last. swing: as `design` is told."""
+        that goes a part of the way from what was asked last. sensitivity: as `design` is told."""
         wanted = np.log(self.target) - bias
         for halving in range(MOST_HALVINGS):
             part = 0.5**halving
             odds = np.exp(part * wanted + (1.0 - part) * np.log(asked))
             odds /= odds.sum()
-            found = self.design(die, odds, swing)
+            found = self.design(die, odds, sensitivity)
             if found is not None:
                 return found, odds
         return None
@@ -204,47 +200,3 @@ class _Bias:
         old = MEMORY * self.weight
         self.weight = old + drops
         self.value = (old * self.value + drops * np.log(frequencies / odds)) / self.weight
-
-
-MOST_DROPS: Final = 10_000_000
-
-MOST_ROUNDS: Final = 50
-
-
-@dataclass(frozen=True)
-class RefineOptions:
-    """Options of `method.exact.refine`.
-
-    Attributes
-    ----------
-    drops: simulated throws of the first round, 1 to `MOST_DROPS`; each later round has half as many
-        again, but not more than those. Where the die is made robust, all rounds but the last
-        two also have half as many onto each of two changed tables.
-    rounds: most rounds of throwing a die and designing it anew, 1 to `MOST_ROUNDS`.
-    verdict: throws that judge the last die, 1 to `MOST_DROPS`.
-    within: largest total variation from the target, by the verdict, that counts as reached; above 0
-        and below 1.
-    engine: the simulator.
-    """
-
-    __pydantic_config__ = STRICT
-
-    drops: int = 20_000
-    rounds: int = 5
-    verdict: int = 100_000
-    within: float = 0.01
-    engine: Engine = "native"
-
-    def __post_init__(self) -> None:
-        for name, most in (("drops", MOST_DROPS), ("rounds", MOST_ROUNDS), ("verdict", MOST_DROPS)):
-            value = getattr(self, name)
-            if not 1 <= value <= most:
-                raise InputError(
-                    f"refine.{name}: expected a whole number from 1 to {most}, got {value}; "
-                    "correct it"
-                )
-        if not 0.0 < self.within < 1.0:
-            raise InputError(
-                f"refine.within: expected a number in (0, 1), got {self.within:g}; leave it out "
-                "for 0.01"
-            )

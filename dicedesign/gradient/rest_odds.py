@@ -20,6 +20,7 @@ from torch import Tensor
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hulls.reuse import HullMaker
+from dicedesign.geometry.sphere import foot_on_line
 from dicedesign.gradient.adjoint_function import adjoint_function
 from dicedesign.gradient.rest_formulas import facet_depths, facet_normals, rest_probabilities
 from dicedesign.gradient.solid_moments import centroid_gradient, hull_centroid
@@ -163,6 +164,16 @@ class RestEvaluation:
         return self.facet_normals(self.paths.rests)
 
     @cached_property
+    def facet_areas(self) -> Tensor:
+        """(m,) areas of the facets, by the triangles they are cut into."""
+        hull = self.hull
+        a, b, c = (self.vertices[corner] for corner in hull.triangles.T)
+        owner = np.repeat(np.arange(len(hull.normals)), np.diff(hull.facet_start) - 2)
+        vectors = torch.zeros((len(hull.normals), 3), dtype=torch.float64)
+        vectors = vectors.index_add(0, torch.as_tensor(owner), torch.linalg.cross(b - a, c - a))
+        return torch.linalg.vector_norm(vectors, dim=1) / 2.0
+
+    @cached_property
     def facet_depths(self) -> Tensor:
         """(m,) how far inside each facet the foot of the center of mass lies: its signed distance
         from the nearest edge's line over the circumscribed radius, positive for rests."""
@@ -190,6 +201,14 @@ class RestEvaluation:
     def _facets(self) -> tuple[Integers, Integers, Floats, Floats]:
         hull = self.hull
         return hull.facet_start, hull.tail, hull.vertices, self.equilibria.center_of_mass
+
+    @property
+    def saddle_directions(self) -> Tensor:
+        """(s, 3) directions, not normalised, from the center of mass to the saddles of `paths`
+        (eq. 7, 8)."""
+        tail, head = (self.vertices[ends] for ends in self.paths.saddle_ends.T)
+        torch_as_module: ModuleType = torch
+        return foot_on_line(tail - self.center, head - self.center, head - tail, torch_as_module)
 
     def vertex_directions(self, vertices: Integers) -> Tensor:
         """(len(vertices), 3) unit directions from the center of mass to vertices (eq. 6)."""

@@ -14,7 +14,7 @@ from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["CHANGES", "USUAL_SWING", "Swing"]
+__all__ = ["CHANGES", "USUAL_SWING", "RestitutionSensitivity"]
 
 CHANGES: Final = (0.2, -0.2)
 """Parts by which the restitution of a livelier and of a duller table is higher. Of all that makes a
@@ -25,7 +25,7 @@ USUAL_SWING: Final = 0.03
 
 
 @dataclass(frozen=True)
-class Swing:
+class RestitutionSensitivity:
     """What the odds of a die shall be on the changed tables, and what is known of them.
 
     Attributes

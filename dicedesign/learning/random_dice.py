@@ -13,7 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.design.solvers.exact import ExactOptions, solve_exactly
+from dicedesign.design.options import ExactOptions
+from dicedesign.design.solvers.exact import solve_exactly
 from dicedesign.design.starts.search import shapes_near
 from dicedesign.design.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.errors import DiceError

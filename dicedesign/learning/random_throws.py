@@ -15,7 +15,6 @@ from dicedesign.learning.momentum_training import TrainingDie
 from dicedesign.learning.random_dice import RESTS, RandomDie, random_die
 from dicedesign.runtime.arrays import Integers
 from dicedesign.runtime.executors import in_order
-from dicedesign.throws.engines.engine import Engine
 from dicedesign.throws.momentum.momentum_model import MomentumModel
 from dicedesign.throws.momentum.momentum_odds import momentum_odds
 from dicedesign.throws.momentum.transition_features import body_features
@@ -90,7 +89,7 @@ def throw_random_dice(
     workers: Executor,
     *,
     rests: tuple[int, int] = RESTS,
-    engine: Engine = "native",
+    engine: str = "native",
 ) -> Iterator[tuple[ThrownRandomDie, ...]]:
     """`throw_random_die` of the numbers from 0 on, in order.
 
@@ -108,7 +107,7 @@ def throw_random_die(
     seed: int,
     throws: Sequence[tuple[Table, int]],
     rests: tuple[int, int] = RESTS,
-    engine: Engine = "native",
+    engine: str = "native",
 ) -> tuple[ThrownRandomDie, ...]:
     """Make a random die and throw it; the same, whoever does.
 

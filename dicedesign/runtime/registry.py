@@ -13,6 +13,7 @@ from __future__ import annotations
 import pkgutil
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Final, Generic, TypeVar
@@ -61,6 +62,7 @@ class Registry(Generic[Kind]):
         self.kind = kind
         self.folder = folder
         self._entries: dict[str, Kind] = {}
+        self._ordered: tuple[Kind, ...] | None = None
         self._is_read = False
 
     def register(self, entry: Kind) -> Kind:
@@ -72,11 +74,13 @@ class Registry(Generic[Kind]):
                 "choose another"
             )
         self._entries[entry.name] = entry
+        self._ordered = None
         return entry
 
     def unregister(self, name: str) -> None:
         """Take an extension out again."""
         del self._entries[name]
+        self._ordered = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -85,7 +89,10 @@ class Registry(Generic[Kind]):
 
     def __iter__(self) -> Iterator[Kind]:
         self._read()
-        return iter(sorted(self._entries.values(), key=lambda entry: (entry.rank, entry.name)))
+        if self._ordered is None:
+            entries = sorted(self._entries.values(), key=lambda entry: (entry.rank, entry.name))
+            self._ordered = tuple(entries)
+        return iter(self._ordered)
 
     def __contains__(self, name: object) -> bool:
         self._read()
@@ -106,5 +113,11 @@ class Registry(Generic[Kind]):
         self._is_read = True
         for module in pkgutil.iter_modules(import_module(self.folder).__path__):
             import_module(f"{self.folder}.{module.name}")
-        for point in entry_points(group=ENTRY_POINTS):
-            point.load()
+        _load_entry_points()
+
+
+@cache
+def _load_entry_points() -> None:
+    """Import what installed packages register, once for all registries."""
+    for point in entry_points(group=ENTRY_POINTS):
+        point.load()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -43,7 +43,7 @@ def varies_assignment(recipe: Recipe) -> bool:
     outcomes are equally probable. Not with a symmetry, which allows few assignments: facets that
     are images of each other bear outcomes of one probability."""
     probabilities = recipe.target.target().probabilities
-    given = recipe.start.search is None and recipe.symmetry is None
+    given = recipe.start.kind.search is None and recipe.symmetry is None
     return given and bool(np.ptp(probabilities) > 0.0)
 
 
@@ -90,7 +90,7 @@ def varied_recipe(recipe: Recipe, place: int, values: Mapping[str, float]) -> Re
 
 def _own_weights(recipe: Recipe) -> dict[str, float]:
     exact = recipe.method.exact
-    weights = {} if exact is None else asdict(exact.prefer)
+    weights = {} if exact is None else exact.prefer.as_dict()
     if not recipe.method.thrown:
         # Odds without momentum are the same on every table.
         weights.pop("robustness", None)

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dicedesign.recipe.design_stage import make_start
 from PIL import Image
 
 from dicedesign import rest_poses
 from dicedesign.bench.design import METHODS, Run, methods_figure, methods_record, run_method
 from dicedesign.cli.main import main
-from dicedesign.design.preferences.weights import Preferences
-from dicedesign.design.solvers.exact import ExactOptions
+from dicedesign.design.options import ExactOptions
+from dicedesign.design.preferences.preference import Preferences
 from dicedesign.errors import InputError, OutputError
-from dicedesign.recipe.design_stage import make_start
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.status import Status

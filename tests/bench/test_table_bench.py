@@ -44,7 +44,6 @@ from dicedesign.concave.shapes.shapes import shape
 from dicedesign.errors import InputError, missing_extra
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.runtime import executors
-from dicedesign.throws.engines.engine import Engine
 from dicedesign.throws.release import PAPER_DIRECTIONS
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation.simulation import Throws, drop_weights
@@ -71,10 +70,10 @@ class Here(Executor):
 
 
 @pytest.fixture
-def made_up_throws(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Engine, int, int, str]]:
+def made_up_throws(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str, int, int, str]]:
     """Takes the place of the simulators: MuJoCo is as the geometric model of a cube says but for
     one drop without a rest, Bullet never finds a rest but on carpets."""
-    asked: list[tuple[str, Engine, int, int, str]] = []
+    asked: list[tuple[str, str, int, int, str]] = []
 
     def throw(
         body: RigidBody,
@@ -82,7 +81,7 @@ def made_up_throws(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Engine, i
         drops: int,
         seed: int = 0,
         *,
-        engine: Engine = "native",
+        engine: str = "native",
         orientations: str = "uniform",
         refinement: float = 1.0,
         workers: Executor | None = None,
@@ -147,7 +146,7 @@ def test_two_counts_share_the_odds_of_the_noise_floor() -> None:
 
 
 def test_shapes_are_thrown_as_it_is_said(
-    made_up_throws: list[tuple[str, Engine, int, int, str]],
+    made_up_throws: list[tuple[str, str, int, int, str]],
 ) -> None:
     found = [
         compare_shape(CUBE, number, ("native", "mujoco", "bullet"), 60, 3) for number in (0, 1)
@@ -185,7 +184,7 @@ def test_shapes_are_thrown_as_it_is_said(
 
 
 def test_multiples_of_the_papers_directions_are_its_directions(
-    made_up_throws: list[tuple[str, Engine, int, int, str]],
+    made_up_throws: list[tuple[str, str, int, int, str]],
 ) -> None:
     compare_shape(CUBE, 0, ("mujoco",), 2 * PAPER_DIRECTIONS, 2)
     assert {(n, o) for _, _, n, _, o in made_up_throws} == {(2424, "icosahedron")}
@@ -215,9 +214,9 @@ def test_shapes_are_the_cut_ones() -> None:
 
 
 def test_simulators_that_are_missing_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    missing: set[Engine] = {"bullet"}
+    missing: set[str] = {"bullet"}
 
-    def require(engine: Engine) -> None:
+    def require(engine: str) -> None:
         if engine in missing:
             raise missing_extra(engine, f"engine {engine}", ImportError("no module"))
 
@@ -259,7 +258,7 @@ def made_up_shapes(count: int = 12) -> list[ShapeOdds]:
                 w = Distance(0.01 * k + 0.05 * rng.random(), 0.01, 0.02)
                 if k != 2 or "Bullet" not in pair:
                     comparisons[pair] = OddsComparison(w, Distance(w.value / 2.0, 0.005, 0.01))
-            throws: dict[Engine, EngineThrows] = {
+            throws: dict[str, EngineThrows] = {
                 "native": EngineThrows(1212, 0, 1.5),
                 "bullet": EngineThrows(40, 40 if k == 2 else 1, 0.5),
             }
@@ -329,7 +328,7 @@ def test_the_figure_has_a_panel_for_each_table_and_one_for_the_paper() -> None:
 
 
 def test_the_command_prints_tables_or_json_and_draws(
-    made_up_throws: list[tuple[str, Engine, int, int, str]],
+    made_up_throws: list[tuple[str, str, int, int, str]],
     here: None,
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
@@ -372,12 +371,12 @@ def test_the_command_prints_tables_or_json_and_draws(
 
 
 def test_simulators_that_are_left_out_are_told(
-    made_up_throws: list[tuple[str, Engine, int, int, str]],
+    made_up_throws: list[tuple[str, str, int, int, str]],
     here: None,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def installed() -> tuple[tuple[Engine, ...], tuple[str, ...]]:
+    def installed() -> tuple[tuple[str, ...], tuple[str, ...]]:
         return ("native",), ("engine mujoco: none here",)
 
     monkeypatch.setattr(table_bench, "QUICK", TINY)

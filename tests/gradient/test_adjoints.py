@@ -7,7 +7,6 @@ import gc
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,11 +17,11 @@ from common.blade import blade
 from dicedesign.bench.bodies import solids
 from dicedesign.bench.bodies.extremes import large
 from dicedesign.design.coordinates.facets import FacetCoordinates
-from dicedesign.design.energy.clusters import Clusters, cluster
-from dicedesign.design.energy.total import Energy, total_energy
-from dicedesign.design.energy.weights import REGULARIZERS, EnergyWeights
-from dicedesign.design.starts.hendecahedron import hendecahedron
-from dicedesign.design.starts.prism import prism
+from dicedesign.design.energy.clusters import ClusteredRests, Clusters, cluster
+from dicedesign.design.energy.energy import Energy, energy_terms
+from dicedesign.design.energy.term import EnergyWeights
+from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.design.starts.kinds.prism import prism
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.differentiable_rest import differentiable_rest
@@ -33,7 +32,8 @@ from dicedesign.rest.equilibria import classify
 
 compiled_only = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
 
-WEIGHTS = EnergyWeights(0.3, 1.7, 0.4, neighbor_radius=0.6, stability=0.2, stability_margin=0.3)
+REGULARIZERS = {"coplanar": 0.3, "barycenter": 1.7, "neighbor": 0.4, "stability": 0.2}
+WEIGHTS = EnergyWeights(**REGULARIZERS, neighbor_radius=0.6, stability_margin=0.3)
 
 
 def needle(length: float) -> np.ndarray:
@@ -181,19 +181,20 @@ def test_energies(points: np.ndarray, outcomes: int) -> None:
         clusters, twin = clusters_of(rests, outcomes), again(rests)
         least = 1e-3 / np.ptp(rests.hull.vertices, axis=0).max()
         with without_kernels():
-            expected = total_energy(twin, clusters, target, WEIGHTS)
-            plain = Energy(twin, clusters, target, WEIGHTS)
+            state = ClusteredRests(twin, clusters, target)
+            expected, plain = energy_terms(state, WEIGHTS), Energy(state, WEIGHTS)
             assert plain.terms == {name: term.item() for name, term in expected.items()}
             slopes = {name: gradient_of(term, twin) for name, term in expected.items()}
             assert_same(plain.gradient, np.sum(list(slopes.values()), axis=0), 1e-13)
-        whole = Energy(rests, clusters, target, WEIGHTS)
+        state = ClusteredRests(rests, clusters, target)
+        whole = Energy(state, WEIGHTS)
         assert list(whole.terms) == list(expected)
         for name, term in expected.items():
             assert whole.terms[name] == pytest.approx(term.item(), rel=1e-10, abs=1e-12)
         assert_same(whole.gradient, plain.gradient, 1e-8)
         for name in REGULARIZERS:
             others = dict.fromkeys(set(REGULARIZERS) - {name}, 0.0)
-            alone = Energy(rests, clusters, target, replace(WEIGHTS, **others))
+            alone = Energy(state, WEIGHTS.changed(**others))
             assert alone.terms == {term: whole.terms[term] for term in ("dice", name)}
             assert_same(alone.gradient, slopes["dice"] + slopes[name], 1e-8, least)
 

@@ -10,8 +10,8 @@ import torch
 from common.attached_points import attached_points
 
 from dicedesign.design.coordinates.facets import FacetCoordinates
-from dicedesign.design.solvers.facet_barrier import DEPTH, barrier_residuals
-from dicedesign.design.starts.prism import prism
+from dicedesign.design.solvers.candidate import BARRIER_DEPTH, barrier_residuals
+from dicedesign.design.starts.kinds.prism import prism
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -147,11 +147,11 @@ def test_the_barrier_of_a_box() -> None:
     size = np.sqrt(2.09)
     for normal, found in zip(rests.hull.normals, barrier_residuals(rests), strict=True):
         if abs(normal[2]) > 0.9:
-            assert found.item() == pytest.approx(DEPTH * size)
+            assert found.item() == pytest.approx(BARRIER_DEPTH * size)
         else:
             # Two edges at 0.3 of length 2, and two at 1 of length 0.6.
             mean = (2 * 0.3**-SOFTNESS + 0.6) / 2.6
-            assert found.item() == pytest.approx(DEPTH * size * mean ** (1 / SOFTNESS))
+            assert found.item() == pytest.approx(BARRIER_DEPTH * size * mean ** (1 / SOFTNESS))
 
 
 def test_the_barrier_grows_without_bound_towards_a_change_of_stability() -> None:
@@ -173,7 +173,7 @@ def test_soft_depths_lie_beyond_the_least_ones_by_little(seed: int) -> None:
     points = np.random.default_rng(seed).normal(size=(12, 3)) * [1.0, 1.0, 2.0]
     rests = evaluated(points)
     radii = torch.linalg.vector_norm(rests.vertices - rests.center, dim=1)
-    soft = DEPTH * radii.mean() / barrier_residuals(rests)
+    soft = BARRIER_DEPTH * radii.mean() / barrier_residuals(rests)
     depths = (rests.facet_depths * radii.max()).numpy()
     stable = rests.equilibria.stable
     assert 0 < stable.sum() < len(stable)

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dicedesign import rest_poses
-from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.kinds.prism import prism
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
 from dicedesign.geometry.hulls.hull import convex_hull

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign.design.preferences.weights import Preferences
-from dicedesign.design.solvers.exact import ExactOptions, solve_exactly
+from dicedesign.design.options import ExactOptions
+from dicedesign.design.preferences.preference import Preferences
+from dicedesign.design.solvers.exact import solve_exactly
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.design.starts.variations import shapes_like
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.differentiable_rest import differentiable_rest
-from dicedesign.gradient.restitution_sensitivity import Swing
+from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.status import Status
@@ -69,7 +70,7 @@ def test_the_exact_method_meets_thrown_odds() -> None:
         shapes_like(repulsion(7, 1), 1),
         target,
         ExactOptions(prefer=Preferences()),
-        swing=Swing(ThrownOdds.on("board-game"), target, np.zeros((2, 7))),
+        sensitivity=RestitutionSensitivity(ThrownOdds.on("board-game"), target, np.zeros((2, 7))),
     )
     assert found.status is Status.CONVERGED
     poses = rest_poses(found.hull.vertices, "hull")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from dicedesign.design.energy.barycenter import LARGEST_SQUARED_DISTANCE
+from dicedesign.design.energy.terms.barycenter import LARGEST_SQUARED_DISTANCE
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.morse import NEAR_ANTIPODE
 

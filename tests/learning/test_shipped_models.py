@@ -42,7 +42,7 @@ def test_the_model_knows_what_a_livelier_table_does(die: RandomDie) -> None:
         throws = simulate(die.body, table.livelier(change), 4000, 5)
         seen.append(throws.counts / throws.counts.sum())
         expected.append(momentum_odds(die.poses, die.body, model.at(change)))
-    swing, error = seen[0] - seen[1], (seen[0] - seen[1]) - (expected[0] - expected[1])
+    sensitivity, error = seen[0] - seen[1], (seen[0] - seen[1]) - (expected[0] - expected[1])
     # By chance alone both would be 0.02.
-    assert np.abs(swing).sum() / 2.0 > 0.05
-    assert np.abs(error).sum() / 2.0 < 0.6 * np.abs(swing).sum() / 2.0
+    assert np.abs(sensitivity).sum() / 2.0 > 0.05
+    assert np.abs(error).sum() / 2.0 < 0.6 * np.abs(sensitivity).sum() / 2.0

@@ -23,7 +23,6 @@ from dicedesign.learning.random_throws import (
 )
 from dicedesign.learning.table_learning import learn_momentum, throws_of_die
 from dicedesign.runtime.executors import local_workers
-from dicedesign.throws.engines.engine import Engine
 from dicedesign.throws.momentum.momentum_model import MomentumModel, Network, Slopes, model_of
 from dicedesign.throws.momentum.momentum_odds import landing_odds, momentum_odds
 from dicedesign.throws.momentum.transition_features import CARRY_FEATURES, TRANSITION_FEATURES
@@ -79,7 +78,7 @@ def known_world(monkeypatch: pytest.MonkeyPatch) -> None:
         makers[die.body.name] = die.poses
         return die
 
-    def throw(body: RigidBody, table: Table, drops: int, seed: int, *, engine: Engine) -> Throws:
+    def throw(body: RigidBody, table: Table, drops: int, seed: int, *, engine: str) -> Throws:
         model = TRUTH.at(table.restitution / TABLE.restitution - 1.0)
         odds = momentum_odds(makers[body.name], body, model)
         ends = np.round(np.cumsum(odds) * drops).astype(np.int64)
@@ -185,7 +184,7 @@ def test_dice_are_thrown_alike_by_whoever_does() -> None:
 
 
 def test_drops_that_never_rest(monkeypatch: pytest.MonkeyPatch) -> None:
-    def throw(body: RigidBody, table: Table, drops: int, seed: int, *, engine: Engine) -> Throws:
+    def throw(body: RigidBody, table: Table, drops: int, seed: int, *, engine: str) -> Throws:
         weights = drop_weights(drops, "uniform")
         return Throws(table, engine, seed, np.full(drops, -1), weights, len(body.rest_heights))
 

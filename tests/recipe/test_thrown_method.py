@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign.design.preferences.weights import Preferences
+from dicedesign.design.options import ExactOptions
+from dicedesign.design.preferences.preference import Preferences
 from dicedesign.design.refinement import Round
 from dicedesign.design.result import DesignResult
-from dicedesign.design.solvers.exact import ExactOptions, solve_exactly
+from dicedesign.design.solvers.exact import solve_exactly
 from dicedesign.design.starts.search import shapes_near
 from dicedesign.gradient.rest_odds import evaluate_rests
-from dicedesign.gradient.restitution_sensitivity import Swing
+from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Listeners, Work
@@ -30,13 +31,15 @@ TARGET = np.array([1, 4, 6, 4, 1]) / 16.0
 OPTIONS = ExactOptions(odds="thrown", prefer=Preferences(circles=1.0), seconds=20.0)
 
 
-def model_of(table: str) -> Swing:
+def model_of(table: str) -> RestitutionSensitivity:
     """What is known of dice that are yet to be thrown."""
-    return Swing(ThrownOdds.on(table), TARGET, np.zeros((2, len(TARGET))))
+    return RestitutionSensitivity(ThrownOdds.on(table), TARGET, np.zeros((2, len(TARGET))))
 
 
 def solved(options: ExactOptions) -> DesignResult:
-    return solve_exactly(shapes_near(TARGET, 0), TARGET, options, swing=model_of("board-game"))
+    return solve_exactly(
+        shapes_near(TARGET, 0), TARGET, options, sensitivity=model_of("board-game")
+    )
 
 
 @pytest.fixture(scope="module")

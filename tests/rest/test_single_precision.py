@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign import read_body, rest_poses
 from dicedesign.bench.bodies import solids
-from dicedesign.design.solvers.descent import DescentOptions, descend_to_target
-from dicedesign.design.starts.hendecahedron import hendecahedron
-from dicedesign.design.stopping import Stopping
+from dicedesign.design.options import DescentOptions, Stopping
+from dicedesign.design.solvers.descent import descend_to_target
+from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.design.targets import sum_of_dice
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.stl import stl_bytes

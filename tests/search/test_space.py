@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
 import pytest
 
-from dicedesign.design.preferences.weights import Preferences
+from dicedesign.design.preferences.preference import PREFERENCES, Preferences
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.recipe.schema.recipe import Recipe
@@ -45,7 +44,7 @@ def test_labels_move_where_that_makes_a_difference(
     recipe = made(**entries)
     space = search_space(recipe)
     # Odds without momentum have nothing to be robust against.
-    names = [f"prefer.{item.name}" for item in fields(Preferences) if item.name != "robustness"]
+    names = [f"prefer.{name}" for name in PREFERENCES.names if name != "robustness"]
     assert set(space) == {*assigned, *(names if "exact" in entries["method"] else [])}
     own = {name: entry.own for name, entry in space.items()}
     assert all(entry.low <= entry.own <= entry.high for entry in space.values())

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.bench.bodies.problem import Case, DesignProblem
 from dicedesign.bench.bodies.stiff import off_balance
-from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.kinds.prism import prism
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.design.starts.start import Start
 from dicedesign.design.targets import binomial, fair, listed, sum_of_dice

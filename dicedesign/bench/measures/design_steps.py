@@ -17,8 +17,8 @@ from dicedesign.design.coordinates.facets import FacetCoordinates
 from dicedesign.design.coordinates.shape import Coordinates
 from dicedesign.design.coordinates.vertices import VertexCoordinates
 from dicedesign.design.energy.objective import Objective
-from dicedesign.design.solvers.candidate import TrialMaker
-from dicedesign.design.starts.hendecahedron import hendecahedron
+from dicedesign.design.solvers.candidate import CandidateMaker
+from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.design.targets import sum_of_dice
 from dicedesign.geometry.hulls.reuse import HullMemory
 from dicedesign.runtime.arrays import Floats
@@ -114,7 +114,7 @@ def _jacobians(
     coordinates: Coordinates, places: list[Floats], directions: Floats
 ) -> dict[str, Callable[[], Any]]:
     """Odds where edges are known, and with their derivatives."""
-    maker, there = TrialMaker(None), cycle(places)
+    maker, there = CandidateMaker(None), cycle(places)
 
     def attempt() -> Floats:
         trial = maker.attempt(coordinates, next(there), directions)

@@ -11,10 +11,9 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.design.starts.hendecahedron import hendecahedron
+from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.engines.engine import Engine
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.statistics.goodness_of_fit import two_sample_chi_square
@@ -50,7 +49,7 @@ class EngineSpeed:
     body: str
     vertices: int
     facets: int
-    engine: Engine
+    engine: str
     drops: int
     seconds: float
 
@@ -82,9 +81,7 @@ def die_of_11() -> Body:
     return make_body(hendecahedron("bisymmetric").points, name="hendecahedron")
 
 
-def speeds(
-    bodies: Sequence[Body], engines: Sequence[Engine], seconds: float
-) -> Iterator[EngineSpeed]:
+def speeds(bodies: Sequence[Body], engines: Sequence[str], seconds: float) -> Iterator[EngineSpeed]:
     """The throughput of each simulator for each body, one after the other in this process.
 
     seconds: of processor time that each is to take, about.
@@ -104,7 +101,7 @@ def speeds(
             )
 
 
-def _seconds(body: RigidBody, table: Table, engine: Engine, drops: int) -> float:
+def _seconds(body: RigidBody, table: Table, engine: str, drops: int) -> float:
     """Processor time of so many drops."""
     begun = time.process_time()
     simulate(body, table, drops, engine=engine)

@@ -18,9 +18,10 @@ from dicedesign.bench.measures.processes import in_turn
 from dicedesign.design.coordinates.facets import FacetCoordinates
 from dicedesign.design.coordinates.vertices import VertexCoordinates
 from dicedesign.design.energy.objective import Evaluation, Objective
-from dicedesign.design.energy.weights import EnergyWeights
-from dicedesign.design.solvers.sobolev import SobolevOptions, SobolevSolver, graph_laplacian
-from dicedesign.design.starts.hendecahedron import hendecahedron
+from dicedesign.design.energy.term import EnergyWeights
+from dicedesign.design.options import SobolevOptions
+from dicedesign.design.solvers.sobolev import SobolevSolver, graph_laplacian
+from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.design.targets import sum_of_dice
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hulls.reuse import HullMemory
@@ -174,7 +175,7 @@ def energy_rows(seconds: float) -> Iterator[Row]:
     def slope_of_terms(objective: Objective) -> Floats:
         return terms(objective).gradient
 
-    chosen = [full, *(replace(full, weights=replace(full.weights, **{t: 0.0})) for t in TERMS)]
+    chosen = [full, *(replace(full, weights=full.weights.changed(**{t: 0.0})) for t in TERMS)]
     works = [partial(work, objective) for work in (terms, slope_of_terms) for objective in chosen]
     times = np.reshape(in_turn(works, 2.0 * seconds), (2, -1))
     for index, term in enumerate(TERMS, start=1):

@@ -15,7 +15,7 @@ from dicedesign.bench.measures.processes import in_turn
 from dicedesign.bench.reference.speed_cases import DIE_CORNERS, Case, Ratios, goals
 from dicedesign.design.coordinates.vertices import VertexCoordinates
 from dicedesign.design.energy.objective import Objective
-from dicedesign.design.energy.weights import EnergyWeights
+from dicedesign.design.energy.term import EnergyWeights
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
 

@@ -19,7 +19,7 @@ from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.asymmetry import asymmetry
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.executors import in_order
-from dicedesign.throws.engines.engine import ENGINES, Engine, require_engine
+from dicedesign.throws.engines.engine import ENGINES, require_engine
 from dicedesign.throws.release import PAPER_DIRECTIONS
 from dicedesign.throws.rigid_body import rigid_body
 from dicedesign.throws.simulation.simulation import Throws, simulate
@@ -45,11 +45,7 @@ __all__ = [
 
 GEOMETRIC: Final = "geometric model"
 
-ENGINE_NAMES: Final[Mapping[Engine, str]] = {
-    "native": "native",
-    "mujoco": "MuJoCo",
-    "bullet": "Bullet",
-}
+ENGINE_NAMES: Final[Mapping[str, str]] = {engine.name: engine.title for engine in ENGINES}
 
 TABLES: Final = ("carpet", "board-game")
 """Without and with momentum."""
@@ -104,7 +100,7 @@ class TableOdds:
         which no drop was resolved.
     """
 
-    throws: dict[Engine, EngineThrows]
+    throws: dict[str, EngineThrows]
     comparisons: dict[tuple[str, str], OddsComparison]
 
 
@@ -136,14 +132,14 @@ def table_shapes(models: Mapping[str, Surface], extent: Extent) -> list[Body]:
     return cut_shapes(models or own)[:: extent.every]
 
 
-def installed_engines() -> tuple[tuple[Engine, ...], tuple[str, ...]]:
+def installed_engines() -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The simulators that can throw here, and why the others cannot.
 
     Raises InputError: none can.
     """
-    found: list[Engine] = []
+    found: list[str] = []
     notes = []
-    for engine in ENGINES:
+    for engine in ENGINES.names:
         try:
             require_engine(engine)
         except InputError as error:
@@ -156,7 +152,7 @@ def installed_engines() -> tuple[tuple[Engine, ...], tuple[str, ...]]:
 
 
 def compare_shapes(
-    bodies: Sequence[Body], engines: Sequence[Engine], extent: Extent, workers: Executor
+    bodies: Sequence[Body], engines: Sequence[str], extent: Extent, workers: Executor
 ) -> Iterator[ShapeOdds]:
     """`compare_shape` of each, in order, numbered from 0."""
     tasks = [
@@ -167,7 +163,7 @@ def compare_shapes(
 
 
 def compare_shape(
-    body: Body, number: int, engines: Sequence[Engine], drops: int, draws: int
+    body: Body, number: int, engines: Sequence[str], drops: int, draws: int
 ) -> ShapeOdds:
     """Throw a shape onto each table in each simulator, and compare all odds with each other.
 
@@ -193,7 +189,7 @@ def _compare_on(
     poses: RestPoses,
     table: Table,
     number: int,
-    engines: Sequence[Engine],
+    engines: Sequence[str],
     drops: int,
     draws: int,
 ) -> TableOdds:
@@ -207,7 +203,7 @@ def _compare_on(
             thrown,
             table,
             count,
-            len(ENGINES) * number + ENGINES.index(engine),
+            len(ENGINES.names) * number + ENGINES.names.index(engine),
             engine=engine,
             orientations="uniform" if count % PAPER_DIRECTIONS else "icosahedron",
         )

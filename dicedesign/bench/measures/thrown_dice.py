@@ -11,8 +11,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.bench.measures.thrown_rows import Change, DieThrows, ThrownRow
-from dicedesign.design.refinement import RefineOptions
-from dicedesign.design.solvers.exact import ExactOptions
+from dicedesign.design.options import ExactOptions, RefineOptions
 from dicedesign.errors import DiceError, EngravingError, InputError
 from dicedesign.recipe.design_stage import DesignedDie, design_die, make_start, thrown_die
 from dicedesign.recipe.on_table import DieOnTable
@@ -20,7 +19,6 @@ from dicedesign.recipe.run import engrave_die
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.recipe.table_summary import CONFIDENCE
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.engines.engine import Engine
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.statistics.total_variation import measure_variation, total_variation
 from dicedesign.throws.tables import Table, table_named
@@ -55,7 +53,7 @@ class Extent:
     drops: int
     variation_drops: int
     variation: float
-    engine: Engine = "native"
+    engine: str = "native"
     round_drops: int | None = None
     rounds: int | None = None
 
@@ -201,7 +199,7 @@ class _Fresh:
     seed: of the next series.
     """
 
-    engine: Engine
+    engine: str
     seed: int
     workers: Executor
     on_drops: Callable[[int], None]

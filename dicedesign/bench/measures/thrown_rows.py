@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from dicedesign.results.status import Status
-from dicedesign.throws.engines.engine import Engine
 from dicedesign.throws.statistics.total_variation import MeasuredDistance
 
 __all__ = ["Change", "DieThrows", "ThrownRow"]
@@ -80,7 +79,7 @@ class ThrownRow:
 
     name: str
     table: str
-    engine: Engine
+    engine: str
     within: float
     before: DieThrows | None
     after: DieThrows | None

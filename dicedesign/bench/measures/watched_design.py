@@ -13,9 +13,9 @@ from dicedesign.bench.bodies.problem import DesignProblem, Problem
 from dicedesign.bench.reference.measurement import Measurement, measure
 from dicedesign.design.energy.clusters import cluster
 from dicedesign.design.energy.objective import Evaluation
+from dicedesign.design.options import DescentOptions, Stopping
 from dicedesign.design.result import DesignResult
-from dicedesign.design.solvers.descent import DescentOptions, descend_to_target
-from dicedesign.design.stopping import Stopping
+from dicedesign.design.solvers.descent import descend_to_target
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.status import Status

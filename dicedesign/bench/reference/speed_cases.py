@@ -10,7 +10,7 @@ import numpy as np
 
 from dicedesign.bench.bodies.extremes import large
 from dicedesign.bench.reference.sampled import lattice_directions, random_directions
-from dicedesign.design.starts.hendecahedron import hendecahedron
+from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.runtime.arrays import Floats
 

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from dicedesign.bench.simulators import EngineTotals, PublishedCorrelation, Summary
     from dicedesign.geometry.meshes.body import Body
     from dicedesign.geometry.surfaces.surface import Surface
-    from dicedesign.throws.engines.engine import Engine
     from dicedesign.throws.statistics.odds_comparison import Distance
 
 __all__ = ["add_parser"]
@@ -166,7 +165,7 @@ def _surfaces(paths: Sequence[Path]) -> dict[str, Surface]:
 
 
 def _measure_speeds(
-    bodies: Sequence[Body], engines: Sequence[Engine], extent: Extent, *, show: bool
+    bodies: Sequence[Body], engines: Sequence[str], extent: Extent, *, show: bool
 ) -> list[EngineSpeed]:
     """Of a die of 11 facets and of the shape whose hull has the most corners."""
     from dicedesign.bench.measures.engine_speed import GOAL, SPEED_TABLE, die_of_11, speeds
@@ -192,7 +191,7 @@ def _measure_speeds(
 
 
 def _halve_step(
-    engines: Sequence[Engine], extent: Extent, executor: Executor, *, show: bool
+    engines: Sequence[str], extent: Extent, executor: Executor, *, show: bool
 ) -> StepHalving | None:
     """What half the step changes in the package's own simulator, if it can throw here."""
     from dicedesign.bench.measures.engine_speed import die_of_11, halve_step
@@ -212,7 +211,7 @@ def _halve_step(
 
 def _compare(
     bodies: Sequence[Body],
-    engines: Sequence[Engine],
+    engines: Sequence[str],
     extent: Extent,
     workers: Workers,
     *,

@@ -14,7 +14,8 @@ import numpy as np
 
 from dicedesign.concave.fill.elastic_energy import SOFT, ElasticEnergy, ElasticWeights
 from dicedesign.concave.fill.result import FillResult, FillStatus, FillStep
-from dicedesign.design.solvers.sobolev import SobolevOptions, SobolevSolver, edge_laplacian
+from dicedesign.design.options import SobolevOptions
+from dicedesign.design.solvers.sobolev import SobolevSolver, edge_laplacian
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms

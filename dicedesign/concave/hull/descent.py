@@ -10,10 +10,10 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from dicedesign.concave.hull.problem import DesignedHull, HullProblem
-from dicedesign.design.energy.weights import EnergyWeights
+from dicedesign.design.energy.term import EnergyWeights
+from dicedesign.design.options import DescentOptions, SobolevOptions
 from dicedesign.design.result import DesignStep
-from dicedesign.design.solvers.descent import DescentOptions, descend_to_target
-from dicedesign.design.solvers.sobolev import SobolevOptions
+from dicedesign.design.solvers.descent import descend_to_target
 from dicedesign.design.starts.start import Start
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.outcomes import outcome_odds

@@ -13,9 +13,9 @@ from dicedesign.concave.hull.least_displacement import least_displacement
 from dicedesign.concave.hull.problem import DesignedHull, HullProblem
 from dicedesign.concave.hull.slopes import SlopeMemory, climbs
 from dicedesign.design.coordinates.vertices import VertexCoordinates
-from dicedesign.design.solvers.candidate import TrialMaker
-from dicedesign.design.solvers.levenberg_marquardt import Approach
-from dicedesign.design.solvers.sobolev import SobolevOptions
+from dicedesign.design.options import SobolevOptions
+from dicedesign.design.solvers.candidate import CandidateMaker
+from dicedesign.design.solvers.levenberg_marquardt import LevenbergMarquardt
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
@@ -165,13 +165,15 @@ def exact_draft(problem: HullProblem, draft: HullDraft) -> HullDraft | None:
     rests but the wanted ones; None where they lead to none."""
     if not draft.alone:
         return None
-    maker = TrialMaker(np.zeros(3))
+    maker = CandidateMaker(np.zeros(3))
     coordinates = _AllCorners(np.zeros(3), 1.0)
     first = maker.attempt(coordinates, draft.corners.ravel(), draft.normals)
     if first is None:
         return None
-    steps = Approach(problem.target, maker, SMOOTH, EXACT / 2.0, lambda: False, lambda trial: None)
-    trial = steps.end(first)
+    steps = LevenbergMarquardt(
+        problem.target, maker, SMOOTH, EXACT / 2.0, lambda: False, lambda trial: None
+    )
+    trial = steps.solve(first)
     if trial.error(problem.target) > EXACT:
         return None
     return HullDraft.of(trial.parameters.reshape(-1, 3), trial.directions)

@@ -1,18 +1,22 @@
-"""Rests gathered to outcomes by direction (section 3.2)."""
+"""Rests gathered to outcomes by direction (section 3.2), and what an energy term sees of them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from scipy.optimize import linear_sum_assignment
 from torch import Tensor
 
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SAME_REST_ANGLE
 
-__all__ = ["Clusters", "cluster", "outcome_facets", "updated_directions"]
+if TYPE_CHECKING:
+    from dicedesign.geometry.hulls.hull import ConvexHull
+    from dicedesign.gradient.rest_odds import RestEvaluation
+
+__all__ = ["ClusteredRests", "Clusters", "cluster", "outcome_facets", "updated_directions"]
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,46 @@ class Clusters:
         return len(self.directions) - len(np.unique(self.of_rest))
 
 
+@dataclass(frozen=True)
+class ClusteredRests:
+    """The current shape of a descent: what an energy term sees.
+
+    Attributes
+    ----------
+    rests: hull and rests; coordinates in torch are functions of its `vertices` (n, 3), as are
+        `rests.center` (3,), `rests.probabilities` (r,), `rests.rest_normals` (r, 3),
+        `rests.facet_depths` (m,) and `rests.facet_normals(facets)`.
+    clusters: which outcome each rest counts for, and the outcomes' directions.
+    target: (k,) wanted probabilities of the outcomes.
+    """
+
+    rests: RestEvaluation
+    clusters: Clusters
+    target: Floats
+
+    @property
+    def hull(self) -> ConvexHull:
+        """The hull, as numbers."""
+        return self.rests.hull
+
+    @property
+    def outcome_probabilities(self) -> Tensor:
+        """(k,) of the outcomes."""
+        return self.clusters.sums(self.rests.probabilities)
+
+    @property
+    def saddles(self) -> Tensor:
+        """(s, 3) unit directions of the saddles that divide basins, from the center of mass; saddle
+        i lies between the rests `rests.paths.basins[i]`."""
+        return torch.nn.functional.normalize(self.rests.saddle_directions, dim=1)
+
+    @property
+    def maxima(self) -> Tensor:
+        """(2 s, 3) unit directions of the maxima, from the center of mass: numbers 2 i and 2 i + 1
+        are those at the ends of the separatrix through saddle i."""
+        return self.rests.vertex_directions(self.rests.paths.maxima)
+
+
 def cluster(rest_normals: Floats, directions: Floats) -> Clusters:
     """Give each rest (r, 3) to the nearest of the directions (k, 3) (section 3.2)."""
     return Clusters(np.argmax(rest_normals @ directions.T, axis=1), directions)
@@ -61,6 +105,9 @@ def outcome_facets(normals: Floats, directions: Floats, depths: Floats) -> Integ
     of largest depth (m,) bears it: where two are equally deep they can change places and the
     stability energy is the same. With m < k facets, those of the m outcomes that get one.
     """
+    # Imported here, as only some energies need it and it takes long.
+    from scipy.optimize import linear_sum_assignment
+
     cosines = directions @ normals.T
     within = cosines > np.cos(SAME_REST_ANGLE)
     # Being within the angle is worth at least 2, more than any cosine.

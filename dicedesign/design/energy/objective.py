@@ -9,9 +9,14 @@ import numpy as np
 import torch
 
 from dicedesign.design.coordinates.shape import Coordinates, Shape
-from dicedesign.design.energy.clusters import Clusters, cluster, updated_directions
-from dicedesign.design.energy.total import Energy
-from dicedesign.design.energy.weights import EnergyWeights
+from dicedesign.design.energy.clusters import (
+    ClusteredRests,
+    Clusters,
+    cluster,
+    updated_directions,
+)
+from dicedesign.design.energy.energy import Energy
+from dicedesign.design.energy.term import EnergyWeights
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.reuse import HullMemory
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
@@ -28,7 +33,7 @@ class Objective:
     ----------
     coordinates: how parameters make a shape.
     target: (k,) wanted probabilities.
-    weights: of the regularizers.
+    weights: of the energy's terms.
     center_of_mass: (3,) fixed, or None for that of the uniform solid.
     shapes: the hulls of the last evaluation and how many there were.
     polars: the same for the hulls that the coordinates need to make a shape.
@@ -81,8 +86,8 @@ class Evaluation:
     @cached_property
     def energy(self) -> Energy:
         """The energy's terms and its gradient in the vertices."""
-        objective = self.objective
-        return Energy(self.rests, self.clusters, objective.target, objective.weights)
+        state = ClusteredRests(self.rests, self.clusters, self.objective.target)
+        return Energy(state, self.objective.weights)
 
     @property
     def values(self) -> dict[str, float]:
@@ -109,9 +114,9 @@ class Evaluation:
 
     @cached_property
     def flaws(self) -> int:
-        """Outcomes without a rest, and under the stability term also rests too many."""
+        """Outcomes without a rest, and under a term that wants single rests also rests too many."""
         outcomes, empty = len(self.directions), self.clusters.empty
-        if self.objective.weights.stability == 0.0:
+        if not self.objective.weights.single_rests:
             return empty
         return empty + len(self.clusters.of_rest) - (outcomes - empty)
 

@@ -1,11 +1,11 @@
-"""Which weights the energy has when: what a design is made to give up for its target, and when."""
+"""The weights of the energy over time: what a design gives up for its target, and when."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Final
 
-from dicedesign.design.energy.weights import EnergyWeights
+from dicedesign.design.energy.term import EnergyWeights
 
 __all__ = ["Schedule"]
 
@@ -25,16 +25,15 @@ SMALLEST_RELAXATION: Final = 1e-3
 """Factor on the shaping terms below which they are dropped."""
 
 NARROWING: Final = 0.1
-"""Factor on the stability margin each time there is no progress left with the present one."""
-
-SMALLEST_MARGIN: Final = 1e-4
-"""Stability margin below which it is narrowed no more."""
+"""Factor on the stability margin, and on what else is narrowed (`TermOption.narrows_to`), each time
+there is no progress left with the present one."""
 
 
 @dataclass
 class Schedule:
-    """The weights in force. First the barycenter and neighbor terms give way, in steps and then
-    altogether; then, where the target is still out of reach, the stability margin.
+    """The weights in force. First the terms that shape the die and pull away from the target, as
+    barycenter and neighbor, give way, in steps and then altogether; then, where the target is still
+    out of reach, the stability margin.
 
     Attributes
     ----------
@@ -76,7 +75,7 @@ class Schedule:
             self.weights = self._full.relaxed(self._left)
         else:
             narrowed = self.weights.narrowed(NARROWING)
-            if narrowed.stability == 0.0 or narrowed.stability_margin < SMALLEST_MARGIN:
+            if narrowed is None:
                 return False
             self.weights = narrowed
         self._energies.clear()

@@ -2,31 +2,39 @@
 
 from __future__ import annotations
 
-from types import ModuleType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-import torch
-from torch import Tensor
+from dicedesign.design.preferences.preference import PREFERENCES, BearingFacets, Preference
 
-from dicedesign.geometry.sphere import foot_on_line
-from dicedesign.gradient.rest_odds import RestEvaluation
-from dicedesign.runtime.arrays import Integers
+if TYPE_CHECKING:
+    from torch import Tensor
+
+__all__ = ["USUAL_INEQUALITY", "asymmetry_residuals"]
 
 USUAL_INEQUALITY: Final = 0.4
 """Root of the weighted sum of the squares of ordinary saddles' relative differences of angles."""
 
-_TORCH: ModuleType = torch
 
-
-def _asymmetry(rests: RestEvaluation, facets: Integers) -> Tensor:
+def asymmetry_residuals(die: BearingFacets) -> Tensor:
     """2 phi - 1 of each saddle, with the sign that makes it smooth, by the root of its weight in
     rho."""
-    paths = rests.paths
-    tail, head = rests.vertices[paths.saddle_ends[:, 0]], rests.vertices[paths.saddle_ends[:, 1]]
-    saddles = foot_on_line(tail - rests.center, head - rests.center, head - tail, _TORCH)[:, None]
-    normals = rests.rest_normals[torch.as_tensor(paths.basins)]
+    import torch
+
+    rests, basins = die.rests, die.rests.paths.basins
+    normals = rests.rest_normals[torch.as_tensor(basins)]
+    saddles = rests.saddle_directions[:, None]
     cross = torch.linalg.cross(normals, saddles.expand_as(normals))
     angles = torch.atan2(torch.linalg.vector_norm(cross, dim=-1), (normals * saddles).sum(-1))
-    weights = torch.as_tensor(rests.odds[paths.basins].min(axis=1))
+    weights = torch.as_tensor(rests.odds[basins].min(axis=1))
     unequal = (angles[:, 0] - angles[:, 1]) / angles.sum(dim=1)
     return torch.sqrt(weights) * unequal / USUAL_INEQUALITY
+
+
+PREFERENCES.register(
+    Preference(
+        name="asymmetry",
+        line="both rests beside a saddle equally far from it (eq. 20, 21)",
+        rank=2,
+        residuals=asymmetry_residuals,
+    )
+)

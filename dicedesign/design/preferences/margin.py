@@ -2,30 +2,43 @@
 
 from __future__ import annotations
 
-from types import ModuleType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import torch
-from torch import Tensor
 
-from dicedesign.design.energy.barycenter import SMALLEST_MEAN
-from dicedesign.gradient.rest_odds import RestEvaluation
-from dicedesign.rest.asymmetry import basin_moments
-from dicedesign.rest.morse import separatrix_points
-from dicedesign.runtime.arrays import Integers
+from dicedesign.design.energy.term import SMALLEST_MEAN
+from dicedesign.design.preferences.preference import PREFERENCES, BearingFacets, Preference
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+__all__ = ["USUAL_OFFSET", "margin_residuals"]
 
 USUAL_OFFSET: Final = 0.1
 """Root of the mean square distance of ordinary normals from the barycenters of their basins."""
 
-_TORCH: ModuleType = torch
 
-
-def _margin(rests: RestEvaluation, facets: Integers) -> Tensor:
+def margin_residuals(die: BearingFacets) -> Tensor:
     """Offsets of the normals from the barycenters. These are the true ones: the mean of the maxima
     on the border, which eq. 14 takes for them, jumps where a maximum joins or leaves."""
-    points = separatrix_points(rests.paths, rests.vertices, rests.center, _TORCH)
-    moments = basin_moments(rests.paths, points, _TORCH)
+    import torch
+
+    from dicedesign.rest.asymmetry import basin_moments
+    from dicedesign.rest.morse import separatrix_points
+
+    rests = die.rests
+    points = separatrix_points(rests.paths, rests.vertices, rests.center, torch)
+    moments = basin_moments(rests.paths, points, torch)
     lengths = torch.linalg.vector_norm(moments, dim=1, keepdim=True)
     offsets = rests.rest_normals - moments / lengths.clamp_min(SMALLEST_MEAN)
-    return offsets.reshape(-1) / (USUAL_OFFSET * np.sqrt(len(facets)))
+    return offsets.reshape(-1) / (USUAL_OFFSET * np.sqrt(len(die.facets)))
+
+
+PREFERENCES.register(
+    Preference(
+        name="margin",
+        line="normals of the outcomes' facets near the barycenters of their basins (eq. 14)",
+        rank=1,
+        residuals=margin_residuals,
+    )
+)

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import torch
-from torch import Tensor
 
-from dicedesign.gradient.rest_odds import RestEvaluation
-from dicedesign.runtime.arrays import Integers
+from dicedesign.design.preferences.preference import PREFERENCES, BearingFacets, Preference
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+__all__ = ["USUAL_SPREAD", "roundness_residuals"]
 
 USUAL_SPREAD: Final = 0.2
 """Relative standard deviation of ordinary distances from the center of mass."""
 
 
-def _roundness(rests: RestEvaluation, facets: Integers) -> Tensor:
+def roundness_residuals(die: BearingFacets) -> Tensor:
     """Distances of vertices and of planes from the center of mass, as parts of their means."""
-    hull = rests.hull
+    import torch
+
+    rests, hull = die.rests, die.rests.hull
     radii = rests.vertices - rests.center
     normals = rests.facet_normals(np.arange(len(hull.normals)))
     heights = (radii[hull.tail[hull.facet_start[:-1]]] * normals).sum(-1)
@@ -27,3 +31,13 @@ def _roundness(rests: RestEvaluation, facets: Integers) -> Tensor:
             for distances in (torch.linalg.vector_norm(radii, dim=1), heights)
         ]
     )
+
+
+PREFERENCES.register(
+    Preference(
+        name="roundness",
+        line="all facets equally far from the center of mass, and all vertices",
+        rank=3,
+        residuals=roundness_residuals,
+    )
+)

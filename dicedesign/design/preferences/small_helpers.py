@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from torch import Tensor
+from dicedesign.design.preferences.preference import PREFERENCES, BearingFacets, Preference
 
-from dicedesign.design.preferences.areas import _all_areas
-from dicedesign.gradient.rest_odds import RestEvaluation
-from dicedesign.runtime.arrays import Integers
+if TYPE_CHECKING:
+    from torch import Tensor
+
+__all__ = ["USUAL_HELPERS", "helper_residuals"]
 
 USUAL_HELPERS: Final = 0.2
 """Part of an ordinary die's surface that bears no outcome."""
 
 
-def _small_helpers(rests: RestEvaluation, facets: Integers) -> Tensor:
+def helper_residuals(die: BearingFacets) -> Tensor:
     """The part of the surface that bears no outcome."""
-    areas = _all_areas(rests)
-    return (1.0 - areas[facets].sum() / areas.sum())[None] / USUAL_HELPERS
+    areas = die.rests.facet_areas
+    return (1.0 - areas[die.facets].sum() / areas.sum())[None] / USUAL_HELPERS
+
+
+PREFERENCES.register(
+    Preference(
+        name="small_helpers",
+        line="little area on facets without an outcome",
+        rank=5,
+        residuals=helper_residuals,
+    )
+)

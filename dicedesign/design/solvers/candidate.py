@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 import torch
@@ -12,16 +13,20 @@ from torch import Tensor
 from dicedesign.design.coordinates.shape import Coordinates, Shape
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.reuse import HullMemory
+from dicedesign.gradient.facet_edges import SOFTNESS, FacetEdges
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.rest.equilibria import Tie
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["Trial", "TrialMaker"]
+__all__ = ["BARRIER_DEPTH", "Candidate", "CandidateMaker", "barrier_residuals"]
+
+BARRIER_DEPTH: Final = 0.01
+"""Depth of a facet, over the mean distance of the vertices, at which its barrier is 1."""
 
 
 @dataclass(frozen=True)
-class Trial:
+class Candidate:
     """A die with one rest for each outcome and no other.
 
     Attributes
@@ -69,6 +74,10 @@ class Trial:
         """Largest |p - q| for target probabilities (k,)."""
         return float(np.abs(self.odds - target).max())
 
+    def dice_energy(self, target: Floats) -> float:
+        """Sum of (p - q)^2 over the outcomes, for target odds (k,) (eq. 12)."""
+        return float(((self.odds - target) ** 2).sum())
+
     @cached_property
     def odds_jacobian(self) -> Floats:
         """(k, n) derivatives of the odds in the parameters, those of all outcomes in one sweep."""
@@ -100,14 +109,14 @@ def _rows(values: Tensor, vertices: Tensor) -> Floats:
 
 
 @dataclass
-class TrialMaker:
-    """Makes trials, and remembers the hulls of the last ones.
+class CandidateMaker:
+    """Makes candidates, and remembers the hulls of the last ones.
 
     Attributes
     ----------
     center_of_mass: (3,) fixed, or None for that of the uniform solid.
     thrown: the model of odds when thrown, or None for odds without momentum.
-    evaluations: how many trials were asked for.
+    evaluations: how many candidates were asked for.
     shapes, polars: memories of the hulls of dice, and of those that coordinates need.
     """
 
@@ -119,9 +128,9 @@ class TrialMaker:
 
     def attempt(
         self, coordinates: Coordinates, parameters: Floats, directions: Floats
-    ) -> Trial | None:
-        """A trial, or None where the parameters make no die with the wanted rests, or one that is
-        tied: the odds of a tied body jump.
+    ) -> Candidate | None:
+        """A candidate, or None where the parameters make no die with the wanted rests, or one that
+        is tied: the odds of a tied body jump.
 
         parameters: (n,) of the coordinates; directions: (k, 3) near which each outcome's facet is.
         """
@@ -136,7 +145,26 @@ class TrialMaker:
             nearest = np.argmax(directions @ stable.T, axis=1)
             if not np.array_equal(np.sort(nearest), np.arange(len(stable))):
                 return None
-            trial = Trial(coordinates, parameters, shape, rests, nearest, self.thrown)
-            return trial if np.isfinite(trial.odds).all() else None
+            candidate = Candidate(coordinates, parameters, shape, rests, nearest, self.thrown)
+            return candidate if np.isfinite(candidate.odds).all() else None
         except (DiceError, Tie, np.linalg.LinAlgError):
             return None
+
+
+def barrier_residuals(rests: RestEvaluation) -> Tensor:
+    """(m,) inverse depths of the facets, infinite where a facet gains or loses stability: a barrier
+    that keeps every facet what it is, a rest or none.
+
+    The depth of a rest is the distance of the foot of the center of mass from the nearest edge's
+    line, that of another facet how far outside of the farthest such line it lies; for both a mean
+    of high power over the facet's border takes the place of the least or largest, so that depths
+    are smooth.
+    """
+    edges = FacetEdges.of(rests, np.arange(len(rests.hull.normals)))
+    inside = edges.distances(rests.center)
+    stable = torch.as_tensor(rests.equilibria.stable)
+    held = edges.mean_power(torch.where(stable[edges.owner], inside, 1.0), -SOFTNESS)
+    outside = torch.where(stable[edges.owner], 1.0, torch.relu(-inside))
+    depths = torch.where(stable, held, edges.mean_power(outside, SOFTNESS))
+    size = torch.linalg.vector_norm(rests.vertices - rests.center, dim=1).mean()
+    return BARRIER_DEPTH * size / depths

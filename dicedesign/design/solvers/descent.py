@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -14,26 +14,19 @@ from dicedesign.design.coordinates.shape import Coordinates
 from dicedesign.design.coordinates.vertices import VertexCoordinates
 from dicedesign.design.energy.objective import Evaluation, Objective
 from dicedesign.design.energy.schedule import Schedule
-from dicedesign.design.energy.weights import EnergyWeights
+from dicedesign.design.options import DescentOptions
 from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.solvers.line_search import LineSearch, has_slope
-from dicedesign.design.solvers.sobolev import (
-    SobolevOptions,
-    SobolevSolver,
-    check_coordinates,
-    graph_laplacian,
-)
+from dicedesign.design.solvers.sobolev import SobolevSolver, graph_laplacian
 from dicedesign.design.starts.start import Start
-from dicedesign.design.stopping import Stopping
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.hulls.reuse import HullMemory
 from dicedesign.rest.equilibria import classify
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats
-from dicedesign.runtime.registry import STRICT
 
-__all__ = ["DescentOptions", "descend_to_target"]
+__all__ = ["descend_to_target"]
 
 SHAKE: Final = 1e-6
 """Least perturbation of a start that balances exactly, so that its basins cannot be told."""
@@ -41,47 +34,6 @@ SHAKE: Final = 1e-6
 NEAR_BOUNDARY: Final = 0.1
 """A given center of mass nearer to a facet than this part of the centroid's distance is a poor
 origin for half-spaces: their distances are varied by factors."""
-
-
-@dataclass(frozen=True)
-class DescentOptions:
-    """Options of `method: descent`.
-
-    Attributes
-    ----------
-    coordinates: "facets" keeps every facet flat; "vertices" moves vertices as the paper does.
-    weights: of the energy's terms. The stability margin is narrowed where no progress is left with
-        it and the tolerance is not reached.
-    sobolev: preconditioning of vertex gradients, or None; needs `coordinates` "vertices".
-    stopping: tolerance and limits.
-    relaxation: factor on the barycenter and neighbor weights each time progress stalls, in (0, 1);
-        those two terms shape the die first and then give way to the probabilities.
-    perturbation: standard deviation of the seeded noise on the starting parameters, which breaks
-        the ties of symmetric shapes; not negative. Where the start balances such that its odds
-        cannot be told, it is at least `SHAKE`.
-    """
-
-    __pydantic_config__ = STRICT
-
-    coordinates: Literal["facets", "vertices"] = "facets"
-    weights: EnergyWeights = field(default_factory=EnergyWeights)
-    sobolev: SobolevOptions | None = None
-    stopping: Stopping = field(default_factory=Stopping)
-    relaxation: float = 0.5
-    perturbation: float = 1e-3
-
-    def __post_init__(self) -> None:
-        check_coordinates(self.coordinates, self.sobolev)
-        if not 0.0 < self.relaxation < 1.0:
-            raise InputError(
-                f"relaxation: expected a number in (0, 1), got {self.relaxation:g}; leave it out "
-                "for 0.5"
-            )
-        if not 0.0 <= self.perturbation < 1.0:
-            raise InputError(
-                f"perturbation: expected a number in [0, 1), got {self.perturbation:g}; leave it "
-                "out for 1e-3"
-            )
 
 
 def descend_to_target(

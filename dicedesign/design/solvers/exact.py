@@ -9,99 +9,31 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from typing import Final, Literal
-
-import numpy as np
+from dataclasses import dataclass, field
+from typing import Final
 
 from dicedesign.design.coordinates.facets import FacetCoordinates
 from dicedesign.design.coordinates.shape import Coordinates
 from dicedesign.design.coordinates.symmetric import SymmetricCoordinates
 from dicedesign.design.coordinates.vertices import VertexCoordinates
-from dicedesign.design.preferences.weights import Preferences
-from dicedesign.design.refinement import RefineOptions
+from dicedesign.design.options import ExactOptions
 from dicedesign.design.result import DesignResult, DesignStep
-from dicedesign.design.solvers.candidate import Trial, TrialMaker
-from dicedesign.design.solvers.levenberg_marquardt import Approach, dice_energy
+from dicedesign.design.solvers.candidate import Candidate, CandidateMaker
+from dicedesign.design.solvers.levenberg_marquardt import LevenbergMarquardt
 from dicedesign.design.solvers.null_space_descent import improve
-from dicedesign.design.solvers.sobolev import SobolevOptions, check_coordinates
 from dicedesign.design.starts.start import Start
 from dicedesign.errors import DegenerateBodyError, DiceError, InputError, NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.inscribed_circles import circle_radii
-from dicedesign.gradient.restitution_sensitivity import Swing
+from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats
-from dicedesign.runtime.registry import STRICT
 
-__all__ = ["ExactOptions", "solve_exactly"]
-
-FINEST_TOLERANCE: Final = 1e-15
-"""Rounding alone leaves errors of a few 1e-16."""
-
-LEGIBLE: Final = Preferences(circles=1.0, margin=0.1, asymmetry=0.1, roundness=0.2, robustness=1.0)
-"""Room for labels first; then rests that are not left at a nudge, no needles or plates, and, where
-the die is thrown, odds that do not change with the table."""
+__all__ = ["solve_exactly"]
 
 MOST_IMPROVEMENTS: Final = 100
 """Steps by preference, once the odds are met."""
-
-
-@dataclass(frozen=True)
-class ExactOptions:
-    """Options of `method: exact`.
-
-    Attributes
-    ----------
-    tolerance: largest |p - q| wanted, from `FINEST_TOLERANCE` on and below 1.
-    coordinates: "facets" moves half-spaces and keeps every facet flat; "vertices" moves vertices,
-        so that facets become triangles.
-    sobolev: the metric `(I + lambda L)^p` in which steps are shortest, of the graph Laplacian L; it
-        needs `coordinates` "vertices". None for lengths as they are.
-    prefer: what the die is made better by once its odds are met, which are kept; `LEGIBLE` unless
-        given. What is given has all other weights at 0.
-    odds: "resting" for a die set down without momentum, "thrown" for one thrown onto a table, by
-        the momentum model.
-    table: of thrown dice, by name or as the path of a .json file.
-    refine: corrects the momentum model by simulated throws, or None to trust it; with thrown odds.
-    starts: most starting shapes that are tried, at least 1.
-    seconds: wall-clock time after which nothing more is tried, positive; the first shape with the
-        wanted rests still is.
-    """
-
-    __pydantic_config__ = STRICT
-
-    tolerance: float = 1e-12
-    coordinates: Literal["facets", "vertices"] = "facets"
-    sobolev: SobolevOptions | None = None
-    prefer: Preferences = LEGIBLE
-    odds: Literal["resting", "thrown"] = "resting"
-    table: str = "board-game"
-    refine: RefineOptions | None = None
-    starts: int = 60
-    seconds: float = 60.0
-
-    def __post_init__(self) -> None:
-        if not FINEST_TOLERANCE <= self.tolerance < 1.0:
-            raise InputError(
-                f"tolerance: expected a number from {FINEST_TOLERANCE:g} on and below 1, got "
-                f"{self.tolerance:g}; leave it out for 1e-12"
-            )
-        check_coordinates(self.coordinates, self.sobolev)
-        if self.refine is not None and self.odds != "thrown":
-            raise InputError(
-                'refine: expected odds "thrown" with it, got "resting"; leave refine out, or write '
-                "odds: thrown"
-            )
-        if self.starts < 1:
-            raise InputError(
-                f"starts: expected a whole number above 0, got {self.starts}; leave it out for 60"
-            )
-        if not 0.0 < self.seconds < np.inf:
-            raise InputError(
-                f"seconds: expected a positive number, got {self.seconds:g}; leave it out for 60"
-            )
 
 
 def solve_exactly(
@@ -112,7 +44,7 @@ def solve_exactly(
     center_of_mass: Floats | None = None,
     group: Floats | None = None,
     least_circle: float = 0.0,
-    swing: Swing | None = None,
+    sensitivity: RestitutionSensitivity | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
 ) -> DesignResult:
     """Move the first of some starting shapes that leads there until its odds are the target.
@@ -131,7 +63,7 @@ def solve_exactly(
         or None. Outcomes whose facets are images of each other are equally probable.
     least_circle: radius, over the largest distance of two vertices, that a circle in the facet of
         each outcome has; starts that do not lead there are passed over. In [0, 0.5).
-    swing: has the model of thrown dice by which the target is met, and is what `prefer.robustness`
+    sensitivity: has the model of thrown dice by which the target is met, and is what `prefer.robustness`
         lowers; None for odds without momentum.
     on_step: called after every accepted step.
 
@@ -151,7 +83,7 @@ def solve_exactly(
             "least circle: expected a radius from 0 on and below 0.5 of the largest distance of "
             f"two vertices, got {least_circle:g}; lower it"
         )
-    search = _Search(target, options, center_of_mass, group, least_circle, swing, on_step)
+    search = _Search(target, options, center_of_mass, group, least_circle, sensitivity, on_step)
     for start in starts:
         if start is not None and (search.solve(start) or search.starts == options.starts):
             break
@@ -164,7 +96,7 @@ def solve_exactly(
 class _Best:
     """A die, what is wrong with it (`_Search.shortfall`), and the terms of its energy."""
 
-    trial: Trial
+    candidate: Candidate
     shortfall: tuple[float, float]
     terms: dict[str, float]
 
@@ -178,7 +110,7 @@ class _Search:
     center_of_mass: Floats | None
     group: Floats | None
     least_circle: float
-    swing: Swing | None
+    sensitivity: RestitutionSensitivity | None
     on_step: Callable[[DesignStep], None] | None
     first: Start | None = None
     best: _Best | None = None
@@ -187,11 +119,11 @@ class _Search:
 
     def __post_init__(self) -> None:
         self.started = time.perf_counter()
-        swing, self.prefer = self.swing, self.options.prefer
-        if swing is None or not swing.is_known:
-            self.prefer = replace(self.prefer, robustness=0.0)
-        thrown = None if swing is None else swing.thrown
-        self.maker = TrialMaker(self.center_of_mass, thrown)
+        sensitivity, self.prefer = self.sensitivity, self.options.prefer
+        if sensitivity is None or not sensitivity.is_known:
+            self.prefer = self.prefer.changed(robustness=0.0)
+        thrown = None if sensitivity is None else sensitivity.thrown
+        self.maker = CandidateMaker(self.center_of_mass, thrown)
 
     @property
     def aim(self) -> float:
@@ -215,7 +147,7 @@ class _Search:
         if first is None:
             return False
         options = self.options
-        approach = Approach(
+        approach = LevenbergMarquardt(
             self.target,
             self.maker,
             options.sobolev,
@@ -223,7 +155,7 @@ class _Search:
             lambda: self.out_of_time,
             self._record,
         )
-        found = approach.end(first)
+        found = approach.solve(first)
         if found.error(self.target) > self.aim:
             return False
         found = improve(
@@ -231,7 +163,7 @@ class _Search:
             self.target,
             self.maker,
             self.prefer,
-            swing=self.swing,
+            sensitivity=self.sensitivity,
             least_circle=self.least_circle,
             tolerance=self.aim,
             steps=MOST_IMPROVEMENTS,
@@ -249,21 +181,21 @@ class _Search:
             return SymmetricCoordinates.of(start.points, origin, self.group, lambda points: hull)
         return FacetCoordinates.of(start.points, origin, lambda points: hull)
 
-    def shortfall(self, trial: Trial) -> tuple[float, float]:
-        """What is wrong with a trial: first its error beyond the tolerance, then what its smallest
-        circle lacks."""
-        error = trial.error(self.target)
+    def shortfall(self, candidate: Candidate) -> tuple[float, float]:
+        """What is wrong with a candidate: first its error beyond the tolerance, then what its
+        smallest circle lacks."""
+        error = candidate.error(self.target)
         if error > self.aim:
             return error, 0.0
         if self.least_circle == 0.0:
             return 0.0, 0.0
-        radii = circle_radii(trial.rests, trial.outcome_facets).detach()
+        radii = circle_radii(candidate.rests, candidate.outcome_facets).detach()
         return 0.0, max(self.least_circle - float(radii.min()), 0.0)
 
-    def _record(self, trial: Trial, value: float | None = None) -> None:
-        """Take note of a trial: on the way to the target, or one that is better by preference than
-        the last, with the value that its step has lowered."""
-        terms, shortfall = {"dice": dice_energy(trial, self.target)}, self.shortfall(trial)
+    def _record(self, candidate: Candidate, value: float | None = None) -> None:
+        """Take note of a candidate: on the way to the target, or one that is better by preference
+        than the last, with the value that its step has lowered."""
+        terms, shortfall = {"dice": candidate.dice_energy(self.target)}, self.shortfall(candidate)
         if value is not None:
             terms["preferences"] = value
         best = self.best
@@ -272,10 +204,10 @@ class _Search:
             or shortfall < best.shortfall
             or (value is not None and shortfall == best.shortfall)
         ):
-            self.best = _Best(trial, shortfall, terms)
+            self.best = _Best(candidate, shortfall, terms)
         seconds = time.perf_counter() - self.started
         step = DesignStep(
-            len(self.history), seconds, sum(terms.values()), terms, trial.error(self.target)
+            len(self.history), seconds, sum(terms.values()), terms, candidate.error(self.target)
         )
         self.history.append(step)
         if self.on_step is not None:
@@ -302,7 +234,7 @@ class _Search:
                 f"start: expected a shape with one rest for each of {len(self.target)} outcomes "
                 f"and no other, got {self._first_rests()}; {remedy}"
             )
-        best, (error, small) = self.best.trial, self.best.shortfall
+        best, (error, small) = self.best.candidate, self.best.shortfall
         status = Status.NO_START
         if error == 0.0:
             status = Status.CONVERGED if small == 0.0 else Status.TOO_SMALL

@@ -14,11 +14,12 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.design.solvers.candidate import Trial, TrialMaker
-from dicedesign.design.solvers.sobolev import SobolevOptions, SobolevSolver, graph_laplacian
+from dicedesign.design.options import SobolevOptions
+from dicedesign.design.solvers.candidate import Candidate, CandidateMaker
+from dicedesign.design.solvers.sobolev import SobolevSolver, graph_laplacian
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["Approach", "dice_energy"]
+__all__ = ["LevenbergMarquardt"]
 
 DEPTH_MARGIN: Final = 0.03
 """Depth of a facet, over the circumscribed radius, below which it is a residual."""
@@ -47,8 +48,8 @@ MOST_STEPS: Final = 80
 
 
 @dataclass(frozen=True)
-class Approach:
-    """Goes from a die towards odds.
+class LevenbergMarquardt:
+    """Steps from a die towards odds.
 
     Attributes
     ----------
@@ -58,20 +59,20 @@ class Approach:
         lengths as they are.
     tolerance: largest |p - q| wanted.
     out_of_time: asked before every step.
-    on_trial: called with the first die and every one that a step leads to.
+    on_candidate: called with the first die and every one that a step leads to.
     """
 
     target: Floats
-    maker: TrialMaker
+    maker: CandidateMaker
     sobolev: SobolevOptions | None
     tolerance: float
     out_of_time: Callable[[], bool]
-    on_trial: Callable[[Trial], None]
+    on_candidate: Callable[[Candidate], None]
 
-    def end(self, first: Trial) -> Trial:
+    def solve(self, first: Candidate) -> Candidate:
         """The die where the steps end, within the tolerance or not."""
         current = first
-        self.on_trial(current)
+        self.on_candidate(current)
         near = current.error(self.target) < NEAR
         weights = iter((0.0, *WALL_WEIGHTS) if near else WALL_WEIGHTS)
         weight, damping = next(weights), DAMPINGS[1]
@@ -83,7 +84,7 @@ class Approach:
             if following is not None:
                 gained = 1.0 - self._merit(following, weight) / before
                 current = self._pruned(following)
-                self.on_trial(current)
+                self.on_candidate(current)
                 if gained >= SLOW:
                     continue
             following_weight = next(weights, None)
@@ -92,8 +93,10 @@ class Approach:
             weight, damping = following_weight, DAMPINGS[1]
         return current
 
-    def _step(self, current: Trial, weight: float, damping: float) -> tuple[Trial | None, float]:
-        """An acceptable trial, or None, and the damping for the next step."""
+    def _step(
+        self, current: Candidate, weight: float, damping: float
+    ) -> tuple[Candidate | None, float]:
+        """An acceptable candidate, or None, and the damping for the next step."""
         residuals, jacobian = self._residuals(current, weight), self._jacobian(current, weight)
         raised = self._raised(current, jacobian)
         square = jacobian @ raised
@@ -106,13 +109,13 @@ class Approach:
             if not 0.0 < largest < np.inf:
                 break
             step *= min(1.0, LARGEST_MOVE / largest)
-            trial = self._attempt(current, current.parameters + step)
-            if trial is not None and self._merit(trial, weight) < merit:
-                return trial, max(0.1 * damping, DAMPINGS[0])
+            candidate = self._attempt(current, current.parameters + step)
+            if candidate is not None and self._merit(candidate, weight) < merit:
+                return candidate, max(0.1 * damping, DAMPINGS[0])
             damping = max(10.0 * damping, LEAST_REFUSED)
         return None, damping
 
-    def _raised(self, current: Trial, jacobian: Floats) -> Floats:
+    def _raised(self, current: Candidate, jacobian: Floats) -> Floats:
         """(n, r) columns W^-1 J^T for the Jacobian (r, n)."""
         if self.sobolev is None:
             return jacobian.T
@@ -123,37 +126,32 @@ class Approach:
         smooth[hull.source] = solver.solve(columns[hull.source])
         return smooth.reshape(jacobian.T.shape)
 
-    def _residuals(self, trial: Trial, weight: float) -> Floats:
+    def _residuals(self, candidate: Candidate, weight: float) -> Floats:
         """(r,) p - q, and with a weight above 0 what facets near the edge lack in depth."""
-        misses = trial.odds - self.target
+        misses = candidate.odds - self.target
         if weight == 0.0:
             return misses
-        depths = trial.signed_depths.detach().numpy()
+        depths = candidate.signed_depths.detach().numpy()
         lacking = 1.0 - depths[depths < DEPTH_MARGIN] / DEPTH_MARGIN
         return np.concatenate([misses, weight * lacking])
 
-    def _jacobian(self, trial: Trial, weight: float) -> Floats:
+    def _jacobian(self, candidate: Candidate, weight: float) -> Floats:
         """(r, n) of the residuals."""
         if weight == 0.0:
-            return trial.odds_jacobian
-        near = trial.signed_depths[trial.signed_depths.detach() < DEPTH_MARGIN]
+            return candidate.odds_jacobian
+        near = candidate.signed_depths[candidate.signed_depths.detach() < DEPTH_MARGIN]
         steepness = -weight / DEPTH_MARGIN
-        return np.concatenate([trial.odds_jacobian, steepness * trial.jacobian(near)])
+        return np.concatenate([candidate.odds_jacobian, steepness * candidate.jacobian(near)])
 
-    def _merit(self, trial: Trial, weight: float) -> float:
-        return float((self._residuals(trial, weight) ** 2).sum())
+    def _merit(self, candidate: Candidate, weight: float) -> float:
+        return float((self._residuals(candidate, weight) ** 2).sum())
 
-    def _attempt(self, current: Trial, parameters: Floats) -> Trial | None:
+    def _attempt(self, current: Candidate, parameters: Floats) -> Candidate | None:
         return self.maker.attempt(current.coordinates, parameters, current.directions)
 
-    def _pruned(self, trial: Trial) -> Trial:
-        """The trial without the parameters that its shape no longer uses."""
-        pruned = trial.coordinates.pruned(trial.parameters, trial.rests)
-        if len(pruned) == len(trial.parameters):
-            return trial
-        return self._attempt(trial, pruned) or trial
-
-
-def dice_energy(trial: Trial, target: Floats) -> float:
-    """Sum of (p - q)^2 over the outcomes, for target odds (k,); source: eq. 12."""
-    return float(((trial.odds - target) ** 2).sum())
+    def _pruned(self, candidate: Candidate) -> Candidate:
+        """The candidate without the parameters that its shape no longer uses."""
+        pruned = candidate.coordinates.pruned(candidate.parameters, candidate.rests)
+        if len(pruned) == len(candidate.parameters):
+            return candidate
+        return self._attempt(candidate, pruned) or candidate

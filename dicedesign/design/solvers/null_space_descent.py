@@ -17,11 +17,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dicedesign.design.preferences.weights import Preferences, preference_residuals
-from dicedesign.design.solvers.candidate import Trial, TrialMaker
-from dicedesign.design.solvers.facet_barrier import barrier_residuals
+from dicedesign.design.preferences.nearness import nearness_pull
+from dicedesign.design.preferences.preference import (
+    BearingFacets,
+    Preferences,
+    preference_residuals,
+)
+from dicedesign.design.solvers.candidate import Candidate, CandidateMaker, barrier_residuals
 from dicedesign.gradient.inscribed_circles import circle_radii
-from dicedesign.gradient.restitution_sensitivity import Swing
+from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["improve"]
@@ -31,9 +35,6 @@ SHORTFALL: Final = 0.2
 
 ROOM: Final = 1.01
 """Circles below this times the least radius count as too small; none falls below that radius."""
-
-FAR: Final = 0.1
-"""Root of the mean square change of parameters that counts as 1 for `Preferences.nearness`."""
 
 LARGEST_MOVE: Final = 0.15
 """Largest change of a parameter along the manifold in one step."""
@@ -74,18 +75,18 @@ PATIENCE: Final = 5
 
 
 def improve(
-    trial: Trial,
+    candidate: Candidate,
     target: Floats,
-    maker: TrialMaker,
+    maker: CandidateMaker,
     preferences: Preferences,
     *,
-    swing: Swing | None = None,
+    sensitivity: RestitutionSensitivity | None = None,
     least_circle: float,
     tolerance: float,
     steps: int,
     out_of_time: Callable[[], bool],
-    on_step: Callable[[Trial, float], None],
-) -> Trial:
+    on_step: Callable[[Candidate, float], None],
+) -> Candidate:
     """The best die that steps from a given one lead to, by weighted preferences.
 
     Every step keeps the odds within the tolerance, one rest for each outcome and no other. No facet
@@ -93,11 +94,11 @@ def improve(
 
     Parameters
     ----------
-    trial: a die whose odds are within the tolerance.
+    candidate: a die whose odds are within the tolerance.
     target: (k,) the odds.
     maker: makes the dice that are tried.
     preferences: what is made better.
-    swing: of the odds when thrown, or None for odds without momentum.
+    sensitivity: of the odds when thrown, or None for odds without momentum.
     least_circle: radius, over the hull's diameter, that the largest circle in each facet of an
         outcome shall have, 0 for any. While one has less, steps are towards that alone; once all
         have it they keep it.
@@ -107,26 +108,28 @@ def improve(
     on_step: called with every die that a step leads to, and the sum of squares that falls: weighted
         preferences, and what keeps facets from the verge of tipping and circles from being small.
     """
-    goal = _Goal(target, maker, preferences, swing, least_circle, tolerance, trial.parameters)
+    goal = _Goal(
+        target, maker, preferences, sensitivity, least_circle, tolerance, candidate.parameters
+    )
     if least_circle > 0.0:
         # A circle that is too small comes first, and alone.
         bare = replace(goal, preferences=Preferences())
-        trial, taken = _descend(bare, trial, steps, out_of_time, on_step)
+        candidate, taken = _descend(bare, candidate, steps, out_of_time, on_step)
         steps -= taken
-    return _descend(goal, trial, steps, out_of_time, on_step)[0]
+    return _descend(goal, candidate, steps, out_of_time, on_step)[0]
 
 
 def _descend(
     goal: _Goal,
-    trial: Trial,
+    candidate: Candidate,
     steps: int,
     out_of_time: Callable[[], bool],
-    on_step: Callable[[Trial, float], None],
-) -> tuple[Trial, int]:
+    on_step: Callable[[Candidate, float], None],
+) -> tuple[Candidate, int]:
     """The die that at most so many steps lead to, and how many there were."""
-    here = _Point(goal, trial)
+    here = _Point(goal, candidate)
     if not goal.is_open(here) or not here.is_free:
-        return trial, 0
+        return candidate, 0
     curvature, slow, taken = here.gauss_newton(), 0, 0
     while taken < steps and slow < PATIENCE and goal.is_open(here) and not out_of_time():
         there = _line_search(goal, here, curvature)
@@ -140,8 +143,8 @@ def _descend(
         slow = slow + 1 if there.merit > (1.0 - SLOW) * here.merit else 0
         here = there
         taken += 1
-        on_step(here.trial, here.merit)
-    return here.trial, taken
+        on_step(here.candidate, here.merit)
+    return here.candidate, taken
 
 
 @dataclass(frozen=True)
@@ -154,54 +157,58 @@ class _Goal:
     """
 
     target: Floats
-    maker: TrialMaker
+    maker: CandidateMaker
     preferences: Preferences
-    swing: Swing | None
+    sensitivity: RestitutionSensitivity | None
     least_circle: float
     tolerance: float
     first: Floats
 
-    def residuals(self, trial: Trial) -> list[Tensor]:
+    def residuals(self, candidate: Candidate) -> list[Tensor]:
         """Vectors whose squares are summed, but for `away`."""
-        facets = trial.outcome_facets
+        facets = candidate.outcome_facets
         parts = [
-            *preference_residuals(trial.rests, facets, self.preferences, self.swing),
-            np.sqrt(self.preferences.largest or 1.0) * barrier_residuals(trial.rests),
+            *preference_residuals(
+                BearingFacets(candidate.rests, facets, self.sensitivity), self.preferences
+            ),
+            np.sqrt(self.preferences.largest or 1.0) * barrier_residuals(candidate.rests),
         ]
         if self.least_circle > 0.0:
-            radii = circle_radii(trial.rests, facets)
+            radii = circle_radii(candidate.rests, facets)
             parts.append(torch.relu(ROOM * self.least_circle / radii - 1.0) / SHORTFALL)
         return parts
 
-    def away(self, trial: Trial) -> Floats:
+    def away(self, candidate: Candidate) -> Floats:
         """(n,) the residuals of parameters that are not those of the first die."""
-        return self.pull * (trial.parameters - self.first)
+        return self.pull * (candidate.parameters - self.first)
 
     @property
     def pull(self) -> float:
         """The derivative of each of them in its parameter."""
-        return float(np.sqrt(self.preferences.nearness / len(self.first))) / FAR
+        return nearness_pull(self.preferences, len(self.first))
 
     def is_open(self, here: _Point) -> bool:
         """Whether there is anything to make better."""
-        return self.preferences.any or here.is_short
+        return self.preferences.largest > 0.0 or here.is_short
 
     def moved(self, here: _Point, move: Floats) -> _Point | None:
         """The point that a move (n,) along the tangent space and back leads to, or None where no
         such die is found or a circle has become too small."""
-        parameters = here.trial.parameters + move
+        parameters = here.candidate.parameters + move
         before = np.inf
         for _ in range(MOST_CORRECTIONS + 1):
-            trial = self.maker.attempt(here.trial.coordinates, parameters, here.trial.directions)
-            if trial is None:
+            candidate = self.maker.attempt(
+                here.candidate.coordinates, parameters, here.candidate.directions
+            )
+            if candidate is None:
                 return None
-            there, error = _Point(self, trial), trial.error(self.target)
+            there, error = _Point(self, candidate), candidate.error(self.target)
             if error <= self.tolerance:
                 return None if there.is_short and not here.is_short else there
             if error > CONVERGING * before:
                 return None
             before = error
-            parameters = parameters + there.back(trial.odds - self.target)
+            parameters = parameters + there.back(candidate.odds - self.target)
         return None
 
 
@@ -210,12 +217,12 @@ class _Point:
     """A die and how good it is."""
 
     goal: _Goal
-    trial: Trial
+    candidate: Candidate
 
     @cached_property
     def residuals(self) -> list[Tensor]:
         """See `_Goal.residuals`."""
-        return self.goal.residuals(self.trial)
+        return self.goal.residuals(self.candidate)
 
     @cached_property
     def _squares(self) -> Tensor:
@@ -224,7 +231,7 @@ class _Point:
 
     @cached_property
     def merit(self) -> float:
-        away = self.goal.away(self.trial)
+        away = self.goal.away(self.candidate)
         return self._squares.item() + float(away @ away)
 
     @cached_property
@@ -232,7 +239,7 @@ class _Point:
         """Whether a circle is too small."""
         if self.goal.least_circle == 0.0:
             return False
-        radii = circle_radii(self.trial.rests, self.trial.outcome_facets)
+        radii = circle_radii(self.candidate.rests, self.candidate.outcome_facets)
         return bool(radii.detach().min() < self.goal.least_circle)
 
     @property
@@ -243,7 +250,7 @@ class _Point:
     @cached_property
     def _singular(self) -> tuple[Floats, Floats, Floats]:
         """Of the odds' Jacobian (k, n): left vectors (k, r), values (r,), all right ones (n, n)."""
-        left, values, right = np.linalg.svd(self.trial.odds_jacobian)
+        left, values, right = np.linalg.svd(self.candidate.odds_jacobian)
         rank = int((values > RANK).sum())
         return left[:, :rank], values[:rank], right
 
@@ -266,8 +273,8 @@ class _Point:
     @cached_property
     def gradient(self) -> Floats:
         """(n,) of the merit, along the manifold."""
-        (gradient,) = self.trial.jacobian(self._squares[None])
-        return self.along(gradient + 2.0 * self.goal.pull * self.goal.away(self.trial))
+        (gradient,) = self.candidate.jacobian(self._squares[None])
+        return self.along(gradient + 2.0 * self.goal.pull * self.goal.away(self.candidate))
 
     def gauss_newton(self) -> Floats:
         """(n, n) inverse of the damped Gauss-Newton matrix of the merit along the manifold; of more
@@ -276,7 +283,7 @@ class _Point:
         if sum(map(len, self.residuals)) > MOST_ROWS:
             steepness = max(float(np.linalg.norm(self.gradient)), np.finfo(np.float64).tiny)
             return free.T @ free * (LARGEST_MOVE / steepness)
-        jacobian = self.trial.jacobian(*self.residuals) @ free.T
+        jacobian = self.candidate.jacobian(*self.residuals) @ free.T
         square = 2.0 * (jacobian.T @ jacobian + self.goal.pull**2 * np.eye(len(free)))
         damping = DAMPING * max(float(np.trace(square)), np.finfo(np.float64).tiny)
         return free.T @ np.linalg.solve(square + damping / len(free) * np.eye(len(free)), free)
@@ -299,7 +306,7 @@ def _line_search(goal: _Goal, here: _Point, curvature: Floats) -> _Point | None:
 
 def _updated(curvature: Floats, here: _Point, there: _Point) -> Floats:
     """The inverse Hessian (n, n) by BFGS, with vectors projected into the new tangent space."""
-    step = there.along(there.trial.parameters - here.trial.parameters)
+    step = there.along(there.candidate.parameters - here.candidate.parameters)
     change = there.gradient - there.along(here.gradient)
     product = float(step @ change)
     if product <= CURVED * np.linalg.norm(step) * np.linalg.norm(change):

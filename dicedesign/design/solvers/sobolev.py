@@ -4,70 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 from scipy.sparse import csc_array, diags_array, eye_array
 from scipy.sparse.linalg import SuperLU, splu
 
-from dicedesign.errors import InputError
+from dicedesign.design.options import SobolevOptions
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.runtime.registry import STRICT
 
 __all__ = [
-    "SobolevOptions",
     "SobolevSolver",
-    "check_coordinates",
     "edge_laplacian",
     "graph_laplacian",
     "sobolev_solve",
 ]
-
-LARGEST_SMOOTHING: Final = 1e6
-"""Beyond it the operator averages the whole surface, and its matrix is singular to rounding."""
-
-
-@dataclass(frozen=True)
-class SobolevOptions:
-    """The operator `(I + lambda L)^-p` of section 3.3.
-
-    Attributes
-    ----------
-    smoothing: lambda, above 0 and at most `LARGEST_SMOOTHING`.
-    power: p, 1 to 4.
-    """
-
-    __pydantic_config__ = STRICT
-
-    smoothing: float = 2.0
-    power: int = 2
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.smoothing <= LARGEST_SMOOTHING:
-            raise InputError(
-                f"sobolev.smoothing: expected a number above 0 and at most "
-                f"{LARGEST_SMOOTHING:g}, got {self.smoothing:g}; leave it out for 2"
-            )
-        if not 1 <= self.power <= 4:
-            raise InputError(
-                f"sobolev.power: expected 1 to 4, got {self.power}; leave it out for 2"
-            )
-
-
-def check_coordinates(coordinates: str, sobolev: SobolevOptions | None) -> None:
-    """Raise InputError unless coordinates are "facets" or "vertices", with the operator for the
-    latter only."""
-    if coordinates not in ("facets", "vertices"):
-        raise InputError(
-            f'coordinates: expected "facets" or "vertices", got {coordinates!r}; choose one of the '
-            "two"
-        )
-    if sobolev is not None and coordinates != "vertices":
-        raise InputError(
-            'sobolev: expected coordinates "vertices", whose gradient lives on the surface, got '
-            f"{coordinates!r}; leave sobolev out or change coordinates"
-        )
 
 
 def graph_laplacian(hull: ConvexHull) -> csc_array:

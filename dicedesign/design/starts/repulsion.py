@@ -8,7 +8,6 @@ import numpy as np
 
 from dicedesign.design.starts.start import Start, normalised_start
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["FEWEST_FACETS", "repulsion", "spread_directions"]
@@ -39,6 +38,8 @@ def repulsion(outcomes: int, seed: int) -> Start:
             f"start.repulsion: expected at least {FEWEST_FACETS} outcomes, got {outcomes}; a "
             "body bounded by fewer facets does not exist, start from a prism"
         )
+    from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+
     points = spread_directions(outcomes, np.random.default_rng(seed), REPULSION_STEPS)
     return normalised_start(polyhedron_corners(points, np.ones(outcomes)), points)
 

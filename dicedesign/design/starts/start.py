@@ -1,4 +1,5 @@
-"""Starting shapes: convex polyhedra with the directions on which outcomes are to be placed.
+"""Starting shapes: convex polyhedra with the directions on which outcomes are to be placed, and the
+kinds of them that a recipe can choose.
 
 Each is made in its own coordinates, which its docstring describes, and then moved and scaled to
 half extent 1; `Start` remembers how.
@@ -6,14 +7,31 @@ half extent 1; `Start` remembers how.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.registry import Extension, Registry
 
-__all__ = ["Start", "normalised_start"]
+if TYPE_CHECKING:
+    from dicedesign.geometry.surfaces.surface import Surface
+
+__all__ = [
+    "FEWEST_SIDES",
+    "STARTS",
+    "Start",
+    "StartKind",
+    "Task",
+    "check_sides",
+    "made_start",
+    "normalised_start",
+]
+
+FEWEST_SIDES: Final = 3
+"""Shapes that are made without regard to the target's odds have at least so many rests."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +60,8 @@ class Start:
 
     def about_centroid(self) -> Start:
         """The same start, moved so that its centroid is at 0."""
+        from dicedesign.geometry.hulls.hull import convex_hull
+
         centroid = convex_hull(self.points).centroid
         origin = self.origin + self.scale * centroid
         return replace(self, points=self.points - centroid, origin=origin)
@@ -53,3 +73,77 @@ def normalised_start(points: Floats, directions: Floats, notes: tuple[str, ...] 
     centered = points - origin
     scale = float(np.abs(centered).max())
     return Start(centered / scale, directions, origin, scale, notes)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a start is made for.
+
+    Attributes
+    ----------
+    outcomes: how many there are.
+    seed: of everything random.
+    center_of_mass: (3,) given, in the shape's own coordinates, or None for the uniform solid.
+    """
+
+    outcomes: int
+    seed: int = 0
+    center_of_mass: Floats | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartKind(Extension):
+    """A kind of starting shape.
+
+    Attributes
+    ----------
+    options: type of what a recipe says of it: a dataclass with `STRICT`, or a choice of texts.
+    check: raises ValueError, naming the key, where a shape of such options cannot bear so many
+        outcomes.
+    make: the shape, from options and task, or None if there is no single one.
+    search: shapes with one rest for each outcome and no other, without end, for target
+        probabilities (k,), a point group (g, 3, 3) or None, and a seed; None where a turn found
+        nothing. Or None if shapes are not searched.
+    surface: the closed surface to make a concave die of, and what was repaired, one sentence each;
+        or None if there is none.
+    """
+
+    options: Any
+    check: Callable[[Any, int], None] = lambda options, outcomes: None
+    make: Callable[[Any, Task], Start] | None = None
+    search: Callable[[Floats, Floats | None, int], Iterator[Start | None]] | None = None
+    surface: Callable[[Any], tuple[Surface, tuple[str, ...]]] | None = None
+
+
+STARTS: Final = Registry[StartKind]("start", "dicedesign.design.starts.kinds")
+
+
+def check_sides(outcomes: int) -> None:
+    """Raise ValueError for fewer outcomes than `FEWEST_SIDES`."""
+    if outcomes < FEWEST_SIDES:
+        raise ValueError(
+            f"start: expected a mesh or a search for {outcomes} outcomes, as every other start "
+            f"has at least {FEWEST_SIDES} rests; write start: {{search: {{}}}}, or start: "
+            "{mesh: {path: FILE}}"
+        )
+
+
+def made_start(name: str, options: Any, task: Task) -> Start | None:
+    """The starting shape of a kind, or None where there is no single one.
+
+    Raises
+    ------
+    InputError: it cannot be made.
+    OutsideHullError: the given center of mass is not inside.
+    """
+    make = STARTS[name].make
+    if make is None:
+        return None
+    start = make(options, task)
+    if task.center_of_mass is not None:
+        from dicedesign.geometry.hulls.hull import convex_hull
+        from dicedesign.rest.equilibria import classify
+
+        # An error speaks of the coordinates that the recipe uses.
+        classify(convex_hull(start.origin + start.scale * start.points), task.center_of_mass)
+    return start

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import partial
 
+from dicedesign.design.options import ExactOptions
 from dicedesign.design.result import DesignResult
-from dicedesign.design.solvers.exact import ExactOptions, solve_exactly
-from dicedesign.design.starts.search import shapes_near
+from dicedesign.design.solvers.exact import solve_exactly
 from dicedesign.design.starts.start import Start
-from dicedesign.design.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.design.starts.variations import shapes_like
 from dicedesign.fabricate.designed_die import DesignedDie
 from dicedesign.recipe.methods.convex import (
@@ -59,6 +58,6 @@ def starts_of(work: Work, wanted: Floats) -> Iterable[Start | None]:
     recipe, group = work.recipe, work.recipe.group()
     if work.start is not None:
         return shapes_like(work.start, recipe.seed, group, any_order=recipe.any_order)
-    if group is not None:
-        return symmetric_shapes_near(wanted, group, recipe.seed)
-    return shapes_near(wanted, recipe.seed)
+    search = recipe.start.kind.search
+    assert search is not None
+    return search(wanted, group, recipe.seed)

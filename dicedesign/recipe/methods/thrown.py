@@ -9,16 +9,16 @@ from typing import Final
 import numpy as np
 
 from dicedesign.design.coordinates.symmetric import orbits_of_directions
-from dicedesign.design.preferences.weights import Preferences
-from dicedesign.design.refinement import MOST_ROUNDS, Refinement, Round
+from dicedesign.design.options import MOST_ROUNDS, ExactOptions
+from dicedesign.design.preferences.preference import Preferences
+from dicedesign.design.refinement import Refinement, Round
 from dicedesign.design.result import DesignResult
-from dicedesign.design.solvers.exact import ExactOptions
 from dicedesign.design.starts.start import Start
 from dicedesign.design.starts.variations import shapes_like
 from dicedesign.errors import NoStartError
 from dicedesign.fabricate.designed_die import DesignedDie
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.gradient.restitution_sensitivity import CHANGES, Swing
+from dicedesign.gradient.restitution_sensitivity import CHANGES, RestitutionSensitivity
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.recipe.methods.convex import designed_die, normalised_center, wanted_odds
 from dicedesign.recipe.methods.exact import exact_options, solver, starts_of
@@ -59,19 +59,19 @@ def design(work: Work) -> DesignedDie:
     the recipe asks for them. Raises InputError as `exact.design`, or as `check_table`."""
     wanted, options = wanted_odds(work.recipe), exact_options(work.recipe)
     thrown = ThrownOdds.on(options.table)
-    swing = Swing(thrown, wanted, np.zeros((len(CHANGES), len(wanted))))
-    result = solver(work)(starts_of(work, wanted), wanted, swing=swing)
+    sensitivity = RestitutionSensitivity(thrown, wanted, np.zeros((len(CHANGES), len(wanted))))
+    result = solver(work)(starts_of(work, wanted), wanted, sensitivity=sensitivity)
     rounds: tuple[Round, ...] = ()
     if options.refine is not None and result.status is Status.CONVERGED:
-        result, rounds = _Corrections(work, wanted, swing).refined(result)
+        result, rounds = _Corrections(work, wanted, sensitivity).refined(result)
     return designed_die(work, result, rounds)
 
 
 class _Corrections:
     """Rounds of throws of a recipe's dice at their printed size, and new designs."""
 
-    def __init__(self, work: Work, wanted: Floats, swing: Swing) -> None:
-        self._work, self._wanted, self._swing = work, wanted, swing
+    def __init__(self, work: Work, wanted: Floats, sensitivity: RestitutionSensitivity) -> None:
+        self._work, self._wanted, self._sensitivity = work, wanted, sensitivity
         self._options, self._solve = exact_options(work.recipe), solver(work)
         self._center = normalised_center(work.recipe, work.start)
         self._table = table_named(self._options.table)
@@ -84,7 +84,7 @@ class _Corrections:
         orbits = np.arange(len(self._wanted))
         if group is not None:
             orbits = orbits_of_directions(die.directions, group)
-        is_robust = self._options.prefer.robustness > 0.0 and self._swing.is_known
+        is_robust = self._options.prefer.robustness > 0.0 and self._sensitivity.is_known
         with throwing_threads() as workers:
 
             def throw(
@@ -125,9 +125,9 @@ class _Corrections:
         try:
             if bias is None:
                 nearest = replace(self._options, prefer=Preferences())
-                result = self._solve(close, odds, swing=self._swing, options=nearest)
+                result = self._solve(close, odds, sensitivity=self._sensitivity, options=nearest)
             else:
-                result = self._solve(close, odds, swing=replace(self._swing, bias=bias))
+                result = self._solve(close, odds, sensitivity=replace(self._sensitivity, bias=bias))
         except NoStartError:
             return None
         return result if result.status is Status.CONVERGED else None

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import json
 import math
-from typing import Annotated, Final, Literal
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, Final
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    TypeAdapter,
+    create_model,
+    model_validator,
+)
+from pydantic_core import core_schema
 
-from dicedesign.design.starts.hendecahedron import hendecahedron
-from dicedesign.design.starts.prism import prism
-from dicedesign.design.starts.repulsion import FEWEST_FACETS
+# Registers the surfaces that the package builds.
+import dicedesign.concave.shapes.start  # noqa: F401
+from dicedesign.design.starts.start import STARTS, Start, StartKind, Task, made_start
 from dicedesign.design.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
 
-__all__ = ["Label", "SearchRecipe", "StartRecipe", "Strict", "TargetRecipe", "one_of"]
-
-FEWEST_SIDES: Final = 3
-"""A prism has at least so many sides."""
+__all__ = ["Label", "StartRecipe", "Strict", "TargetRecipe", "one_of"]
 
 LONGEST_LABEL: Final = 12
 """Characters that a facet may bear."""
@@ -57,12 +65,13 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
-def one_of(model: BaseModel, *names: str) -> None:
-    """Raise ValueError unless exactly one of the entries is given."""
+def one_of(model: BaseModel, *names: str) -> str:
+    """The one of some entries that is given. Raises ValueError unless it is exactly one."""
     given = [name for name in names if getattr(model, name) is not None]
     if len(given) != 1:
         got = " and ".join(given) if given else "none of them"
         raise ValueError(f"expected exactly one of {', '.join(names)}, got {got}; keep one")
+    return given[0]
 
 
 class TargetRecipe(Strict):
@@ -93,83 +102,70 @@ class TargetRecipe(Strict):
         return relabelled(bare, self.labels)
 
 
-class PrismRecipe(Strict):
-    """`start.prism`: sides default to the number of outcomes."""
+@dataclass(frozen=True)
+class StartRecipe:
+    """`start`: one starting shape, or a search for some; see `STARTS`.
 
-    sides: int | None = None
-    height: float = 1.5
-    cap: float = 1.3
+    Attributes
+    ----------
+    name: the key of the start.
+    options: what is said of it.
 
-    def sides_for(self, outcomes: int) -> int:
-        """The number of sides for so many outcomes."""
-        return outcomes if self.sides is None else self.sides
+    The key is an attribute too: `start.mesh` has the options of a mesh, or is None for another.
+    """
 
+    name: str
+    options: Any
 
-class RepulsionRecipe(Strict):
-    """`start.repulsion`: one facet for each outcome."""
-
-
-class MeshRecipe(Strict):
-    """`start.mesh`: the convex hull of a file, or its surface where the die is concave. Its path is
-    relative to the recipe's folder, or to the working directory in a change from the command
-    line."""
-
-    path: str
-
-
-class SearchRecipe(Strict):
-    """`start.search`: random shapes with odds near the target's, one after the other."""
-
-
-class StartRecipe(Strict):
-    """`start`: one starting shape, or a search for some. `shape` is one of
-    `dicedesign.concave.shapes.shapes`, for a concave die."""
-
-    prism: PrismRecipe | None = None
-    hendecahedron: Literal["bisymmetric", "circus"] | None = None
-    repulsion: RepulsionRecipe | None = None
-    mesh: MeshRecipe | None = None
-    shape: Literal["duck", "gear", "kitten", "knot"] | None = None
-    search: SearchRecipe | None = None
-
-    @model_validator(mode="after")
-    def _check(self) -> StartRecipe:
-        one_of(self, "prism", "hendecahedron", "repulsion", "mesh", "shape", "search")
-        return self
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name not in STARTS:
+            raise AttributeError(name)
+        return self.options if name == self.name else None
 
     @property
-    def name(self) -> str:
-        """The key of the start."""
-        return next(key for key, value in self if value is not None)
+    def kind(self) -> StartKind:
+        """What the start is."""
+        return STARTS[self.name]
 
     def check(self, outcomes: int) -> None:
         """Raise ValueError, naming the key, where the shape cannot bear so many outcomes. What a
         mesh or a shape can bear is known only once it is there."""
-        if self.name in ("mesh", "shape", "search"):
-            return
-        if outcomes < FEWEST_SIDES:
-            raise ValueError(
-                f"start: expected a mesh or a search for {outcomes} outcomes, as every other start "
-                f"has at least {FEWEST_SIDES} rests; write start: {{search: {{}}}}, or start: "
-                "{mesh: {path: FILE}}"
-            )
-        if self.prism is not None:
-            sides = self.prism.sides_for(outcomes)
-            prism(sides, self.prism.height, self.prism.cap)
-            if sides != outcomes:
-                raise ValueError(
-                    f"start.prism.sides: expected {outcomes}, one side for each outcome of the "
-                    f"target, got {sides}; leave it out"
-                )
-        elif self.hendecahedron is not None:
-            facets = len(hendecahedron(self.hendecahedron).directions)
-            if facets != outcomes:
-                raise ValueError(
-                    f"start.hendecahedron: expected a target of {facets} outcomes, one for each "
-                    f"facet, got {outcomes}; take another start"
-                )
-        elif outcomes < FEWEST_FACETS:
-            raise ValueError(
-                f"start.repulsion: expected a target of at least {FEWEST_FACETS} outcomes, got "
-                f"{outcomes}; take a prism"
-            )
+        self.kind.check(self.options, outcomes)
+
+    def made(self, task: Task) -> Start | None:
+        """See `made_start`."""
+        return made_start(self.name, self.options, task)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        def read(entry: Any) -> StartRecipe:
+            if isinstance(entry, cls):
+                return entry
+            keys = _start_keys()
+            model = keys.model_validate_json(json.dumps(entry))
+            name = one_of(model, *keys.model_fields)
+            return cls(name, getattr(model, name))
+
+        def written(start: StartRecipe) -> dict[str, Any]:
+            options = TypeAdapter(start.kind.options).dump_python(start.options, mode="json")
+            return {start.name: options}
+
+        return core_schema.no_info_plain_validator_function(
+            read, serialization=core_schema.plain_serializer_function_ser_schema(written)
+        )
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
+        keys: dict[str, Any] = handler(_start_keys().__pydantic_core_schema__)
+        return keys
+
+
+def _start_keys() -> type[Strict]:
+    """A model with a key for each start that is registered now."""
+    return _keys_of(tuple((kind.name, kind.options) for kind in STARTS))
+
+
+@cache
+def _keys_of(kinds: tuple[tuple[str, Any], ...]) -> type[Strict]:
+    keys: dict[str, Any] = {name: (options | None, None) for name, options in kinds}
+    return create_model("StartKeys", __base__=Strict, **keys)

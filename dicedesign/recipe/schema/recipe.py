@@ -9,24 +9,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, Final
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, model_validator
 
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.design.solvers.descent import DescentOptions
-from dicedesign.design.solvers.exact import ExactOptions
+from dicedesign.design.options import DescentOptions, ExactOptions
+from dicedesign.design.starts.kinds.search import SearchOptions
 from dicedesign.design.starts.orbit_layouts import OrbitLayouts
 from dicedesign.fabricate.options import EngravingOptions
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.recipe.schema.entries import (
-    Label,
-    SearchRecipe,
-    StartRecipe,
-    Strict,
-    TargetRecipe,
-    one_of,
-)
+from dicedesign.recipe.schema.entries import Label, StartRecipe, Strict, TargetRecipe, one_of
+from dicedesign.runtime.arrays import Floats
 
 __all__ = ["MOST_MM", "Recipe"]
 
@@ -121,7 +113,7 @@ class Recipe(Strict):
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
     target: TargetRecipe
-    start: StartRecipe = Field(default_factory=lambda: StartRecipe(search=SearchRecipe()))
+    start: StartRecipe = Field(default_factory=lambda: StartRecipe("search", SearchOptions()))
     seed: Annotated[int, Field(ge=0)] = 0
     assignment: Annotated[list[Label] | None, _word("in_order", None), _word("any", [])] = None
     center_of_mass: Annotated[
@@ -136,7 +128,6 @@ class Recipe(Strict):
     engrave: Annotated[EngravingOptions | None, BeforeValidator(_switch)] = Field(
         default_factory=EngravingOptions
     )
-
     figures: bool = True
     report: bool = True
 
@@ -156,10 +147,10 @@ class Recipe(Strict):
         labels = self.target.target().labels
         if self.method.concave is not None:
             self._check_concave()
-        elif self.start.shape is not None:
+        elif self.start.kind.make is None and self.start.kind.search is None:
             raise ValueError(
-                f"start.shape: expected method: {{concave: {{}}}} with it, got {self.method.name}; "
-                "change the method, or take another start"
+                f"start.{self.start.name}: expected method: {{concave: {{}}}} with it, got "
+                f"{self.method.name}; change the method, or take another start"
             )
         if self.any_order:
             self._check_any_order()
@@ -169,7 +160,7 @@ class Recipe(Strict):
                 f"{', '.join(self.assignment)}; write in_order for the target's order"
             )
         self.start.check(len(labels))
-        if self.start.search is not None:
+        if self.start.kind.search is not None:
             self._check_search()
         if self.min_inradius_mm > 0.0 and self.method.exact is None:
             raise ValueError(
@@ -186,7 +177,7 @@ class Recipe(Strict):
         return self
 
     def _check_concave(self) -> None:
-        if self.start.name not in ("mesh", "shape"):
+        if self.start.kind.surface is None:
             raise ValueError(
                 "start: expected a surface to keep with the concave method, got "
                 f"{self.start.name}; write start: {{mesh: {{path: FILE}}}}, or start: "
@@ -204,7 +195,8 @@ class Recipe(Strict):
             )
 
     def _check_any_order(self) -> None:
-        if self.method.exact is None or self.start.search is not None or self.symmetry is not None:
+        searched = self.start.kind.search is not None
+        if self.method.exact is None or searched or self.symmetry is not None:
             raise ValueError(
                 "assignment: expected any with the exact method, a start that is given and no "
                 "symmetry, got it with another; write in_order, or leave it out"
@@ -213,8 +205,8 @@ class Recipe(Strict):
     def _check_search(self) -> None:
         if self.method.exact is None:
             raise ValueError(
-                "start.search: expected method: {exact: {}}, which can begin anywhere, got "
-                f"{self.method.name}; change the method, or take another start"
+                f"start.{self.start.name}: expected method: {{exact: {{}}}}, which can begin "
+                f"anywhere, got {self.method.name}; change the method, or take another start"
             )
         if self.center_of_mass is not None:
             raise ValueError(
@@ -236,7 +228,7 @@ class Recipe(Strict):
         # Raises where equal probabilities do not fill whole orbits.
         OrbitLayouts(self.target.target().probabilities, point_group(name))
 
-    def group(self) -> NDArray[np.float64] | None:
+    def group(self) -> Floats | None:
         """(g, 3, 3) the point group that the die has."""
         return None if self.symmetry is None else point_group(self.symmetry)
 

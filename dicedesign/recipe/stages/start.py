@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
+from dicedesign.design.starts.start import Task
 from dicedesign.errors import InputError
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
@@ -45,19 +44,13 @@ STAGES.register(
 
 
 def _make_surface(work: Work) -> None:
-    from dicedesign.concave.shapes.shapes import shape
-    from dicedesign.geometry.meshes.reading import read_body
-    from dicedesign.geometry.surfaces.closed_surface import make_surface
     from dicedesign.geometry.surfaces.remeshing import decimated, refined
 
-    choice, method = work.recipe.start, work.recipe.method.concave
+    start, method = work.recipe.start, work.recipe.method.concave
     assert method is not None
-    if choice.mesh is not None:
-        surface, notes = make_surface(read_body(Path(choice.mesh.path)))
-        work.notes += notes
-    else:
-        assert choice.shape is not None
-        surface = shape(choice.shape)
+    assert start.kind.surface is not None
+    surface, notes = start.kind.surface(start.options)
+    work.notes += notes
     if method.points is not None:
         changed = refined if len(surface.points) < method.points else decimated
         surface, note = changed(surface, method.points)
@@ -66,35 +59,15 @@ def _make_surface(work: Work) -> None:
 
 
 def _make_shape(work: Work) -> None:
-    from dicedesign.design.starts.hendecahedron import hendecahedron
-    from dicedesign.design.starts.mesh import mesh_start
-    from dicedesign.design.starts.prism import prism
-    from dicedesign.design.starts.repulsion import repulsion
-    from dicedesign.geometry.hulls.hull import convex_hull
-    from dicedesign.geometry.meshes.reading import read_body
-    from dicedesign.rest.equilibria import classify
-
     recipe = work.recipe
-    choice, outcomes = recipe.start, len(work.target.labels)
     center = None if recipe.center_of_mass is None else np.array(recipe.center_of_mass)
     if recipe.method.exact is not None and recipe.method.thrown:
         from dicedesign.recipe.methods.thrown import check_table
 
         check_table(recipe.method.exact, recipe.size_mm)
-    if choice.search is not None:
+    start = recipe.start.made(Task(len(work.target.labels), recipe.seed, center))
+    if start is None:
         return
-    if choice.mesh is not None:
-        start = mesh_start(read_body(Path(choice.mesh.path)), outcomes, center)
-    elif choice.prism is not None:
-        sides = choice.prism.sides_for(outcomes)
-        start = prism(sides, choice.prism.height, choice.prism.cap)
-    elif choice.hendecahedron is not None:
-        start = hendecahedron(choice.hendecahedron)
-    else:
-        start = repulsion(outcomes, recipe.seed)
-    if center is not None:
-        # Here an error still speaks of the coordinates that the recipe uses.
-        classify(convex_hull(start.origin + start.scale * start.points), center)
     if recipe.symmetry is not None:
         # Every symmetry of a body keeps its centroid where it is.
         start = start.about_centroid()

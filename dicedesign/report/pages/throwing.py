@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from dicedesign.results.record import SimulatedThrows, ThrownOdds
+from dicedesign.throws.engines.engine import ENGINES
 
 __all__ = ["throwing_advice", "throws_told"]
 
@@ -15,12 +16,6 @@ _ROLLING: Final = (
     "momentum. Thrown it has others; the command dicedesign throw shows by how much."
 )
 """How to roll a die that was designed for no table."""
-
-_ENGINES: Final = {
-    "native": "by the package's own engine",
-    "mujoco": "by MuJoCo",
-    "bullet": "by Bullet",
-}
 
 
 def throws_told(thrown: ThrownOdds) -> list[str]:
@@ -82,10 +77,11 @@ def _manner(table: Mapping[str, Any]) -> str:
 
 def _verdict(simulated: SimulatedThrows) -> Iterator[str]:
     low, high = simulated.interval
+    engine = ENGINES[simulated.engine]
     yield (
         f"In {simulated.drops:,} throws that the design had not seen, simulated "
-        f"{_ENGINES[simulated.engine]}, the outcomes' frequencies differ from the target by a "
-        f"total variation of {simulated.total_variation:.4f}: no bet on these throws was won "
+        f"by {engine.phrase or engine.title}, the outcomes' frequencies differ from the target by "
+        f"a total variation of {simulated.total_variation:.4f}: no bet on these throws was won "
         "more or less often than it should be by more than that. A perfect die would show "
         f"{simulated.noise_floor:.4f} on the mean in as many throws, by chance alone."
     )

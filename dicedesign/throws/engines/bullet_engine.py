@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import ModuleType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -18,10 +18,13 @@ from dicedesign.errors import missing_extra
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines.contact import GRAVITY, longest_throw
+from dicedesign.throws.engines.engine import ENGINES, Engine
 from dicedesign.throws.engines.landing import final_rest
-from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.tables import Table
 from dicedesign.tolerances import STANDING_ANGLE
+
+if TYPE_CHECKING:
+    from dicedesign.throws.rigid_body import RigidBody
+    from dicedesign.throws.tables import Table
 
 __all__ = ["require", "throw_states"]
 
@@ -224,3 +227,15 @@ def _axes(turn: Any) -> Floats:
             [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
         ]
     )
+
+
+ENGINES.register(
+    Engine(
+        name="bullet",
+        line="Bullet, which needs the extra 'bullet'",
+        title="Bullet",
+        rank=2,
+        require=require,
+        throw_states=throw_states,
+    )
+)

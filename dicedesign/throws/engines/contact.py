@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from dicedesign.throws.tables import Table
+if TYPE_CHECKING:
+    from dicedesign.throws.tables import Table
 
 __all__ = ["Contact", "contact_of", "damping_ratio", "longest_throw", "restitution_of"]
 

@@ -1,36 +1,56 @@
-"""The engines that can simulate throws, by name."""
+"""Simulators of throws, by name."""
 
 from __future__ import annotations
 
-from importlib import import_module
-from types import ModuleType
-from typing import Final, Literal, get_args
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from dicedesign.errors import InputError
+from dicedesign.runtime.registry import Extension, Registry
 
-__all__ = ["ENGINES", "Engine", "require_engine"]
+if TYPE_CHECKING:
+    from dicedesign.runtime.arrays import Floats, Integers
+    from dicedesign.throws.rigid_body import RigidBody
+    from dicedesign.throws.tables import Table
 
-Engine = Literal["native", "mujoco", "bullet"]
-
-ENGINES: Final[tuple[Engine, ...]] = get_args(Engine)
-
-_MODULES: Final[dict[str, str]] = {
-    "native": "dicedesign.throws.engines.native",
-    "mujoco": "dicedesign.throws.engines.mujoco_engine",
-    "bullet": "dicedesign.throws.engines.bullet_engine",
-}
+__all__ = ["ENGINES", "Engine", "ThrowStates", "require_engine"]
 
 
-def engine_module(engine: str) -> ModuleType:
-    """The module of an engine. Raises InputError where there is no such engine."""
-    if engine not in _MODULES:
-        raise InputError(f"engine: expected {', '.join(ENGINES)}, got {engine!r}; take one of them")
-    return import_module(_MODULES[engine])
+class ThrowStates(Protocol):
+    """Throws of one body."""
+
+    def __call__(
+        self, body: RigidBody, table: Table, states: Floats, refinement: float = 1.0
+    ) -> Integers:
+        """The rests (n,) of bodies let go in states (n, 13), positions in m, quaternions w, x, y,
+        z, velocities in m/s and spins in rad/s about the principal axes; -1 for those that found
+        none in time. refinement: divides the time step."""
 
 
-def require_engine(engine: str) -> ModuleType:
-    """The module of an engine. Raises InputError where there is no such engine, or it is not
+@dataclass(frozen=True, kw_only=True)
+class Engine(Extension):
+    """A simulator.
+
+    Attributes
+    ----------
+    title: what tables call it.
+    phrase: what sentences call it, if not so.
+    require: raises InputError where it is not installed.
+    throw_states: throws a body; may raise the same.
+    """
+
+    title: str
+    phrase: str | None = None
+    require: Callable[[], Any]
+    throw_states: ThrowStates
+
+
+ENGINES: Final = Registry[Engine]("engine", "dicedesign.throws.engines")
+
+
+def require_engine(name: str) -> Engine:
+    """The engine of a name. Raises InputError where there is no such engine, or it is not
     installed."""
-    module = engine_module(engine)
-    module.require()
-    return module
+    engine = ENGINES[name]
+    engine.require()
+    return engine

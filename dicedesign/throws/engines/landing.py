@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.rigid_body import RigidBody
+
+if TYPE_CHECKING:
+    from dicedesign.throws.rigid_body import RigidBody
 
 __all__ = ["final_rest", "rest_below"]
 

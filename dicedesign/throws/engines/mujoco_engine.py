@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from types import ModuleType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from dicedesign.errors import missing_extra
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines.contact import GRAVITY, IMPEDANCE, Contact, contact_of
+from dicedesign.throws.engines.engine import ENGINES, Engine
 from dicedesign.throws.engines.landing import final_rest
-from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.tables import Table
+
+if TYPE_CHECKING:
+    from dicedesign.throws.rigid_body import RigidBody
+    from dicedesign.throws.tables import Table
 
 __all__ = ["require", "throw_states"]
 
@@ -101,3 +104,15 @@ def _rest(body: RigidBody, scale: float, contact: Contact, place: Any, velocity:
     depths = np.minimum(place[2] + scale * (body.vertices @ up), 0.0)
     stored = 0.5 * contact.stiffness * float(depths @ depths) / GRAVITY
     return final_rest(body, -up, (least + stored) / scale)
+
+
+ENGINES.register(
+    Engine(
+        name="mujoco",
+        line="MuJoCo, which needs the extra 'throws'",
+        title="MuJoCo",
+        rank=1,
+        require=require,
+        throw_states=throw_states,
+    )
+)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,11 @@ from dicedesign.errors import InputError
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines.contact import GRAVITY, IMPEDANCE, contact_of
-from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.tables import Table
+from dicedesign.throws.engines.engine import ENGINES, Engine
+
+if TYPE_CHECKING:
+    from dicedesign.throws.rigid_body import RigidBody
+    from dicedesign.throws.tables import Table
 
 __all__ = ["advance", "require", "throw_states"]
 
@@ -81,3 +85,16 @@ def _landscape(body: RigidBody, scale: float) -> tuple[NDArray[np.generic], ...]
         body.rest_of_facet,
         body.barriers * scale,
     )
+
+
+ENGINES.register(
+    Engine(
+        name="native",
+        line="the package's own",
+        title="native",
+        phrase="the package's own engine",
+        rank=0,
+        require=require,
+        throw_states=throw_states,
+    )
+)

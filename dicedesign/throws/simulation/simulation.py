@@ -14,7 +14,7 @@ from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checks import check_whole
 from dicedesign.runtime.executors import in_order
-from dicedesign.throws.engines.engine import ENGINES, Engine, engine_module
+from dicedesign.throws.engines.engine import ENGINES
 from dicedesign.throws.release import (
     ORIENTATIONS,
     PAPER_DIRECTIONS,
@@ -45,7 +45,7 @@ class Throws:
     """
 
     table: Table
-    engine: Engine
+    engine: str
     seed: int
     outcomes: Integers
     weights: Floats
@@ -90,14 +90,13 @@ def check_throws(drops: int, seed: int, engine: str, orientations: str) -> None:
     orientations that there is not."""
     check_whole("drops", drops)
     check_whole("seed", seed, least=0)
-    for name, given, known in (
-        ("engine", engine, ENGINES),
-        ("orientations", orientations, ORIENTATIONS),
-    ):
-        if given not in known:
-            raise InputError(
-                f"{name}: expected {', '.join(known)}, got {given!r}; take one of them"
-            )
+    # Raises where there is no such engine.
+    ENGINES[engine]
+    if orientations not in ORIENTATIONS:
+        raise InputError(
+            f"orientations: expected {', '.join(ORIENTATIONS)}, got {orientations!r}; take one of "
+            "them"
+        )
     if orientations == "icosahedron" and drops % PAPER_DIRECTIONS != 0:
         raise InputError(
             f"drops: expected a multiple of {PAPER_DIRECTIONS} with orientations icosahedron, "
@@ -112,7 +111,7 @@ def simulate(
     drops: int,
     seed: int = 0,
     *,
-    engine: Engine = "native",
+    engine: str = "native",
     orientations: Orientations = "uniform",
     refinement: float = 1.0,
     workers: Executor | None = None,
@@ -179,7 +178,7 @@ def throw_task(
     first: int,
     count: int,
     seed: int,
-    engine: Engine,
+    engine: str,
     orientations: Orientations,
     refinement: float,
 ) -> Integers:
@@ -187,6 +186,4 @@ def throw_task(
     `DROPS_PER_TASK`; -1 for those that found none."""
     rng = np.random.default_rng([seed, first // DROPS_PER_TASK])
     states = released(body, table, np.arange(first, first + count), orientations, rng)
-    # Each engine loads a library of its own.
-    outcomes: Integers = engine_module(engine).throw_states(body, table, states, refinement)
-    return outcomes
+    return ENGINES[engine].throw_states(body, table, states, refinement)

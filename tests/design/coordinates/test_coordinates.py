@@ -13,8 +13,8 @@ from scipy.spatial import HalfspaceIntersection
 
 from dicedesign.design.coordinates.facets import FacetCoordinates
 from dicedesign.design.coordinates.vertices import VertexCoordinates
-from dicedesign.design.starts.hendecahedron import HENDECAHEDRA, hendecahedron
-from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.kinds.hendecahedron import HENDECAHEDRA, hendecahedron
+from dicedesign.design.starts.kinds.prism import prism
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.design.starts.start import Start
 from dicedesign.errors import DegenerateBodyError

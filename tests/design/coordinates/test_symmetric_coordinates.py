@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 
 from dicedesign.design.coordinates.facets import FacetCoordinates
 from dicedesign.design.coordinates.symmetric import SymmetricCoordinates, orbits_of_directions
-from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.kinds.prism import prism
 from dicedesign.design.starts.start import Start
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners

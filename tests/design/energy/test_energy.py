@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,23 +10,33 @@ import torch
 from scipy.spatial import ConvexHull as QhullHull
 
 from dicedesign import rest_poses
-from dicedesign.design.energy import total as energy
-from dicedesign.design.energy.barycenter import barycenter_energy
-from dicedesign.design.energy.clusters import Clusters, cluster, outcome_facets, updated_directions
-from dicedesign.design.energy.coplanar import coplanar_energy
-from dicedesign.design.energy.dice import dice_energy, dice_simple_energy
-from dicedesign.design.energy.neighbor import neighbor_energy
-from dicedesign.design.energy.stability import stability_energy
-from dicedesign.design.energy.total import Energy, total_energy
-from dicedesign.design.energy.weights import REGULARIZERS, EnergyWeights
-from dicedesign.design.starts.prism import prism
+from dicedesign.design.energy.clusters import (
+    ClusteredRests,
+    Clusters,
+    cluster,
+    outcome_facets,
+    updated_directions,
+)
+from dicedesign.design.energy.energy import Energy, energy_terms
+from dicedesign.design.energy.term import TERMS, EnergyWeights
+from dicedesign.design.starts.kinds.prism import prism
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.errors import InputError
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.kernels import ops as kernels
 
+REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability")
 ROUND = (1.0, 0.9, 1.15)
-PLAIN = EnergyWeights(coplanar=0.0, barycenter=0.0, neighbor=0.0, stability=0.0)
+
+
+def term(name: str, rests: RestEvaluation, clusters: Clusters, **options: float) -> torch.Tensor:
+    """A term without its weight."""
+    state = ClusteredRests(rests, clusters, np.full(len(clusters.directions), 0.1))
+    return TERMS[name].evaluate(state, EnergyWeights(**options)).detach()
+
+
+def stability(rests: RestEvaluation, clusters: Clusters, margin: float) -> float:
+    return float(term("stability", rests, clusters, stability_margin=margin))
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
@@ -60,17 +69,6 @@ def test_every_rest_joins_the_nearest_direction(clustered) -> None:
         assert outcome == int(np.argmin(distance))
 
 
-def test_equation_11_sums_over_facets(clustered) -> None:
-    rests, _ = clustered
-    p = rests.probabilities.tolist()
-    q = [0.5, *[0.0] * (len(p) - 2), 0.5]
-    expected = 0.0
-    for f in range(len(p)):
-        expected += (p[f] - q[f]) ** 2
-    value = dice_simple_energy(rests.probabilities, torch.tensor(q).double())
-    assert float(value.detach()) == pytest.approx(expected, rel=1e-13)
-
-
 def test_equation_12_sums_over_clusters(clustered) -> None:
     rests, clusters = clustered
     k = len(clusters.directions)
@@ -82,10 +80,10 @@ def test_equation_12_sums_over_clusters(clustered) -> None:
             if clusters.of_rest[f] == i:
                 inner += p
         expected += inner**2
-    value = dice_energy(rests.probabilities, clusters, q)
-    assert float(value.detach()) == pytest.approx(expected, rel=1e-13)
-    listed = dice_energy(rests.probabilities, clusters, q.tolist())  # type: ignore[arg-type]
-    assert float(listed.detach()) == float(value.detach())
+    for wanted in (q, q.tolist()):
+        state = ClusteredRests(rests, clusters, wanted)  # type: ignore[arg-type]
+        value = TERMS["dice"].evaluate(state, EnergyWeights())
+        assert float(value.detach()) == pytest.approx(expected, rel=1e-13)
 
 
 def test_equation_13_sums_over_ordered_pairs(clustered) -> None:
@@ -97,8 +95,7 @@ def test_equation_13_sums_over_ordered_pairs(clustered) -> None:
         for k in members:
             for other in members:
                 expected += np.linalg.norm(normals[k] - normals[other]) ** 2
-    value = coplanar_energy(rests.rest_normals, clusters)
-    assert float(value.detach()) == pytest.approx(expected, rel=1e-12)
+    assert float(term("coplanar", rests, clusters)) == pytest.approx(expected, rel=1e-12)
 
 
 def test_equation_14_measures_from_the_mean_of_border_maxima(clustered) -> None:
@@ -117,8 +114,7 @@ def test_equation_14_measures_from_the_mean_of_border_maxima(clustered) -> None:
         barycenter = unit(np.sum(peaks, axis=0))
         for normal in poses.normals[outcome == i]:
             expected += np.linalg.norm(normal - barycenter) ** 2
-    value = barycenter_energy(rests, clusters)
-    assert float(value.detach()) == pytest.approx(expected, rel=1e-11)
+    assert float(term("barycenter", rests, clusters)) == pytest.approx(expected, rel=1e-11)
 
 
 @pytest.mark.parametrize("radius", [0.2, 0.5, 2.0])
@@ -130,8 +126,8 @@ def test_equation_15_sums_over_all_facets_nearby(clustered, radius: float) -> No
         near = [n for n in normals if np.linalg.norm(u - n) < radius]
         expected += sum(np.linalg.norm(u - n) ** 2 for n in near)
         expected += radius**2 if not near else 0.0
-    value = neighbor_energy(rests, clusters, radius)
-    assert float(value.detach()) == pytest.approx(expected, rel=1e-12)
+    value = term("neighbor", rests, clusters, neighbor_radius=radius)
+    assert float(value) == pytest.approx(expected, rel=1e-12)
 
 
 def naive_stability(rests: RestEvaluation, clusters: Clusters, margin: float) -> float:
@@ -157,8 +153,8 @@ def naive_stability(rests: RestEvaluation, clusters: Clusters, margin: float) ->
 @pytest.mark.parametrize("margin", [0.05, 0.3, 1.0])
 def test_stability_energy_charges_depths_below_the_margin(clustered, margin: float) -> None:
     rests, clusters = clustered
-    value = float(stability_energy(rests, clusters, margin).detach())
-    assert value == pytest.approx(naive_stability(rests, clusters, margin), rel=1e-11)
+    expected = naive_stability(rests, clusters, margin)
+    assert stability(rests, clusters, margin) == pytest.approx(expected, rel=1e-11)
 
 
 def test_stability_energy_of_a_tetrahedron_is_known() -> None:
@@ -167,14 +163,14 @@ def test_stability_energy_of_a_tetrahedron_is_known() -> None:
     rests = evaluate_rests(torch.tensor(points))
     normals, depth = rests.hull.normals, np.sqrt(2.0) / 3.0
     whole = Clusters(np.arange(4), normals)
-    assert float(stability_energy(rests, whole, 0.999 * depth)) == 0.0
-    assert float(stability_energy(rests, whole, 1.001 * depth)) > 0.0
+    assert stability(rests, whole, 0.999 * depth) == 0.0
+    assert stability(rests, whole, 1.001 * depth) > 0.0
     expected = 4.0 * (1.0 - depth / 0.6) ** 2
-    assert float(stability_energy(rests, whole, 0.6)) == pytest.approx(expected)
+    assert stability(rests, whole, 0.6) == pytest.approx(expected)
     # The face without an outcome is stable and should not be.
     three = Clusters(np.array([0, 1, 2, 0]), normals[:3])
     expected = (1.0 + depth / 0.2) ** 2
-    assert float(stability_energy(rests, three, 0.2)) == pytest.approx(expected)
+    assert stability(rests, three, 0.2) == pytest.approx(expected)
 
 
 def test_stability_energy_vanishes_only_where_every_margin_holds() -> None:
@@ -184,41 +180,40 @@ def test_stability_energy_vanishes_only_where_every_margin_holds() -> None:
         normals = rests.hull.normals[rests.paths.rests]
         clusters = cluster(normals, start.directions)
         margins = np.linspace(0.01, 1.0, 60)
-        values = [float(stability_energy(rests, clusters, margin)) for margin in margins]
+        values = [stability(rests, clusters, margin) for margin in margins]
         assert values[0] == 0.0
         assert values[-1] > 0.0
         first = int(np.argmax(np.array(values) > 0.0))
         assert all(value > 0.0 for value in values[first:])
         # One outcome less: its side is now an unwanted rest, at every margin.
         fewer = cluster(normals, start.directions[1:])
-        assert float(stability_energy(rests, fewer, 0.01)) > 1.0
+        assert stability(rests, fewer, 0.01) > 1.0
 
 
 def test_fewer_facets_than_outcomes_cost_the_largest_wall() -> None:
     rests = evaluate_rests(torch.tensor(repulsion(4, 0).points))
     normals = rests.hull.normals[rests.paths.rests]
-    whole = float(stability_energy(rests, cluster(normals, normals), 0.05))
+    whole = stability(rests, cluster(normals, normals), 0.05)
     directions = np.concatenate([unit(np.array([[1.0, 2.0, 3.0]])), normals])
     clusters = cluster(normals, directions)
     assert clusters.empty == 1
-    assert float(stability_energy(rests, clusters, 0.05)) == pytest.approx(whole + 21.0**2)
+    assert stability(rests, clusters, 0.05) == pytest.approx(whole + 21.0**2)
 
 
-@pytest.mark.parametrize("term", ["dice", "coplanar", "barycenter", "neighbor", "stability"])
+@pytest.mark.parametrize("name", ["dice", *REGULARIZERS])
 @pytest.mark.parametrize("seed", [1, 5])
-def test_gradcheck_of_every_term(random_points, term: str, seed: int) -> None:
+def test_gradcheck_of_every_term(random_points, name: str, seed: int) -> None:
     points = random_points(seed, 10, ROUND)
     _, clusters = case(points, 3, seed)
-    weights = {"coplanar": 0.0, "barycenter": 0.0, "neighbor": 0.0, "stability": 0.0}
-    if term != "dice":
-        weights[term] = 0.7
+    weights = {**dict.fromkeys(REGULARIZERS, 0.0), **({} if name == "dice" else {name: 0.7})}
     options = EnergyWeights(neighbor_radius=0.9, stability_margin=0.4, **weights)
 
     def value(vertices: torch.Tensor) -> torch.Tensor:
         rests = evaluate_rests(vertices)
         normals = rests.hull.normals[rests.paths.rests]
         moved = cluster(normals, clusters.directions)
-        return total_energy(rests, moved, np.full(3, 1 / 3), options)[term]
+        state = ClusteredRests(rests, moved, np.full(3, 1 / 3))
+        return energy_terms(state, options)[name]
 
     vertices = torch.tensor(points, requires_grad=True)
     assert float(value(vertices).detach()) > 1e-3
@@ -235,8 +230,8 @@ def test_an_empty_cluster_raises_the_energy_and_keeps_it_finite(random_points) -
         assert (clusters.empty, twin.empty) == (0, 1)
         weights = EnergyWeights(neighbor_radius=0.3, stability_margin=0.1)
         target = np.array([0.4, 0.3, 0.2])
-        full = total_energy(rests, clusters, target, weights)
-        lost = total_energy(rests, twin, np.append(target, 0.1), weights)
+        full = energy_terms(ClusteredRests(rests, clusters, target), weights)
+        lost = energy_terms(ClusteredRests(rests, twin, np.append(target, 0.1)), weights)
         assert set(lost) == {"dice", "coplanar", "barycenter", "neighbor", "stability"}
         gain = {name: float((lost[name] - full[name]).detach()) for name in full}
         assert gain["dice"] == pytest.approx(0.01)
@@ -255,8 +250,8 @@ def test_one_cluster_with_all_rests_has_no_border() -> None:
     normals = rests.hull.normals[rests.paths.rests]
     clusters = Clusters(np.zeros(5, dtype=np.int64), start.directions)
     assert clusters.empty == 4
-    assert float(barycenter_energy(rests, clusters).detach()) == 16.0
-    terms = total_energy(rests, clusters, np.full(5, 0.2), EnergyWeights())
+    assert float(term("barycenter", rests, clusters)) == 16.0
+    terms = energy_terms(ClusteredRests(rests, clusters, np.full(5, 0.2)), EnergyWeights())
     gradient = torch.autograd.grad(torch.stack(list(terms.values())).sum(), rests.vertices)[0]
     assert torch.isfinite(gradient).all()
     np.testing.assert_allclose(
@@ -264,54 +259,40 @@ def test_one_cluster_with_all_rests_has_no_border() -> None:
     )
 
 
-def test_a_weight_of_zero_is_not_evaluated(monkeypatch, random_points) -> None:
-    monkeypatch.setattr(kernels, "compiled", None)
-    rests, clusters = case(random_points(2, 12, ROUND), 2)
-    called: list[str] = []
-    terms = ("coplanar", "barycenter", "neighbor", "stability")
-    for name in terms:
-        original = getattr(energy, f"{name}_energy")
-
-        def spy(*arguments, name=name, original=original):
-            called.append(name)
-            return original(*arguments)
-
-        monkeypatch.setattr(energy, f"{name}_energy", spy)
-    assert set(total_energy(rests, clusters, np.full(2, 0.5), PLAIN)) == {"dice"}
-    assert called == []
-    for name in terms:
-        weights = {other: float(other == name) for other in terms}
-        result = total_energy(rests, clusters, np.full(2, 0.5), EnergyWeights(**weights))
-        assert set(result) == {"dice", name}
-        assert called == [name]
-        called.clear()
-
-
-@pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
-def test_a_weight_of_zero_is_not_in_the_compiled_energy(random_points) -> None:
-    rests, clusters = case(random_points(2, 12, ROUND), 2)
+@pytest.mark.parametrize("compiled", [True, False], ids=["kernels", "no kernels"])
+def test_terms_without_weight_are_left_out(
+    random_points, monkeypatch: pytest.MonkeyPatch, compiled: bool
+) -> None:
+    if not compiled:
+        monkeypatch.setattr(kernels, "compiled", None)
+    state = ClusteredRests(*case(random_points(2, 12, ROUND), 2), np.full(2, 0.5))
     whole = EnergyWeights(neighbor_radius=0.9, stability_margin=0.4)
-    full = Energy(rests, clusters, np.full(2, 0.5), whole).terms
+    full = Energy(state, whole).terms
     assert list(full) == ["dice", *REGULARIZERS]
     assert min(full.values()) > 0.0
     for names in ([], *([name] for name in REGULARIZERS)):
-        weights = replace(whole, **{other: 0.0 for other in REGULARIZERS if other not in names})
-        terms = Energy(rests, clusters, np.full(2, 0.5), weights).terms
+        none = {other: 0.0 for other in REGULARIZERS if other not in names}
+        terms = Energy(state, whole.changed(**none)).terms
         assert terms == {name: full[name] for name in ["dice", *names]}
 
 
 def test_weights_multiply_their_terms(random_points) -> None:
-    rests, clusters = case(random_points(2, 12, ROUND), 2)
-    target = np.full(2, 0.5)
-    one = total_energy(
-        rests, clusters, target, EnergyWeights(1.0, 1.0, 1.0, stability=1.0, neighbor_radius=0.5)
-    )
-    other = total_energy(
-        rests, clusters, target, EnergyWeights(2.0, 3.0, 4.0, stability=5.0, neighbor_radius=0.5)
-    )
-    factors = {"dice": 1, "coplanar": 2, "barycenter": 3, "neighbor": 4, "stability": 5}
-    for name, factor in factors.items():
+    state = ClusteredRests(*case(random_points(2, 12, ROUND), 2), np.full(2, 0.5))
+    factors = dict(zip(REGULARIZERS, (2.0, 3.0, 4.0, 5.0), strict=True))
+    one = energy_terms(state, EnergyWeights(**dict.fromkeys(REGULARIZERS, 1.0)))
+    other = energy_terms(state, EnergyWeights(**factors))
+    for name, factor in {"dice": 1.0, **factors}.items():
         assert float(other[name].detach()) == pytest.approx(factor * float(one[name].detach()))
+
+
+def test_terms_see_saddles_and_maxima_of_the_shape(clustered) -> None:
+    """At a saddle the body balances on an edge, at a maximum on a vertex."""
+    rests, clusters = clustered
+    state = ClusteredRests(rests, clusters, np.full(len(clusters.directions), 0.5))
+    poses = rest_poses(rests.hull.vertices)
+    ends = np.array([[line[-1], line[0]] for line in poses.morse.polylines])
+    np.testing.assert_allclose(state.saddles.detach(), poses.morse.saddles, atol=1e-9)
+    np.testing.assert_allclose(state.maxima.detach().reshape(-1, 2, 3), ends, atol=1e-9)
 
 
 def test_updated_directions_are_means_and_an_empty_cluster_keeps_its_own(random_points) -> None:

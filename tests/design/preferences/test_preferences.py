@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from itertools import product
 
 import numpy as np
@@ -14,10 +13,15 @@ from dicedesign.design.preferences.areas import USUAL_RATIO
 from dicedesign.design.preferences.asymmetry import USUAL_INEQUALITY
 from dicedesign.design.preferences.circles import CIRCLE_POWER, USUAL_CIRCLE
 from dicedesign.design.preferences.margin import USUAL_OFFSET
+from dicedesign.design.preferences.preference import (
+    PREFERENCES,
+    BearingFacets,
+    Preferences,
+    preference_residuals,
+)
 from dicedesign.design.preferences.roundness import USUAL_SPREAD
 from dicedesign.design.preferences.small_helpers import USUAL_HELPERS
-from dicedesign.design.preferences.weights import Preferences, preference_residuals
-from dicedesign.design.solvers.candidate import Trial, TrialMaker
+from dicedesign.design.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
@@ -25,7 +29,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.facet_edges import SOFTNESS
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.gradient.restitution_sensitivity import USUAL_SWING, Swing
+from dicedesign.gradient.restitution_sensitivity import USUAL_SWING, RestitutionSensitivity
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.rest.asymmetry import basin_moments
 from dicedesign.rest.morse import separatrix_points
@@ -47,7 +51,7 @@ def only(name: str, weight: float = 1.0) -> Preferences:
 def total(rests: RestEvaluation, name: str, facets: np.ndarray | None = None) -> float:
     """The sum of squares of one term; facets are all stable ones if not given."""
     bearing = np.flatnonzero(rests.equilibria.stable) if facets is None else facets
-    (residuals,) = preference_residuals(rests, bearing, only(name))
+    (residuals,) = preference_residuals(BearingFacets(rests, bearing), only(name))
     return float((residuals.detach() ** 2).sum())
 
 
@@ -55,7 +59,7 @@ def box_axes(rests: RestEvaluation) -> np.ndarray:
     return np.abs(rests.hull.normals).argmax(axis=1)
 
 
-def die(seed: int, facets: int = 9) -> Trial:
+def die(seed: int, facets: int = 9) -> Candidate:
     """One without symmetry, some of whose facets are no rests, in facet coordinates."""
     rng = np.random.default_rng(seed)
     normals = convex_hull(repulsion(facets, seed).points).normals
@@ -63,12 +67,12 @@ def die(seed: int, facets: int = 9) -> Trial:
     points = polyhedron_corners(normals, rng.uniform(0.8, 1.3, size=facets)) * [1.0, 1.3, 2.2]
     hull = convex_hull(points)
     coordinates, parameters = FacetCoordinates.of(points, hull.centroid)
-    trial = TrialMaker(None).attempt(coordinates, parameters, rest_poses(points).normals)
-    assert trial is not None
-    return trial
+    candidate = CandidateMaker(None).attempt(coordinates, parameters, rest_poses(points).normals)
+    assert candidate is not None
+    return candidate
 
 
-@pytest.mark.parametrize("name", [field.name for field in fields(Preferences)])
+@pytest.mark.parametrize("name", PREFERENCES.names)
 @pytest.mark.parametrize("value", [-1.0, np.inf, np.nan])
 def test_weights_out_of_range_are_refused(name: str, value: float) -> None:
     text = f"{name}: expected a number from 0 to 1e\\+06, got {value:g}; 0 leaves it out"
@@ -77,9 +81,9 @@ def test_weights_out_of_range_are_refused(name: str, value: float) -> None:
 
 
 def test_whether_anything_is_preferred() -> None:
-    assert not Preferences().any
-    for field in fields(Preferences):
-        assert only(field.name, 0.1).any
+    assert Preferences().largest == 0.0
+    for name in PREFERENCES.names:
+        assert only(name, 0.1).largest == 0.1
 
 
 def test_a_cube_has_nothing_to_improve_but_its_circles() -> None:
@@ -93,12 +97,12 @@ def test_a_cube_has_nothing_to_improve_but_its_circles() -> None:
 
 def test_the_smallest_circle_counts_most() -> None:
     """The term is the squared mean, of power twice `CIRCLE_POWER`, of inverse radii."""
-    trial = die(3)
-    facets = trial.outcome_facets
-    alone = [total(trial.rests, "circles", facets[i : i + 1]) for i in range(len(facets))]
+    candidate = die(3)
+    facets = candidate.outcome_facets
+    alone = [total(candidate.rests, "circles", facets[i : i + 1]) for i in range(len(facets))]
     inverse = np.sqrt(np.array(alone) / len(facets))
     mean = (inverse ** (2 * CIRCLE_POWER)).mean() ** (1 / CIRCLE_POWER)
-    assert total(trial.rests, "circles", facets) == pytest.approx(mean)
+    assert total(candidate.rests, "circles", facets) == pytest.approx(mean)
 
 
 def test_the_asymmetry_of_a_box() -> None:
@@ -131,22 +135,24 @@ def test_the_areas_of_a_box() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_margin_is_the_distance_of_normals_from_barycenters(seed: int) -> None:
-    trial = die(seed)
-    rests, paths = trial.rests, trial.rests.paths
+    candidate = die(seed)
+    rests, paths = candidate.rests, candidate.rests.paths
     points = separatrix_points(paths, rests.hull.vertices, rests.equilibria.center_of_mass, np)
     offsets = rests.hull.normals[paths.rests] - unit_vectors(basin_moments(paths, points, np))
     expected = (offsets**2).sum(-1).mean() / USUAL_OFFSET**2
-    assert total(rests, "margin", trial.outcome_facets) == pytest.approx(expected)
+    assert total(rests, "margin", candidate.outcome_facets) == pytest.approx(expected)
 
 
 def test_weights_multiply_the_terms() -> None:
-    trial = die(1)
-    facets = trial.outcome_facets
+    candidate = die(1)
+    facets = candidate.outcome_facets
     weights = dict(zip(TERMS, [0.5, 2.0, 1.0, 0.0, 3.0, 0.25], strict=True))
-    residuals = preference_residuals(trial.rests, facets, Preferences(**weights, nearness=7.0))
-    expected = sum(weights[name] * total(trial.rests, name, facets) for name in TERMS)
+    residuals = preference_residuals(
+        BearingFacets(candidate.rests, facets), Preferences(**weights, nearness=7.0)
+    )
+    expected = sum(weights[name] * total(candidate.rests, name, facets) for name in TERMS)
     assert float((torch.cat(residuals).detach() ** 2).sum()) == pytest.approx(expected)
-    assert preference_residuals(trial.rests, facets, Preferences()) == []
+    assert preference_residuals(BearingFacets(candidate.rests, facets), Preferences()) == []
 
 
 @pytest.mark.parametrize("name", TERMS)
@@ -166,21 +172,28 @@ def test_terms_do_not_depend_on_size_and_place(name: str) -> None:
 @pytest.mark.parametrize("name", TERMS)
 @pytest.mark.parametrize("seed", range(3))
 def test_gradients_are_differences_along_the_manifold(name: str, seed: int) -> None:
-    trial = die(seed)
-    maker, facets = TrialMaker(None), trial.outcome_facets
-    assert len(facets) < len(trial.rests.hull.normals)
-    free = np.linalg.svd(trial.odds_jacobian)[2][len(facets) :]
+    candidate = die(seed)
+    maker, facets = CandidateMaker(None), candidate.outcome_facets
+    assert len(facets) < len(candidate.rests.hull.normals)
+    free = np.linalg.svd(candidate.odds_jacobian)[2][len(facets) :]
     along = np.random.default_rng(seed).normal(size=len(free)) @ free
     step = 1e-5
 
     def values(moved: float) -> np.ndarray:
-        parameters = trial.parameters + moved * along
-        there = maker.attempt(trial.coordinates, parameters, trial.directions)
+        parameters = candidate.parameters + moved * along
+        there = maker.attempt(candidate.coordinates, parameters, candidate.directions)
         assert there is not None
-        (residuals,) = preference_residuals(there.rests, there.outcome_facets, only(name))
+        (residuals,) = preference_residuals(
+            BearingFacets(there.rests, there.outcome_facets), only(name)
+        )
         return residuals.detach().numpy()
 
-    slopes = trial.jacobian(*preference_residuals(trial.rests, facets, only(name))) @ along
+    slopes = (
+        candidate.jacobian(
+            *preference_residuals(BearingFacets(candidate.rests, facets), only(name))
+        )
+        @ along
+    )
     differences = (values(step) - values(-step)) / (2 * step)
     assert np.abs(slopes).max() > 1e-3
     np.testing.assert_allclose(slopes, differences, rtol=1e-5, atol=1e-6)
@@ -189,48 +202,61 @@ def test_gradients_are_differences_along_the_manifold(name: str, seed: int) -> N
 BOARD_GAME = ThrownOdds.on("board-game")
 
 
-def swing(trial: Trial, wanted: np.ndarray, bias: np.ndarray | None = None) -> Swing:
+def sensitivity(
+    candidate: Candidate, wanted: np.ndarray, bias: np.ndarray | None = None
+) -> RestitutionSensitivity:
     known = np.zeros((2, len(wanted))) if bias is None else bias
-    return Swing(BOARD_GAME, wanted, known)
+    return RestitutionSensitivity(BOARD_GAME, wanted, known)
 
 
 def test_robust_is_who_has_the_wanted_odds_on_changed_tables() -> None:
-    trial = die(0)
-    facets, where = trial.outcome_facets, trial.rest_of_outcome
-    there = [BOARD_GAME.at(change).odds(trial.rests)[where] for change in (0.2, -0.2)]
-    wanted = BOARD_GAME.odds(trial.rests)[where]
-    known = swing(trial, wanted)
-    (residuals,) = preference_residuals(trial.rests, facets, only("robustness"), known)
+    candidate = die(0)
+    facets, where = candidate.outcome_facets, candidate.rest_of_outcome
+    there = [BOARD_GAME.at(change).odds(candidate.rests)[where] for change in (0.2, -0.2)]
+    wanted = BOARD_GAME.odds(candidate.rests)[where]
+    known = sensitivity(candidate, wanted)
+    (residuals,) = preference_residuals(
+        BearingFacets(candidate.rests, facets, known), only("robustness")
+    )
     expected = np.concatenate([odds - wanted for odds in there]) / USUAL_SWING
     np.testing.assert_allclose(residuals.detach(), expected, atol=1e-12)
     assert np.abs(expected).max() > 0.05
     # A bias that makes up for the change leaves nothing to wish for.
-    known = swing(trial, wanted, np.log(wanted / np.array(there)))
-    (residuals,) = preference_residuals(trial.rests, facets, only("robustness"), known)
+    known = sensitivity(candidate, wanted, np.log(wanted / np.array(there)))
+    (residuals,) = preference_residuals(
+        BearingFacets(candidate.rests, facets, known), only("robustness")
+    )
     np.testing.assert_allclose(residuals.detach(), 0.0, atol=1e-12)
 
 
 def test_dice_without_momentum_are_as_robust_as_can_be() -> None:
-    trial = die(0)
-    assert preference_residuals(trial.rests, trial.outcome_facets, only("robustness")) == []
+    candidate = die(0)
+    assert (
+        preference_residuals(
+            BearingFacets(candidate.rests, candidate.outcome_facets), only("robustness")
+        )
+        == []
+    )
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_gradients_of_robustness_are_differences(seed: int) -> None:
-    trial = die(seed)
-    maker, facets = TrialMaker(None, BOARD_GAME), trial.outcome_facets
+    candidate = die(seed)
+    maker, facets = CandidateMaker(None, BOARD_GAME), candidate.outcome_facets
     wanted = np.full(len(facets), 1.0 / len(facets))
-    known = swing(trial, wanted, np.random.default_rng(seed).normal(0.0, 0.1, (2, len(facets))))
-    along = np.random.default_rng(seed).normal(size=len(trial.parameters))
+    known = sensitivity(
+        candidate, wanted, np.random.default_rng(seed).normal(0.0, 0.1, (2, len(facets)))
+    )
+    along = np.random.default_rng(seed).normal(size=len(candidate.parameters))
     step = 1e-6
 
     def values(moved: float) -> np.ndarray:
-        parameters = trial.parameters + moved * along
-        there = maker.attempt(trial.coordinates, parameters, trial.directions)
+        parameters = candidate.parameters + moved * along
+        there = maker.attempt(candidate.coordinates, parameters, candidate.directions)
         assert there is not None
         return known.residuals(there.rests, there.outcome_facets).detach().numpy()
 
-    slopes = trial.jacobian(known.residuals(trial.rests, facets)) @ along
+    slopes = candidate.jacobian(known.residuals(candidate.rests, facets)) @ along
     differences = (values(step) - values(-step)) / (2 * step)
     assert np.abs(slopes).max() > 0.1
     np.testing.assert_allclose(slopes, differences, rtol=1e-4, atol=1e-4)

@@ -12,15 +12,14 @@ import pytest
 from dicedesign import rest_poses
 from dicedesign.design.coordinates.facets import FacetCoordinates
 from dicedesign.design.energy.objective import Objective
-from dicedesign.design.energy.weights import EnergyWeights
+from dicedesign.design.energy.term import EnergyWeights
+from dicedesign.design.options import DescentOptions, SobolevOptions, Stopping
 from dicedesign.design.result import DesignResult, DesignStep
-from dicedesign.design.solvers.descent import DescentOptions, descend_to_target
-from dicedesign.design.solvers.sobolev import SobolevOptions
-from dicedesign.design.starts.hendecahedron import hendecahedron
-from dicedesign.design.starts.prism import prism
+from dicedesign.design.solvers.descent import descend_to_target
+from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.design.starts.kinds.prism import prism
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.design.starts.start import Start
-from dicedesign.design.stopping import Stopping
 from dicedesign.design.targets import Target, binomial, fair, listed, sum_of_dice
 from dicedesign.errors import DiceError, InputError, OutsideHullError
 from dicedesign.results.status import Status

@@ -13,12 +13,12 @@ import torch
 from dicedesign.bench.bodies.problem import Problem
 from dicedesign.bench.reference.measurement import measure
 from dicedesign.bench.stability import OK, verdict
-from dicedesign.design.preferences.weights import Preferences
+from dicedesign.design.options import ExactOptions, SobolevOptions
+from dicedesign.design.preferences.preference import Preferences
 from dicedesign.design.result import DesignResult, DesignStep
-from dicedesign.design.solvers.exact import ExactOptions, solve_exactly
-from dicedesign.design.solvers.sobolev import SobolevOptions
-from dicedesign.design.starts.hendecahedron import hendecahedron
-from dicedesign.design.starts.prism import prism
+from dicedesign.design.solvers.exact import solve_exactly
+from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.design.starts.kinds.prism import prism
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.design.starts.search import shapes_near
 from dicedesign.design.starts.start import Start

@@ -10,10 +10,13 @@ import pytest
 from dicedesign.design.coordinates.facets import FacetCoordinates
 from dicedesign.design.coordinates.shape import Coordinates, Shape
 from dicedesign.design.coordinates.vertices import VertexCoordinates
-from dicedesign.design.preferences.weights import Preferences, preference_residuals
+from dicedesign.design.preferences.preference import (
+    BearingFacets,
+    Preferences,
+    preference_residuals,
+)
 from dicedesign.design.solvers import null_space_descent as improvement
-from dicedesign.design.solvers.candidate import Trial, TrialMaker
-from dicedesign.design.solvers.facet_barrier import barrier_residuals
+from dicedesign.design.solvers.candidate import Candidate, CandidateMaker, barrier_residuals
 from dicedesign.design.solvers.null_space_descent import improve
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
@@ -26,16 +29,24 @@ from dicedesign.rest.poses import rest_poses
 
 TOLERANCE = 1e-12
 CIRCLES = Preferences(circles=1.0)
-MIXED = Preferences(1.0, 0.3, 0.3, 0.3, 0.3, 0.3, 0.1)
+MIXED = Preferences(
+    circles=1.0,
+    margin=0.3,
+    asymmetry=0.3,
+    roundness=0.3,
+    areas=0.3,
+    small_helpers=0.3,
+    robustness=0.1,
+)
 
 
 @dataclass
 class Run:
     """A die, the one it became, and those on the way; the odds it has are those to keep."""
 
-    first: Trial
-    maker: TrialMaker = field(default_factory=lambda: TrialMaker(None))
-    on_the_way: list[Trial] = field(default_factory=list)
+    first: Candidate
+    maker: CandidateMaker = field(default_factory=lambda: CandidateMaker(None))
+    on_the_way: list[Candidate] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
     phases: int = 1
 
@@ -45,7 +56,7 @@ class Run:
         least_circle: float = 0.0,
         steps: int = 60,
         out_of_time: bool = False,
-    ) -> Trial:
+    ) -> Candidate:
         self.phases = 2 if least_circle > 0.0 else 1
         self.last = improve(
             self.first,
@@ -60,8 +71,8 @@ class Run:
         )
         return self.last
 
-    def take_note(self, trial: Trial, value: float) -> None:
-        self.on_the_way.append(trial)
+    def take_note(self, candidate: Candidate, value: float) -> None:
+        self.on_the_way.append(candidate)
         self.values.append(value)
 
     def check(self) -> None:
@@ -69,19 +80,19 @@ class Run:
         target = self.first.odds
         assert (self.on_the_way or [self.first])[-1] is self.last
         assert (np.diff(self.values) >= 0.0).sum() < self.phases
-        for trial in self.on_the_way:
-            poses = rest_poses(trial.rests.hull.vertices, self.maker.center_of_mass)
+        for candidate in self.on_the_way:
+            poses = rest_poses(candidate.rests.hull.vertices, self.maker.center_of_mass)
             assert len(poses.normals) == len(target)
-            outcome = np.argmax(poses.normals @ trial.directions.T, axis=1)
+            outcome = np.argmax(poses.normals @ candidate.directions.T, axis=1)
             assert sorted(outcome) == list(range(len(target)))
             assert np.abs(poses.probabilities - target[outcome]).max() <= 2.0 * TOLERANCE
 
 
 def start(coordinates: Coordinates, parameters: np.ndarray, points: np.ndarray) -> Run:
     run = Run(None)  # type: ignore[arg-type]
-    trial = run.maker.attempt(coordinates, parameters, rest_poses(points).normals)
-    assert trial is not None
-    run.first = trial
+    candidate = run.maker.attempt(coordinates, parameters, rest_poses(points).normals)
+    assert candidate is not None
+    run.first = candidate
     return run
 
 
@@ -98,12 +109,14 @@ def facet_run(seed: int) -> Run:
     return start(*FacetCoordinates.of(points, convex_hull(points).centroid), points)
 
 
-def smallest(trial: Trial) -> float:
-    return circle_radii(trial.rests, trial.outcome_facets).detach().min().item()
+def smallest(candidate: Candidate) -> float:
+    return circle_radii(candidate.rests, candidate.outcome_facets).detach().min().item()
 
 
-def value(trial: Trial, preferences: Preferences) -> float:
-    residuals = preference_residuals(trial.rests, trial.outcome_facets, preferences)
+def value(candidate: Candidate, preferences: Preferences) -> float:
+    residuals = preference_residuals(
+        BearingFacets(candidate.rests, candidate.outcome_facets), preferences
+    )
     return sum(float((vector.detach() ** 2).sum()) for vector in residuals)
 
 
@@ -128,21 +141,21 @@ def test_every_preference_is_served(name: str) -> None:
     assert value(improved, preferences) < 0.9 * value(run.first, preferences)
 
 
-def merit(trial: Trial) -> float:
+def merit(candidate: Candidate) -> float:
     """What is minimised for large circles."""
-    barrier = barrier_residuals(trial.rests).detach()
-    return value(trial, CIRCLES) + float((barrier**2).sum())
+    barrier = barrier_residuals(candidate.rests).detach()
+    return value(candidate, CIRCLES) + float((barrier**2).sum())
 
 
-def best_gain(trial: Trial, maker: TrialMaker) -> float:
+def best_gain(candidate: Candidate, maker: CandidateMaker) -> float:
     """The largest relative decrease by small moves in random directions that change no odds."""
-    free = np.linalg.svd(trial.odds_jacobian)[2][len(trial.odds) :]
+    free = np.linalg.svd(candidate.odds_jacobian)[2][len(candidate.odds) :]
     gains = []
     for direction in unit_vectors(np.random.default_rng(0).normal(size=(40, len(free)))):
-        parameters = trial.parameters + 1e-3 * direction @ free
-        there = maker.attempt(trial.coordinates, parameters, trial.directions)
+        parameters = candidate.parameters + 1e-3 * direction @ free
+        there = maker.attempt(candidate.coordinates, parameters, candidate.directions)
         assert there is not None
-        gains.append(1.0 - merit(there) / merit(trial))
+        gains.append(1.0 - merit(there) / merit(candidate))
     return max(gains)
 
 
@@ -157,13 +170,13 @@ def test_a_mixture_with_a_center_of_mass_of_one_s_own() -> None:
     hull = convex_hull(points)
     center = hull.centroid + np.array([0.03, -0.02, 0.01])
     coordinates, parameters = FacetCoordinates.of(points, center)
-    maker = TrialMaker(center)
-    trial = maker.attempt(coordinates, parameters, rest_poses(points, center).normals)
-    assert trial is not None
-    run = Run(trial, maker)
+    maker = CandidateMaker(center)
+    candidate = maker.attempt(coordinates, parameters, rest_poses(points, center).normals)
+    assert candidate is not None
+    run = Run(candidate, maker)
     improved = run.improved(MIXED)
     run.check()
-    assert value(improved, MIXED) < 0.8 * value(trial, MIXED)
+    assert value(improved, MIXED) < 0.8 * value(candidate, MIXED)
 
 
 def test_vertices_as_coordinates() -> None:
@@ -222,7 +235,7 @@ def test_a_least_circle_is_reached_and_then_kept() -> None:
     run.check()
     assert smallest(reached) >= least
     # Nothing was preferred, so that it ended there.
-    assert all(smallest(trial) < least for trial in run.on_the_way[:-1])
+    assert all(smallest(candidate) < least for candidate in run.on_the_way[:-1])
 
     then = Run(reached, run.maker)
     preferences = Preferences(small_helpers=1.0, margin=1.0)

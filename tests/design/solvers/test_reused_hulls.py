@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 import torch
 from common.attached_points import attached_points
+from dicedesign.recipe.summary import design_summary
 
 from dicedesign.design.coordinates.facets import FacetCoordinates
 from dicedesign.design.coordinates.vertices import VertexCoordinates
 from dicedesign.design.energy.objective import Objective
-from dicedesign.design.energy.weights import EnergyWeights
+from dicedesign.design.energy.term import EnergyWeights
+from dicedesign.design.options import DescentOptions, SobolevOptions, Stopping
 from dicedesign.design.result import DesignResult
-from dicedesign.design.solvers.descent import DescentOptions, descend_to_target
-from dicedesign.design.solvers.sobolev import SobolevOptions
-from dicedesign.design.starts.hendecahedron import hendecahedron
-from dicedesign.design.starts.prism import prism
+from dicedesign.design.solvers.descent import descend_to_target
+from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.design.starts.kinds.prism import prism
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.design.starts.start import Start
-from dicedesign.design.stopping import Stopping
 from dicedesign.design.targets import Target, binomial, fair, sum_of_dice
 from dicedesign.geometry.hulls import reuse as hull_reuse
 from dicedesign.geometry.hulls.hull import convex_hull

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from dicedesign import rest_poses
-from dicedesign.design.starts.hendecahedron import HENDECAHEDRA, hendecahedron
-from dicedesign.design.starts.mesh import mesh_start
-from dicedesign.design.starts.prism import prism
+from dicedesign.design.starts.kinds.hendecahedron import HENDECAHEDRA, hendecahedron
+from dicedesign.design.starts.kinds.mesh import mesh_start
+from dicedesign.design.starts.kinds.prism import prism
 from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.design.starts.start import Start
 from dicedesign.errors import InputError

@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import torch
-from torch import Tensor
 
-from dicedesign.design.energy.clusters import Clusters
-from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.design.energy.term import SMALLEST_MEAN, TERMS, EnergyWeights, Term
 
-__all__ = ["barycenter_energy"]
+if TYPE_CHECKING:
+    from torch import Tensor
 
+    from dicedesign.design.energy.clusters import ClusteredRests
 
-LARGEST_SQUARED_DISTANCE = 4.0
+__all__ = ["LARGEST_SQUARED_DISTANCE", "barycenter_energy"]
+
+LARGEST_SQUARED_DISTANCE: Final = 4.0
 """Between two unit vectors: what a cluster without a rest is charged."""
 
-SMALLEST_MEAN: Final = 1e-3
-"""Length of the sum of a region's maxima below which it is no longer stretched to length 1: maxima
-that cancel have no mean direction, and near there the gradient would grow without bound."""
 
-
-def barycenter_energy(rests: RestEvaluation, clusters: Clusters) -> Tensor:
+def barycenter_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
     """E_bc (eq. 14): squared distances of rest normals from the barycenter of their cluster's
     region, which is the normalised mean of the maxima on the region's border."""
-    paths = rests.paths
+    import torch
+
+    rests, clusters, paths = state.rests, state.clusters, state.rests.paths
     sides = clusters.of_rest[paths.basins]
     borders = np.flatnonzero(sides[:, 0] != sides[:, 1])
     energy = LARGEST_SQUARED_DISTANCE * clusters.empty * torch.ones((), dtype=torch.float64)
@@ -42,3 +41,16 @@ def barycenter_energy(rests: RestEvaluation, clusters: Clusters) -> Tensor:
     bordered = np.isin(clusters.of_rest, outcome)
     own = barycenters[clusters.of_rest[bordered]]
     return energy + ((rests.rest_normals[bordered] - own) ** 2).sum()
+
+
+TERMS.register(
+    Term(
+        name="barycenter",
+        line="draws the rests of an outcome to the middle of its region (lambda_bc of eq. 14)",
+        rank=2,
+        evaluate=barycenter_energy,
+        weight=2.0,
+        gives_way=True,
+        kernel=2,
+    )
+)

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Final, Literal
 
 import numpy as np
 
-from dicedesign.design.starts.start import Start, normalised_start
+from dicedesign.design.starts.start import (
+    STARTS,
+    Start,
+    StartKind,
+    check_sides,
+    normalised_start,
+)
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.runtime.arrays import Floats
 
 __all__ = ["HENDECAHEDRA", "hendecahedron"]
+
+FACETS: Final = 11
 
 
 def hendecahedron(kind: str) -> Start:
@@ -51,7 +60,7 @@ def _bisymmetric() -> Start:
     inside = np.array([0.0, 0.0, 1.2])
     offsets = np.array([6, 3, 1, 1, 2, 0, 2, 1, 1, 3, 6]) - normals @ inside
     directions = normals / np.linalg.norm(normals, axis=1)[:, None]
-    return normalised_start(polyhedron_corners(normals, offsets), directions)
+    return _polyhedron(normals, offsets, directions)
 
 
 def _circus() -> Start:
@@ -68,8 +77,36 @@ def _circus() -> Start:
     floor = np.array([[0.0, 0.0, -1.0]])
     pairs = np.stack([wall, roof], axis=1).reshape(10, 3)
     directions = np.concatenate([pairs[:5], floor, pairs[5:]])
-    offsets = np.ones(11)
-    return normalised_start(polyhedron_corners(directions, offsets), directions)
+    return _polyhedron(directions, np.ones(11), directions)
 
 
-HENDECAHEDRA: dict[str, Callable[[], Start]] = {"bisymmetric": _bisymmetric, "circus": _circus}
+def _polyhedron(normals: Floats, offsets: Floats, directions: Floats) -> Start:
+    from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+
+    return normalised_start(polyhedron_corners(normals, offsets), directions)
+
+
+def _check(kind: str, outcomes: int) -> None:
+    check_sides(outcomes)
+    if outcomes != FACETS:
+        raise InputError(
+            f"start.hendecahedron: expected a target of {FACETS} outcomes, one for each facet, got "
+            f"{outcomes}; take another start"
+        )
+
+
+HENDECAHEDRA: Final[dict[str, Callable[[], Start]]] = {
+    "bisymmetric": _bisymmetric,
+    "circus": _circus,
+}
+
+STARTS.register(
+    StartKind(
+        name="hendecahedron",
+        line="one of two bodies of eleven facets, for the total of two dice",
+        rank=1,
+        options=Literal["bisymmetric", "circus"],
+        check=_check,
+        make=lambda kind, task: hendecahedron(kind),
+    )
+)
