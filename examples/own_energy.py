@@ -30,16 +30,24 @@ def firm_rests(state: ClusteredRests, weights: EnergyWeights) -> torch.Tensor:
     return (cosines[leads_out] ** 8).sum()
 
 
-TERMS.register(Term(name="firm_rests", line="no outcome that ends at a nudge", evaluate=firm_rests))
+TERMS.register(
+    Term(
+        name="firm_rests",
+        line="no outcome that ends at a nudge",
+        evaluate=firm_rests,
+        # Where progress stalls, the odds come first.
+        gives_way=True,
+    )
+)
 
 TARGET = listed([0.5, 0.3, 0.2]).probabilities
 START = prism(3)
 
 
 def built_in(weight: float) -> None:
-    """In a recipe: method: {descent: {weights: {firm_rests: 0.01}}}."""
+    """In a recipe: method: {descent: {weights: {firm_rests: 0.05}}}."""
     options = DescentOptions(
-        weights=EnergyWeights(firm_rests=weight), stopping=Stopping(steps=150, seconds=5.0)
+        weights=EnergyWeights(firm_rests=weight), stopping=Stopping(steps=600, seconds=4.0)
     )
     die = descend_to_target(START, TARGET, options)
     print(
@@ -52,8 +60,8 @@ def with_torch(weight: float) -> None:
     """Any optimiser: the energy is a tensor that autograd differentiates in the vertices."""
     vertices = torch.tensor(START.points, requires_grad=True)
     weights = EnergyWeights(firm_rests=weight, barycenter=0.0, neighbor=0.0, stability=0.0)
-    adam = torch.optim.Adam([vertices], lr=3e-3)
-    for _ in range(300):
+    adam = torch.optim.Adam([vertices], lr=5e-3)
+    for _ in range(150):
         rests = evaluate_rests(vertices)
         clusters = cluster(rests.hull.normals[rests.paths.rests], START.directions)
         terms = energy_terms(ClusteredRests(rests, clusters, TARGET), weights)
@@ -77,5 +85,5 @@ def least_angle(points: np.ndarray) -> float:
 
 if __name__ == "__main__":
     built_in(0.0)
-    built_in(0.01)
-    with_torch(0.01)
+    built_in(0.05)
+    with_torch(0.02)

@@ -71,7 +71,7 @@ class Energy:
         uniform solid moves."""
         rests, weights = self.state.rests, self.weights.of_terms
         parts: list[Floats] = []
-        if self._compiled is not None:
+        if self._compiled is not None and kernels.compiled is not None:
             by_vertices, by_center = self._compiled.gradient(self._kernel_weights)
             for name, (_, slopes) in self._of_depths.items():
                 walls = rests.depth_gradient(kernels.compiled, weights[name] * slopes)
