@@ -63,8 +63,8 @@ def solve_exactly(
         or None. Outcomes whose facets are images of each other are equally probable.
     least_circle: radius, over the largest distance of two vertices, that a circle in the facet of
         each outcome has; starts that do not lead there are passed over. In [0, 0.5).
-    sensitivity: has the model of thrown dice by which the target is met, and is what `prefer.robustness`
-        lowers; None for odds without momentum.
+    sensitivity: has the model of thrown dice by which the target is met, and is what
+        `prefer.robustness` lowers; None for odds without momentum.
     on_step: called after every accepted step.
 
     Raises
