@@ -30,24 +30,16 @@ def firm_rests(state: ClusteredRests, weights: EnergyWeights) -> torch.Tensor:
     return (cosines[leads_out] ** 8).sum()
 
 
-TERMS.register(
-    Term(
-        name="firm_rests",
-        line="no outcome that ends at a nudge",
-        evaluate=firm_rests,
-        # Where progress stalls, the odds come first.
-        gives_way=True,
-    )
-)
+TERMS.register(Term(name="firm_rests", line="no outcome that ends at a nudge", evaluate=firm_rests))
 
 TARGET = listed([0.5, 0.3, 0.2]).probabilities
 START = prism(3)
 
 
 def built_in(weight: float) -> None:
-    """In a recipe: method: {descent: {weights: {firm_rests: 0.05}}}."""
+    """In a recipe: method: {descent: {weights: {firm_rests: 0.002}}}."""
     options = DescentOptions(
-        weights=EnergyWeights(firm_rests=weight), stopping=Stopping(steps=600, seconds=4.0)
+        weights=EnergyWeights(firm_rests=weight), stopping=Stopping(steps=200, seconds=4.0)
     )
     die = descend_to_target(START, TARGET, options)
     print(
@@ -85,5 +77,5 @@ def least_angle(points: np.ndarray) -> float:
 
 if __name__ == "__main__":
     built_in(0.0)
-    built_in(0.05)
-    with_torch(0.02)
+    built_in(0.002)
+    with_torch(0.002)

@@ -53,14 +53,10 @@ class SobolevOptions:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.smoothing <= LARGEST_SMOOTHING:
-            raise InputError(
-                f"sobolev.smoothing: expected a number above 0 and at most "
-                f"{LARGEST_SMOOTHING:g}, got {self.smoothing:g}; leave it out for 2"
-            )
+            expected = f"a number above 0 and at most {LARGEST_SMOOTHING:g}"
+            raise _refused("sobolev.smoothing", expected, self.smoothing, "2")
         if not 1 <= self.power <= 4:
-            raise InputError(
-                f"sobolev.power: expected 1 to 4, got {self.power}; leave it out for 2"
-            )
+            raise _refused("sobolev.power", "1 to 4", self.power, "2")
 
 
 @dataclass(frozen=True)
@@ -83,15 +79,9 @@ class Stopping:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1.0:
-            raise InputError(
-                f"tolerance: expected a number in (0, 1), got {self.tolerance:g}; leave it out for "
-                "1e-3"
-            )
+            raise _refused("tolerance", "a number in (0, 1)", self.tolerance, "1e-3")
         if self.steps < 0:
-            raise InputError(
-                f"steps: expected a whole number not below 0, got {self.steps}; leave it out for "
-                "3000"
-            )
+            raise _refused("steps", "a whole number not below 0", self.steps, "3000")
         _check_seconds(self.seconds)
 
     def limit(self, step: int, seconds: float) -> Status | None:
@@ -133,15 +123,9 @@ class DescentOptions:
     def __post_init__(self) -> None:
         _check_coordinates(self.coordinates, self.sobolev)
         if not 0.0 < self.relaxation < 1.0:
-            raise InputError(
-                f"relaxation: expected a number in (0, 1), got {self.relaxation:g}; leave it out "
-                "for 0.5"
-            )
+            raise _refused("relaxation", "a number in (0, 1)", self.relaxation, "0.5")
         if not 0.0 <= self.perturbation < 1.0:
-            raise InputError(
-                f"perturbation: expected a number in [0, 1), got {self.perturbation:g}; leave it "
-                "out for 1e-3"
-            )
+            raise _refused("perturbation", "a number in [0, 1)", self.perturbation, "1e-3")
 
 
 @dataclass(frozen=True)
@@ -177,10 +161,7 @@ class RefineOptions:
                     "correct it"
                 )
         if not 0.0 < self.within < 1.0:
-            raise InputError(
-                f"refine.within: expected a number in (0, 1), got {self.within:g}; leave it out "
-                "for 0.01"
-            )
+            raise _refused("refine.within", "a number in (0, 1)", self.within, "0.01")
         # Raises where there is no such engine.
         ENGINES[self.engine]
 
@@ -227,10 +208,8 @@ class ExactOptions:
 
     def __post_init__(self) -> None:
         if not FINEST_TOLERANCE <= self.tolerance < 1.0:
-            raise InputError(
-                f"tolerance: expected a number from {FINEST_TOLERANCE:g} on and below 1, got "
-                f"{self.tolerance:g}; leave it out for 1e-12"
-            )
+            expected = f"a number from {FINEST_TOLERANCE:g} on and below 1"
+            raise _refused("tolerance", expected, self.tolerance, "1e-12")
         _check_coordinates(self.coordinates, self.sobolev)
         if self.refine is not None and self.odds != "thrown":
             raise InputError(
@@ -238,9 +217,7 @@ class ExactOptions:
                 "odds: thrown"
             )
         if self.starts < 1:
-            raise InputError(
-                f"starts: expected a whole number above 0, got {self.starts}; leave it out for 60"
-            )
+            raise _refused("starts", "a whole number above 0", self.starts, "60")
         _check_seconds(self.seconds)
 
 
@@ -261,6 +238,8 @@ def _check_coordinates(coordinates: str, sobolev: SobolevOptions | None) -> None
 
 def _check_seconds(seconds: float) -> None:
     if not 0.0 < seconds < np.inf:
-        raise InputError(
-            f"seconds: expected a positive number, got {seconds:g}; leave it out for 60"
-        )
+        raise _refused("seconds", "a positive number", seconds, "60")
+
+
+def _refused(name: str, expected: str, got: float, default: str) -> InputError:
+    return InputError(f"{name}: expected {expected}, got {got:g}; leave it out for {default}")

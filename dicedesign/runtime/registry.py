@@ -87,12 +87,17 @@ class Registry(Generic[Kind]):
         """Of all extensions, in their order."""
         return tuple(entry.name for entry in self)
 
-    def __iter__(self) -> Iterator[Kind]:
+    @property
+    def entries(self) -> tuple[Kind, ...]:
+        """All extensions, in their order; the same object until one comes or goes."""
         self._read()
         if self._ordered is None:
             entries = sorted(self._entries.values(), key=lambda entry: (entry.rank, entry.name))
             self._ordered = tuple(entries)
-        return iter(self._ordered)
+        return self._ordered
+
+    def __iter__(self) -> Iterator[Kind]:
+        return iter(self.entries)
 
     def __contains__(self, name: object) -> bool:
         self._read()

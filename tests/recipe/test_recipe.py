@@ -85,7 +85,7 @@ def test_a_concave_die_is_plain_unless_marks_are_asked_for(method: object, tmp_p
 def test_every_shape_that_is_built_can_be_a_start(tmp_path: Path) -> None:
     for name in SHAPES:
         assert read(tmp_path, {**CONCAVE, "start": {"shape": name}}).start.shape == name
-    listed = Recipe.model_json_schema()["$defs"]["StartKeys"]["properties"]["shape"]
+    listed = Recipe.model_json_schema()["properties"]["start"]["properties"]["shape"]
     assert listed["anyOf"][0]["enum"] == list(SHAPES)
 
 

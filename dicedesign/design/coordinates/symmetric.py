@@ -111,7 +111,7 @@ class SymmetricCoordinates:
 
     def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """See `FacetCoordinates`."""
-        return self.facets.pruned(parameters, rests)
+        return parameters
 
 
 def orbits_of_directions(directions: Floats, group: Floats) -> Integers:

@@ -7,35 +7,28 @@ have.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from dicedesign.design.energy.clusters import ClusteredRests
-from dicedesign.design.energy.term import SMALLEST_MEAN, TERMS, EnergyWeights, Term
+from dicedesign.design.energy.term import SMALLEST_MEAN, EnergyWeights
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["Energy", "energy_terms"]
 
+KERNELS: Final = 4
+"""Terms that the kernels evaluate together."""
 
-def energy_terms(
-    state: ClusteredRests, weights: EnergyWeights, names: Sequence[str] | None = None
-) -> dict[str, Tensor]:
-    """The weighted terms by name, by operations of torch; only those with a weight are evaluated.
 
-    names: of terms, or None for all.
-    """
-    return {
-        name: weight * TERMS[name].evaluate(state, weights)
-        for name, weight in weights.of_terms.items()
-        if names is None or name in names
-    }
+def energy_terms(state: ClusteredRests, weights: EnergyWeights) -> dict[str, Tensor]:
+    """The weighted terms by name, by operations of torch; those without weight are left out."""
+    return {term.name: weight * term.evaluate(state, weights) for term, weight in weights.active}
 
 
 @dataclass(frozen=True)
@@ -54,27 +47,28 @@ class Energy:
     @cached_property
     def terms(self) -> dict[str, float]:
         """The weighted terms by name, those of `energy_terms`."""
-        values = {name: term.item() for name, term in self._in_torch.items()}
-        weights = self.weights.of_terms
-        if self._compiled is not None:
-            together = self._compiled.values()
-            for term in self._terms:
-                if term.kernel is not None:
-                    values[term.name] = weights[term.name] * together[term.kernel]
-        for name, (value, _) in self._of_depths.items():
-            values[name] = weights[name] * value
-        return {name: values[name] for name in weights}
+        together = () if self._compiled is None else self._compiled.values()
+        values: dict[str, float] = {}
+        for term, weight in self.weights.active:
+            if term.name in self._in_torch:
+                values[term.name] = self._in_torch[term.name].item()
+            elif term.kernel is not None:
+                values[term.name] = weight * together[term.kernel]
+            else:
+                values[term.name] = weight * self._of_depths[term.name][0]
+        return values
 
     @property
     def gradient(self) -> Floats:
         """(n, 3) that of their sum in the vertices of the hull, with which the center of mass of a
         uniform solid moves."""
-        rests, weights = self.state.rests, self.weights.of_terms
+        rests = self.state.rests
         parts: list[Floats] = []
         if self._compiled is not None and kernels.compiled is not None:
             by_vertices, by_center = self._compiled.gradient(self._kernel_weights)
             for name, (_, slopes) in self._of_depths.items():
-                walls = rests.depth_gradient(kernels.compiled, weights[name] * slopes)
+                weight = self.weights.of_terms[name]
+                walls = rests.depth_gradient(kernels.compiled, weight * slopes)
                 by_vertices, by_center = by_vertices + walls[0], by_center + walls[1]
             parts.append(rests.with_center(by_vertices, by_center))
         varying = [term for term in self._in_torch.values() if term.requires_grad]
@@ -83,37 +77,34 @@ class Energy:
             parts.append(gradient.numpy())
         return sum(parts[1:], parts[0]) if parts else np.zeros_like(rests.hull.vertices)
 
-    @property
-    def _terms(self) -> list[Term]:
-        return [TERMS[name] for name in self.weights.of_terms]
-
     @cached_property
     def _in_torch(self) -> dict[str, Tensor]:
         """Weighted terms for which there are no compiled kernels."""
-        names = [
-            term.name
-            for term in self._terms
-            if self._compiled is None or (term.kernel is None and term.of_depths is None)
-        ]
-        return energy_terms(self.state, self.weights, names)
+        if self._compiled is None:
+            return energy_terms(self.state, self.weights)
+        return {
+            term.name: weight * term.evaluate(self.state, self.weights)
+            for term, weight in self.weights.active
+            if term.kernel is None and term.of_depths is None
+        }
 
     @cached_property
     def _of_depths(self) -> dict[str, tuple[float, Floats]]:
         """Value, and derivatives (m,) in the facets' depths, of terms of these alone."""
-        if self._compiled is None:
-            return {}
         return {
             term.name: term.of_depths(self.state, self.weights)
-            for term in self._terms
+            for term, _ in self.weights.active
             if term.of_depths is not None
         }
 
     @cached_property
     def _kernel_weights(self) -> list[float]:
         """Of the terms that the kernels evaluate together, in their order."""
-        weights = self.weights.of_terms
-        places = {term.kernel: term.name for term in TERMS if term.kernel is not None}
-        return [weights.get(places[place], 0.0) for place in sorted(places)]
+        weights = [0.0] * KERNELS
+        for term, weight in self.weights.active:
+            if term.kernel is not None:
+                weights[term.kernel] = weight
+        return weights
 
     @cached_property
     def _compiled(self) -> Any:

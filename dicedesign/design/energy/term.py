@@ -76,7 +76,7 @@ class EnergyWeights(Numbers):
     Raises InputError for a number out of range.
     """
 
-    __slots__ = ()
+    __slots__ = ("_active",)
 
     prefix = "weights."
 
@@ -98,17 +98,27 @@ class EnergyWeights(Numbers):
         return declared
 
     @property
+    def active(self) -> tuple[tuple[Term, float], ...]:
+        """Terms that have a weight, with it, in their order."""
+        terms = TERMS.entries
+        known = getattr(self, "_active", None)
+        if known is None or known[0] is not terms:
+            pairs = (
+                (term, 1.0 if term.weight is None else getattr(self, term.name)) for term in terms
+            )
+            known = terms, tuple((term, weight) for term, weight in pairs if weight > 0.0)
+            self._active: tuple[tuple[Term, ...], tuple[tuple[Term, float], ...]] = known
+        return known[1]
+
+    @property
     def of_terms(self) -> dict[str, float]:
-        """By the names of the terms that have a weight, in their order."""
-        weights = {
-            term.name: 1.0 if term.weight is None else getattr(self, term.name) for term in TERMS
-        }
-        return {name: weight for name, weight in weights.items() if weight > 0.0}
+        """The weights of these by name."""
+        return {term.name: weight for term, weight in self.active}
 
     @property
     def single_rests(self) -> bool:
         """Whether a term with a weight wants one rest for each outcome and no other."""
-        return any(TERMS[name].single_rests for name in self.of_terms)
+        return any(term.single_rests for term, _ in self.active)
 
     def relaxed(self, factor: float) -> EnergyWeights:
         """The same with the weights of terms that give way times a factor."""
@@ -121,8 +131,8 @@ class EnergyWeights(Numbers):
         term with a weight is left to narrow."""
         narrower = {
             option.name: factor * getattr(self, option.name)
-            for name in self.of_terms
-            for option in TERMS[name].options
+            for term, _ in self.active
+            for option in term.options
             if option.narrows_to is not None
             and factor * getattr(self, option.name) >= option.narrows_to
         }

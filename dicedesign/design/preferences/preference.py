@@ -86,15 +86,16 @@ class Preferences(Numbers):
     @property
     def largest(self) -> float:
         """The largest weight."""
-        return max(self.as_dict().values())
+        return max(getattr(self, name) for name in PREFERENCES.names)
 
 
 def preference_residuals(die: BearingFacets, preferences: Preferences) -> list[Tensor]:
     """Residuals of each preference with a weight, whose sum of squares is the weighted sum of all
     but `nearness`, which is about parameters."""
     residuals = []
-    for name, weight in preferences.as_dict().items():
-        own = PREFERENCES[name].residuals(die) if weight > 0.0 else None
+    for preference in PREFERENCES:
+        weight = getattr(preferences, preference.name)
+        own = preference.residuals(die) if weight > 0.0 else None
         if own is not None:
             residuals.append(np.sqrt(weight) * own)
     return residuals

@@ -17,7 +17,6 @@ __all__ = [
     "SobolevSolver",
     "edge_laplacian",
     "graph_laplacian",
-    "sobolev_solve",
 ]
 
 
@@ -55,8 +54,3 @@ class SobolevSolver:
         for _ in range(self.options.power):
             gradient = self._factor.solve(gradient)
         return gradient
-
-
-def sobolev_solve(laplacian: csc_array, gradient: Floats, options: SobolevOptions) -> Floats:
-    """`(I + lambda L)^-p gradient` in one call: `SobolevSolver(laplacian, options).solve(...)`."""
-    return SobolevSolver(laplacian, options).solve(gradient)

@@ -1,6 +1,5 @@
-"""Starting shapes for any target: random polyhedra, the nearest in odds first, and needles.
-
-Starting shapes in turns: polyhedra are drawn into a pool, and the nearest in odds go first."""
+"""Starting shapes for any target, in turns: random polyhedra are drawn into a pool, the nearest in
+odds go first, and between them needles."""
 
 from __future__ import annotations
 

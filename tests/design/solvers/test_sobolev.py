@@ -11,7 +11,6 @@ from dicedesign.design.solvers.sobolev import (
     SobolevOptions,
     SobolevSolver,
     graph_laplacian,
-    sobolev_solve,
 )
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
@@ -62,7 +61,6 @@ def test_the_solver_is_the_dense_inverse(hull: ConvexHull, smoothing: float, pow
     solved = SobolevSolver(graph_laplacian(hull), options).solve(given)
     np.testing.assert_allclose(solved, expected, rtol=1e-9, atol=1e-11)
     np.testing.assert_array_equal(given, right)
-    np.testing.assert_array_equal(sobolev_solve(graph_laplacian(hull), right, options), solved)
 
 
 def test_constant_vectors_are_preserved(hull: ConvexHull) -> None:
