@@ -45,7 +45,7 @@ def add_engine_option(parser: argparse.ArgumentParser) -> None:
     """Add `--engine`, the simulator of throws."""
     from dicedesign.throws.engines.engine import ENGINES
 
-    *lines, last = (f"{engine.name}, {engine.line}" for engine in ENGINES)
+    *lines, last = (f"{engine.name}: {engine.line}" for engine in ENGINES)
     parser.add_argument(
         "--engine",
         default="native",

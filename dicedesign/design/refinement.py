@@ -115,9 +115,9 @@ class Refinement:
             if self.robust and not settling:
                 drops = math.ceil(drops / 2)
                 for change, bias in zip(CHANGES, biases[1:], strict=True):
-                    seen, odds = self.throw(die, drops, number, change)
-                    bias.learn(self._softened(seen), odds, drops)
-                    changed.append(self._deviation(seen))
+                    counted, odds = self.throw(die, drops, number, change)
+                    bias.learn(self._softened(counted), odds, drops)
+                    changed.append(self._deviation(counted))
             history.append(self._round(asked, counts, changed))
             if self.on_round is not None:
                 self.on_round(history[-1])
@@ -152,13 +152,13 @@ class Refinement:
         )
 
     def _is_met(self, counts: Integers) -> bool:
-        """Whether the orbits deviate no more from the target than those of a perfect die would on
-        the mean."""
+        """True where the orbits deviate no more from the target than those of a perfect die would
+        on the mean."""
         elsewhere = int(self.orbits.max()) + 1
-        seen = np.bincount(np.append(self.orbits, elsewhere), counts)
+        counted = np.bincount(np.append(self.orbits, elsewhere), counts)
         wanted = np.bincount(self.orbits, self.target)
-        deviation = total_variation(seen / seen.sum(), np.append(wanted, 0.0))
-        return deviation <= noise_floor(wanted, int(seen.sum()))
+        deviation = total_variation(counted / counted.sum(), np.append(wanted, 0.0))
+        return deviation <= noise_floor(wanted, int(counted.sum()))
 
     def _softened(self, counts: Integers) -> Floats:
         """Positive frequencies (k,), equal within each orbit."""

@@ -1,4 +1,4 @@
-"""What a method of design returns."""
+"""Result of a method of design."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class DesignStep:
 
 @dataclass(frozen=True)
 class DesignResult:
-    """Where a design ended.
+    """End of a design.
 
     Attributes
     ----------

@@ -8,9 +8,9 @@ from math import comb, isfinite
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.errors import InputError
+from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
 
 __all__ = ["Target", "binomial", "fair", "listed", "relabelled", "sum_of_dice"]
@@ -30,7 +30,7 @@ class Target:
     """
 
     labels: tuple[str, ...]
-    probabilities: NDArray[np.float64]
+    probabilities: Floats
 
 
 def binomial(flips: int) -> Target:

@@ -71,10 +71,10 @@ class FacetCoordinates:
             rows = gradients.reshape(len(gradients), corners.size)
             if kernels.compiled is None:
                 return _corner_gradients(normals, polar, facets, corners, rows)
-            found: Floats = kernels.compiled.corner_gradients(
+            by_parameters: Floats = kernels.compiled.corner_gradients(
                 normals, polar, facets.ravel(), corners, rows
             )
-            return found
+            return by_parameters
 
         return Shape(self.origin + corners, pulled_back)
 

@@ -1,4 +1,4 @@
-"""What a design varies: vertices, as in the paper, or facets, which stay flat by construction."""
+"""Parameters of a design: vertices, as in the paper, or facets, which stay flat by construction."""
 
 from __future__ import annotations
 

@@ -93,11 +93,11 @@ class SymmetricCoordinates:
         def whole_orbits(polar: Floats) -> ConvexHull:
             hull = hull_of(polar)
             sizes = np.bincount(self.orbits)
-            here = np.bincount(self.orbits[hull.source], minlength=len(sizes))
-            if (here % sizes != 0).any():
+            bounding = np.bincount(self.orbits[hull.source], minlength=len(sizes))
+            if (bounding % sizes != 0).any():
                 raise DegenerateBodyError(
                     f"symmetry: expected all facets of an orbit or none to bound the solid, got "
-                    f"{here.tolist()} of {sizes.tolist()} facets of the orbits; "
+                    f"{bounding.tolist()} of {sizes.tolist()} facets of the orbits; "
                     "take a smaller step"
                 )
             return hull

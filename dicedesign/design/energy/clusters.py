@@ -21,7 +21,7 @@ __all__ = ["ClusteredRests", "Clusters", "cluster", "outcome_facets", "updated_d
 
 @dataclass(frozen=True)
 class Clusters:
-    """Which outcome each rest counts for.
+    """Outcome for which each rest counts.
 
     Attributes
     ----------

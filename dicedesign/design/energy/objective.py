@@ -80,7 +80,7 @@ class Evaluation:
 
     @cached_property
     def clusters(self) -> Clusters:
-        """Which outcome each rest counts for."""
+        """Outcome for which each rest counts."""
         return cluster(self._rest_normals, self.directions)
 
     @cached_property

@@ -57,12 +57,12 @@ class Schedule:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the last steps did little under the present weights."""
+        """True where the last steps did little under the present weights."""
         return self._stalled(STALL_WINDOW, STALL_DECREASE)
 
     @property
     def exhausted(self) -> bool:
-        """Whether the present weights have given what they can: the shaping ones as soon as
+        """True where the present weights have given what they can: the shaping ones as soon as
         progress stalls, the last ones after a longer look."""
         return self._left > 0.0 or self._stalled(LAST_WINDOW, LAST_DECREASE)
 

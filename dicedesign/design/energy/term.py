@@ -117,7 +117,7 @@ class EnergyWeights(Numbers):
 
     @property
     def single_rests(self) -> bool:
-        """Whether a term with a weight wants one rest for each outcome and no other."""
+        """True where a term with a weight wants one rest for each outcome and no other."""
         return any(term.single_rests for term, _ in self.active)
 
     def relaxed(self, factor: float) -> EnergyWeights:

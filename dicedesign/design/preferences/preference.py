@@ -1,4 +1,4 @@
-"""What one may care about among dice of the same odds, as residuals with weights."""
+"""Preferences among dice of the same odds, as residuals with weights."""
 
 from __future__ import annotations
 

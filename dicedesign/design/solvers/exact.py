@@ -155,11 +155,11 @@ class _Search:
             lambda: self.out_of_time,
             self._record,
         )
-        found = approach.solve(first)
-        if found.error(self.target) > self.aim:
+        reached = approach.solve(first)
+        if reached.error(self.target) > self.aim:
             return False
-        found = improve(
-            found,
+        reached = improve(
+            reached,
             self.target,
             self.maker,
             self.prefer,
@@ -170,7 +170,7 @@ class _Search:
             out_of_time=lambda: self.out_of_time,
             on_step=self._record,
         )
-        return self.shortfall(found) == (0.0, 0.0)
+        return self.shortfall(reached) == (0.0, 0.0)
 
     def _coordinates(self, start: Start) -> tuple[Coordinates, Floats]:
         hull = convex_hull(start.points)
@@ -182,7 +182,7 @@ class _Search:
         return FacetCoordinates.of(start.points, origin, lambda points: hull)
 
     def shortfall(self, candidate: Candidate) -> tuple[float, float]:
-        """What is wrong with a candidate: first its error beyond the tolerance, then what its
+        """Faults of a candidate: first its error beyond the tolerance, then what its
         smallest circle lacks."""
         error = candidate.error(self.target)
         if error > self.aim:
@@ -214,7 +214,7 @@ class _Search:
             self.on_step(step)
 
     def _first_rests(self) -> str:
-        """What the first start has instead, in words."""
+        """Rests of the first start, in words."""
         if self.first is None:
             return "none"
         with suppress(DiceError):

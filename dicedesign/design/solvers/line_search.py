@@ -1,4 +1,4 @@
-"""How far to go along a descent direction."""
+"""Step lengths along a descent direction."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MEMORY: Final = 5
 
 
 def has_slope(*directions: Floats) -> bool:
-    """Whether gradients and what was made of them are numbers that can be worked with."""
+    """True where gradients and what was made of them are numbers that can be worked with."""
     return all(bool((np.abs(vector) <= LARGEST_SLOPE).all()) for vector in directions)
 
 

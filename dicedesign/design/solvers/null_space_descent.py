@@ -127,24 +127,24 @@ def _descend(
     on_step: Callable[[Candidate, float], None],
 ) -> tuple[Candidate, int]:
     """The die that at most so many steps lead to, and how many there were."""
-    here = _Point(goal, candidate)
-    if not goal.is_open(here) or not here.is_free:
+    point = _Point(goal, candidate)
+    if not goal.is_open(point) or not point.is_free:
         return candidate, 0
-    curvature, slow, taken = here.gauss_newton(), 0, 0
-    while taken < steps and slow < PATIENCE and goal.is_open(here) and not out_of_time():
-        there = _line_search(goal, here, curvature)
-        if there is None:
+    curvature, slow, taken = point.gauss_newton(), 0, 0
+    while taken < steps and slow < PATIENCE and goal.is_open(point) and not out_of_time():
+        following = _line_search(goal, point, curvature)
+        if following is None:
             # Curvature from beyond a kink misleads.
-            curvature = here.gauss_newton()
-            there = _line_search(goal, here, curvature)
-        if there is None:
+            curvature = point.gauss_newton()
+            following = _line_search(goal, point, curvature)
+        if following is None:
             break
-        curvature = _updated(curvature, here, there)
-        slow = slow + 1 if there.merit > (1.0 - SLOW) * here.merit else 0
-        here = there
+        curvature = _updated(curvature, point, following)
+        slow = slow + 1 if following.merit > (1.0 - SLOW) * point.merit else 0
+        point = following
         taken += 1
-        on_step(here.candidate, here.merit)
-    return here.candidate, taken
+        on_step(point.candidate, point.merit)
+    return point.candidate, taken
 
 
 @dataclass(frozen=True)
@@ -187,28 +187,28 @@ class _Goal:
         """The derivative of each of them in its parameter."""
         return nearness_pull(self.preferences, len(self.first))
 
-    def is_open(self, here: _Point) -> bool:
-        """Whether there is anything to make better."""
-        return self.preferences.largest > 0.0 or here.is_short
+    def is_open(self, point: _Point) -> bool:
+        """True where there is anything to make better."""
+        return self.preferences.largest > 0.0 or point.is_short
 
-    def moved(self, here: _Point, move: Floats) -> _Point | None:
+    def moved(self, point: _Point, move: Floats) -> _Point | None:
         """The point that a move (n,) along the tangent space and back leads to, or None where no
         such die is found or a circle has become too small."""
-        parameters = here.candidate.parameters + move
+        parameters = point.candidate.parameters + move
         before = np.inf
         for _ in range(MOST_CORRECTIONS + 1):
             candidate = self.maker.attempt(
-                here.candidate.coordinates, parameters, here.candidate.directions
+                point.candidate.coordinates, parameters, point.candidate.directions
             )
             if candidate is None:
                 return None
-            there, error = _Point(self, candidate), candidate.error(self.target)
+            following, error = _Point(self, candidate), candidate.error(self.target)
             if error <= self.tolerance:
-                return None if there.is_short and not here.is_short else there
+                return None if following.is_short and not point.is_short else following
             if error > CONVERGING * before:
                 return None
             before = error
-            parameters = parameters + there.back(candidate.odds - self.target)
+            parameters = parameters + following.back(candidate.odds - self.target)
         return None
 
 
@@ -236,7 +236,7 @@ class _Point:
 
     @cached_property
     def is_short(self) -> bool:
-        """Whether a circle is too small."""
+        """True where a circle is too small."""
         if self.goal.least_circle == 0.0:
             return False
         radii = circle_radii(self.candidate.rests, self.candidate.outcome_facets)
@@ -244,7 +244,7 @@ class _Point:
 
     @property
     def is_free(self) -> bool:
-        """Whether there is a direction that changes no odds."""
+        """True where there is a direction that changes no odds."""
         return len(self._free) > 0
 
     @cached_property
@@ -289,25 +289,25 @@ class _Point:
         return free.T @ np.linalg.solve(square + damping / len(free) * np.eye(len(free)), free)
 
 
-def _line_search(goal: _Goal, here: _Point, curvature: Floats) -> _Point | None:
+def _line_search(goal: _Goal, point: _Point, curvature: Floats) -> _Point | None:
     """A point that is better by enough, in the direction of quasi-Newton."""
-    direction = -here.along(curvature @ here.gradient)
-    slope = float(direction @ here.gradient)
+    direction = -point.along(curvature @ point.gradient)
+    slope = float(direction @ point.gradient)
     if not slope < 0.0:
         return None
     length = min(1.0, LARGEST_MOVE / float(np.abs(direction).max()))
     for _ in range(MOST_LENGTHS):
-        there = goal.moved(here, length * direction)
-        if there is not None and there.merit <= here.merit + SUFFICIENT * length * slope:
-            return there
+        following = goal.moved(point, length * direction)
+        if following is not None and following.merit <= point.merit + SUFFICIENT * length * slope:
+            return following
         length *= SHORTER
     return None
 
 
-def _updated(curvature: Floats, here: _Point, there: _Point) -> Floats:
+def _updated(curvature: Floats, point: _Point, following: _Point) -> Floats:
     """The inverse Hessian (n, n) by BFGS, with vectors projected into the new tangent space."""
-    step = there.along(there.candidate.parameters - here.candidate.parameters)
-    change = there.gradient - there.along(here.gradient)
+    step = following.along(following.candidate.parameters - point.candidate.parameters)
+    change = following.gradient - following.along(point.gradient)
     product = float(step @ change)
     if product <= CURVED * np.linalg.norm(step) * np.linalg.norm(change):
         return curvature

@@ -216,10 +216,10 @@ def _corrected(needle: _Needle, wanted: Floats) -> Start | None:
         normals, distances, rests = half_spaces
         if not np.array_equal(resting_half_spaces(normals, distances), rests):
             return None
-        found = start_with_odds(normals, distances, rests)
-        if found is None:
+        made = start_with_odds(normals, distances, rests)
+        if made is None:
             return None
-        start, odds = found
+        start, odds = made
         if np.abs(odds - wanted).max() < close:
             return start
         shares = np.maximum(shares + wanted - odds, shares / 3.0)

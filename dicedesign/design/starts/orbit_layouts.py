@@ -1,4 +1,4 @@
-"""How outcomes can be spread over the facets of a symmetric shape: equal odds on each orbit."""
+"""Outcomes spread over the facets of a symmetric shape: equal odds on each orbit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SAME: Final = 9
 
 @dataclass(frozen=True)
 class OrbitSite:
-    """Where the first facet of an orbit may face, and how it is carried to the others.
+    """Directions that the first facet of an orbit may face, and how it is carried to the others.
 
     Attributes
     ----------

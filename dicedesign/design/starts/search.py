@@ -42,10 +42,10 @@ def shapes_near(target: Floats, seed: int) -> Iterator[Start | None]:
     def draw() -> tuple[Start, Floats] | None:
         normals, distances = _pebble(outcomes, rng) if rng.random() < 0.5 else _bowl(outcomes, rng)
         rests = resting_half_spaces(normals, distances)
-        found = start_with_odds(normals, distances, rests) if len(rests) == outcomes else None
-        if found is None:
+        made = start_with_odds(normals, distances, rests) if len(rests) == outcomes else None
+        if made is None:
             return None
-        start, odds = found
+        start, odds = made
         order = np.argsort(-odds, kind="stable")[place]
         return replace(start, directions=start.directions[order]), odds[order]
 

@@ -77,7 +77,7 @@ def normalised_start(points: Floats, directions: Floats, notes: tuple[str, ...] 
 
 @dataclass(frozen=True)
 class Task:
-    """What a start is made for.
+    """Purpose of a start.
 
     Attributes
     ----------

@@ -100,7 +100,7 @@ def _start(
 
 
 def _is_clear(start: Start) -> bool:
-    """Whether no facet nearly gains or loses stability: already exact by its symmetry, a shape
+    """True where no facet nearly gains or loses stability: already exact by its symmetry, a shape
     would not be moved away from there."""
     hull = convex_hull(start.points)
     equilibria = classify(hull, hull.centroid)

@@ -124,7 +124,7 @@ class StartRecipe:
 
     @property
     def kind(self) -> StartKind:
-        """What the start is."""
+        """Kind of the start."""
         return STARTS[self.name]
 
     def check(self, outcomes: int) -> None:

@@ -146,7 +146,7 @@ def _explain(error: ValidationError) -> str:
 
 
 def _hint(key: str) -> str:
-    """What may have been meant by an unknown dotted key."""
+    """Guess at what was meant by an unknown dotted key."""
     parent, _, name = key.rpartition(".")
     schema = Recipe.model_json_schema()
     places: dict[str, list[str]] = {}

@@ -1,4 +1,4 @@
-"""What a recipe says, as checked options.
+"""A recipe as checked options.
 
 The parts of the schema that are options of the method or the engraving are the option classes
 themselves; only what a file adds to them is described here.
@@ -72,12 +72,12 @@ class MethodRecipe(Strict):
 
     @property
     def thrown(self) -> bool:
-        """Whether the target is meant for a die that is thrown onto a table."""
+        """True where the target is meant for a die that is thrown onto a table."""
         return self.exact is not None and self.exact.odds == "thrown"
 
     @property
     def limits_key(self) -> str:
-        """Where a recipe says tolerance and seconds."""
+        """Key under which a recipe says tolerance and seconds."""
         return "method.descent.stopping" if self.descent is not None else f"method.{self.name}"
 
     @property
@@ -239,11 +239,11 @@ class Recipe(Strict):
 
     @property
     def any_order(self) -> bool:
-        """Whether the labels may come in any order."""
+        """True where the labels may come in any order."""
         return self.assignment == []
 
     def doubts(self) -> Iterator[str]:
-        """What is odd about the recipe, though it can be run, in words."""
+        """Oddities of a recipe that can be run all the same, in words."""
         smallest = float(self.target.target().probabilities.min())
         if self.method.tolerance >= smallest:
             yield (

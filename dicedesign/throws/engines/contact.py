@@ -1,4 +1,4 @@
-"""How hard a table is and how fine the steps must be: what engines are told about contacts."""
+"""Hardness of a table and fineness of steps: what engines are told about contacts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a body will come to rest once it can leave the basin it is in no more."""
+"""The rest of a body that can no more leave the basin it is in."""
 
 from __future__ import annotations
 
