@@ -141,7 +141,7 @@ class RefineOptions:
     verdict: throws that judge the last die, 1 to `MOST_DROPS`.
     within: largest total variation from the target, by the verdict, that counts as reached; above 0
         and below 1.
-    engine: the simulator, by its name in `ENGINES`.
+    engine: name of the simulator.
     """
 
     __pydantic_config__ = STRICT

@@ -65,7 +65,7 @@ TERMS.register(
                 name="stability_margin",
                 default=0.05,
                 line="distance of a facet from the edge of (in)stability, over the circumscribed "
-                "radius, below which the term acts",
+                "radius, below which the term acts; above 0 and at most 1",
                 expected="a fraction above 0 and at most 1",
                 remedy="leave it out for 0.05",
                 allows=lambda margin: 0.0 < margin <= 1.0,

@@ -23,7 +23,14 @@ __all__ = ["PrismOptions", "prism"]
 
 @dataclass(frozen=True)
 class PrismOptions:
-    """`start.prism`; see `prism`. `sides` defaults to the number of outcomes."""
+    """`start.prism`; see `prism`.
+
+    Attributes
+    ----------
+    sides: 3 to 12; the number of outcomes unless given.
+    height: of the side faces, over the base's circumscribed radius, positive.
+    cap: height of each pointed cap over the same, not negative; steep caps are unstable.
+    """
 
     __pydantic_config__: ClassVar = {**STRICT, "allow_inf_nan": False}
 
