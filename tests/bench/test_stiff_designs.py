@@ -29,7 +29,7 @@ from dicedesign.bench.reference.oracle import hull_probabilities
 from dicedesign.bench.stability import OK, run_case
 from dicedesign.cli.main import main
 from dicedesign.design.coordinates.vertices import VertexCoordinates
-from dicedesign.design.energy.clusters import cluster
+from dicedesign.design.energy.clusters import ClusteredRests, cluster
 from dicedesign.design.energy.objective import Evaluation, Objective
 from dicedesign.design.energy.schedule import Schedule
 from dicedesign.design.energy.term import EnergyWeights
@@ -154,7 +154,8 @@ def test_maxima_that_cancel_give_a_bounded_gradient() -> None:
     # Opposite faces in one cluster: the maxima on its border are all eight corners.
     halves = cluster(rests.hull.normals[rests.paths.rests], design.start.directions[::2])
     pairs = np.argmax(np.abs(rests.hull.normals[rests.paths.rests]), axis=1)
-    energy = barycenter_energy(rests, replace(halves, of_rest=pairs))
+    state = ClusteredRests(rests, replace(halves, of_rest=pairs), design.target)
+    energy = barycenter_energy(state, EnergyWeights())
     (gradient,) = torch.autograd.grad(energy, corners)
     assert torch.isfinite(gradient).all()
     assert float(gradient.abs().max()) < 1e5
@@ -176,7 +177,8 @@ def test_stability_does_not_jump_where_two_parts_of_a_facet_change_places() -> N
         )
         directions = np.array([[tilt, -tilt, 1.0], [1.0, 0.0, 0.0]])
         clusters = cluster(rests.hull.normals[rests.paths.rests], directions)
-        return float(stability_energy(rests, clusters, 0.05))
+        state = ClusteredRests(rests, clusters, np.full(2, 0.5))
+        return float(stability_energy(state, EnergyWeights(stability_margin=0.05)))
 
     for shift in (0.02, -0.02):
         assert energy(1e-9, shift) == pytest.approx(energy(-1e-9, shift), abs=1e-6)

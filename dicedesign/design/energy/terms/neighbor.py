@@ -40,8 +40,8 @@ TERMS.register(
             TermOption(
                 name="neighbor_radius",
                 default=0.2,
-                line="chord length epsilon of the ball about an outcome's direction in eq. 15, above "
-                "0 and at most 2",
+                line="chord length epsilon of the ball about an outcome's direction in eq. 15, "
+                "above 0 and at most 2",
                 expected="a chord length above 0 and at most 2",
                 remedy="leave it out for 0.2",
                 allows=lambda radius: 0.0 < radius <= 2.0,
