@@ -15,7 +15,7 @@ from dicedesign.bench.design import METHODS, Run, methods_figure, methods_record
 from dicedesign.cli.main import main
 from dicedesign.design.options import ExactOptions
 from dicedesign.design.preferences.preference import Preferences
-from dicedesign.errors import InputError, OutputError
+from dicedesign.errors import OutputError
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.status import Status

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 from common.attached_points import attached_points
-from dicedesign.recipe.summary import design_summary
 
 from dicedesign.design.coordinates.facets import FacetCoordinates
 from dicedesign.design.coordinates.vertices import VertexCoordinates
