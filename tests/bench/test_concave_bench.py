@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import trimesh
 from common.dented_cube import MadeUpSearch, dented_cube, write_cube
-from dicedesign.recipe.concave_judging import concave_options
 
 from dicedesign.bench import concave
 from dicedesign.bench.concave import (
@@ -27,6 +26,7 @@ from dicedesign.cli.main import main
 from dicedesign.concave.shapes.shapes import SHAPES
 from dicedesign.errors import RecipeError
 from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.recipe.concave_judging import concave_options
 from dicedesign.rest.poses import rest_poses
 
 FIGURES = ConcaveFigures(2e-3, 1e-3, 1e-9, 0, 0.031, 0.12, 1.25, 1.5, 300, 250, 7)

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dicedesign.recipe.design_stage import DesignedDie, make_start
 
 from dicedesign.bench import exact as exact_targets
 from dicedesign.bench.exact import Attempt, attempt_target, random_target, run_targets, summaries
@@ -20,6 +19,7 @@ from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.errors import InputError
 from dicedesign.fabricate.verdict import judge
 from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.recipe.design_stage import DesignedDie, make_start
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.status import Status
