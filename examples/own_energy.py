@@ -39,7 +39,7 @@ START = prism(3)
 def built_in(weight: float) -> None:
     """In a recipe: method: {descent: {weights: {firm_rests: 0.002}}}."""
     options = DescentOptions(
-        weights=EnergyWeights(firm_rests=weight), stopping=Stopping(steps=200, seconds=4.0)
+        weights=EnergyWeights(firm_rests=weight), stopping=Stopping(steps=100, seconds=4.0)
     )
     die = descend_to_target(START, TARGET, options)
     print(
@@ -52,8 +52,8 @@ def with_torch(weight: float) -> None:
     """Any optimiser: the energy is a tensor that autograd differentiates in the vertices."""
     vertices = torch.tensor(START.points, requires_grad=True)
     weights = EnergyWeights(firm_rests=weight, barycenter=0.0, neighbor=0.0, stability=0.0)
-    adam = torch.optim.Adam([vertices], lr=5e-3)
-    for _ in range(150):
+    adam = torch.optim.Adam([vertices], lr=8e-3)
+    for _ in range(100):
         rests = evaluate_rests(vertices)
         clusters = cluster(rests.hull.normals[rests.paths.rests], START.directions)
         terms = energy_terms(ClusteredRests(rests, clusters, TARGET), weights)
