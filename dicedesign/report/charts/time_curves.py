@@ -9,17 +9,11 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.report.charts.chart import (
-    Axis,
-    Chart,
-    Curve,
-    Note,
-    Style,
-    draw_legend,
-    legend_height,
-)
+from dicedesign.report.charts.axes import Axis
+from dicedesign.report.charts.chart import Chart, draw_legend, legend_height
 from dicedesign.report.charts.palette import DARK, DISTINCT, FAINT, repeated
 from dicedesign.report.charts.paper import NOTE, Paper
+from dicedesign.report.charts.series import Curve, Note, Style
 from dicedesign.runtime.arrays import Floats
 
 __all__ = [

@@ -7,9 +7,9 @@ import pytest
 from common.drawings import is_whole, painted
 
 from dicedesign.errors import InputError
-from dicedesign.report.charts.chart import Curve, Style
 from dicedesign.report.charts.palette import DARK, DISTINCT
 from dicedesign.report.charts.scatter import asymmetry_scatter_figure, density
+from dicedesign.report.charts.series import Curve, Style
 from dicedesign.report.charts.time_curves import (
     DesignCurve,
     DesignPanel,
