@@ -93,7 +93,7 @@ class Chart(Axes):
 def sheet(charts: Sequence[Chart], below: float = 95.0) -> Paper:
     """Charts on one sheet that ends `below` pixels below the lowest."""
     paper = Paper(
-        max(chart.box[2] for chart in charts) + 25.0, max(chart.box[3] for chart in charts) + below
+        max(chart.box[2] for chart in charts) + 40.0, max(chart.box[3] for chart in charts) + below
     )
     for chart in charts:
         chart.draw(paper)

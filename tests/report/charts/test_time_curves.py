@@ -42,9 +42,9 @@ def test_panels_share_a_legend(count: int) -> None:
     assert paper.png() == paper.png()
 
 
-def test_zeros_are_drawn_at_a_border_marked_0() -> None:
-    assert "0" in panels_figure([panel("with", 1e-2, 0.0)], 3).texts
-    assert "0" not in panels_figure([panel("without", 1e-2, 1e-4)], 3).texts
+def test_zeros_are_drawn_at_a_border_that_says_so() -> None:
+    assert "border: 0" in panels_figure([panel("with", 1e-2, 0.0)], 3).texts
+    assert "border: 0" not in panels_figure([panel("without", 1e-2, 1e-4)], 3).texts
     assert is_whole(panels_figure([panel("all exact", 0.0)], 3))
 
 
