@@ -80,7 +80,7 @@ def accuracy_record(results: Sequence[Result]) -> dict[str, Any]:
 
 def accuracy_figure(results: Sequence[Result]) -> Paper:
     """Error over seconds, a panel for each body."""
-    from dicedesign.report.charts.chart import Curve, Style
+    from dicedesign.report.charts.series import Curve, Style
     from dicedesign.report.charts.time_curves import Panel, panels_figure
 
     curves: list[list[Curve]] = [[] for _ in results]

@@ -38,7 +38,7 @@ def growth_rows(
 
 def growth_figure(rows: Sequence[SpeedRow], described: Mapping[str, str]) -> Paper:
     """Seconds against points, on logarithmic axes; described: see `machine_description`."""
-    from dicedesign.report.charts.chart import Curve
+    from dicedesign.report.charts.series import Curve
     from dicedesign.report.charts.time_curves import time_against_size_figure
 
     columns: tuple[tuple[str, Callable[[SpeedRow], float | None]], ...] = (

@@ -10,8 +10,9 @@ from dicedesign.bench.measures.thrown_rows import ThrownRow
 from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
-    from dicedesign.report.charts.chart import Chart, Series
+    from dicedesign.report.charts.chart import Chart
     from dicedesign.report.charts.paper import Paper
+    from dicedesign.report.charts.series import Series
 
 __all__ = ["thrown_chart", "thrown_figure"]
 
@@ -27,8 +28,10 @@ def thrown_chart(rows: Sequence[ThrownRow], extent: Extent) -> Chart:
 
     Raises InputError: no die was thrown.
     """
-    from dicedesign.report.charts.chart import Axis, Chart, Curve, Style
+    from dicedesign.report.charts.axes import Axis
+    from dicedesign.report.charts.chart import Chart
     from dicedesign.report.charts.palette import ACCENT, DARK, FAINT, PALE
+    from dicedesign.report.charts.series import Curve, Style
 
     thrown = [row for row in rows if row.after is not None]
     if not thrown:

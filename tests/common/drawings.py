@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dicedesign.report.charts.chart import Chart, Curve
+from dicedesign.report.charts.chart import Chart
 from dicedesign.report.charts.palette import rgb
 from dicedesign.report.charts.paper import Paper
+from dicedesign.report.charts.series import Curve
 
 
 def painted(paper: Paper, color: str) -> np.ndarray:

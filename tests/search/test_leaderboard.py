@@ -18,8 +18,8 @@ from dicedesign import rest_poses
 from dicedesign.errors import InputError, OutputError
 from dicedesign.recipe.schema.reading import checked_recipe, read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.report.charts.chart import Curve
 from dicedesign.report.charts.pareto import pareto_chart, pareto_figure
+from dicedesign.report.charts.series import Curve
 from dicedesign.report.pages.leaderboard_page import lying_die_png
 from dicedesign.search.leaderboard import leaders, pareto_front, ranked, write_results
 from dicedesign.search.space import search_space, varied_recipe

@@ -10,18 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
-from dicedesign.report.charts.chart import (
-    Axis,
-    Bars,
-    Chart,
-    Intervals,
-    Levels,
-    Note,
-    Series,
-    legend_width,
-)
+from dicedesign.report.charts.axes import Axis
+from dicedesign.report.charts.chart import Chart, legend_width
 from dicedesign.report.charts.palette import PALE
 from dicedesign.report.charts.paper import TINY, TITLE, text_width
+from dicedesign.report.charts.series import Bars, Intervals, Levels, Note, Series
 
 __all__ = ["OddsBars", "odds_chart"]
 
@@ -89,7 +82,7 @@ def odds_chart(
         )
     count, width = len(labels), _GROUP / len(kinds)
     places = np.arange(float(count))
-    right = min(max(960.0, 112.0 * count + 180.0), 1800.0) - 25.0
+    right = min(max(1200.0, 112.0 * count + 180.0), 1800.0) - 25.0
     box = (125.0, 105.0, right, 535.0)
     series: list[Series] = []
     notes: list[Note] = []

@@ -8,9 +8,11 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.report.charts.chart import Axis, Bars, Chart, Levels, sheet
+from dicedesign.report.charts.axes import Axis
+from dicedesign.report.charts.chart import Chart, sheet
 from dicedesign.report.charts.palette import ACCENT, FAINT, PALE
 from dicedesign.report.charts.paper import NOTE, Paper
+from dicedesign.report.charts.series import Bars, Levels
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["deviation_bars_chart", "deviation_bars_figure"]

@@ -8,9 +8,11 @@ from typing import Any, Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.report.charts.chart import Axis, Chart, Curve, Note, Style, draw_legend, sheet
+from dicedesign.report.charts.axes import Axis
+from dicedesign.report.charts.chart import Chart, draw_legend, sheet
 from dicedesign.report.charts.palette import ACCENT, FAINT, PALE
 from dicedesign.report.charts.paper import NOTE, Paper
+from dicedesign.report.charts.series import Curve, Note, Style
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["pareto_chart", "pareto_figure"]

@@ -7,9 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.report.charts.chart import Axis, Chart, Curve, Note, Style
+from dicedesign.report.charts.axes import Axis
+from dicedesign.report.charts.chart import Chart
 from dicedesign.report.charts.palette import ACCENT, FAINT
 from dicedesign.report.charts.paper import BODY, NOTE
+from dicedesign.report.charts.series import Curve, Note, Style
 
 __all__ = ["run_chart"]
 

@@ -8,9 +8,11 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.report.charts.chart import Axis, Chart, Curve, Style, draw_legend, legend_height
+from dicedesign.report.charts.axes import Axis
+from dicedesign.report.charts.chart import Chart, draw_legend, legend_height
 from dicedesign.report.charts.palette import DARK, DISTINCT, FAINT
 from dicedesign.report.charts.paper import NOTE, TITLE, Paper
+from dicedesign.report.charts.series import Curve, Style
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.statistics.correlation import correlation
 

@@ -9,17 +9,11 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.report.charts.chart import (
-    Axis,
-    Chart,
-    Curve,
-    Note,
-    Style,
-    draw_legend,
-    legend_height,
-)
+from dicedesign.report.charts.axes import Axis
+from dicedesign.report.charts.chart import Chart, draw_legend, legend_height
 from dicedesign.report.charts.palette import DARK, DISTINCT, FAINT, repeated
 from dicedesign.report.charts.paper import NOTE, Paper
+from dicedesign.report.charts.series import Curve, Note, Style
 from dicedesign.runtime.arrays import Floats
 
 __all__ = [
@@ -46,6 +40,8 @@ _FIRST: Final = 1e-3
 _DECADES: Final = 16
 """Values this many powers of ten below the largest of a panel are drawn on its lower border."""
 
+_ZERO: Final = "border: 0"
+
 _LEVEL: Final = Style(FAINT, "--", 2.0)
 
 
@@ -56,7 +52,7 @@ class Panel:
     Attributes
     ----------
     title: above it.
-    curves: of positive x and of y at least 0; zeros are drawn at the lower border, then marked 0.
+    curves: of positive x and of y at least 0; zeros are drawn at the lower border, which says so.
         Earlier ones are drawn above later ones; those of one label should look alike in all panels.
     levels: names and values, above 0, of dashed lines across it.
     y_label: what its vertical axis is called.
@@ -113,12 +109,7 @@ def panels_figure(
         chart = Chart(
             (left, top, left + wide, top + _TALL),
             replace(x, shown=last, label=x_label if last else ""),
-            replace(
-                y,
-                shown=first,
-                label=panel.y_label if first else "",
-                zero=bool((own[:, 1] < y.low).any()),
-            ),
+            replace(y, shown=first, label=panel.y_label if first else ""),
             title=panel.title,
         )
         for name, level in panel.levels.items():
@@ -127,6 +118,8 @@ def panels_figure(
                 chart.notes.append(
                     Note(name, 0.98, level, (0.0, -4.0), "rd", NOTE, FAINT, inside=True)
                 )
+        if (own[:, 1] < y.low).any():
+            chart.notes.append(Note(_ZERO, 0.98, y.low, (0.0, -8.0), "rd", NOTE, inside=True))
         chart.series += [replace(c, y=np.maximum(c.y, y.low)) for c in reversed(panel.curves)]
         chart.draw(paper)
     foot = paper.height - below + 80.0

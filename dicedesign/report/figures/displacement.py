@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.report.charts.chart import Axis, Chart
+from dicedesign.report.charts.axes import Axis
+from dicedesign.report.charts.chart import Chart
 from dicedesign.report.charts.palette import rgb
 from dicedesign.report.charts.paper import TITLE, Paper
 from dicedesign.report.charts.picture_grid import picture_grid, trimmed

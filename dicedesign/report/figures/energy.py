@@ -7,10 +7,11 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from dicedesign.errors import InputError
-from dicedesign.report.charts.chart import Band, Chart, draw_legend, sheet
+from dicedesign.report.charts.chart import Chart, draw_legend, sheet
 from dicedesign.report.charts.palette import BASINS, repeated
 from dicedesign.report.charts.paper import Paper
 from dicedesign.report.charts.run_chart import run_chart
+from dicedesign.report.charts.series import Band
 from dicedesign.report.figures.figure import FIGURES, Figure
 from dicedesign.results.record import Step
 

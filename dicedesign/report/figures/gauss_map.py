@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.report.charts.chart import Curve, Style, draw_legend
+from dicedesign.report.charts.chart import draw_legend
 from dicedesign.report.charts.hemispheres import Disc, choose_axis, great_arcs, opposite_discs
 from dicedesign.report.charts.palette import BASINS, DARK, FAINT, rgb
 from dicedesign.report.charts.paper import NOTE, Paper
+from dicedesign.report.charts.series import Curve, Style
 from dicedesign.report.charts.text_places import place_texts
 from dicedesign.report.figures.figure import FIGURES, Figure
 from dicedesign.rest.poses import RestPoses

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-from dicedesign.report.charts.chart import Band, draw_legend, legend_height
+from dicedesign.report.charts.chart import draw_legend, legend_height
 from dicedesign.report.charts.palette import BASINS, repeated
 from dicedesign.report.charts.paper import Paper
 from dicedesign.report.charts.picture_grid import picture_grid, trimmed
+from dicedesign.report.charts.series import Band
 from dicedesign.report.figures.figure import FIGURES, Figure
 from dicedesign.report.render.raster import Camera
 from dicedesign.report.render.renderer import Shell, Surface, render

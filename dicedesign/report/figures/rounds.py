@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.report.charts.chart import Axis, Chart, Curve, Intervals, Series, Style, sheet
+from dicedesign.report.charts.axes import Axis
+from dicedesign.report.charts.chart import Chart, sheet
 from dicedesign.report.charts.palette import ACCENT, DARK, FAINT
+from dicedesign.report.charts.series import Curve, Intervals, Series, Style
 from dicedesign.report.figures.figure import FIGURES, Figure
 from dicedesign.results.record import ThrownOdds
 

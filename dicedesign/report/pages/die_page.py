@@ -106,7 +106,7 @@ def _odds(result: Result) -> str:
     columns.append(["rests", *map(str, result.rest_counts), "-"])
     header, *rows = zip(["outcome", *result.labels, "elsewhere"], *columns, strict=True)
     note = (
-        f"Largest difference of what was achieved from the target: "
+        f"Largest difference from the target {'as ' if thrown is None else ''}{achieved}: "
         f"{number(result.max_abs_error, 3)}. Rests on facets that lie almost in one plane count as "
         "one outcome; elsewhere are all that belong to none."
     )

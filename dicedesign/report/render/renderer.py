@@ -130,18 +130,19 @@ def render(
     column, row, side = window
     corner = np.array([column, row, 0.0])
     rows, columns = slice(row, row + side), slice(column, column + side)
-    behind = np.ones((side, side))
-    part = paper[rows, columns]
-    behind[: part.shape[0], : part.shape[1]] = part
-    samples = _fine(behind.astype(np.float32))[..., None].repeat(3, axis=2)
+    part = np.ones((side, side, 3))
+    behind = picture[rows, columns] / 255.0
+    part[: behind.shape[0], : behind.shape[1]] = behind
+    layers = [_surface_layer(surface, SAMPLES * (places - corner), camera, side)]
     if shell is not None:
         positions = SAMPLES * (around - corner)
-        _draw_glass(samples, positions * [1.0, 1.0, -1.0], shell, _FAR_OPACITY)
-    _draw_surface(samples, surface, SAMPLES * (places - corner), camera, _RECESS_REACH * side)
-    if shell is not None:
-        _draw_glass(samples, positions, shell, 1.0)
-    pixels = np.rint(255.0 * sample_means(samples)).astype(np.uint8)
-    picture[rows, columns] = pixels[: part.shape[0], : part.shape[1]]
+        far = _glass_layer(positions * [1.0, 1.0, -1.0], shell, side, _FAR_OPACITY)
+        layers = [far, *layers, _glass_layer(positions, shell, side, 1.0)]
+    for layer in layers:
+        part *= 1.0 - layer.opacity[..., None]
+        part += layer.color
+    pixels = np.rint(255.0 * part).astype(np.uint8)
+    picture[rows, columns] = pixels[: behind.shape[0], : behind.shape[1]]
     return picture
 
 
@@ -163,48 +164,58 @@ def _window(places: Floats, size: int) -> _Window | None:
     return _Window(int(low[0]), int(low[1]), int((high - low).max()))
 
 
+class _Layer(NamedTuple):
+    """What is drawn in pixels: colours (n, n, 3) times opacities (n, n), and these."""
+
+    color: Floats
+    opacity: Floats
+
+
+def _surface_layer(surface: Surface, positions: Floats, camera: Camera, side: int) -> _Layer:
+    """The surface with points at positions (n, 3), in samples of a window of a side in pixels."""
+    fine = SAMPLES * side
+    seen, depth = rasterize(positions, surface.triangles, fine)
+    covered = seen >= 0
+    height = sample_means(np.where(covered, depth, 0.0))
+    recess = recess_shade(sample_means(covered), height, _RECESS_REACH * side)
+    corners = positions[surface.triangles]
+    flat = facing_normals(corners)
+    line = outline(seen, flat, depth, 180.0 if surface.smooth else _SHARP_DEGREES)
+    strength = _LINE_STRENGTH[surface.smooth]
+    lines = strength * line.astype(np.float32)
+    left = covered.ravel() * (1.0 - lines)
+    share, lines = (sample_means(a.reshape(fine, fine)) for a in (left, lines))
+    if surface.smooth or surface.colors is not None:
+        sample = np.flatnonzero(covered)
+        triangle = seen.ravel()[sample]
+        doubled = _doubled_areas(corners)
+        weights = _weights(corners, doubled, triangle, *np.divmod(sample, fine))
+    shade = np.zeros(fine * fine, dtype=np.float32)
+    if surface.smooth:
+        # Normals of triangles that are seen from behind are turned.
+        turn = np.where(doubled > 0.0, 1.0, -1.0)[:, None, None]
+        normals = _mixed(turn * (surface.corner_normals @ camera.frame().T), triangle, weights)
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        shade[sample] = brightness(normals / np.where(lengths > 0.0, lengths, 1.0))
+    else:
+        # What sees nothing has the number -1, that of the last.
+        shade = np.append(brightness(flat), 0.0).astype(np.float32)[seen].ravel()
+    if surface.colors is None:
+        color = (sample_means((shade * left).reshape(fine, fine)) * recess)[..., None] * MATERIAL
+    else:
+        # Shading is kept weak where darkness may have a meaning.
+        dark = 1.0 - shade[sample] * _fine(recess).ravel()[sample]
+        tint = _mixed(surface.colors[surface.triangles], triangle, weights)
+        tint *= (left[sample] * (1.0 - _PAINT_SHADE * dark))[:, None]
+        samples = np.zeros((fine * fine, 3))
+        samples[sample] = tint
+        color = sample_means(samples.reshape(fine, fine, 3))
+    return _Layer(color + lines[..., None] * LINE, share + lines)
+
+
 def _fine(pixels: Floats) -> Floats:
     """Pixels (h, w) as samples."""
     return pixels.repeat(SAMPLES, axis=0).repeat(SAMPLES, axis=1)
-
-
-def _draw_surface(
-    picture: Floats, surface: Surface, positions: Floats, camera: Camera, reach: float
-) -> None:
-    """Draw the surface with points at positions (n, 3) over samples (f, f, 3); reach: of recesses,
-    in pixels."""
-    fine = len(picture)
-    seen, depth = rasterize(positions, surface.triangles, fine)
-    covered = seen >= 0
-    sample = np.flatnonzero(covered)
-    if len(sample) == 0:
-        return
-    triangle = seen.ravel()[sample]
-    corners = positions[surface.triangles]
-    flat = facing_normals(corners)
-    height = sample_means(np.where(covered, depth, 0.0))
-    recess = _fine(recess_shade(sample_means(covered), height, reach)).ravel()[sample]
-    if surface.smooth or surface.colors is not None:
-        doubled = _doubled_areas(corners)
-        weights = _weights(corners, doubled, triangle, *np.divmod(sample, fine))
-    if surface.smooth:
-        # Normals of triangles that are seen from behind are turned.
-        side = np.where(doubled > 0.0, 1.0, -1.0)[:, None, None]
-        normals = _mixed(side * (surface.corner_normals @ camera.frame().T), triangle, weights)
-        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-        shade = brightness(normals / np.where(lengths > 0.0, lengths, 1.0)) * recess
-    else:
-        shade = brightness(flat)[triangle] * recess
-    if surface.colors is None:
-        color = shade.astype(np.float32)[:, None] * MATERIAL
-    else:
-        # Shading is kept weak where darkness may have a meaning.
-        shade = 1.0 - _PAINT_SHADE * (1.0 - shade)
-        color = shade[:, None] * _mixed(surface.colors[surface.triangles], triangle, weights)
-    flat_picture = picture.reshape(-1, 3)
-    flat_picture[sample] = color
-    line = outline(seen, flat, depth, 180.0 if surface.smooth else _SHARP_DEGREES)
-    flat_picture[line] += _LINE_STRENGTH[surface.smooth] * (LINE - flat_picture[line])
 
 
 def _doubled_areas(corners: Floats) -> Floats:
@@ -245,23 +256,28 @@ def _mixed(values: Floats, triangle: Integers, weights: Floats) -> Floats:
     return mixed
 
 
-def _draw_glass(picture: Floats, positions: Floats, shell: Shell, strength: float) -> None:
-    """Draw the side of a shell that is nearer to the camera over samples (f, f, 3)."""
-    seen, _ = rasterize(positions, shell.triangles, len(picture))
-    covered = seen >= 0
+def _glass_layer(positions: Floats, shell: Shell, side: int, strength: float) -> _Layer:
+    """The side of a shell that is nearer to the camera, in samples of a window of a side in
+    pixels."""
+    seen, _ = rasterize(positions, shell.triangles, SAMPLES * side)
     normals = facing_normals(positions[shell.triangles])
     slope = 1.0 - normals[:, 2]
     clear = np.isnan(shell.tints[:, 0])
     opacity = np.where(clear, _GLASS_OPACITY + _GLASS_GRAZING * slope**2, _TINT_OPACITY)
     tints = np.where(clear[:, None], _GLASS, shell.tints)
-    opacity *= strength
-    triangle = seen[covered]
-    picture[covered] += opacity[triangle, None] * (tints[triangle] - picture[covered])
-    edge = np.zeros_like(covered)
-    for here, there in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1])):
-        change = seen[here] != seen[there]
-        one, other = seen[here][change], seen[there][change]
+    # What sees nothing has the number -1, that of the last.
+    opacity = np.append(strength * opacity, 0.0)
+    samples = np.concatenate([opacity[:, None], opacity[:, None] * np.vstack([tints, LINE])], 1)[
+        seen
+    ]
+    edge = np.zeros(seen.shape, dtype=bool)
+    for this, next_one in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1])):
+        change = seen[this] != seen[next_one]
+        one, other = seen[this][change], seen[next_one][change]
         # Facets of more than three corners are several triangles.
         bent = (normals[one] * normals[other]).sum(-1) < _FLAT_COSINE
-        edge[here][change] |= bent | (one < 0) | (other < 0)
-    picture[edge] += strength * _EDGE_OPACITY * (LINE - picture[edge])
+        edge[this][change] |= bent | (one < 0) | (other < 0)
+    dark = strength * _EDGE_OPACITY
+    samples[edge] += dark * (np.append(1.0, LINE) - samples[edge])
+    pixels = sample_means(samples)
+    return _Layer(pixels[..., 1:], pixels[..., 0])

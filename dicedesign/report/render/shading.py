@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
+from dicedesign.runtime.arrays import Booleans, Floats, Integers, ragged_ranges
 
 __all__ = [
     "LINE",
@@ -103,9 +103,9 @@ def recess_shade(coverage: Floats, height: Floats, reach: float) -> Floats:
     return np.asarray(1.0 - _RECESS_SHADE * (behind / (SAMPLES * reach)).clip(0.0, 1.0))
 
 
-def outline(seen: Integers, normals: Floats, depth: Floats, sharp_degrees: float) -> Integers:
-    """Samples (m,) on either side of a silhouette, of a sharp edge or of a step in depth, counted
-    row by row.
+def outline(seen: Integers, normals: Floats, depth: Floats, sharp_degrees: float) -> Booleans:
+    """Samples (n * n,), row by row, on either side of a silhouette, of a sharp edge or of a step in
+    depth.
 
     seen: (n, n) triangle of each sample, or -1; normals: (t, 3) of the triangles, toward the
     camera; depth: (n, n) toward the camera, in samples; sharp_degrees: angle between the normals at
@@ -113,7 +113,7 @@ def outline(seen: Integers, normals: Floats, depth: Floats, sharp_degrees: float
     """
     sharp_cosine = np.cos(np.radians(sharp_degrees))
     triangle, height = seen.ravel(), depth.ravel()
-    lines = []
+    line = np.zeros(triangle.shape, dtype=bool)
     for step, offset in ((1, (1.0, 0.0)), (len(seen), (0.0, -1.0))):
         # Within a triangle there is neither an edge nor a step.
         sample = np.flatnonzero(triangle[:-step] != triangle[step:])
@@ -129,8 +129,9 @@ def outline(seen: Integers, normals: Floats, depth: Floats, sharp_degrees: float
         from_other = np.abs(second[:, :2] @ offset + second[:, 2] * rise)
         sharp = (first * second).sum(-1) < sharp_cosine
         border[both] = sharp | (np.minimum(from_one, from_other) > _STEP_PIXELS)
-        lines += [sample[border], sample[border] + step]
-    return np.unique(np.concatenate(lines))
+        line[sample[border]] = True
+        line[sample[border] + step] = True
+    return line
 
 
 def corner_normals(points: Floats, triangles: Integers) -> Floats:

@@ -8,10 +8,11 @@ from common.drawings import is_whole
 
 from dicedesign.errors import InputError
 from dicedesign.report.charts.bar_chart import OddsBars, odds_chart
-from dicedesign.report.charts.chart import Bars, Chart, Intervals, Levels, sheet
+from dicedesign.report.charts.chart import Chart, sheet
 from dicedesign.report.charts.deviation_bars import deviation_bars_chart, deviation_bars_figure
 from dicedesign.report.charts.palette import ACCENT, FAINT, PALE
 from dicedesign.report.charts.rolls import rolls_chart
+from dicedesign.report.charts.series import Bars, Intervals, Levels
 from dicedesign.throws.counts.roll_verdict import judge_rolls
 
 TARGET, ODDS = [0.25, 0.5, 0.25], [0.2, 0.5, 0.3]

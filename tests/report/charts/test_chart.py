@@ -6,22 +6,19 @@ import numpy as np
 import pytest
 from common.drawings import is_whole, painted
 
-from dicedesign.report.charts.chart import (
-    Axis,
+from dicedesign.report.charts.axes import Axis
+from dicedesign.report.charts.chart import Chart, draw_legend, legend_height, sheet
+from dicedesign.report.charts.paper import Paper
+from dicedesign.report.charts.series import (
     Band,
     Bars,
-    Chart,
     Curve,
     Intervals,
     Levels,
     Note,
     Series,
     Style,
-    draw_legend,
-    legend_height,
-    sheet,
 )
-from dicedesign.report.charts.paper import Paper
 
 RED, BLUE = "#ff0000", "#0000ff"
 

@@ -7,9 +7,9 @@ import pytest
 from common.drawings import is_whole, painted
 
 from dicedesign.errors import InputError
-from dicedesign.report.charts.chart import Curve, Style
 from dicedesign.report.charts.palette import DARK, DISTINCT
 from dicedesign.report.charts.scatter import asymmetry_scatter_figure, density
+from dicedesign.report.charts.series import Curve, Style
 from dicedesign.report.charts.time_curves import (
     DesignCurve,
     DesignPanel,
@@ -42,9 +42,9 @@ def test_panels_share_a_legend(count: int) -> None:
     assert paper.png() == paper.png()
 
 
-def test_zeros_are_drawn_at_a_border_marked_0() -> None:
-    assert "0" in panels_figure([panel("with", 1e-2, 0.0)], 3).texts
-    assert "0" not in panels_figure([panel("without", 1e-2, 1e-4)], 3).texts
+def test_zeros_are_drawn_at_a_border_that_says_so() -> None:
+    assert "border: 0" in panels_figure([panel("with", 1e-2, 0.0)], 3).texts
+    assert "border: 0" not in panels_figure([panel("without", 1e-2, 1e-4)], 3).texts
     assert is_whole(panels_figure([panel("all exact", 0.0)], 3))
 
 

@@ -10,7 +10,8 @@ import pytest
 from common.drawings import curves, is_whole
 
 from dicedesign.errors import InputError
-from dicedesign.report.charts.chart import Band, Bars, Chart, Curve, Intervals, sheet
+from dicedesign.report.charts.chart import Chart, sheet
+from dicedesign.report.charts.series import Band, Bars, Curve, Intervals
 from dicedesign.report.figures.bars import bars_chart
 from dicedesign.report.figures.convergence import convergence_charts
 from dicedesign.report.figures.energy import energy_charts, energy_figure
