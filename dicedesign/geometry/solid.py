@@ -120,8 +120,9 @@ def is_closed(triangles: NDArray[np.int64]) -> bool:
     """
     if len(triangles) == 0:
         return False
-    if kernels.compiled is not None:
-        return bool(kernels.compiled.is_closed(triangles, int(triangles.max()) + 1))
+    closed = kernels.is_closed(triangles)
+    if closed is not None:
+        return closed
     tails = triangles.ravel()
     heads = np.roll(triangles, -1, axis=1).ravel()
     count = int(triangles.max()) + 1

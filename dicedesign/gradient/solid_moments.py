@@ -12,17 +12,14 @@ from dicedesign.geometry.solid import stretch_matrix
 from dicedesign.gradient.adjoint_function import adjoint_function
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.tolerances import THIN_VOLUME
 
 __all__ = ["centroid_gradient", "hull_centroid", "hull_inertia"]
 
 
 def hull_centroid(vertices: Tensor, hull: ConvexHull) -> Tensor:
     """Center of mass (3,) of the uniform solid hull, whose vertices (n, 3) the tensor has."""
-    if kernels.compiled is None:
-        return _centroid(vertices, hull.triangles)
     return adjoint_function(
-        hull.centroid,
+        lambda: hull.centroid,
         lambda gradient: (centroid_gradient(hull, gradient),),
         lambda vertices: _centroid(vertices, hull.triangles),
         vertices,
@@ -31,17 +28,13 @@ def hull_centroid(vertices: Tensor, hull: ConvexHull) -> Tensor:
 
 def centroid_gradient(hull: ConvexHull, gradient: Floats) -> Floats:
     """Gradient (n, 3) in the vertices for that (3,) in the center of mass of the uniform hull."""
-    found: Floats | None = None
-    if kernels.compiled is not None:
-        found = kernels.compiled.centroid_gradient(
-            hull.facet_start, hull.tail, hull.vertices, gradient, THIN_VOLUME
-        )
-    if found is None:
+    by_vertices = kernels.centroid_gradient(hull, gradient)
+    if by_vertices is None:
         leaf = torch.tensor(hull.vertices, requires_grad=True)
         with torch.enable_grad():
             along = _centroid(leaf, hull.triangles) @ torch.as_tensor(gradient)
-        found = torch.autograd.grad(along, leaf)[0].numpy()
-    return found
+        by_vertices = torch.autograd.grad(along, leaf)[0].numpy()
+    return by_vertices
 
 
 def _centroid(vertices: Tensor, triangles: Integers) -> Tensor:

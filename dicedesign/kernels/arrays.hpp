@@ -4,10 +4,10 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include <array>
 #include <utility>
 #include <vector>
 
-#include "areas.hpp"
 #include "vector.hpp"
 
 namespace dicedesign {
@@ -17,6 +17,7 @@ namespace nb = nanobind;
 using Floats = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using Indices = nb::ndarray<const Index, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using IndexPairs = nb::ndarray<const Index, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
 
 static_assert(sizeof(Vec) == 3 * sizeof(double));
@@ -29,13 +30,9 @@ inline const Vec* rows(const Points& points) {
 // The one of an array (3,).
 inline Vec vector(const Floats& numbers) { return {numbers(0), numbers(1), numbers(2)}; }
 
-// The arrays of a `Separatrices` but that of the saddles.
-inline Paths paths_of(std::size_t rests, const IndexPairs& basins, const IndexPairs& saddle_ends,
-                      const IndexPairs& crossings, const Indices& branch_start,
-                      const Indices& maxima) {
-    return {static_cast<Index>(rests), static_cast<Index>(basins.shape(0)), basins.data(),
-            saddle_ends.data(),        crossings.data(),                    branch_start.data(),
-            maxima.data()};
+// Room for vectors in an (n, 3) array.
+inline Vec* vectors(std::vector<double>& numbers) {
+    return reinterpret_cast<Vec*>(numbers.data());
 }
 
 // A NumPy array that owns the numbers of a vector, with `columns` numbers in each row; one row is
@@ -47,5 +44,8 @@ inline nb::object array(std::vector<T>&& values, std::size_t columns = 0) {
     const std::size_t shape[2] = {columns == 0 ? kept->size() : kept->size() / columns, columns};
     return nb::cast(nb::ndarray<nb::numpy, T>(kept->data(), columns == 0 ? 1 : 2, shape, owner));
 }
+
+// A NumPy array (3,).
+inline nb::object array(const Vec& a) { return array(std::vector<double>{a.x, a.y, a.z}); }
 
 }  // namespace dicedesign

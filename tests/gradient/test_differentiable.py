@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 import torch
+from common.kernels import without_kernels
 
 from dicedesign import rest_poses
 from dicedesign.design.starts.prism import prism
@@ -18,7 +19,6 @@ from dicedesign.gradient import rest_formulas
 from dicedesign.gradient.differentiable_rest import differentiable_rest
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.gradient.solid_moments import hull_centroid
-from dicedesign.kernels import ops as kernels
 
 SIZES = [4, 5, 6, 8, 10, 12, 16, 20]
 CUBE = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
@@ -268,13 +268,13 @@ def test_ties_of_a_symmetric_body_are_decided_as_in_the_forward_model(sides: int
     assert torch.isfinite(gradient).all()
 
 
+@without_kernels()
 def test_basins_that_do_not_close_are_an_error(monkeypatch) -> None:
     original = rest_formulas.border_areas
 
     def torn(*arguments):
         return original(*arguments) * (1.0 + 1e-6)
 
-    monkeypatch.setattr(kernels, "compiled", None)
     monkeypatch.setattr(rest_formulas, "border_areas", torn)
     text = "body: expected basins that cover the sphere once, got a difference of "
     with pytest.raises(DegenerateBodyError, match=text):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import Final
 
 from dicedesign.design.energy.weights import EnergyWeights
 from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["PAPER_TERMS", "CompiledEnergy"]
@@ -20,13 +20,11 @@ class CompiledEnergy:
 
     Attributes
     ----------
-    module: the compiled kernels.
     terms: by name, those that have a weight.
     """
 
     def __init__(
         self,
-        module: ModuleType,
         rests: RestEvaluation,
         *,
         of_rest: Integers,
@@ -34,30 +32,28 @@ class CompiledEnergy:
         target: Floats,
         weights: EnergyWeights,
         smallest_mean: float,
+        no_rest: float,
     ) -> None:
         """rests: the body; of_rest: (r,) outcome of each rest; directions: (k, 3) of the outcomes;
-        target: (k,) their odds; smallest_mean: length of the sum of a region's maxima below which
-        it is not stretched to 1."""
-        hull, paths = rests.hull, rests.paths
+        target: (k,) their odds; smallest_mean, no_rest: see
+        `dicedesign.kernels.ops.energies`."""
         of_terms = weights.of_terms
-        self.module = module
         self._weights = [of_terms.get(name, 0.0) for name in PAPER_TERMS]
-        self._energies = module.Energies(
-            *paths.branches,
-            paths.rests,
-            hull.facet_start,
-            hull.tail,
-            hull.vertices,
+        energies = kernels.energies(
+            rests.hull,
+            rests.paths,
             rests.equilibria.center_of_mass,
-            hull.normals,
-            rests.odds,
-            of_rest,
-            directions,
-            target,
-            weights.neighbor_radius,
-            smallest_mean,
-            [name in of_terms for name in PAPER_TERMS],
+            odds=rests.odds,
+            of_rest=of_rest,
+            directions=directions,
+            target=target,
+            neighbor_radius=weights.neighbor_radius,
+            smallest_mean=smallest_mean,
+            no_rest=no_rest,
+            wanted=[name in of_terms for name in PAPER_TERMS],
         )
+        assert energies is not None, "asked for where there are kernels only"
+        self._energies = energies
         values = dict(zip(PAPER_TERMS, self._energies.values(), strict=True))
         self.terms: dict[str, float] = {
             name: of_terms[name] * value for name, value in values.items() if name in of_terms
@@ -65,5 +61,4 @@ class CompiledEnergy:
 
     def gradient(self) -> tuple[Floats, Floats]:
         """That of their sum, in the vertices (n, 3) and in the center of mass (3,)."""
-        found: tuple[Floats, Floats] = self._energies.gradient(self._weights)
-        return found
+        return self._energies.gradient(self._weights)

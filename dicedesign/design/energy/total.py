@@ -14,7 +14,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dicedesign.design.energy.barycenter import SMALLEST_MEAN, barycenter_energy
+from dicedesign.design.energy.barycenter import (
+    LARGEST_SQUARED_DISTANCE,
+    SMALLEST_MEAN,
+    barycenter_energy,
+)
 from dicedesign.design.energy.clusters import Clusters
 from dicedesign.design.energy.compiled import CompiledEnergy
 from dicedesign.design.energy.coplanar import coplanar_energy
@@ -78,7 +82,8 @@ class Energy:
         by_vertices, by_center = self._compiled.gradient()
         if "stability" in self.weights.of_terms:
             slopes = self.weights.stability * self._wall[1]
-            walls = self.rests.depth_gradient(self._compiled.module, slopes)
+            walls = self.rests.depth_gradient(slopes)
+            assert walls is not None, "kernels that have the energies have these"
             by_vertices, by_center = by_vertices + walls[0], by_center + walls[1]
         return self.rests.with_center(by_vertices, by_center)
 
@@ -88,16 +93,16 @@ class Energy:
 
     @cached_property
     def _compiled(self) -> CompiledEnergy | None:
-        if kernels.compiled is None:
+        if not kernels.available():
             return None
         return CompiledEnergy(
-            kernels.compiled,
             self.rests,
             of_rest=self.clusters.of_rest,
             directions=self.clusters.directions,
             target=np.asarray(self.target, dtype=np.float64),
             weights=self.weights,
             smallest_mean=SMALLEST_MEAN,
+            no_rest=LARGEST_SQUARED_DISTANCE,
         )
 
     @cached_property

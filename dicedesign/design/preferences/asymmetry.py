@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import Final
 
 import torch
@@ -15,15 +14,13 @@ from dicedesign.runtime.arrays import Integers
 USUAL_INEQUALITY: Final = 0.4
 """Root of the weighted sum of the squares of ordinary saddles' relative differences of angles."""
 
-_TORCH: ModuleType = torch
-
 
 def _asymmetry(rests: RestEvaluation, facets: Integers) -> Tensor:
     """2 phi - 1 of each saddle, with the sign that makes it smooth, by the root of its weight in
     rho."""
     paths = rests.paths
     tail, head = rests.vertices[paths.saddle_ends[:, 0]], rests.vertices[paths.saddle_ends[:, 1]]
-    saddles = foot_on_line(tail - rests.center, head - rests.center, head - tail, _TORCH)[:, None]
+    saddles = foot_on_line(tail - rests.center, head - rests.center, head - tail, torch)[:, None]
     normals = rests.rest_normals[torch.as_tensor(paths.basins)]
     cross = torch.linalg.cross(normals, saddles.expand_as(normals))
     angles = torch.atan2(torch.linalg.vector_norm(cross, dim=-1), (normals * saddles).sum(-1))

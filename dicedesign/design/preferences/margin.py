@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import Final
 
 import numpy as np
@@ -18,14 +17,12 @@ from dicedesign.runtime.arrays import Integers
 USUAL_OFFSET: Final = 0.1
 """Root of the mean square distance of ordinary normals from the barycenters of their basins."""
 
-_TORCH: ModuleType = torch
-
 
 def _margin(rests: RestEvaluation, facets: Integers) -> Tensor:
     """Offsets of the normals from the barycenters. These are the true ones: the mean of the maxima
     on the border, which eq. 14 takes for them, jumps where a maximum joins or leaves."""
-    points = separatrix_points(rests.paths, rests.vertices, rests.center, _TORCH)
-    moments = basin_moments(rests.paths, points, _TORCH)
+    points = separatrix_points(rests.paths, rests.vertices, rests.center, torch)
+    moments = basin_moments(rests.paths, points, torch)
     lengths = torch.linalg.vector_norm(moments, dim=1, keepdim=True)
     offsets = rests.rest_normals - moments / lengths.clamp_min(SMALLEST_MEAN)
     return offsets.reshape(-1) / (USUAL_OFFSET * np.sqrt(len(facets)))

@@ -44,9 +44,9 @@ def oriented_shells(points: Floats, triangles: Integers) -> tuple[Integers, int]
 
 def _shells(triangles: Integers) -> Integers:
     """(t,) the shell of each triangle; triangles of one shell are joined by edges."""
-    if kernels.compiled is not None:
-        found: Integers = kernels.compiled.shells(triangles, int(triangles.max()) + 1)
-        return found
+    numbers = kernels.shells(triangles)
+    if numbers is not None:
+        return numbers
     ends = np.sort(np.stack([triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()]), axis=0)
     order = np.lexsort(ends)
     same = (ends[:, order[1:]] == ends[:, order[:-1]]).all(axis=0)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from itertools import product
 
 import numpy as np
 import pytest
+from common.kernels import without_kernels
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import DegenerateBodyError
@@ -14,7 +16,6 @@ from dicedesign.geometry.hulls import reuse as hull_reuse
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hulls.reuse import HullMemory, same_connectivity
-from dicedesign.kernels import ops as kernels
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 
@@ -91,22 +92,21 @@ def identical(a: ConvexHull | None, b: ConvexHull | None) -> bool:
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names)
 
 
-@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("way", [nullcontext, without_kernels])
 def test_what_is_reused_is_what_would_be_built(
-    compiled: bool, monkeypatch: pytest.MonkeyPatch
+    way: Callable[[], AbstractContextManager],
 ) -> None:
-    if not compiled:
-        monkeypatch.setattr(kernels, "compiled", None)
     rng = np.random.default_rng(0)
     tried = reused = 0
-    for points in bodies():
-        hull = convex_hull(points)
-        for moved in moves(points, rng):
-            found = same_connectivity(hull, moved)
-            tried += 1
-            if found is not None:
-                reused += 1
-                assert identical(found, rebuilt(moved))
+    with way():
+        for points in bodies():
+            hull = convex_hull(points)
+            for moved in moves(points, rng):
+                found = same_connectivity(hull, moved)
+                tried += 1
+                if found is not None:
+                    reused += 1
+                    assert identical(found, rebuilt(moved))
     assert 0.3 * tried < reused < 0.7 * tried
 
 

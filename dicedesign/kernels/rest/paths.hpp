@@ -1,0 +1,35 @@
+// The separatrices of Python as kernels take them.
+#pragma once
+
+#include "arrays.hpp"
+#include "rest/areas.hpp"
+
+namespace dicedesign {
+
+// Borrows the arrays of a `Separatrices` but that of the saddles.
+class PathsHandle {
+public:
+    PathsHandle(Indices rests, IndexPairs basins, IndexPairs saddle_ends, IndexPairs crossings,
+                Indices branch_start, Indices maxima)
+        : indices_{rests, branch_start, maxima},
+          pairs_{basins, saddle_ends, crossings},
+          paths_{static_cast<Index>(rests.shape(0)),
+                 static_cast<Index>(basins.shape(0)),
+                 rests.data(),
+                 basins.data(),
+                 saddle_ends.data(),
+                 crossings.data(),
+                 branch_start.data(),
+                 maxima.data()} {}
+
+    const Paths& operator*() const { return paths_; }
+    const Paths* operator->() const { return &paths_; }
+
+private:
+    // Kept, for the paths point into them.
+    std::array<Indices, 3> indices_;
+    std::array<IndexPairs, 3> pairs_;
+    Paths paths_;
+};
+
+}  // namespace dicedesign
