@@ -35,14 +35,28 @@ inline Vec* vectors(std::vector<double>& numbers) {
     return reinterpret_cast<Vec*>(numbers.data());
 }
 
-// A NumPy array that owns the numbers of a vector, with `columns` numbers in each row; one row is
-// one number for columns 0.
-template <class T>
-inline nb::object array(std::vector<T>&& values, std::size_t columns = 0) {
+// A NumPy array of a shape that owns the numbers of a vector.
+template <class Number, class T>
+nb::object owning(std::vector<T>&& values, std::size_t dimensions, const std::size_t* shape) {
     auto* kept = new std::vector<T>(std::move(values));
     nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-    const std::size_t shape[2] = {columns == 0 ? kept->size() : kept->size() / columns, columns};
-    return nb::cast(nb::ndarray<nb::numpy, T>(kept->data(), columns == 0 ? 1 : 2, shape, owner));
+    auto* first = reinterpret_cast<Number*>(kept->data());
+    return nb::cast(nb::ndarray<nb::numpy, Number>(first, dimensions, shape, owner));
+}
+
+// A NumPy array of the numbers of a vector, with `columns` of them in each row; one row is one
+// number for columns 0.
+template <class T>
+inline nb::object array(std::vector<T>&& values, std::size_t columns = 0) {
+    const std::size_t count = values.size();
+    const std::size_t shape[2] = {columns == 0 ? count : count / columns, columns};
+    return owning<T>(std::move(values), columns == 0 ? 1 : 2, shape);
+}
+
+// A NumPy array (n, 3).
+inline nb::object array(std::vector<Vec>&& vectors) {
+    const std::size_t shape[2] = {vectors.size(), 3};
+    return owning<double>(std::move(vectors), 2, shape);
 }
 
 // A NumPy array (3,).

@@ -162,10 +162,10 @@ def surroundings(hull: Handled, center: Floats) -> tuple[int, float, float, floa
 
 
 @_kernel
-def separatrices(hull: Handled, center: Floats, tie_distance: float) -> list[Integers]:
-    """The arrays of a `Separatrices`, in order, and the `growth_sign` and `side_sign` (h,) of
-    `Equilibria`. Raises Tie where a move of the center by no more than a tie distance above 0 could
-    change them; so do `destinations` and `slides`."""
+def separatrices(hull: Handled, center: Floats, tie_distance: float) -> list[Any]:
+    """The arrays of a `Separatrices`, in order, their handle, and the `growth_sign` and `side_sign`
+    (h,) of `Equilibria`. Raises Tie where a move of the center by no more than a tie distance above
+    0 could change them; so do `destinations` and `slides`."""
     return _untied(compiled.separatrices(hull.handle, center, bounds.ROUNDING, tie_distance))
 
 

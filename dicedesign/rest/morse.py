@@ -102,9 +102,11 @@ def separatrices(equilibria: Equilibria) -> Separatrices:
     answer = kernels.separatrices(*body)
     if answer is None:
         return _numpy_separatrices(equilibria)
-    *arrays, growth_sign, side_sign = answer
+    *arrays, handle, growth_sign, side_sign = answer
     equilibria.remember(growth_sign, side_sign)
-    return Separatrices(*arrays)
+    paths = Separatrices(*arrays)
+    paths.__dict__["handle"] = handle
+    return paths
 
 
 def _numpy_separatrices(equilibria: Equilibria) -> Separatrices:

@@ -103,26 +103,17 @@ std::optional<HalfEdges> hull_of(const Points& given, double coplanar_tolerance,
     return found;
 }
 
-std::vector<double> flattened(const std::vector<Vec>& vectors) {
-    const double* first = &vectors.data()->x;
-    return std::vector<double>(first, first + 3 * vectors.size());
-}
-
 void put_measures(nb::dict& found, Measures&& measures) {
     if (measures.has_normals) {
-        found["normals"] = array(flattened(measures.normals), 3);
+        found["normals"] = array(std::move(measures.normals));
         found["areas"] = array(std::move(measures.areas));
         found["unevenness"] = measures.unevenness;
         if (measures.is_flat) found["warp"] = 0.0;
     }
-    if (measures.has_centroid) {
-        const Vec& c = measures.centroid;
-        found["centroid"] = array(std::vector<double>{c.x, c.y, c.z});
-    }
+    if (measures.has_centroid) found["centroid"] = array(measures.centroid);
 }
 
-void put_connectivity(nb::dict& found, const Polyhedron& hull) {
-    Connectivity connectivity(hull);
+void put_connectivity(nb::dict& found, Connectivity&& connectivity) {
     found["facet"] = array(std::move(connectivity.facet));
     found["next"] = array(std::move(connectivity.next));
     found["previous"] = array(std::move(connectivity.previous));
@@ -138,20 +129,38 @@ nb::object convex_hull(const Points& given, double coplanar_tolerance, double pr
     std::vector<Vec> vertices;
     vertices.reserve(edges->source.size());
     for (const Index i : edges->source) vertices.push_back(rows(given)[i]);
-    const Polyhedron hull{vertices.data(),
-                          static_cast<Index>(vertices.size()),
-                          edges->facet_start.data(),
-                          static_cast<Index>(edges->facet_start.size()) - 1,
-                          edges->tail.data(),
-                          edges->twin.data()};
+    const Polyhedron polyhedron{vertices.data(),
+                                static_cast<Index>(vertices.size()),
+                                edges->facet_start.data(),
+                                static_cast<Index>(edges->facet_start.size()) - 1,
+                                edges->tail.data(),
+                                edges->twin.data()};
+    Connectivity connectivity(polyhedron);
+    Measures measures(polyhedron, {sliver, thin_volume, rounding});
+    // A vector that is moved keeps its numbers where they are.
+    const Hull hull{polyhedron,
+                    connectivity.head.data(),
+                    connectivity.facet.data(),
+                    connectivity.next.data(),
+                    connectivity.previous.data(),
+                    connectivity.outgoing_start.data(),
+                    connectivity.outgoing.data(),
+                    measures.normals.data(),
+                    measures.areas.data()};
+    const bool is_whole = measures.has_normals;
     nb::dict found;
-    put_connectivity(found, hull);
-    put_measures(found, Measures(hull, {sliver, thin_volume, rounding}));
-    found["vertices"] = array(flattened(vertices), 3);
+    put_connectivity(found, std::move(connectivity));
+    put_measures(found, std::move(measures));
+    found["vertices"] = array(std::move(vertices));
     found["source"] = array(std::move(edges->source));
     found["facet_start"] = array(std::move(edges->facet_start));
     found["tail"] = array(std::move(edges->tail));
     found["twin"] = array(std::move(edges->twin));
+    if (is_whole) {
+        std::vector<nb::object> owners;
+        for (const auto& item : found) owners.push_back(nb::borrow(item.second));
+        found["handle"] = nb::cast(HullHandle(hull, std::move(owners)));
+    }
     return found;
 }
 
@@ -159,7 +168,7 @@ nb::dict hull_properties(const Points& vertices, const Indices& facet_start, con
                          const Indices& twin, double sliver, double thin_volume, double rounding) {
     const Polyhedron hull = polyhedron_of(vertices, facet_start, tail, twin);
     nb::dict found;
-    put_connectivity(found, hull);
+    put_connectivity(found, Connectivity(hull));
     put_measures(found, Measures(hull, {sliver, thin_volume, rounding}));
     return found;
 }
@@ -187,7 +196,7 @@ nb::object moved_hull(const Points& points, const Indices& source, const Indices
         return nb::bool_(false);
     nb::dict found;
     put_measures(found, std::move(measures));
-    found["vertices"] = array(flattened(vertices), 3);
+    found["vertices"] = array(std::move(vertices));
     return found;
 }
 

@@ -21,19 +21,24 @@ public:
                Indices outgoing, Points normals, Floats areas)
         : points_{vertices, normals},
           indices_{facet_start, tail, twin, head, facet, next, previous, outgoing_start, outgoing},
-          areas_(areas),
+          areas_{areas},
           hull_{polyhedron_of(vertices, facet_start, tail, twin), head.data(), facet.data(),
                 next.data(), previous.data(), outgoing_start.data(), outgoing.data(),
                 rows(normals), areas.data()} {}
+
+    // Of arrays that were made here; `owners` keep them.
+    HullHandle(const Hull& hull, std::vector<nb::object>&& owners)
+        : owners_(std::move(owners)), hull_(hull) {}
 
     const Hull& operator*() const { return hull_; }
     const Hull* operator->() const { return &hull_; }
 
 private:
-    // Kept, for the hull points into them.
-    std::array<Points, 2> points_;
-    std::array<Indices, 9> indices_;
-    Floats areas_;
+    // What the hull points into.
+    std::vector<Points> points_;
+    std::vector<Indices> indices_;
+    std::vector<Floats> areas_;
+    std::vector<nb::object> owners_;
     Hull hull_;
 };
 

@@ -41,7 +41,7 @@ nb::object no_answer(Verdict verdict) {
     return verdict == Verdict::tied ? nb::object(nb::bool_(false)) : nb::object(nb::none());
 }
 
-// The arrays of a `Separatrices`, and the signs of the half-edges.
+// The arrays of a `Separatrices`, its handle, and the signs of the half-edges.
 nb::object separatrices(const HullHandle& hull, Floats center, double rounding,
                         double tie_distance) {
     Elements elements;
@@ -49,13 +49,25 @@ nb::object separatrices(const HullHandle& hull, Floats center, double rounding,
     const Verdict verdict =
         find_separatrices(*hull, vector(center), {rounding, tie_distance}, elements, found);
     if (verdict != Verdict::certain) return no_answer(verdict);
-    return nb::make_tuple(array(std::move(found.rests)), array(std::move(found.saddles)),
-                          array(std::move(found.basins), 2),
-                          array(std::move(found.saddle_ends), 2),
-                          array(std::move(found.crossings), 2),
-                          array(std::move(found.branch_start)), array(std::move(found.maxima)),
-                          array(std::move(elements.growth_sign)),
-                          array(std::move(elements.side_sign)));
+    const Paths paths{static_cast<Index>(found.rests.size()),
+                      static_cast<Index>(found.saddles.size()),
+                      found.rests.data(),
+                      found.basins.data(),
+                      found.saddle_ends.data(),
+                      found.crossings.data(),
+                      found.branch_start.data(),
+                      found.maxima.data()};
+    // A vector that is moved keeps its numbers where they are.
+    const std::array<nb::object, 7> arrays = {
+        array(std::move(found.rests)),          array(std::move(found.saddles)),
+        array(std::move(found.basins), 2),      array(std::move(found.saddle_ends), 2),
+        array(std::move(found.crossings), 2),   array(std::move(found.branch_start)),
+        array(std::move(found.maxima))};
+    const auto& [rests, saddles, basins, saddle_ends, crossings, branch_start, maxima] = arrays;
+    return nb::make_tuple(
+        rests, saddles, basins, saddle_ends, crossings, branch_start, maxima,
+        nb::cast(PathsHandle(paths, {rests, basins, saddle_ends, crossings, branch_start, maxima})),
+        array(std::move(elements.growth_sign)), array(std::move(elements.side_sign)));
 }
 
 // Where bodies come to rest that are let go on facets.

@@ -22,13 +22,18 @@ public:
                  branch_start.data(),
                  maxima.data()} {}
 
+    // Of arrays that were made here; `owners` keep them.
+    PathsHandle(const Paths& paths, std::vector<nb::object>&& owners)
+        : owners_(std::move(owners)), paths_(paths) {}
+
     const Paths& operator*() const { return paths_; }
     const Paths* operator->() const { return &paths_; }
 
 private:
-    // Kept, for the paths point into them.
-    std::array<Indices, 3> indices_;
-    std::array<IndexPairs, 3> pairs_;
+    // What the paths point into.
+    std::vector<Indices> indices_;
+    std::vector<IndexPairs> pairs_;
+    std::vector<nb::object> owners_;
     Paths paths_;
 };
 
