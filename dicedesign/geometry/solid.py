@@ -1,11 +1,15 @@
-"""Volume and centroid of a closed triangle surface, and whether it is closed.
+"""Volume, centroid and inertia of the uniform solid that a closed triangle surface bounds, and how
+its centroid follows the points of the surface.
 
-How the center of mass of a uniform solid follows the points of its surface."""
+Sums over tetrahedra are written once, for NumPy and torch (`xp`) alike.
+"""
 
 from __future__ import annotations
 
+from types import ModuleType
+from typing import Any
+
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
@@ -14,13 +18,15 @@ from dicedesign.tolerances import THIN_VOLUME
 __all__ = [
     "centroid_derivatives",
     "is_closed",
+    "second_moments",
     "solid_inertia",
     "solid_properties",
     "stretch_matrix",
+    "volume_and_centroid",
 ]
 
 
-def solid_properties(points: Floats, triangles: NDArray[np.int64]) -> tuple[float, Floats]:
+def solid_properties(points: Floats, triangles: Integers) -> tuple[float, Floats]:
     """Signed volume and centroid of the uniform solid a closed surface bounds.
 
     The volume is summed over signed tetrahedra from the mean of the points, in units of the
@@ -44,33 +50,42 @@ def solid_properties(points: Floats, triangles: NDArray[np.int64]) -> tuple[floa
     if scale == 0.0:
         return 0.0, np.full(3, np.nan)
     offsets = offsets / scale
-    volume, centroid = _sums(offsets, triangles)
+    volume, centroid = volume_and_centroid(offsets, triangles, np)
     stretch = stretch_matrix(offsets, volume)
     if stretch is not None:
-        volume, centroid = _sums(np.linalg.solve(stretch.T, offsets.T).T, triangles)
+        image = np.linalg.solve(stretch.T, offsets.T).T
+        volume, centroid = volume_and_centroid(image, triangles, np)
         volume, centroid = volume * float(np.linalg.det(stretch)), centroid @ stretch
-    return volume * scale**3, reference + scale * centroid
+    return float(volume) * scale**3, reference + scale * centroid
 
 
-def solid_inertia(points: Floats, triangles: NDArray[np.int64]) -> Floats:
+def solid_inertia(points: Floats, triangles: Integers) -> Floats:
     """Tensor of inertia (3, 3) about the centroid of the uniform solid a closed surface bounds, for
     a mass of 1: in squared length units.
 
     points: (n, 3); triangles: (t, 3) as for `solid_properties`, of a volume that is not zero.
-    Source: second moments of a tetrahedron from the origin, with corners a, b, c and d = a + b + c:
-    its volume over 20 times (d d^T + a a^T + b b^T + c c^T).
     """
     _, centroid = solid_properties(points, triangles)
     offsets = points - centroid
     scale = float(np.abs(offsets).max())
-    a, b, c = np.moveaxis((offsets / scale)[triangles], 1, 0)
-    volumes = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
-    moments = np.zeros((3, 3))
-    for arm in (a, b, c, a + b + c):
-        moments += np.einsum("t,ti,tj->ij", volumes, arm, arm) / 20.0
-    moments *= scale**2 / volumes.sum()
+    moments, volume = second_moments(offsets / scale, triangles, np)
+    moments = moments * (scale**2 / volume)
     inertia: Floats = np.trace(moments) * np.eye(3) - moments
     return inertia
+
+
+def second_moments(offsets: Any, triangles: Integers, xp: ModuleType) -> tuple[Any, Any]:
+    """Integral (3, 3) of the products of two coordinates over a solid, and its volume.
+
+    offsets: (n, 3) from the origin; triangles: (t, 3), see `solid_properties`.
+    Source: second moments of a tetrahedron from the origin, with corners a, b, c and d = a + b + c:
+    its volume over 20 times (d d^T + a a^T + b b^T + c c^T).
+    """
+    a, b, c = xp.moveaxis(offsets[triangles], 1, 0)
+    volumes = xp.einsum("ij,ij->i", a, xp.linalg.cross(b, c)) / 6.0
+    arms = (a, b, c, a + b + c)
+    moments = sum(xp.einsum("t,ti,tj->ij", volumes, arm, arm) / 20.0 for arm in arms)
+    return moments, volumes.sum()
 
 
 def stretch_matrix(offsets: Floats, volume: float) -> Floats | None:
@@ -99,17 +114,20 @@ def stretch_matrix(offsets: Floats, volume: float) -> Floats | None:
     return matrix
 
 
-def _sums(offsets: Floats, triangles: NDArray[np.int64]) -> tuple[float, Floats]:
-    """Volume and centroid (3,) by tetrahedra from the origin."""
-    a, b, c = np.moveaxis(offsets[triangles], 1, 0)
-    volumes = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
-    volume = float(volumes.sum())
-    if volume == 0.0:
-        return 0.0, np.full(3, np.nan)
-    return volume, (volumes[:, None] * (a + b + c)).sum(axis=0) / 4.0 / volume
+def volume_and_centroid(offsets: Any, triangles: Integers, xp: ModuleType) -> tuple[Any, Any]:
+    """Volume and centroid (3,) of a solid, by tetrahedra from the origin; NaN for a volume of 0.
+
+    offsets: (n, 3) from the origin; triangles: (t, 3), see `solid_properties`.
+    """
+    a, b, c = xp.moveaxis(offsets[triangles], 1, 0)
+    volumes = xp.einsum("ij,ij->i", a, xp.linalg.cross(b, c)) / 6.0
+    volume = volumes.sum()
+    if float(volume) == 0.0:
+        return volume, np.nan * offsets[0]
+    return volume, (volumes[:, None] * (a + b + c)).sum(0) / 4.0 / volume
 
 
-def is_closed(triangles: NDArray[np.int64]) -> bool:
+def is_closed(triangles: Integers) -> bool:
     """Whether the triangles form a closed, consistently oriented surface.
 
     They do when every undirected edge is passed equally often in both directions. Several shells,

@@ -16,7 +16,7 @@ from dicedesign.rest.asymmetry import asymmetry, basin_moments, border_margins
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.morse import separatrices, separatrix_points
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.rest.roll import roll
+from dicedesign.rest.roll import roll_steps
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 BOX = (1.0, 2.0, 3.5)
@@ -142,7 +142,7 @@ def test_moments_of_basins_are_mean_directions_of_what_rolls_there(seed: int) ->
     np.testing.assert_allclose(moments.sum(axis=0), 0.0, atol=1e-13)
     directions = unit_vectors(np.random.default_rng(seed).normal(size=(count, 3)))
     normals = np.array(
-        [roll(poses.morse.equilibria, direction)[-1].down for direction in directions]
+        [roll_steps(poses.morse.equilibria, direction)[-1].down for direction in directions]
     )
     for facet, moment in zip(paths.rests, moments, strict=True):
         inside = normals @ hull.normals[facet] > 1.0 - 1e-9

@@ -19,7 +19,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.morse import border_areas, separatrices, separatrix_points, wraps
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
-from dicedesign.rest.roll import roll
+from dicedesign.rest.roll import roll_steps
 
 REFERENCE = DATA / "reference_rest.json"
 
@@ -152,7 +152,7 @@ def test_a_body_with_one_rest_always_ends_on_it(seed: int) -> None:
     assert rests.morse.polylines == ()
     assert (rests.morse.basin_of_facet == 0).all()
     for down in np.random.default_rng(seed).normal(size=(50, 3)):
-        ended = roll(rests.morse.equilibria, down)[-1].down
+        ended = roll_steps(rests.morse.equilibria, down)[-1].down
         np.testing.assert_array_equal(ended, rests.normals[0])
 
 
@@ -184,10 +184,10 @@ def test_a_basin_may_hold_the_antipode_of_its_normal(seed: int) -> None:
     assert added.sum() == 1
     assert paths.rests[np.argmax(added)] == rests.facets[0]
     assert rests.probabilities[0] > 0.5
-    ended = roll(equilibria, -rests.normals[0])[-1].down
+    ended = roll_steps(equilibria, -rests.normals[0])[-1].down
     np.testing.assert_array_equal(ended, rests.normals[0])
     downs = np.random.default_rng(seed).normal(size=(400, 3))
-    ends = np.array([roll(equilibria, down)[-1].down for down in downs])
+    ends = np.array([roll_steps(equilibria, down)[-1].down for down in downs])
     found = np.bincount(np.argmax(ends @ rests.normals.T, axis=1), minlength=len(normals)) / 400
     p = rests.probabilities
     assert (np.abs(found - p) <= 5 * np.sqrt(p * (1 - p) / 400)).all()
