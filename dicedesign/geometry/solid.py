@@ -122,7 +122,7 @@ def volume_and_centroid(offsets: Any, triangles: Integers, xp: ModuleType) -> tu
     a, b, c = xp.moveaxis(offsets[triangles], 1, 0)
     volumes = xp.einsum("ij,ij->i", a, xp.linalg.cross(b, c)) / 6.0
     volume = volumes.sum()
-    if float(volume) == 0.0:
+    if volume == 0.0:
         return volume, np.nan * offsets[0]
     return volume, (volumes[:, None] * (a + b + c)).sum(0) / 4.0 / volume
 
