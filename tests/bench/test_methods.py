@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dicedesign.recipe.design_stage import make_start
 from PIL import Image
 
 from dicedesign import rest_poses
@@ -14,8 +15,7 @@ from dicedesign.bench.design import METHODS, Run, methods_figure, methods_record
 from dicedesign.cli.main import main
 from dicedesign.design.preferences.weights import Preferences
 from dicedesign.design.solvers.exact import ExactOptions
-from dicedesign.errors import InputError, OutputError
-from dicedesign.recipe.design_stage import make_start
+from dicedesign.errors import OutputError
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.status import Status
