@@ -28,6 +28,7 @@ __all__ = [
     "FLAT_FOLD",
     "INERTIA_TOLERANCE",
     "MATCHED_ODDS",
+    "NEAR_ANTIPODE",
     "PRINT_TOLERANCE",
     "PROBABILITY_SUM_TOLERANCE",
     "REUSE_FLATNESS",
@@ -143,6 +144,10 @@ no table is more level."""
 MATCHED_ODDS: Final = 0.02
 """Outcomes whose odds without momentum are told belong to the rests of a mesh that have these to
 within this: files of printed dice differ from what was published about them."""
+
+NEAR_ANTIPODE: Final = 0.05
+"""The area of a basin is measured from its rest's normal unless its border comes nearer to the
+antipode than this, as 1 + cosine: some 18 degrees."""
 
 PRINT_TOLERANCE: Final = 1e-6
 """Edges and slivers thinner than this, relative to the diagonal of the body's box, are taken out of

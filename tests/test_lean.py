@@ -38,7 +38,7 @@ from dicedesign.rest import morse, poses
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.exact import ExactSigns
 from dicedesign.rest.morse import separatrices
-from dicedesign.rest.roll import roll
+from dicedesign.rest.roll import roll_steps
 
 SOLVERS = {"clarabel", "osqp", "piqp", "proxsuite", "quadprog", "cvxpy", "highspy", "qpsolvers"}
 """Modules that solve quadratic programs."""
@@ -143,7 +143,9 @@ def bladed() -> tuple[Equilibria, np.ndarray, np.ndarray]:
     equilibria = classify(hull, np.zeros(3))
     saddles = np.flatnonzero(equilibria.saddle & (np.arange(len(hull.tail)) < hull.twin))
     sides = np.stack([hull.facet[saddles], hull.facet[hull.twin[saddles]]], axis=1)
-    ends = np.array([[roll(equilibria, hull.normals[f])[-1].down for f in pair] for pair in sides])
+    ends = np.array(
+        [[roll_steps(equilibria, hull.normals[f])[-1].down for f in pair] for pair in sides]
+    )
     apart = np.abs(ends[:, 0] - ends[:, 1]).max(axis=1) > 1e-9
     assert 10 < apart.sum() < len(saddles) - 10
     return equilibria, saddles, apart

@@ -41,7 +41,7 @@ def add_parser(commands: Any) -> None:
 
 def _drop(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
-    from dicedesign.rest.roll import SMALLEST_ANGLE, roll
+    from dicedesign.rest.roll import SMALLEST_ANGLE, roll_steps
 
     down = vector("--down", options.down)
     largest = None
@@ -55,7 +55,7 @@ def _drop(options: argparse.Namespace) -> int:
     center = center_of_mass(options.com)
     _, poses = read_poses(options.mesh, center, options.coplanar_tolerance)
     equilibria = poses.morse.equilibria
-    steps = roll(equilibria, down, largest)
+    steps = roll_steps(equilibria, down, largest)
     if options.json:
         source = equilibria.hull.source
         print_json({"steps": [_plain(step, source) for step in steps]})

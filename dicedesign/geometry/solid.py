@@ -1,7 +1,13 @@
 """Volume, centroid and inertia of the uniform solid that a closed triangle surface bounds, and how
-the centroid follows the points of the surface."""
+its centroid follows the points of the surface.
+
+Sums over tetrahedra are written once, for NumPy and torch (`xp`) alike.
+"""
 
 from __future__ import annotations
+
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +19,11 @@ from dicedesign.tolerances import THIN_VOLUME
 __all__ = [
     "centroid_derivatives",
     "is_closed",
+    "second_moments",
     "solid_inertia",
     "solid_properties",
     "stretch_matrix",
+    "volume_and_centroid",
 ]
 
 
@@ -43,12 +51,13 @@ def solid_properties(points: Floats, triangles: Integers) -> tuple[float, Floats
     if scale == 0.0:
         return 0.0, np.full(3, np.nan)
     offsets = offsets / scale
-    volume, centroid = _sums(offsets, triangles)
+    volume, centroid = volume_and_centroid(offsets, triangles, np)
     stretch = stretch_matrix(offsets, volume)
     if stretch is not None:
-        volume, centroid = _sums(np.linalg.solve(stretch.T, offsets.T).T, triangles)
+        image = np.linalg.solve(stretch.T, offsets.T).T
+        volume, centroid = volume_and_centroid(image, triangles, np)
         volume, centroid = volume * float(np.linalg.det(stretch)), centroid @ stretch
-    return volume * scale**3, reference + scale * centroid
+    return float(volume) * scale**3, reference + scale * centroid
 
 
 def solid_inertia(points: Floats, triangles: Integers) -> Floats:
@@ -56,20 +65,28 @@ def solid_inertia(points: Floats, triangles: Integers) -> Floats:
     a mass of 1: in squared length units.
 
     points: (n, 3); triangles: (t, 3) as for `solid_properties`, of a volume that is not zero.
-    Source: second moments of a tetrahedron from the origin, with corners a, b, c and d = a + b + c:
-    its volume over 20 times (d d^T + a a^T + b b^T + c c^T).
     """
     _, centroid = solid_properties(points, triangles)
     offsets = points - centroid
     scale = float(np.abs(offsets).max())
-    a, b, c = np.moveaxis((offsets / scale)[triangles], 1, 0)
-    volumes = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
-    moments = np.zeros((3, 3))
-    for arm in (a, b, c, a + b + c):
-        moments += np.einsum("t,ti,tj->ij", volumes, arm, arm) / 20.0
-    moments *= scale**2 / volumes.sum()
+    moments, volume = second_moments(offsets / scale, triangles, np)
+    moments = moments * (scale**2 / volume)
     inertia: Floats = np.trace(moments) * np.eye(3) - moments
     return inertia
+
+
+def second_moments(offsets: Any, triangles: Integers, xp: ModuleType) -> tuple[Any, Any]:
+    """Integral (3, 3) of the products of two coordinates over a solid, and its volume.
+
+    offsets: (n, 3) from the origin; triangles: (t, 3), see `solid_properties`.
+    Source: second moments of a tetrahedron from the origin, with corners a, b, c and d = a + b + c:
+    its volume over 20 times (d d^T + a a^T + b b^T + c c^T).
+    """
+    a, b, c = xp.moveaxis(offsets[triangles], 1, 0)
+    volumes = xp.einsum("ij,ij->i", a, xp.linalg.cross(b, c)) / 6.0
+    arms = (a, b, c, a + b + c)
+    moments = sum(xp.einsum("t,ti,tj->ij", volumes, arm, arm) / 20.0 for arm in arms)
+    return moments, volumes.sum()
 
 
 def stretch_matrix(offsets: Floats, volume: float) -> Floats | None:
@@ -98,14 +115,17 @@ def stretch_matrix(offsets: Floats, volume: float) -> Floats | None:
     return matrix
 
 
-def _sums(offsets: Floats, triangles: Integers) -> tuple[float, Floats]:
-    """Volume and centroid (3,) by tetrahedra from the origin."""
-    a, b, c = np.moveaxis(offsets[triangles], 1, 0)
-    volumes = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
-    volume = float(volumes.sum())
+def volume_and_centroid(offsets: Any, triangles: Integers, xp: ModuleType) -> tuple[Any, Any]:
+    """Volume and centroid (3,) of a solid, by tetrahedra from the origin; NaN for a volume of 0.
+
+    offsets: (n, 3) from the origin; triangles: (t, 3), see `solid_properties`.
+    """
+    a, b, c = xp.moveaxis(offsets[triangles], 1, 0)
+    volumes = xp.einsum("ij,ij->i", a, xp.linalg.cross(b, c)) / 6.0
+    volume = volumes.sum()
     if volume == 0.0:
-        return 0.0, np.full(3, np.nan)
-    return volume, (volumes[:, None] * (a + b + c)).sum(axis=0) / 4.0 / volume
+        return volume, np.nan * offsets[0]
+    return volume, (volumes[:, None] * (a + b + c)).sum(0) / 4.0 / volume
 
 
 def is_closed(triangles: Integers) -> bool:
@@ -119,8 +139,9 @@ def is_closed(triangles: Integers) -> bool:
     """
     if len(triangles) == 0:
         return False
-    if kernels.compiled is not None:
-        return bool(kernels.compiled.is_closed(triangles, int(triangles.max()) + 1))
+    closed = kernels.is_closed(triangles)
+    if closed is not None:
+        return closed
     _, edges = np.unique(edge_keys(triangles), return_inverse=True)
     rising = triangles < np.roll(triangles, -1, axis=1)
     return not np.bincount(edges, weights=np.where(rising, 1.0, -1.0).ravel()).any()

@@ -7,8 +7,6 @@ hand.
 
 from __future__ import annotations
 
-from types import ModuleType
-
 import numpy as np
 import torch
 from torch import Tensor
@@ -19,8 +17,6 @@ from dicedesign.rest.morse import Separatrices, basin_references, border_areas, 
 from dicedesign.runtime.arrays import Integers, ragged_ranges
 
 __all__ = ["facet_depths", "facet_normals", "rest_probabilities"]
-
-_TORCH: ModuleType = torch
 
 
 def rest_probabilities(
@@ -33,11 +29,11 @@ def rest_probabilities(
     count = len(paths.rests)
     if count == 1:
         return torch.ones(1, dtype=torch.float64) + 0.0 * (vertices.sum() + center.sum())
-    points = separatrix_points(paths, vertices, center, _TORCH)
+    points = separatrix_points(paths, vertices, center, torch)
     # A closed loop's area does not depend on the reference direction: no gradient there.
     normals = hull.normals[paths.rests]
     reference = torch.as_tensor(basin_references(paths, points.detach().numpy(), normals))
-    border = border_areas(paths, points, reference, _TORCH)
+    border = border_areas(paths, points, reference, torch)
     basins = torch.as_tensor(paths.basins.ravel())
     areas = torch.zeros(count, dtype=torch.float64).index_add(0, basins, border.reshape(-1))
     signed = areas.detach().numpy()

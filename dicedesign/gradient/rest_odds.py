@@ -2,8 +2,8 @@
 
 The integers (which facets are stable, which edges each separatrix crosses) come from the forward
 model in `dicedesign.rest`, and so do the values. Gradients are exact, those of the combinatorial
-cell the vertices lie in: compiled kernels sweep back along each separatrix, or the coordinates are
-evaluated again in torch with the forward model's formulas.
+cell the vertices lie in: compiled kernels sweep back along each separatrix, or torch evaluates the
+coordinates again with the forward model's formulas.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from types import ModuleType
 
 import numpy as np
 import torch
@@ -85,42 +84,38 @@ class RestEvaluation:
     @cached_property
     def probabilities(self) -> Tensor:
         """(k,) the same, with gradients."""
-        compiled, hull, paths = kernels.compiled, self.hull, self.paths
-        if compiled is None:
-            return rest_probabilities(hull, paths, self.vertices, self.center)
-        body = *paths.branches, hull.vertices, self.equilibria.center_of_mass
-
-        def adjoint(gradient: Floats) -> tuple[Floats, Floats]:
-            found: tuple[Floats, Floats] = compiled.area_gradient(*body, gradient / (4.0 * np.pi))
-            return found
-
-        return self._tensor(self.odds, adjoint, partial(rest_probabilities, hull, paths))
+        hull, paths, center = self.hull, self.paths, self.equilibria.center_of_mass
+        return self._tensor(
+            lambda: self.odds,
+            lambda slopes: kernels.area_gradient(hull, paths, center, slopes / (4.0 * np.pi)),
+            partial(rest_probabilities, hull, paths),
+        )
 
     def _tensor(
         self,
-        value: Floats,
-        adjoint: Callable[[Floats], tuple[Floats, Floats]],
+        value: Callable[[], Floats],
+        gradient: Callable[[Floats], tuple[Floats, Floats] | None],
         formula: Callable[[Tensor, Tensor], Tensor],
     ) -> Tensor:
-        """A tensor of known value that is a function of the vertices and the center of mass.
+        """A tensor that is a function of the vertices and the center of mass.
 
-        adjoint: from its gradient to those in the vertices (n, 3) and in the center of mass (3,);
-            formula: the function by operations of torch.
+        value: computes it; gradient: from that in the tensor to those in the vertices (n, 3)
+            and in the center of mass (3,); formula: the function by operations of torch.
         """
         if self.given_center is not None:
-            return adjoint_function(value, adjoint, formula, self.vertices, self.given_center)
+            inputs = self.vertices, self.given_center
+            return adjoint_function(value, gradient, formula, *inputs)
         # What a tensor keeps must not keep the tensor, which this evaluation does.
         bare = replace(self)
+
+        def adjoint(slopes: Floats) -> tuple[Floats] | None:
+            parts = gradient(slopes)
+            return None if parts is None else (bare.with_center(*parts),)
 
         def of_vertices(vertices: Tensor) -> Tensor:
             return formula(vertices, hull_centroid(vertices, bare.hull))
 
-        return adjoint_function(
-            value,
-            lambda gradient: (bare.with_center(*adjoint(gradient)),),
-            of_vertices,
-            self.vertices,
-        )
+        return adjoint_function(value, adjoint, of_vertices, self.vertices)
 
     def with_center(self, by_vertices: Floats, by_center: Floats) -> Floats:
         """Gradient (n, 3) in the vertices, with which the center of mass of a uniform solid moves,
@@ -129,34 +124,42 @@ class RestEvaluation:
             return by_vertices
         return by_vertices + centroid_gradient(self.hull, by_center)
 
+    def rows_with_center(self, by_vertices: Floats, by_center: Floats) -> Floats:
+        """The same of many functions at once: (r, 3 n) for (r, 3 n) and (r, 3)."""
+        if self.given_center is not None:
+            return by_vertices
+        by_axis = [centroid_gradient(self.hull, axis).ravel() for axis in np.eye(3)]
+        return by_vertices + by_center @ np.stack(by_axis)
+
     @property
-    def jacobian(self) -> Floats | None:
+    def jacobian(self) -> Floats:
         """(k, 3 n) that of the probabilities in the vertices, with which the center of mass of a
-        uniform solid moves; None without compiled kernels."""
-        if kernels.compiled is None:
-            return None
-        vertices, center = self.hull.vertices, self.equilibria.center_of_mass
-        by_vertices, by_center = kernels.compiled.area_jacobian(
-            len(self.paths.rests), *self.paths.branches, vertices, center
-        )
-        if self.given_center is None:
-            by_axis = [centroid_gradient(self.hull, axis).ravel() for axis in np.eye(3)]
-            by_vertices = by_vertices + by_center @ np.stack(by_axis)
-        jacobian: Floats = by_vertices / (4.0 * np.pi)
-        return jacobian
+        uniform solid moves."""
+        rows = kernels.area_jacobian(self.hull, self.paths, self.equilibria.center_of_mass)
+        if rows is None:
+            return self._formula_jacobian()
+        return self.rows_with_center(*rows) / (4.0 * np.pi)
+
+    def _formula_jacobian(self) -> Floats:
+        """The same by operations of torch, row by row."""
+        vertices, given = torch.from_numpy(self.hull.vertices).requires_grad_(), self.given_center
+        center = hull_centroid(vertices, self.hull) if given is None else given.detach()
+        rows = [
+            torch.autograd.grad(value, vertices, retain_graph=True)[0].numpy().ravel()
+            for value in rest_probabilities(self.hull, self.paths, vertices, center)
+        ]
+        return np.stack(rows)
 
     def facet_normals(self, facets: Integers) -> Tensor:
         """(len(facets), 3) unit normals of facets."""
-        hull, compiled = self.hull, kernels.compiled
-        if compiled is None:
-            return facet_normals(hull, facets, self.vertices)
-        arrays = hull.facet_start, hull.tail, hull.vertices, facets
-        return adjoint_function(
-            hull.normals[facets],
-            lambda gradient: (compiled.normal_gradient(*arrays, gradient),),
-            partial(facet_normals, hull, facets),
-            self.vertices,
-        )
+        hull = self.hull
+
+        def adjoint(slopes: Floats) -> tuple[Floats] | None:
+            by_vertices = kernels.normal_gradient(hull, facets, slopes)
+            return None if by_vertices is None else (by_vertices,)
+
+        formula = partial(facet_normals, hull, facets)
+        return adjoint_function(lambda: hull.normals[facets], adjoint, formula, self.vertices)
 
     @cached_property
     def rest_normals(self) -> Tensor:
@@ -177,38 +180,29 @@ class RestEvaluation:
     def facet_depths(self) -> Tensor:
         """(m,) how far inside each facet the foot of the center of mass lies: its signed distance
         from the nearest edge's line over the circumscribed radius, positive for rests."""
-        compiled = kernels.compiled
-        if compiled is None:
-            return facet_depths(self.hull, self.vertices, self.center)
-        adjoint = partial(replace(self).depth_gradient, compiled)
-        return self._tensor(self.depths, adjoint, partial(facet_depths, self.hull))
+        return self._tensor(
+            lambda: self.depths,
+            replace(self).depth_gradient,
+            partial(facet_depths, self.hull),
+        )
 
     @cached_property
     def depths(self) -> Floats:
         """(m,) the same as numbers."""
-        if kernels.compiled is None:
-            return self.facet_depths.detach().numpy()
-        depths: Floats = kernels.compiled.facet_depths(*self._facets)
-        return depths
+        depths = kernels.facet_depths(self.hull, self.equilibria.center_of_mass)
+        return self.facet_depths.detach().numpy() if depths is None else depths
 
-    def depth_gradient(self, compiled: ModuleType, slopes: Floats) -> tuple[Floats, Floats]:
-        """Gradient of the sum of depths times slopes (m,), in the vertices (n, 3) and in the center
-        (3,), by compiled kernels."""
-        found: tuple[Floats, Floats] = compiled.depth_gradient(*self._facets, slopes)
-        return found
-
-    @property
-    def _facets(self) -> tuple[Integers, Integers, Floats, Floats]:
-        hull = self.hull
-        return hull.facet_start, hull.tail, hull.vertices, self.equilibria.center_of_mass
+    def depth_gradient(self, slopes: Floats) -> tuple[Floats, Floats] | None:
+        """Gradients (n, 3) in the vertices and (3,) in the center of the sum of depths times slopes
+        (m,), by compiled kernels; None where there are none."""
+        return kernels.depth_gradient(self.hull, self.equilibria.center_of_mass, slopes)
 
     @property
     def saddle_directions(self) -> Tensor:
         """(s, 3) directions, not normalised, from the center of mass to the saddles of `paths`
         (eq. 7, 8)."""
         tail, head = (self.vertices[ends] for ends in self.paths.saddle_ends.T)
-        torch_as_module: ModuleType = torch
-        return foot_on_line(tail - self.center, head - self.center, head - tail, torch_as_module)
+        return foot_on_line(tail - self.center, head - self.center, head - tail, torch)
 
     def vertex_directions(self, vertices: Integers) -> Tensor:
         """(len(vertices), 3) unit directions from the center of mass to vertices (eq. 6)."""

@@ -7,29 +7,23 @@ Values and derivatives come from compiled kernels, or where there are none from 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import ModuleType
-from typing import Final
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.solid import solid_inertia
 from dicedesign.gradient.adjoint_function import adjoint_function
-from dicedesign.gradient.rest_formulas import rest_probabilities
 from dicedesign.gradient.rest_odds import RestEvaluation
-from dicedesign.gradient.solid_moments import centroid_gradient, hull_centroid, hull_inertia
+from dicedesign.gradient.solid_moments import hull_inertia
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum.momentum_model import MomentumModel, momentum_model
-from dicedesign.throws.momentum.momentum_odds import hull_odds, kernel_arrays, landing_odds
+from dicedesign.throws.momentum.momentum_odds import hull_odds, landing_odds
 from dicedesign.throws.momentum.transition_features import body_features
 from dicedesign.throws.momentum.transitions import Transitions
 
 __all__ = ["ThrownOdds"]
-
-_TORCH: Final[ModuleType] = torch
 
 
 @dataclass(frozen=True)
@@ -61,20 +55,22 @@ class ThrownOdds:
         if self.model is None or len(rests.odds) == 1:
             return rests.odds
         hull, center = rests.hull, rests.equilibria.center_of_mass
-        return hull_odds(hull, rests.paths, center, _inertia(hull), rests.odds, self.model[0])
+        inertia = kernels.solid_inertia(hull)
+        if inertia is None:
+            inertia = solid_inertia(hull.vertices, hull.triangles)
+        return hull_odds(hull, rests.paths, center, inertia, rests.odds, self.model[0])
 
     def tensor(self, rests: RestEvaluation) -> Tensor:
         """The same, with gradients."""
         given, resting = rests.given_center, rests.probabilities
-        compiled = kernels.compiled
-        if compiled is None or self.model is None or len(resting) == 1:
-            return self._formula(rests, rests.vertices, resting, given)
-        model = self.model[0]
+        if self.model is None or len(resting) == 1:
+            return resting + 0.0
 
-        def adjoint(gradient: Floats) -> tuple[Floats, ...]:
-            by_vertices, by_center, by_odds = (
-                rows[0] for rows in _gradients(compiled, rests, model, gradient[None])
-            )
+        def adjoint(slopes: Floats) -> tuple[Floats, ...] | None:
+            gradients = self._gradients(rests, slopes[None])
+            if gradients is None:
+                return None
+            by_vertices, by_center, by_odds = (rows[0] for rows in gradients)
             by_vertices = rests.with_center(by_vertices.reshape(-1, 3), by_center)
             return (by_vertices, by_odds) if given is None else (by_vertices, by_odds, by_center)
 
@@ -82,22 +78,29 @@ class ThrownOdds:
             return self._formula(rests, vertices, resting, given)
 
         inputs = (rests.vertices, resting) if given is None else (rests.vertices, resting, given)
-        return adjoint_function(self.odds(rests), adjoint, formula, *inputs)
+        return adjoint_function(lambda: self.odds(rests), adjoint, formula, *inputs)
 
     def jacobian(self, rests: RestEvaluation) -> Floats:
         """(k, 3 n) derivatives in the hull's vertices, with which the center of mass of a uniform
         solid moves."""
-        resting, compiled = _resting_jacobian(rests), kernels.compiled
+        resting = rests.jacobian
         if self.model is None or len(resting) == 1:
             return resting
-        if compiled is None:
+        gradients = self._gradients(rests, np.eye(len(resting)))
+        if gradients is None:
             rows, by_odds = self._formula_rows(rests)
             return rows + by_odds @ resting
-        rows, by_center, by_odds = _gradients(compiled, rests, self.model[0], np.eye(len(resting)))
-        if rests.given_center is None:
-            by_axis = [centroid_gradient(rests.hull, axis).ravel() for axis in np.eye(3)]
-            rows = rows + by_center @ np.stack(by_axis)
-        return rows + by_odds @ resting
+        rows, by_center, by_odds = gradients
+        return rests.rows_with_center(rows, by_center) + by_odds @ resting
+
+    def _gradients(
+        self, rests: RestEvaluation, weights: Floats
+    ) -> tuple[Floats, Floats, Floats] | None:
+        """Gradients (r, 3 n), (r, 3), (r, k) of weighted sums (r, k) of the odds in the vertices,
+        in the center of mass and in the odds without momentum; None without kernels."""
+        assert self.model is not None
+        body = rests.hull, rests.paths, self.model[0], rests.equilibria.center_of_mass
+        return kernels.thrown_gradients(*body, rests.odds, weights)
 
     def _formula_rows(self, rests: RestEvaluation) -> tuple[Floats, Floats]:
         """Derivatives (k, 3 n) in the vertices and (k, k) in the odds without momentum."""
@@ -118,47 +121,11 @@ class ThrownOdds:
     def _formula(
         self, rests: RestEvaluation, vertices: Tensor, resting: Tensor, given: Tensor | None
     ) -> Tensor:
-        if self.model is None or len(resting) == 1:
-            return resting + 0.0
+        assert self.model is not None
         center, inertia = hull_inertia(vertices, rests.hull)
         if given is not None:
             center = given
         transitions = Transitions.of(rests.hull, rests.paths)
-        features = body_features(transitions, vertices, center, inertia, resting, _TORCH)
-        found: Tensor = landing_odds(features, transitions, self.model[1], _TORCH)
-        return found
-
-
-def _inertia(hull: ConvexHull) -> Floats:
-    """(3, 3) that of the uniform solid, over its mass."""
-    if kernels.compiled is None:
-        return solid_inertia(hull.vertices, hull.triangles)
-    found: Floats = kernels.compiled.solid_inertia(hull.facet_start, hull.tail, hull.vertices)
-    return found
-
-
-def _gradients(
-    compiled: ModuleType, rests: RestEvaluation, model: MomentumModel, weights: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Gradients (r, 3 n), (r, 3), (r, k) of weighted sums (r, k) of the odds in the vertices, in
-    the center of mass and in the odds without momentum."""
-    arrays = kernel_arrays(rests.hull, rests.paths, model)
-    center = rests.equilibria.center_of_mass
-    found: tuple[Floats, Floats, Floats] = compiled.thrown_gradients(
-        *arrays, rests.hull.vertices, center, rests.odds, weights
-    )
-    return found
-
-
-def _resting_jacobian(rests: RestEvaluation) -> Floats:
-    """(k, 3 n) that of the odds without momentum."""
-    jacobian = rests.jacobian
-    if jacobian is not None:
-        return jacobian
-    vertices, given = torch.from_numpy(rests.hull.vertices).requires_grad_(), rests.given_center
-    center = hull_centroid(vertices, rests.hull) if given is None else given.detach()
-    rows = [
-        torch.autograd.grad(value, vertices, retain_graph=True)[0].numpy().ravel()
-        for value in rest_probabilities(rests.hull, rests.paths, vertices, center)
-    ]
-    return np.stack(rows)
+        features = body_features(transitions, vertices, center, inertia, resting, torch)
+        odds: Tensor = landing_odds(features, transitions, self.model[1], torch)
+        return odds

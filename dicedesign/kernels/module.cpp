@@ -23,8 +23,8 @@ void hold_on_to_memory() {
 }  // namespace dicedesign
 
 NB_MODULE(dicedesign_kernels, module) {
-    module.doc() = "Compiled inner loops of dicedesign; see dicedesign.kernels.";
-    module.attr("INTERFACE") = 3;
+    module.doc() = "Compiled inner loops of dicedesign; see dicedesign/kernels/ops.py.";
+    module.attr("INTERFACE") = 4;
     // What torch still holds when Python ends is nobody's loss.
     nanobind::set_leak_warnings(false);
     dicedesign::hold_on_to_memory();

@@ -1,24 +1,34 @@
-"""The compiled kernels, where they were built.
+"""The one seam to the kernels: the inner loops of hulls, rests, gradients and throws in C++.
 
-They are the inner loops of hull, rest model and gradients in C++, built when the package is
-installed. A kernel answers only what rounding cannot change and returns None otherwise; the NumPy
-code that called it then decides, in exact arithmetic where it has to. So the kernels change speed
-only, and a machine without a C++ compiler does without them, but for the package's own simulator of
-throws.
+They are built when the package is installed, and a machine without a C++ compiler does without
+them, but for the package's own simulator of throws. A kernel answers only what rounding cannot
+change. So each function here returns None where there are no kernels or where they leave the answer
+open, and its caller then finds it in NumPy or torch, in exact arithmetic where it has to. Kernels
+change speed only.
+
+A hull is handed over once: kernels take it and its separatrices by a handle (`Handled`).
 """
 
 from __future__ import annotations
 
-from types import ModuleType
-from typing import Final
+from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import Any, Final, Literal, ParamSpec, Protocol, TypeVar
 
-__all__ = ["compiled"]
+import numpy as np
+from numpy.typing import NDArray
 
-INTERFACE: Final = 3
+import dicedesign.tolerances as bounds
+from dicedesign.runtime.arrays import Booleans, Floats, Integers
+
+INTERFACE: Final = 4
 """Counts changes of what the kernels take and return; those of another number are not used."""
 
-compiled: ModuleType | None
-"""The module of kernels, or None where they were not built."""
+P = ParamSpec("P")
+T = TypeVar("T")
+
+compiled: Any
+"""The module of kernels, or None where they were not built; for this file and for tests."""
 
 try:
     import dicedesign_kernels
@@ -26,3 +36,297 @@ try:
     compiled = dicedesign_kernels if dicedesign_kernels.INTERFACE == INTERFACE else None
 except ModuleNotFoundError:
     compiled = None
+
+_MEASURED: Final = (bounds.SLIVER, bounds.THIN_VOLUME, bounds.ROUNDING)
+
+_REUSED: Final = (
+    bounds.REUSE_FLATNESS,
+    bounds.REUSE_MARGIN,
+    bounds.REUSE_LEVERAGE,
+    bounds.REUSE_TURN,
+    bounds.REUSE_OFFSET,
+)
+
+
+def available() -> bool:
+    """Whether there are kernels: for messages, and for what cannot be done without them."""
+    return compiled is not None
+
+
+def _kernel(function: Callable[P, T]) -> Callable[P, T | None]:
+    """The function, or None without kernels."""
+
+    @wraps(function)
+    def asked(*args: P.args, **kwargs: P.kwargs) -> T | None:
+        return None if compiled is None else function(*args, **kwargs)
+
+    return asked
+
+
+class Tie(Exception):
+    """The body balances: a hair's move of the center of mass would change what it does."""
+
+
+class Handled:
+    """Base of a hull, of its separatrices and of a momentum model: what kernels take by a `handle`,
+    which borrows its arrays, is made at first use by a kernel and is left out of pickles."""
+
+    handle: Any
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "handle"}
+
+
+def new_handle(kind: Literal["Hull", "Paths", "Momentum"], *parts: Any) -> Any:
+    """The handle of a hull, from the fields and properties of a `ConvexHull` that kernels use, of
+    the arrays of a `Separatrices` but that of the saddles, or of a `MomentumModel`."""
+    return getattr(compiled, kind)(*parts)
+
+
+# Points and hulls.
+
+
+def are_proper(points: Floats, smallest_extent: float) -> bool:
+    """True where kernels find points (n, 3) finite, no coordinate above `1 / smallest_extent` and
+    the largest extent not below it; False says nothing."""
+    return compiled is not None and bool(compiled.are_proper(points, smallest_extent))
+
+
+@_kernel
+def repeated_positions(points: Floats) -> tuple[Integers, Integers] | Literal[False]:
+    """The first point (m,) at each position of points (n, 3), in order, and (n,) the place of each
+    point's position there; False where all positions differ."""
+    return compiled.repeated_positions(points)
+
+
+@_kernel
+def convex_hull(
+    points: NDArray[Any], coplanar_tolerance: float, precision: float
+) -> dict[str, Any]:
+    """Fields and properties by name of the `ConvexHull` of points.
+
+    points: (n, 3) real; coplanar_tolerance: larger than 0; precision: relative spacing of the
+    coordinates.
+    """
+    given = np.require(points, np.float64, ["C", "ALIGNED"])
+    return compiled.convex_hull(given, coplanar_tolerance, precision, *_MEASURED)
+
+
+@_kernel
+def hull_properties(
+    vertices: Floats, facet_start: Integers, tail: Integers, twin: Integers
+) -> dict[str, Any]:
+    """Properties of a `ConvexHull` by name, without those that need more than plain sums: the
+    normals where a facet is a sliver, the centroid of a thin body. All hulls have them from here,
+    so that equal hulls have equal ones to the last bit."""
+    return compiled.hull_properties(vertices, facet_start, tail, twin, *_MEASURED)
+
+
+@_kernel
+def moved_hull(
+    points: Floats, source: Integers, facet_start: Integers, tail: Integers, twin: Integers
+) -> dict[str, Any] | Literal[False]:
+    """Vertices and measures by name of a hull whose points moved to (n, 3), of which `source` are
+    the corners; False where it is in doubt that its facets are still the same."""
+    return compiled.moved_hull(points, source, facet_start, tail, twin, _REUSED, *_MEASURED)
+
+
+# Triangle surfaces. Triangles (t, 3) are numbers of points.
+
+
+@_kernel
+def is_closed(triangles: Integers) -> bool:
+    """Whether every edge is passed equally often in both directions."""
+    return bool(compiled.is_closed(triangles, int(triangles.max()) + 1))
+
+
+@_kernel
+def shells(triangles: Integers) -> Integers:
+    """(t,) number of the shell of each triangle; triangles of one shell are joined by edges."""
+    return compiled.shells(triangles, int(triangles.max()) + 1)
+
+
+@_kernel
+def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Integers, Floats]:
+    """See `dicedesign.report.render.raster`."""
+    return compiled.rasterize(positions, triangles, size)
+
+
+# Rests of a hull with a center of mass (3,).
+
+
+@_kernel
+def surroundings(hull: Handled, center: Floats) -> tuple[int, float, float, float, float]:
+    """See `dicedesign.rest.center_clearance.Surroundings`."""
+    return compiled.surroundings(hull.handle, center)
+
+
+@_kernel
+def separatrices(hull: Handled, center: Floats, tie_distance: float) -> list[Any]:
+    """The arrays of a `Separatrices`, in order, their handle, and the `growth_sign` and `side_sign`
+    (h,) of `Equilibria`. Raises Tie where a move of the center by no more than a tie distance above
+    0 could change them; so do `destinations` and `slides`."""
+    return _untied(compiled.separatrices(hull.handle, center, bounds.ROUNDING, tie_distance))
+
+
+@_kernel
+def destinations(hull: Handled, center: Floats, tie_distance: float, facets: Integers) -> Integers:
+    """Stable facet (k,) on which a body comes to rest that is let go on facets (k,)."""
+    return _untied(
+        compiled.destinations(hull.handle, center, bounds.ROUNDING, tie_distance, facets)
+    )
+
+
+@_kernel
+def slides(
+    hull: Handled, center: Floats, tie_distance: float, *lines: NDArray[Any]
+) -> tuple[Integers, Booleans]:
+    """As `dicedesign.rest.tracing.slide`; lines: its vertices, directions and errors."""
+    answer = _untied(compiled.slides(hull.handle, center, bounds.ROUNDING, tie_distance, *lines))
+    return answer and (answer[0], answer[1] > 0)
+
+
+def _untied(answer: Any) -> Any:
+    """What a kernel answered; raises Tie where it said by False that the body is tied."""
+    if answer is False:
+        raise Tie
+    return answer
+
+
+@_kernel
+def basin_areas(hull: Handled, paths: Handled, center: Floats) -> Floats:
+    """(k,) in steradian of the basins between separatrices."""
+    return compiled.basin_areas(
+        hull.handle, paths.handle, center, bounds.NEAR_ANTIPODE, bounds.CLOSURE_TOLERANCE
+    )
+
+
+# Gradients: for those in a result, those in the vertices (n, 3) and the center of mass (3,).
+
+
+@_kernel
+def area_gradient(
+    hull: Handled, paths: Handled, center: Floats, weights: Floats
+) -> tuple[Floats, Floats]:
+    """That of the sum of the basins' areas times weights (k,): (n, 3) and (3,)."""
+    return compiled.area_gradient(hull.handle, paths.handle, center, weights)
+
+
+@_kernel
+def area_jacobian(hull: Handled, paths: Handled, center: Floats) -> tuple[Floats, Floats]:
+    """That of each area: (k, 3 n) and (k, 3)."""
+    return compiled.area_jacobian(hull.handle, paths.handle, center)
+
+
+@_kernel
+def centroid_gradient(hull: Handled, gradient: Floats) -> Floats:
+    """(n, 3) for that (3,) in the centroid of the uniform solid, unless that is thin."""
+    return compiled.centroid_gradient(hull.handle, gradient, bounds.THIN_VOLUME)
+
+
+@_kernel
+def normal_gradient(hull: Handled, facets: Integers, gradients: Floats) -> Floats:
+    """(n, 3) for those (k, 3) in the unit normals of facets (k,)."""
+    return compiled.normal_gradient(hull.handle, facets, gradients)
+
+
+@_kernel
+def facet_depths(hull: Handled, center: Floats) -> Floats:
+    """(m,) how far inside each facet the foot of the center of mass lies: its signed distance from
+    the nearest edge's line over the circumscribed radius."""
+    return compiled.facet_depths(hull.handle, center)
+
+
+@_kernel
+def depth_gradient(hull: Handled, center: Floats, slopes: Floats) -> tuple[Floats, Floats]:
+    """That of the sum of depths times slopes (m,): (n, 3) and (3,)."""
+    return compiled.depth_gradient(hull.handle, center, slopes)
+
+
+@_kernel
+def corner_gradients(
+    normals: Floats, polar: Floats, planes: Integers, corners: Floats, gradients: Floats
+) -> Floats:
+    """Gradients (r, 4 m) in half-spaces, first all normals and then all logarithms of distances,
+    for those (r, 3 t) in corners (t, 3), each where three planes (t, 3) meet.
+
+    normals: (m, 3) of any length; polar: (m, 3) unit normals over distances.
+    """
+    return compiled.corner_gradients(normals, polar, planes.ravel(), corners, gradients)
+
+
+class Energies(Protocol):
+    """Terms of the energy of eq. 16: dice, coplanar, barycenter, neighbor."""
+
+    def values(self) -> list[float]:
+        """The four, 0 where they are not wanted."""
+
+    def gradient(self, slopes: Sequence[float]) -> tuple[Floats, Floats]:
+        """That of the sum of terms times slopes (4,): (n, 3) and (3,)."""
+
+
+@_kernel
+def energies(
+    hull: Handled,
+    paths: Handled,
+    center: Floats,
+    *,
+    odds: Floats,
+    of_rest: Integers,
+    directions: Floats,
+    target: Floats,
+    neighbor_radius: float,
+    smallest_mean: float,
+    no_rest: float,
+    wanted: Sequence[bool],
+) -> Energies:
+    """The energies of a body.
+
+    odds: (r,) of the rests; of_rest: (r,) outcome that each counts for; directions: (k, 3) of the
+    outcomes; target: (k,) their odds; smallest_mean: length of the sum of a region's maxima below
+    which it is not stretched to 1; no_rest: what the barycenter term charges for an outcome without
+    a rest; wanted: (4,) terms to compute.
+    """
+    arrays = center, odds, of_rest, directions, target
+    numbers = neighbor_radius, smallest_mean, no_rest
+    return compiled.Energies(hull.handle, paths.handle, *arrays, *numbers, wanted)
+
+
+# Throws.
+
+
+@_kernel
+def thrown_odds(
+    hull: Handled, paths: Handled, model: Handled, center: Floats, inertia: Floats, odds: Floats
+) -> Floats:
+    """Odds (k,) of the rests of a thrown body by the momentum model.
+
+    inertia: (3, 3) tensor about the center over the mass; odds: (k,) without momentum.
+    """
+    handles = hull.handle, paths.handle, model.handle
+    return compiled.thrown_odds(*handles, center, inertia, odds)
+
+
+@_kernel
+def thrown_gradients(
+    hull: Handled, paths: Handled, model: Handled, center: Floats, odds: Floats, weights: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Gradients (r, 3 n), (r, 3) and (r, k) of weighted sums (r, k) of the same for a uniform
+    solid, in the vertices, in the center of mass and in the odds without momentum."""
+    handles = hull.handle, paths.handle, model.handle
+    return compiled.thrown_gradients(*handles, center, odds, weights)
+
+
+@_kernel
+def solid_inertia(hull: Handled) -> Floats:
+    """(3, 3) tensor of inertia of the uniform solid about its centroid over its mass."""
+    return compiled.solid_inertia(hull.handle)
+
+
+@_kernel
+def advance_throws(
+    landscape: Sequence[NDArray[Any]], moments: Floats, how: Floats, states: Floats, steps: int
+) -> tuple[Integers, Integers]:
+    """Advance states (n, 13) of a body, in place, by at most so many steps: the rest of each that
+    it cannot miss any more, or -1, and the steps it took."""
+    return compiled.advance_throws(*landscape, moments, how, states, steps)

@@ -13,12 +13,13 @@ from torch import Tensor
 from dicedesign.runtime.arrays import Integers
 from dicedesign.throws.momentum.momentum_model import (
     CARRY_OUTPUTS,
+    IMPACTS,
     TRANSITION_OUTPUTS,
     MomentumModel,
     Network,
     Slopes,
 )
-from dicedesign.throws.momentum.momentum_odds import IMPACTS, landing_odds
+from dicedesign.throws.momentum.momentum_odds import landing_odds
 from dicedesign.throws.momentum.transition_features import Features
 from dicedesign.throws.momentum.transitions import Transitions
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from dicedesign.errors import DegenerateBodyError, OutsideHullError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.rest import compiled
+from dicedesign.kernels import ops as kernels
 from dicedesign.rest.center_clearance import surroundings
 from dicedesign.rest.equilibria import Equilibria, Tie, classify
 from dicedesign.rest.morse import (
@@ -148,7 +148,7 @@ def basin_areas(equilibria: Equilibria, paths: Separatrices) -> Floats:
     ------
     DegenerateBodyError: the basins do not cover the sphere once.
     """
-    areas = compiled.basin_areas(equilibria, (paths.rests, *paths.branches))
+    areas = kernels.basin_areas(equilibria.hull, paths, equilibria.center_of_mass)
     return _areas(equilibria, paths) if areas is None else areas
 
 

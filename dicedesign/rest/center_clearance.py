@@ -34,12 +34,9 @@ class Surroundings(NamedTuple):
 
 def surroundings(hull: ConvexHull, center: NDArray[np.float64]) -> Surroundings:
     """The surroundings of a center of mass (3,) in a hull."""
-    if kernels.compiled is not None:
-        return Surroundings(
-            *kernels.compiled.surroundings(
-                hull.vertices, hull.facet_start, hull.tail, hull.normals, center
-            )
-        )
+    lengths = kernels.surroundings(hull, center)
+    if lengths is not None:
+        return Surroundings(*lengths)
     heights = hull.heights(center)
     lowest = int(np.argmin(heights))
     return Surroundings(

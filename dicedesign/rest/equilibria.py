@@ -18,16 +18,13 @@ from numpy.typing import ArrayLike
 from dicedesign.errors import InputError, OutsideHullError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import foot_on_line, norms
+from dicedesign.kernels.ops import Tie
 from dicedesign.rest.center_clearance import surroundings
 from dicedesign.rest.exact import ExactSigns
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import BOUNDARY_TOLERANCE, ROUNDING
 
 __all__ = ["Equilibria", "FacetKind", "Tie", "classify"]
-
-
-class Tie(Exception):
-    """The body balances: a hair's move of the center of mass would change what it does."""
 
 
 class FacetKind(IntEnum):

@@ -20,10 +20,11 @@ from dicedesign.geometry.sphere import (
     signed_solid_angle,
     unit_vectors,
 )
-from dicedesign.rest import compiled
+from dicedesign.kernels import ops as kernels
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import ascend, destined_facets
 from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import NEAR_ANTIPODE
 
 __all__ = [
     "Separatrices",
@@ -35,12 +36,9 @@ __all__ = [
     "wraps",
 ]
 
-NEAR_ANTIPODE = 0.05
-"""1 + cosine, some 18 degrees: a border so near to the antipode is measured from elsewhere."""
-
 
 @dataclass(frozen=True)
-class Separatrices:
+class Separatrices(kernels.Handled):
     """The ascending separatrices of the saddles that divide two basins, as integers.
 
     Branch 2 s runs from saddle s into the cell of its half-edge's head, branch 2 s + 1 into that
@@ -67,20 +65,22 @@ class Separatrices:
     maxima: Integers
 
     @cached_property
-    def lengths(self) -> Integers:
-        """(2 s,) how many edges a branch crosses."""
-        return np.diff(self.branch_start)
-
-    @property
-    def branches(self) -> tuple[Integers, ...]:
-        """The arrays that say where all branches run and what they divide."""
-        return (
+    def handle(self) -> Any:
+        """These separatrices as kernels take them."""
+        return kernels.new_handle(
+            "Paths",
+            self.rests,
             self.basins,
             self.saddle_ends,
             self.crossings,
             self.branch_start,
             self.maxima,
         )
+
+    @cached_property
+    def lengths(self) -> Integers:
+        """(2 s,) how many edges a branch crosses."""
+        return np.diff(self.branch_start)
 
     @cached_property
     def crossed(self) -> Integers:
@@ -98,8 +98,15 @@ def separatrices(equilibria: Equilibria) -> Separatrices:
     Saddles whose two sides roll to the same facet are not traced. Raises `Tie` where ties are
     looked for and the body is tied.
     """
-    arrays = compiled.separatrices(equilibria)
-    return _numpy_separatrices(equilibria) if arrays is None else Separatrices(*arrays)
+    body = equilibria.hull, equilibria.center_of_mass, equilibria.tie_distance
+    answer = kernels.separatrices(*body)
+    if answer is None:
+        return _numpy_separatrices(equilibria)
+    *arrays, handle, growth_sign, side_sign = answer
+    equilibria.remember(growth_sign, side_sign)
+    paths = Separatrices(*arrays)
+    paths.__dict__["handle"] = handle
+    return paths
 
 
 def _numpy_separatrices(equilibria: Equilibria) -> Separatrices:

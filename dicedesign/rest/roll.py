@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
+from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.sphere import angle_between, rotation_between
 from dicedesign.rest.equilibria import Equilibria
-from dicedesign.rest.poses import standing_transform
+from dicedesign.rest.poses import rest_poses, standing_transform
 from dicedesign.rest.tracing import crossing, exit_half_edges, hinge_facets
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import ROUNDING
 
-__all__ = ["SMALLEST_ANGLE", "RollStep", "roll"]
+__all__ = ["SMALLEST_ANGLE", "RollStep", "roll", "roll_steps"]
 
 SMALLEST_ANGLE = 1e-4
 """Smallest largest rotation per step, in radians: some 30,000 steps for a half turn."""
@@ -57,25 +58,49 @@ class _Moment:
 
 
 def roll(
-    equilibria: Equilibria, down: ArrayLike, max_angle: float | None = None
+    points_or_mesh: ArrayLike | Body,
+    down: ArrayLike,
+    max_angle: float | None = None,
+    *,
+    center_of_mass: ArrayLike | Literal["hull"] | None = None,
+    coplanar_tolerance: float | None = None,
 ) -> tuple[RollStep, ...]:
     """Let a body go at one orientation and follow it to rest.
+
+    Parameters
+    ----------
+    points_or_mesh, center_of_mass, coplanar_tolerance: as for `dicedesign.rest_poses`.
+    down, max_angle: as for `roll_steps`.
+
+    Returns the steps, the first as it was let go and the last on a stable facet. Their vertices are
+    those of the hull of the points, `dicedesign.rest_poses(...).hull`.
+
+    Raises
+    ------
+    DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`.
+    InputError: as that, or as `roll_steps`.
+
+    Source: algorithm 1.
+    """
+    poses = rest_poses(points_or_mesh, center_of_mass, coplanar_tolerance=coplanar_tolerance)
+    return roll_steps(poses.morse.equilibria, down, max_angle)
+
+
+def roll_steps(
+    equilibria: Equilibria, down: ArrayLike, max_angle: float | None = None
+) -> tuple[RollStep, ...]:
+    """As `roll`, of a body whose hull has been classified.
 
     Parameters
     ----------
     equilibria: the classified hull.
     down: (3,) direction that points down at first, in the body's frame, not zero.
     max_angle: largest rotation in radians from one step to the next, at least `SMALLEST_ANGLE`;
-        longer ones are split.
-        Default: one step for each change of contact.
-
-    Returns the steps, the first as it was let go and the last on a stable facet.
+        longer ones are split. Default: one step for each change of contact.
 
     Raises
     ------
     InputError: `down` is not three finite numbers or zero; `max_angle` is below `SMALLEST_ANGLE`.
-
-    Source: algorithm 1.
     """
     start = np.asarray(down, dtype=np.float64)
     if start.shape != (3,) or not np.isfinite(start).all() or not start.any():

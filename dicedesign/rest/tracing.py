@@ -14,7 +14,7 @@ import numpy as np
 
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.sphere import norms, oblique_projection
-from dicedesign.rest import compiled
+from dicedesign.kernels import ops as kernels
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, ragged_ranges
 from dicedesign.tolerances import ROUNDING
@@ -206,7 +206,8 @@ def slide(
     Returns the facets (k,) that the body then tips onto, and (k,) whether rounding cannot change
     them.
     """
-    found = compiled.slides(equilibria, vertices, directions, errors)
+    body = equilibria.hull, equilibria.center_of_mass, equilibria.tie_distance
+    found = kernels.slides(*body, vertices, directions, errors)
     return _step_by_step(equilibria, vertices, directions, errors) if found is None else found
 
 
@@ -252,7 +253,8 @@ def descend(equilibria: Equilibria, facets: Integers) -> Integers:
 
 def destined_facets(equilibria: Equilibria, facets: Integers) -> Integers:
     """Stable facet (k,) on which a body comes to rest that is let go on facets (k,)."""
-    found = compiled.destinations(equilibria, facets)
+    body = equilibria.hull, equilibria.center_of_mass, equilibria.tie_distance
+    found = kernels.destinations(*body, facets)
     return _numpy_destinations(equilibria, facets) if found is None else found
 
 

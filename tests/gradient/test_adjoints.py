@@ -5,14 +5,15 @@ from __future__ import annotations
 
 import gc
 import weakref
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 
 import numpy as np
 import pytest
 import torch
 from common.attached_points import corner_formula
 from common.blade import blade
+from common.kernels import compiled_only, without_kernels
 
 from dicedesign.bench.bodies import solids
 from dicedesign.bench.bodies.extremes import large
@@ -27,10 +28,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.differentiable_rest import differentiable_rest
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.gradient.solid_moments import centroid_gradient, hull_centroid
-from dicedesign.kernels import ops as kernels
 from dicedesign.rest.equilibria import classify
-
-compiled_only = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
 
 REGULARIZERS = {"coplanar": 0.3, "barycenter": 1.7, "neighbor": 0.4, "stability": 0.2}
 WEIGHTS = EnergyWeights(**REGULARIZERS, neighbor_radius=0.6, stability_margin=0.3)
@@ -59,13 +57,6 @@ BODIES: dict[str, Callable[[], np.ndarray]] = {
 @pytest.fixture(params=BODIES)
 def points(request: pytest.FixtureRequest) -> np.ndarray:
     return BODIES[request.param]()
-
-
-@contextmanager
-def without_kernels() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kernels, "compiled", None)
-        yield
 
 
 def both_ways(points: np.ndarray) -> list[RestEvaluation]:
@@ -137,7 +128,6 @@ def test_normals(points: np.ndarray) -> None:
 def test_the_jacobian_has_the_gradients_as_rows(points: np.ndarray) -> None:
     for rests in both_ways(points):
         jacobian = rests.jacobian
-        assert jacobian is not None
         assert jacobian.shape == (len(rests.paths.rests), rests.vertices.numel())
         for place in range(0, len(jacobian), max(1, len(jacobian) // 5)):
             row = gradients(rests.probabilities[place], rests)[: len(rests.vertices)]
@@ -224,15 +214,11 @@ def test_derivatives_can_be_differentiated_again(random_points) -> None:
     assert torch.autograd.gradgradcheck(probabilities, (points,), atol=1e-5, rtol=1e-4)
 
 
-@pytest.mark.parametrize("compiled", [True, False], ids=["kernels", "no kernels"])
+@pytest.mark.parametrize("way", [nullcontext, without_kernels])
 def test_corners_of_half_spaces_pull_gradients_back(
-    random_points, monkeypatch: pytest.MonkeyPatch, compiled: bool
+    random_points, way: Callable[[], AbstractContextManager]
 ) -> None:
     """Row by row as the formula in torch does, with a half-space that cuts nothing."""
-    if not compiled:
-        monkeypatch.setattr(kernels, "compiled", None)
-    elif kernels.compiled is None:
-        pytest.skip("no compiled kernels")
     points = random_points(6, 10)
     coordinates, values = FacetCoordinates.of(points, points.mean(axis=0))
     count = len(values) // 4
@@ -242,9 +228,10 @@ def test_corners_of_half_spaces_pull_gradients_back(
     by_formula = corner_formula(leaf, coordinates.origin)
     np.testing.assert_allclose(shape.points, by_formula.detach(), atol=1e-13)
     rows = np.random.default_rng(0).normal(size=(4, *shape.points.shape))
-    found = shape.pulled_back(rows)
+    with way():
+        found = shape.pulled_back(rows)
+        assert shape.pulled_back(rows[:0]).shape == (0, len(parameters))
     assert found.shape == (4, len(parameters))
-    assert shape.pulled_back(rows[:0]).shape == (0, len(parameters))
     for row, slope in zip(rows, found, strict=True):
         expected = torch.autograd.grad(
             (by_formula * torch.tensor(row)).sum(), leaf, retain_graph=True

@@ -19,7 +19,7 @@ from dicedesign.geometry.sphere import angle_between
 from dicedesign.report.figures.gauss_map import basin_of_directions
 from dicedesign.rest.equilibria import Tie, classify
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.rest.roll import roll
+from dicedesign.rest.roll import roll_steps
 from dicedesign.rest.tracing import destined_facets
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
@@ -86,7 +86,9 @@ def test_margins_are_the_nearest_ways_out(seed: int) -> None:
             continue
         down = foot / np.linalg.norm(foot)
         across = np.cross(b - a, down)
-        ends = [roll(rests.morse.equilibria, down + s * 1e-7 * across)[-1].down for s in (-1, 1)]
+        ends = [
+            roll_steps(rests.morse.equilibria, down + s * 1e-7 * across)[-1].down for s in (-1, 1)
+        ]
         basins = [int(np.argmax(rests.normals @ end)) for end in ends]
         if basins[0] != basins[1]:
             for basin in basins:
@@ -118,7 +120,7 @@ def test_polylines_run_from_maximum_to_maximum_with_basins_beside(seed: int) -> 
             if np.linalg.norm(there - here) < 1e-4:
                 continue
             for basin, sign in ((left, 1.0), (right, -1.0)):
-                ended = roll(morse.equilibria, middle + sign * aside)[-1].down
+                ended = roll_steps(morse.equilibria, middle + sign * aside)[-1].down
                 np.testing.assert_array_equal(ended, rests.normals[basin])
 
 
@@ -128,7 +130,7 @@ def test_basins_of_facets_agree_with_rolls(seed: int) -> None:
     basins = rests.morse.basin_of_facet
     np.testing.assert_array_equal(basins[rests.facets], np.arange(len(rests.facets)))
     for normal, basin in zip(rests.hull.normals, basins, strict=True):
-        ended = roll(rests.morse.equilibria, normal)[-1].down
+        ended = roll_steps(rests.morse.equilibria, normal)[-1].down
         np.testing.assert_array_equal(ended, rests.normals[basin])
 
 
@@ -142,7 +144,7 @@ def test_a_balance_that_no_basin_depends_on_stops_no_roll(problem: Problem) -> N
         destined_facets(watchful, np.arange(len(rests.hull.normals)))
     assert (rests.morse.basin_of_facet == 0).all()
     for normal in rests.hull.normals[::7]:
-        np.testing.assert_array_equal(roll(equilibria, normal)[-1].down, rests.normals[0])
+        np.testing.assert_array_equal(roll_steps(equilibria, normal)[-1].down, rests.normals[0])
     directions = np.random.default_rng(0).normal(size=(50, 3))
     assert (basin_of_directions(rests, directions) == 0).all()
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from itertools import pairwise, product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, OutsideHullError
 from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.poses import rest_poses
-from dicedesign.rest.roll import RollStep, roll
+from dicedesign.rest.roll import RollStep, roll, roll_steps
 from dicedesign.rest.tracing import destined_facets
 
 
@@ -26,7 +28,7 @@ def body(seed: int) -> Equilibria:
 def rolls(seed: int, max_angle: float | None) -> list[tuple[Equilibria, tuple[RollStep, ...]]]:
     equilibria = body(seed)
     downs = np.random.default_rng(seed).normal(size=(12, 3))
-    return [(equilibria, roll(equilibria, down, max_angle)) for down in downs]
+    return [(equilibria, roll_steps(equilibria, down, max_angle)) for down in downs]
 
 
 def placed(step: RollStep, points: np.ndarray) -> np.ndarray:
@@ -96,7 +98,7 @@ def test_rolls_end_where_facets_are_destined(seed: int) -> None:
     assert equilibria.stable[destined].all()
     np.testing.assert_array_equal(destined[equilibria.stable], facets[equilibria.stable])
     for facet in facets:
-        last = roll(equilibria, hull.normals[facet])[-1]
+        last = roll_steps(equilibria, hull.normals[facet])[-1]
         np.testing.assert_array_equal(last.down, hull.normals[destined[facet]])
         assert last.contact == "facet"
 
@@ -107,7 +109,7 @@ def test_rolls_from_everywhere_count_up_to_the_probabilities() -> None:
         rests = rest_poses(equilibria.hull.vertices, equilibria.center_of_mass)
         count = 600
         downs = np.random.default_rng(seed).normal(size=(count, 3))
-        ends = np.array([roll(equilibria, down)[-1].down for down in downs])
+        ends = np.array([roll_steps(equilibria, down)[-1].down for down in downs])
         found = np.bincount(np.argmax(ends @ rests.normals.T, axis=1)) / count
         p = rests.probabilities
         assert (np.abs(found - p) <= 5 * np.sqrt(p * (1 - p) / count)).all()
@@ -116,7 +118,7 @@ def test_rolls_from_everywhere_count_up_to_the_probabilities() -> None:
 def test_a_body_at_rest_stays() -> None:
     cube = classify(convex_hull(np.array(list(product([-1.0, 1.0], repeat=3)))), [0, 0, 0])
     for down in cube.hull.normals:
-        steps = roll(cube, 4.0 * down)
+        steps = roll_steps(cube, 4.0 * down)
         assert len(steps) == 1
         assert np.allclose(steps[0].down, down, atol=1e-15)
         assert steps[0].contact == "facet"
@@ -126,13 +128,13 @@ def test_a_body_at_rest_stays() -> None:
 @pytest.mark.parametrize("down", [[0, 0, 0], [1, 2], [np.nan, 0, 1], [[0, 0, 1]]])
 def test_bad_directions_are_refused(down: ArrayLike) -> None:
     with pytest.raises(InputError, match=r"^down: expected three finite numbers, not all zero, go"):
-        roll(body(0), down)
+        roll_steps(body(0), down)
 
 
 @pytest.mark.parametrize("angle", [0.0, -1.0, 1e-9, float("nan")])
 def test_bad_angles_are_refused(angle: float) -> None:
     with pytest.raises(InputError, match=r"^max angle: expected at least 0.0001 radians, got "):
-        roll(body(0), [0, 0, 1], angle)
+        roll_steps(body(0), [0, 0, 1], angle)
 
 
 def test_a_body_let_go_on_a_balancing_corner_rolls_all_the_same() -> None:
@@ -140,14 +142,36 @@ def test_a_body_let_go_on_a_balancing_corner_rolls_all_the_same() -> None:
     for points in (cube, np.random.default_rng(3).normal(size=(20, 3))):
         equilibria = rest_poses(points).morse.equilibria
         for peak in equilibria.radii[equilibria.maximum]:
-            steps = roll(equilibria, peak, max_angle=0.1)
+            steps = roll_steps(equilibria, peak, max_angle=0.1)
             assert np.isfinite([step.height for step in steps]).all()
             assert steps[-1].contact == "facet"
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e-5, 1e300])
 def test_the_length_of_a_direction_does_not_matter(size: float) -> None:
-    expected = roll(body(0), [0.3, -0.2, 1.0])
-    found = roll(body(0), [0.3 * size, -0.2 * size, size])
+    expected = roll_steps(body(0), [0.3, -0.2, 1.0])
+    found = roll_steps(body(0), [0.3 * size, -0.2 * size, size])
     assert [step.contact for step in found] == [step.contact for step in expected]
     np.testing.assert_allclose(found[-1].transform, expected[-1].transform, atol=1e-12)
+
+
+def test_a_body_rolls_as_it_comes() -> None:
+    """Points, a mesh or a body, with the center of mass and the facets of its rests."""
+    points = np.random.default_rng(4).normal(size=(14, 3))
+    down = [0.3, -0.2, 1.0]
+    expected = roll_steps(rest_poses(points).morse.equilibria, down, 0.2)
+    hull = convex_hull(points)
+    triangles = hull.source[hull.triangles]
+    for given in (
+        points,
+        points.tolist(),
+        make_body(points, triangles),
+        SimpleNamespace(vertices=points, faces=triangles),
+    ):
+        steps = roll(given, down, 0.2)
+        assert [step.vertices for step in steps] == [step.vertices for step in expected]
+        np.testing.assert_allclose(steps[-1].transform, expected[-1].transform, atol=1e-12)
+    aside = 0.8 * hull.centroid + 0.2 * hull.vertices[0]
+    assert roll(points, down, center_of_mass=aside)[-1].down in rest_poses(points, aside).normals
+    with pytest.raises(OutsideHullError, match="center of mass"):
+        roll(points, down, center_of_mass=[9.0, 0.0, 0.0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
@@ -100,17 +100,8 @@ class HullDraft:
     def jacobian(self) -> Floats:
         """(k, n, 3) of the odds in the corners."""
         rests = self.rests
-        of_rests = rests.jacobian
-        if of_rests is None:
-            leaf = rests.vertices.detach().requires_grad_()
-            moving = replace(rests, vertices=leaf)
-            rows = [
-                torch.autograd.grad(odds, leaf, retain_graph=True)[0].numpy()
-                for odds in moving.probabilities
-            ]
-            of_rests = np.stack(rows)
         sums = np.zeros((len(self.main), *self.corners.shape))
-        by_corner = of_rests.reshape(len(self.of_rest), -1, 3)
+        by_corner = rests.jacobian.reshape(len(self.of_rest), -1, 3)
         for outcome in range(len(self.main)):
             mine = self.of_rest == outcome
             sums[outcome, rests.hull.source] = by_corner[mine].sum(axis=0)

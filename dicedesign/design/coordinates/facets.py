@@ -69,12 +69,10 @@ class FacetCoordinates:
 
         def pulled_back(gradients: Floats) -> Floats:
             rows = gradients.reshape(len(gradients), corners.size)
-            if kernels.compiled is None:
+            pulled = kernels.corner_gradients(normals, polar, facets, corners, rows)
+            if pulled is None:
                 return _corner_gradients(normals, polar, facets, corners, rows)
-            by_parameters: Floats = kernels.compiled.corner_gradients(
-                normals, polar, facets.ravel(), corners, rows
-            )
-            return by_parameters
+            return pulled
 
         return Shape(self.origin + corners, pulled_back)
 

@@ -9,14 +9,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from dicedesign.design.energy.clusters import ClusteredRests
-from dicedesign.design.energy.term import SMALLEST_MEAN, EnergyWeights
+from dicedesign.design.energy.term import (
+    LARGEST_SQUARED_DISTANCE,
+    SMALLEST_MEAN,
+    EnergyWeights,
+)
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats
 
@@ -64,11 +68,12 @@ class Energy:
         uniform solid moves."""
         rests = self.state.rests
         parts: list[Floats] = []
-        if self._compiled is not None and kernels.compiled is not None:
+        if self._compiled is not None:
             by_vertices, by_center = self._compiled.gradient(self._kernel_weights)
             for name, (_, slopes) in self._of_depths.items():
                 weight = self.weights.of_terms[name]
-                walls = rests.depth_gradient(kernels.compiled, weight * slopes)
+                walls = rests.depth_gradient(weight * slopes)
+                assert walls is not None, "kernels that have the energies have these"
                 by_vertices, by_center = by_vertices + walls[0], by_center + walls[1]
             parts.append(rests.with_center(by_vertices, by_center))
         varying = [term for term in self._in_torch.values() if term.requires_grad]
@@ -107,26 +112,20 @@ class Energy:
         return weights
 
     @cached_property
-    def _compiled(self) -> Any:
+    def _compiled(self) -> kernels.Energies | None:
         """Terms that the kernels evaluate together, with a gradient derived by hand; None without
         kernels."""
-        if kernels.compiled is None:
-            return None
         rests, clusters = self.state.rests, self.state.clusters
-        hull, paths = rests.hull, rests.paths
-        return kernels.compiled.Energies(
-            *paths.branches,
-            paths.rests,
-            hull.facet_start,
-            hull.tail,
-            hull.vertices,
+        return kernels.energies(
+            rests.hull,
+            rests.paths,
             rests.equilibria.center_of_mass,
-            hull.normals,
-            rests.odds,
-            clusters.of_rest,
-            clusters.directions,
-            np.asarray(self.state.target, dtype=np.float64),
-            self.weights.neighbor_radius,
-            SMALLEST_MEAN,
-            [weight > 0.0 for weight in self._kernel_weights],
+            odds=rests.odds,
+            of_rest=clusters.of_rest,
+            directions=clusters.directions,
+            target=np.asarray(self.state.target, dtype=np.float64),
+            neighbor_radius=self.weights.neighbor_radius,
+            smallest_mean=SMALLEST_MEAN,
+            no_rest=LARGEST_SQUARED_DISTANCE,
+            wanted=[weight > 0.0 for weight in self._kernel_weights],
         )

@@ -17,7 +17,17 @@ if TYPE_CHECKING:
     from dicedesign.design.energy.clusters import ClusteredRests
     from dicedesign.runtime.arrays import Floats
 
-__all__ = ["SMALLEST_MEAN", "TERMS", "EnergyWeights", "Term", "TermOption"]
+__all__ = [
+    "LARGEST_SQUARED_DISTANCE",
+    "SMALLEST_MEAN",
+    "TERMS",
+    "EnergyWeights",
+    "Term",
+    "TermOption",
+]
+
+LARGEST_SQUARED_DISTANCE: Final = 4.0
+"""Between two unit vectors: what a cluster without a rest is charged."""
 
 SMALLEST_MEAN: Final = 1e-3
 """Length of the sum of a region's maxima below which it is no longer stretched to length 1: maxima

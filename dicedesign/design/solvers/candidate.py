@@ -83,10 +83,7 @@ class Candidate:
         """(k, n) derivatives of the odds in the parameters, those of all outcomes in one sweep."""
         if self.thrown is not None:
             return self._in_parameters(self.thrown.jacobian(self.rests)[self.rest_of_outcome])
-        jacobian = self.rests.jacobian
-        if jacobian is None:
-            return self.jacobian(self.rests.probabilities[self.rest_of_outcome])
-        return self._in_parameters(jacobian[self.rest_of_outcome])
+        return self._in_parameters(self.rests.jacobian[self.rest_of_outcome])
 
     def jacobian(self, *values: Tensor) -> Floats:
         """(r, n) derivatives of the values of vectors, r in all, in the parameters."""

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.compiled_hull import hull_attributes, properties
 from dicedesign.geometry.integers import IntegerPoints
 from dicedesign.geometry.meshes.body import as_numbers
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32, ROUNDING, SLIVER
 
@@ -33,7 +33,7 @@ FLOAT64_EPS: Final = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)
-class ConvexHull:
+class ConvexHull(kernels.Handled):
     """A convex polyhedron with polygonal facets.
 
     Attributes
@@ -59,6 +59,13 @@ class ConvexHull:
         hull = object.__new__(cls)
         hull.__dict__.update(attributes)
         return hull
+
+    @cached_property
+    def handle(self) -> Any:
+        """This hull as kernels take it."""
+        polygons = self.vertices, self.facet_start, self.tail, self.twin
+        ways = self.head, self.facet, self.next, self.previous, *self.outgoing
+        return kernels.new_handle("Hull", *polygons, *ways, self.normals, self.areas)
 
     @cached_property
     def facet(self) -> Integers:
@@ -229,7 +236,7 @@ def convex_hull(
         )
     eps = FLOAT32_EPS if single else FLOAT64_EPS
     if coplanar_tolerance != 0.0:
-        attributes = hull_attributes(given, float(coplanar_tolerance), eps)
+        attributes = kernels.convex_hull(given, float(coplanar_tolerance), eps)
         if attributes is not None:
             return ConvexHull.with_attributes(attributes)
     # Imported late: it takes SciPy along, which costs more time than a hull.
@@ -238,5 +245,5 @@ def convex_hull(
     positions = given.astype(np.float64)
     source, facet_start, tail, twin = hull_half_edges(positions, float(coplanar_tolerance), eps)
     hull = ConvexHull(positions[source], source, facet_start, tail, twin)
-    hull.__dict__.update(properties(hull.vertices, facet_start, tail, twin))
+    hull.__dict__.update(kernels.hull_properties(hull.vertices, facet_start, tail, twin) or {})
     return hull

@@ -1,9 +1,8 @@
-"""Convex hulls by Qhull, with the coplanar ones of its triangles merged in NumPy.
+"""Convex hulls by Qhull, with the coplanar ones of its triangles merged in NumPy, and the errors
+for points that span no solid.
 
 This is the way for bodies about which the compiled kernels give up, for a coplanar tolerance of 0,
 and for all bodies where kernels were not built.
-
-Points that span no solid, or hardly one.
 """
 
 from __future__ import annotations

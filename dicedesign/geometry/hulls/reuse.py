@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from types import ModuleType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from dicedesign.geometry.hulls.compiled_hull import moved_attributes
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
@@ -89,8 +87,9 @@ def same_connectivity(hull: ConvexHull, points: Floats) -> ConvexHull | None:
         source = np.arange(len(points))
     if not source[-1] < len(points) <= len(source) + MOST_INSIDE:
         return None
-    if kernels.compiled is not None:
-        return _moved(kernels.compiled, hull, points, source)
+    attributes = kernels.moved_hull(points, source, hull.facet_start, hull.tail, hull.twin)
+    if attributes is not None:
+        return _moved(hull, source, attributes) if attributes else None
     lower, upper = points.min(axis=0), points.max(axis=0)
     scale = float((upper - lower).max()) / 2.0
     # False too where a number is missing or infinite.
@@ -105,13 +104,8 @@ def same_connectivity(hull: ConvexHull, points: Floats) -> ConvexHull | None:
         return moved if _contains(moved, others, scale) else None
 
 
-def _moved(
-    kernel: ModuleType, hull: ConvexHull, points: Floats, source: Integers
-) -> ConvexHull | None:
-    """`same_connectivity` by the compiled kernels."""
-    attributes = moved_attributes(kernel, points, source, hull.facet_start, hull.tail, hull.twin)
-    if attributes is None:
-        return None
+def _moved(hull: ConvexHull, source: Integers, attributes: dict[str, Any]) -> ConvexHull:
+    """The hull with the vertices and measures that a kernel found."""
     kept = {name: value for name, value in hull.__dict__.items() if name in KEPT}
     return ConvexHull.with_attributes({**kept, "source": source, **attributes})
 

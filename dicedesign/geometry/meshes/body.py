@@ -67,7 +67,7 @@ def make_body(
     array = as_numbers(points, name)
     single = single_precision or (array.dtype.kind == "f" and array.dtype.itemsize <= 4)
     positions = array.astype(np.float64, order="C")
-    if kernels.compiled is None or not kernels.compiled.are_proper(positions, SMALLEST_EXTENT):
+    if not kernels.are_proper(positions, SMALLEST_EXTENT):
         _check_coordinates(positions, name)
     faces: Integers | None = None
     if triangles is not None and np.size(triangles) > 0:
@@ -124,9 +124,9 @@ def repeated_positions(
 ) -> tuple[Integers, Integers] | None:
     """The first point (m,) at each position of points (n, 3), in order, and (n,) the place of each
     point's position there; None may be said where all positions differ."""
-    if kernels.compiled is not None:
-        repeated: tuple[Integers, Integers] | None = kernels.compiled.repeated_positions(points)
-        return repeated
+    positions = kernels.repeated_positions(points)
+    if positions is not None:
+        return positions or None
     order = np.lexsort(points.T)
     ranked = points[order]
     is_new = np.ones(len(order), dtype=bool)

@@ -91,8 +91,8 @@ def oriented_shells(points: Floats, triangles: Integers) -> tuple[Integers, int]
 
 def shells_of(triangles: Integers) -> Integers:
     """(t,) the shell of each triangle (t, 3); triangles of one shell are joined by edges."""
-    if kernels.compiled is not None:
-        shells: Integers = kernels.compiled.shells(triangles, int(triangles.max()) + 1)
+    shells = kernels.shells(triangles)
+    if shells is not None:
         return shells
     keys = edge_keys(triangles)
     order = np.argsort(keys, kind="stable")

@@ -70,7 +70,7 @@ def can_be_filmed(die: FinishedDie) -> bool:
 
     thrown = die.thrown
     has_mesh = thrown is not None and thrown.die.solid.triangles is not None
-    return has_mesh and kernels.compiled is not None
+    return has_mesh and kernels.available()
 
 
 @lru_cache(maxsize=1)

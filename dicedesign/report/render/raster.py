@@ -60,9 +60,9 @@ def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Intege
     -------
     (size, size) triangle of each pixel, or -1, and (size, size) its depth, or -inf.
     """
-    if kernels.compiled is not None:
-        seen, depth = kernels.compiled.rasterize(positions, triangles, size)
-        return seen, depth
+    picture = kernels.rasterize(positions, triangles, size)
+    if picture is not None:
+        return picture
     owner, row, left, right = _spans(positions[triangles], size)
     first = np.ceil(left[:, 0] - 0.5).clip(0, size).astype(np.int64)
     count = (np.ceil(right[:, 0] - 0.5).clip(0, size).astype(np.int64) - first).clip(0)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +19,16 @@ if TYPE_CHECKING:
 
 __all__ = ["advance", "require", "throw_states"]
 
+MISSING: Final = (
+    "engine native: expected the compiled kernels, but they were not built; install the package "
+    "where there is a C++ compiler, or take the engine mujoco"
+)
 
-def require() -> ModuleType:
-    """The compiled kernels. Raises InputError: they are missing."""
-    if kernels.compiled is None:
-        raise InputError(
-            "engine native: expected the compiled kernels, but they were not built; install the "
-            "package where there is a C++ compiler, or take the engine mujoco"
-        )
-    return kernels.compiled
+
+def require() -> None:
+    """Raises InputError: the compiled kernels are missing."""
+    if not kernels.available():
+        raise InputError(MISSING)
 
 
 def throw_states(
@@ -67,10 +67,11 @@ def advance(
         contact.explicit_energy,
     )
     scale = table.size / 2.0
-    found: tuple[Integers, Integers] = require().advance_throws(
-        *_landscape(body, scale), body.moments * scale**2, np.array(how), states, steps
-    )
-    return found
+    landscape, moments = _landscape(body, scale), body.moments * scale**2
+    advanced = kernels.advance_throws(landscape, moments, np.array(how), states, steps)
+    if advanced is None:
+        raise InputError(MISSING)
+    return advanced
 
 
 def _landscape(body: RigidBody, scale: float) -> tuple[NDArray[np.generic], ...]:

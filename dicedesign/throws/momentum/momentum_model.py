@@ -11,12 +11,23 @@ from typing import Any, Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.momentum.transition_features import CARRY_FEATURES, TRANSITION_FEATURES
+from dicedesign.kernels import ops as kernels
+from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.momentum.transition_features import (
+    CARRY_FEATURES,
+    SMOOTHING,
+    TRANSITION_FEATURES,
+)
 from dicedesign.throws.tables import table_entries, table_named
+from dicedesign.tolerances import ROUNDING
 
 __all__ = [
+    "CARRIES",
     "CARRY_OUTPUTS",
+    "IMPACTS",
+    "MOST_RATE",
+    "MOST_STRETCH",
+    "NO_BARRIER",
     "TRANSITION_OUTPUTS",
     "MomentumModel",
     "Network",
@@ -32,6 +43,22 @@ stretch."""
 
 CARRY_OUTPUTS: Final = 3
 """Logarithm of the rate of a carry, in three terms."""
+
+IMPACTS: Final = 12
+"""Impacts in which a die may leave its basin."""
+
+CARRIES: Final = 3
+"""Carries, at most, after one of them."""
+
+MOST_RATE: Final = 8.0
+"""Logarithm of the rates of transitions and carries, at most; a die as good as certainly goes
+then."""
+
+MOST_STRETCH: Final = 3.0
+"""Logarithm of the factor that a transition's features may put before its barrier, at most."""
+
+NO_BARRIER: Final = 0.003
+"""Barrier over the radius below which a rest is left the more surely the lower it is."""
 
 TRANSITIONS_KEY: Final = "passes"
 """Name of transitions in files."""
@@ -88,7 +115,7 @@ class Slopes:
 
 
 @dataclass(frozen=True)
-class MomentumModel:
+class MomentumModel(kernels.Handled):
     """Parameters of the model, NumPy or torch.
 
     Attributes
@@ -141,13 +168,18 @@ class MomentumModel:
         )
 
     @cached_property
-    def flat(self) -> tuple[Floats, Integers]:
-        """All numbers of a model in NumPy in one array, as kernels take them, and (2,) how many
-        hidden units the networks have."""
+    def handle(self) -> Any:
+        """This model as kernels take it, in NumPy."""
         networks = self.transitions, self.carries
         numbers = [np.array([self.hot, self.cooling, self.carry_barrier])]
         numbers += [part.ravel() for network in networks for part in network.unscaled()]
-        return np.concatenate(numbers), np.array([len(network.shift) for network in networks])
+        return kernels.new_handle(
+            "Momentum",
+            np.concatenate(numbers),
+            [len(network.shift) for network in networks],
+            (IMPACTS, CARRIES),
+            (MOST_RATE, MOST_STRETCH, NO_BARRIER, *SMOOTHING, ROUNDING),
+        )
 
 
 def momentum_model(table: str) -> MomentumModel | None:

@@ -17,10 +17,9 @@ from __future__ import annotations
 
 import math
 from types import ModuleType
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.meshes.body import Body
@@ -28,29 +27,21 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.rest.morse import Separatrices
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.momentum.momentum_model import MomentumModel, momentum_model
+from dicedesign.throws.momentum.momentum_model import (
+    CARRIES,
+    IMPACTS,
+    MOST_RATE,
+    MOST_STRETCH,
+    NO_BARRIER,
+    MomentumModel,
+    momentum_model,
+)
 from dicedesign.throws.momentum.transition_features import Features, body_features
 from dicedesign.throws.momentum.transitions import Transitions
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.tolerances import ROUNDING
 
-__all__ = ["hull_odds", "kernel_arrays", "landing_odds", "momentum_odds", "thrown_odds"]
-
-IMPACTS: Final = 12
-"""Impacts in which a die may leave its basin."""
-
-CARRIES: Final = 3
-"""Carries, at most, after one of them."""
-
-MOST_RATE: Final = 8.0
-"""Logarithm of the rates of transitions and carries, at most; a die as good as certainly goes
-then."""
-
-MOST_STRETCH: Final = 3.0
-"""Logarithm of the factor that a transition's features may put before its barrier, at most."""
-
-NO_BARRIER: Final = 0.003
-"""Barrier over the radius below which a rest is left the more surely the lower it is."""
+__all__ = ["hull_odds", "landing_odds", "momentum_odds", "thrown_odds"]
 
 
 def landing_odds(
@@ -119,23 +110,12 @@ def hull_odds(
     center: (3,) center of mass; inertia: (3, 3) tensor of inertia about it over the mass, in the
     squared unit of length; odds: (k,) without momentum; model: in NumPy.
     """
-    compiled = kernels.compiled
-    if compiled is not None:
-        arrays = kernel_arrays(hull, paths, model)
-        found: Floats = compiled.thrown_odds(*arrays, hull.vertices, center, inertia, odds)
-        return found
-    transitions = Transitions.of(hull, paths)
-    features = body_features(transitions, hull.vertices, center, inertia, odds, np)
-    landed: Floats = landing_odds(features, transitions, model, np)
-    return landed
-
-
-def kernel_arrays(
-    hull: ConvexHull, paths: Separatrices, model: MomentumModel
-) -> tuple[NDArray[Any], ...]:
-    """What the kernels of the momentum model are told first."""
-    ways = paths.rests, paths.basins, paths.saddle_ends
-    return hull.facet_start, hull.tail, *ways, *model.flat
+    thrown = kernels.thrown_odds(hull, paths, model, center, inertia, odds)
+    if thrown is None:
+        transitions = Transitions.of(hull, paths)
+        features = body_features(transitions, hull.vertices, center, inertia, odds, np)
+        thrown = landing_odds(features, transitions, model, np)
+    return thrown
 
 
 def thrown_odds(body: Body, poses: RestPoses, table: str = "board-game") -> Floats:

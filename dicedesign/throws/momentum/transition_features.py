@@ -86,6 +86,9 @@ MOST_LACKING: Final = 3.0
 SHARPNESS: Final = 10.0
 """Of the smoothed positive part of the energy lacking."""
 
+SMOOTHING: Final = (LOG_SOFTENING, SPEED_SOFTENING, ENERGY_SOFTENING, MOST_LACKING, SHARPNESS)
+"""These constants in the order in which kernels take them."""
+
 
 @dataclass(frozen=True)
 class Features:

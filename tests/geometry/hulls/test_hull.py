@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from common.kernels import without_kernels
 from scipy.spatial import ConvexHull as QhullHull
 from scipy.spatial.transform import Rotation
 
@@ -279,6 +280,7 @@ def test_what_is_nearly_flat_is_called_so() -> None:
         convex_hull(thin)
 
 
+@without_kernels()
 def test_facets_that_make_no_polyhedron_are_merged_again_and_then_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -288,7 +290,6 @@ def test_facets_that_make_no_polyhedron_are_merged_again_and_then_refused(
         tolerances.append(tolerance)
         return np.zeros(len(triangles), dtype=np.int64)
 
-    monkeypatch.setattr("dicedesign.kernels.ops.compiled", None)
     monkeypatch.setattr("dicedesign.geometry.hulls.numpy_hull.facet_labels", labels)
     with pytest.raises(DegenerateBodyError, match=r"told apart, got none .* pass another"):
         convex_hull(CUBE, 1e-3)

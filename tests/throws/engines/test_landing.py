@@ -8,7 +8,7 @@ from common.thrown import compiled_only, random_body
 
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.kernels import ops as kernels
-from dicedesign.rest.roll import roll
+from dicedesign.rest.roll import roll_steps
 from dicedesign.throws.engines.landing import final_rest, rest_below
 
 
@@ -16,7 +16,7 @@ from dicedesign.throws.engines.landing import final_rest, rest_below
 def test_against_a_roll_to_rest(seed: int) -> None:
     body, poses = random_body(seed)
     for down in unit_vectors(np.random.default_rng(seed).normal(size=(40, 3))):
-        steps = roll(poses.morse.equilibria, down)
+        steps = roll_steps(poses.morse.equilibria, down)
         rest = rest_below(body, down @ body.axes)
         np.testing.assert_allclose(poses.normals[rest], steps[-1].down, atol=1e-9)
 

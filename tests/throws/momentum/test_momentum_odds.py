@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+from common.kernels import compiled_only, without_kernels
 from numpy.typing import NDArray
 
 from dicedesign.bench.bodies import solids
@@ -30,8 +30,6 @@ from dicedesign.throws.rigid_body import rigid_body
 from dicedesign.throws.tables import table_entries
 
 Floats = NDArray[np.float64]
-
-compiled_only = pytest.mark.skipif(kernels.compiled is None, reason="kernels were not built")
 
 BOARD_GAME = ThrownOdds.on("board-game")
 
@@ -73,13 +71,6 @@ def points(request: pytest.FixtureRequest) -> Floats:
 @pytest.fixture(params=[name for name in BODIES if name not in WITH_TIES])
 def smooth_points(request: pytest.FixtureRequest) -> Floats:
     return BODIES[request.param]()
-
-
-@contextmanager
-def without_kernels() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kernels, "compiled", None)
-        yield
 
 
 def both_ways(points: Floats) -> list[RestEvaluation]:
@@ -265,8 +256,8 @@ def test_inertia_is_that_of_the_solid(points: Floats) -> None:
     expected = solid_inertia(hull.vertices, hull.triangles)
     _, by_torch = hull_inertia(torch.tensor(hull.vertices), hull)
     assert_near(by_torch.numpy(), expected, 1e-12)
-    if kernels.compiled is not None:
-        found = kernels.compiled.solid_inertia(hull.facet_start, hull.tail, hull.vertices)
+    found = kernels.solid_inertia(hull)
+    if found is not None:
         assert_near(found, expected, 1e-12)
 
 

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dicedesign.design.energy.term import SMALLEST_MEAN, TERMS, EnergyWeights, Term
+from dicedesign.design.energy.term import (
+    LARGEST_SQUARED_DISTANCE,
+    SMALLEST_MEAN,
+    TERMS,
+    EnergyWeights,
+    Term,
+)
 
 if TYPE_CHECKING:
     from torch import Tensor
 
     from dicedesign.design.energy.clusters import ClusteredRests
 
-__all__ = ["LARGEST_SQUARED_DISTANCE", "barycenter_energy"]
-
-LARGEST_SQUARED_DISTANCE: Final = 4.0
-"""Between two unit vectors: what a cluster without a rest is charged."""
+__all__ = ["barycenter_energy"]
 
 
 def barycenter_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:

@@ -1,0 +1,104 @@
+// A hull and its center of mass, in doubles or in twofold numbers.
+#pragma once
+
+#include <type_traits>
+#include <vector>
+
+#include "hull/hull.hpp"
+#include "twofold.hpp"
+#include "vector.hpp"
+
+namespace dicedesign {
+
+// Bounds on rounding, and how far the center of mass may move without a change of decisions.
+struct Tolerances {
+    double rounding;      // ROUNDING of `dicedesign.tolerances`, for doubles
+    double tie_distance;  // a length, 0 where ties are not looked for
+};
+
+inline double rounded(double a) { return a; }
+inline double rounded(const Twofold& a) { return a.high; }
+template <class Real>
+inline Vec rounded(const Vector<Real>& a) {
+    return {rounded(a.x), rounded(a.y), rounded(a.z)};
+}
+
+inline double difference(double a, double b, double) { return a - b; }
+inline Twofold difference(double a, double b, const Twofold&) { return exact_sum(a, -b); }
+
+template <class Real>
+inline Vector<Real> difference(const Vec& a, const Vec& b) {
+    const Real kind = Real();
+    return {difference(a.x, b.x, kind), difference(a.y, b.y, kind), difference(a.z, b.z, kind)};
+}
+
+// Vectors of a hull as seen from the center of mass, and bounds on their errors.
+template <class Real>
+class Frame {
+public:
+    Frame(const Hull& hull, const Vec& center, const Tolerances& tolerances)
+        : hull(hull),
+          // One operation on twofold numbers is wrong by less than 2^-103 of its result.
+          rounding(std::is_same_v<Real, Twofold> ? 0x1p-50 * tolerances.rounding
+                                                 : tolerances.rounding),
+          center_(center) {
+        if constexpr (std::is_same_v<Real, double>) {
+            normal_errors_.reserve(hull.facet_count);
+            for (Index f = 0; f < hull.facet_count; ++f) normal_errors_.push_back(error(f));
+        }
+    }
+
+    // r_p of a vertex.
+    Vector<Real> radius(Index p) const { return difference<Real>(hull.vertices[p], center_); }
+
+    // x_q - x_p of a half-edge.
+    Vector<Real> edge(Index e) const {
+        return difference<Real>(hull.vertices[hull.head[e]], hull.vertices[hull.tail[e]]);
+    }
+
+    // Outward normal of a facet, of length 1 or nearly so.
+    Vector<Real> normal(Index f) const {
+        if constexpr (std::is_same_v<Real, double>) {
+            return hull.normals[f];
+        } else {
+            const Index start = hull.facet_start[f], end = hull.facet_start[f + 1];
+            const Vec& anchor = hull.vertices[hull.tail[start]];
+            Vector<Real> total{0.0, 0.0, 0.0};
+            for (Index e = start + 1; e + 1 < end; ++e) {
+                total = total + cross(difference<Real>(hull.vertices[hull.tail[e]], anchor),
+                                      difference<Real>(hull.vertices[hull.head[e]], anchor));
+            }
+            return Real(0.5 / hull.areas[f]) * total;
+        }
+    }
+
+    // Bound on the error of that normal, as a length.
+    double normal_error(Index f) const {
+        if constexpr (std::is_same_v<Real, double>) {
+            return normal_errors_[f];
+        } else {
+            return error(f);
+        }
+    }
+
+    const Hull& hull;
+    const double rounding;
+
+private:
+    double error(Index f) const {
+        const Index start = hull.facet_start[f], end = hull.facet_start[f + 1];
+        const Vec anchor = hull.vertices[hull.tail[start]];
+        double size = 0.0;
+        for (Index e = start; e < end; ++e) {
+            const Vec a = absolute(hull.vertices[hull.tail[e]] - anchor);
+            const Vec b = absolute(hull.vertices[hull.head[e]] - anchor);
+            size += a.y * b.z + a.z * b.y + a.z * b.x + a.x * b.z + a.x * b.y + a.y * b.x;
+        }
+        return rounding * size * static_cast<double>(1 + end - start) / (2.0 * hull.areas[f]);
+    }
+
+    Vec center_;
+    std::vector<double> normal_errors_;
+};
+
+}  // namespace dicedesign

@@ -1,0 +1,36 @@
+// Throws of a rigid body onto the plane z = 0.
+#pragma once
+
+#include "throws/landing.hpp"
+#include "throws/soft_contact.hpp"
+
+namespace dicedesign {
+
+// Position (m), orientation as a quaternion from the body's principal axes to the world's, velocity
+// (m/s) and angular velocity about the body's axes (rad/s).
+struct Motion {
+    Vec position;
+    double turn[4];
+    Vec velocity;
+    Vec spin;
+};
+
+struct Throw {
+    ContactModel contact;
+    double step;     // seconds
+    double gravity;  // m/s^2
+    double drag;     // 1/s, of the spin of a body with the mean moment of inertia
+    // m^2/s^2: while the spin has less, its steps are as MuJoCo's, else those of `rotate_freely`.
+    double explicit_energy;
+};
+
+// What became of a body: the rest that it cannot miss any more, or one of these.
+inline constexpr Index STILL_MOVING = -1;
+
+// Advance a body of mass 1 by at most `steps` steps, or until it is too slow to leave the basin
+// that it is in: its energy is then below all saddles of the basin's border. One whose motion
+// is no longer finite is given up. `taken` is how many steps it took.
+Index advance(const Landscape& land, const Vec& moments, const Throw& how, Index steps,
+              Motion& motion, Index& taken);
+
+}  // namespace dicedesign

@@ -1,0 +1,259 @@
+"""A hull that keeps its connectivity is the hull that would be built, to the last bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
+from itertools import product
+
+import numpy as np
+import pytest
+from common.kernels import without_kernels
+from scipy.spatial.transform import Rotation
+
+from dicedesign.errors import DegenerateBodyError
+from dicedesign.geometry.hulls import reuse as hull_reuse
+from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.reuse import HullMemory, same_connectivity
+
+CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
+
+
+def sphere(seed: int, count: int) -> np.ndarray:
+    points = np.random.default_rng(seed).normal(size=(count, 3))
+    return points / np.linalg.norm(points, axis=1)[:, None]
+
+
+def ring(sides: int, winding: int = 1) -> np.ndarray:
+    angles = 2.0 * np.pi * winding * np.arange(sides) / sides
+    return np.stack([np.cos(angles), np.sin(angles), np.zeros(sides)], axis=1)
+
+
+def prism(sides: int, winding: int = 1) -> np.ndarray:
+    return np.concatenate([ring(sides, winding) + np.array([0.0, 0.0, h]) for h in (-0.8, 0.8)])
+
+
+def bipyramid(sides: int, winding: int = 1) -> np.ndarray:
+    return np.concatenate([ring(sides, winding), [[0, 0, -1.0], [0, 0, 1.0]]])
+
+
+def bodies() -> Iterator[np.ndarray]:
+    """Random, symmetric, flat-faceted, short-edged, thin and nearly flat, some with points that
+    are no vertices."""
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        count = int(rng.integers(5, 40))
+        points = sphere(seed, count)
+        yield points
+        yield rng.normal(size=(count, 3)) * [1.0, 0.5, 2.0]
+        yield rng.integers(-2, 3, size=(count + 20, 3)).astype(float)
+        yield polyhedron_corners(np.concatenate([points, CUBE]), np.ones(count + 8))
+        yield prism(count)
+        yield bipyramid(count)
+        close = points[: count // 2] + 10.0 ** rng.uniform(-9, -2) * sphere(seed, count // 2)
+        yield np.concatenate([points, close])
+        yield np.concatenate([points, 0.7 * points[:3]])
+        yield np.concatenate([points, points[:2]])
+        yield points * [1.0, 10.0 ** rng.uniform(-5, 0), 1.0]
+        cap = rng.uniform(-1, 1, size=(count, 2))
+        height = -(10.0 ** rng.uniform(-8, 0)) * (cap**2).sum(axis=1)
+        yield np.concatenate([np.column_stack([cap, height]), [[0.0, 0.0, -1.0]]])
+        yield CUBE
+        yield CUBE @ Rotation.random(random_state=seed).as_matrix()
+
+
+def moves(points: np.ndarray, rng: np.random.Generator) -> Iterator[np.ndarray]:
+    """All points a little, one point, one into the body, and an affine map."""
+    for exponent in range(-16, 0):
+        step = 3.0 * 10.0**exponent
+        yield points + step * rng.normal(size=points.shape)
+        one = points.copy()
+        one[rng.integers(len(points))] += step * rng.normal(size=3)
+        yield one
+        inward = points.copy()
+        inward[rng.integers(len(points))] *= 1.0 - step
+        yield inward
+        yield points @ (np.eye(3) + step * rng.normal(size=(3, 3)))
+
+
+def rebuilt(points: np.ndarray) -> ConvexHull | None:
+    try:
+        return convex_hull(points)
+    except DegenerateBodyError:
+        return None
+
+
+def identical(a: ConvexHull | None, b: ConvexHull | None) -> bool:
+    if a is None or b is None:
+        return False
+    names = ("vertices", "source", "facet_start", "tail", "twin", "triangles", "normals", "head")
+    names += ("areas", "centroid", "unevenness", "warp", "facet", "next", "previous")
+    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names)
+
+
+@pytest.mark.parametrize("way", [nullcontext, without_kernels])
+def test_what_is_reused_is_what_would_be_built(
+    way: Callable[[], AbstractContextManager],
+) -> None:
+    rng = np.random.default_rng(0)
+    tried = reused = 0
+    with way():
+        for points in bodies():
+            hull = convex_hull(points)
+            for moved in moves(points, rng):
+                found = same_connectivity(hull, moved)
+                tried += 1
+                if found is not None:
+                    reused += 1
+                    assert identical(found, rebuilt(moved))
+    assert 0.3 * tried < reused < 0.7 * tried
+
+
+@pytest.mark.parametrize("count", [4, 11, 18, 40, 150])
+def test_nearly_all_hulls_survive_a_small_step(count: int) -> None:
+    kept = reused = 0
+    for seed in range(20):
+        points = sphere(seed, count)
+        hull = convex_hull(points)
+        moved = points + 1e-4 * np.random.default_rng(seed).normal(size=points.shape)
+        kept += np.array_equal(convex_hull(moved).tail, hull.tail)
+        reused += same_connectivity(hull, moved) is not None
+    assert reused >= 0.9 * kept > 0
+
+
+def test_polygons_survive_moves_that_leave_them_flat() -> None:
+    for points in (CUBE, prism(6), prism(30), bipyramid(9)):
+        hull = convex_hull(points)
+        bent = points @ np.array([[1.1, 0.2, 0.0], [0.0, 0.9, -0.1], [0.1, 0.0, 1.0]]) + 0.3
+        found = same_connectivity(hull, bent)
+        assert identical(found, convex_hull(bent))
+        for size in (1e-9, 1e9):
+            assert identical(same_connectivity(hull, size * points), convex_hull(size * points))
+
+
+@pytest.mark.parametrize("bend", [1e-12, 1e-9, 1e-3])
+def test_a_polygon_that_is_not_flat_is_built_anew(bend: float) -> None:
+    moved = CUBE.copy()
+    moved[0] *= 1.0 + bend
+    assert same_connectivity(convex_hull(CUBE), moved) is None
+
+
+def test_an_edge_that_flips_is_seen() -> None:
+    """The fourth point of a bipyramid's equator goes through the diagonal of its neighbours."""
+    points = np.array([(1.0, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)])
+    hull = convex_hull(points)
+    tilted = points + np.outer([1, -1, 1, -1, 0, 0], [0.0, 0.0, 0.1])
+    assert identical(same_connectivity(hull, tilted), convex_hull(tilted))
+    inside = points.copy()
+    for depth in (0.5, 0.01, 1e-6, 1e-9, 0.0, -1e-9, -1e-6, -0.01):
+        inside[3, 1] = -depth
+        found = same_connectivity(hull, inside)
+        assert (found is not None) == (depth >= 1e-6)
+        assert found is None or identical(found, convex_hull(inside))
+
+
+@pytest.mark.parametrize("shape", [prism, bipyramid])
+def test_a_surface_that_winds_around_twice_is_no_hull(shape) -> None:
+    """Every edge of it is convex, and its middle lies below every facet."""
+    for sides, winding in ((5, 2), (7, 2), (7, 3), (9, 4)):
+        for turn in (1, -1):
+            hull = convex_hull(shape(sides, turn))
+            assert same_connectivity(hull, shape(sides, turn * winding)) is None
+            assert same_connectivity(hull, shape(sides, -turn)) is None
+
+
+@pytest.mark.parametrize(("straightness", "kept"), [(1e-2, True), (1e-3, False)])
+def test_a_corner_almost_on_a_line_is_in_doubt(straightness: float, kept: bool) -> None:
+    points = prism(8)
+    hull = convex_hull(points)
+    for corner in (3, 11):
+        points[corner, :2] = (points[corner - 1, :2] + points[corner + 1, :2]) / 2.0
+        points[corner, :2] *= 1.0 + straightness
+    found = same_connectivity(hull, points)
+    assert (found is not None) == kept
+    assert len(convex_hull(points).tail) == len(hull.tail)
+
+
+@pytest.mark.parametrize(("cut", "kept"), [(1e-5, True), (1e-6, False)])
+def test_a_facet_almost_without_area_is_in_doubt(cut: float, kept: bool) -> None:
+    def truncated(size: float) -> np.ndarray:
+        corner = [CUBE[7] - size * axis for axis in np.eye(3)]
+        return np.concatenate([CUBE[:7], corner])
+
+    found = same_connectivity(convex_hull(truncated(0.3)), truncated(cut))
+    assert (found is not None) == kept
+    assert len(convex_hull(truncated(cut)).normals) == 7
+
+
+def test_points_inside_stay_inside() -> None:
+    points = np.concatenate([[[0.0, 0.0, 0.0]], sphere(3, 14), [[0.1, 0.2, 0.0]]])
+    hull = convex_hull(points)
+    assert len(hull.source) == 14
+    moved = points + 1e-3
+    assert identical(same_connectivity(hull, moved), convex_hull(moved))
+    moved[0] = 1.01 * moved[5]
+    assert same_connectivity(hull, moved) is None
+    for factor in (1.0, 1.0 - 1e-9, 1.0 + 1e-12):
+        moved[0] = factor * moved[5]
+        assert same_connectivity(hull, moved) is None
+
+
+def test_points_that_are_the_vertices_alone_are_numbered_anew() -> None:
+    points = np.concatenate([[[0.0, 0.0, 0.0]], sphere(3, 14)])
+    found = same_connectivity(convex_hull(points), points[1:])
+    assert identical(found, convex_hull(points[1:]))
+    assert found is not None
+    assert found.source.tolist() == list(range(14))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200])
+def test_what_is_no_hull_is_refused(bad: float) -> None:
+    hull = convex_hull(CUBE)
+    broken = CUBE.copy()
+    broken[2, 1] = bad
+    assert same_connectivity(hull, broken) is None
+    assert same_connectivity(hull, CUBE[:7]) is None
+    assert same_connectivity(hull, CUBE * 0.0) is None
+    assert same_connectivity(hull, CUBE * [1, 1, 0]) is None
+    assert same_connectivity(hull, CUBE + 1e6) is None
+    assert same_connectivity(hull, np.concatenate([CUBE, 0.1 * sphere(0, 500)])) is None
+
+
+def test_a_hull_keeps_no_hold_of_the_points() -> None:
+    points = CUBE.copy()
+    found = same_connectivity(convex_hull(CUBE), points)
+    points *= 2.0
+    assert found is not None
+    np.testing.assert_array_equal(found.vertices, CUBE)
+
+
+def test_a_memory_finds_the_hulls_of_a_walk_and_counts(monkeypatch) -> None:
+    def walk() -> Iterator[np.ndarray]:
+        rng = np.random.default_rng(5)
+        points = sphere(5, 20)
+        for _ in range(60):
+            points = points + 3e-3 * rng.normal(size=points.shape)
+            yield points
+
+    memory = HullMemory()
+    assert all(identical(memory.hull(points), convex_hull(points)) for points in walk())
+    assert memory.built + memory.reused == 60
+    assert memory.reused > 30
+    assert memory.built > 1
+    monkeypatch.setattr(hull_reuse, "same_connectivity", lambda hull, points: None)
+    forgetful = HullMemory()
+    for points in walk():
+        forgetful.hull(points)
+    assert (forgetful.built, forgetful.reused) == (60, 0)
+
+
+def test_a_memory_fails_as_a_new_hull_does_and_goes_on() -> None:
+    memory = HullMemory()
+    memory.hull(CUBE)
+    with pytest.raises(DegenerateBodyError, match="on one plane"):
+        memory.hull(CUBE * [1, 1, 0])
+    with pytest.raises(DegenerateBodyError, match="expected at least 4"):
+        memory.hull(CUBE[:3])
+    assert identical(memory.hull(1.5 * CUBE), convex_hull(1.5 * CUBE))
+    assert (memory.built, memory.reused) == (1, 1)

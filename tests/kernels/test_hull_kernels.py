@@ -1,0 +1,264 @@
+"""The compiled hull is the one that NumPy and Qhull find, or none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import product
+
+import numpy as np
+import pytest
+from common.kernels import compiled_only, without_kernels
+from scipy.spatial.transform import Rotation
+
+from dicedesign.errors import DegenerateBodyError
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.body import make_body, weld
+from dicedesign.kernels import ops as kernels
+from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32
+
+pytestmark = compiled_only
+
+Generator = np.random.Generator
+
+CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
+INDICES = ("source", "facet_start", "tail", "twin", "facet", "next", "previous", "head")
+
+
+def turned(points: np.ndarray, rng: Generator) -> np.ndarray:
+    return points @ Rotation.random(random_state=int(rng.integers(1 << 30))).as_matrix()
+
+
+def sphere(rng: Generator, count: int) -> np.ndarray:
+    points = rng.normal(size=(count, 3))
+    return points / np.linalg.norm(points, axis=1)[:, None]
+
+
+def ring(sides: int, height: float = 0.0) -> np.ndarray:
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    return np.column_stack([np.cos(angles), np.sin(angles), np.full(sides, height)])
+
+
+def on_cube(rng: Generator, count: int) -> np.ndarray:
+    """The corners of a cube and points in its facets."""
+    points = rng.uniform(-1, 1, size=(count, 3))
+    across = np.arange(3) == rng.integers(3, size=(count, 1))
+    return np.concatenate([CUBE, np.where(across, np.sign(points), points)])
+
+
+def lattice(rng: Generator, count: int, reach: int) -> np.ndarray:
+    return np.unique(rng.integers(-reach, reach + 1, size=(count, 3)), axis=0).astype(float)
+
+
+def power(rng: Generator, low: float, high: float) -> float:
+    return float(10.0 ** rng.uniform(low, high))
+
+
+KINDS: dict[str, Callable[[Generator, int], np.ndarray]] = {
+    "sphere": sphere,
+    "ball": lambda rng, n: rng.normal(size=(5 * n, 3)),
+    "lattice": lambda rng, n: lattice(rng, n, 2),
+    "fine lattice": lambda rng, n: lattice(rng, 3 * n, 6),
+    "turned lattice": lambda rng, n: turned(lattice(rng, n, 2), rng),
+    "prism": lambda rng, n: np.concatenate([ring(n), ring(n, power(rng, -1, 1))]),
+    "turned prism": lambda rng, n: turned(np.concatenate([ring(n), ring(n, 0.7)]), rng),
+    "cone": lambda rng, n: np.concatenate([ring(n), [[0.0, 0.0, 2.0]]]),
+    "bipyramid": lambda rng, n: turned(np.concatenate([ring(n), [[0, 0, -1.0], [0, 0, 1.0]]]), rng),
+    "box": lambda rng, n: CUBE * 10.0 ** rng.uniform(-3, 0, size=3),
+    "turned box": lambda rng, n: turned(CUBE * 10.0 ** rng.uniform(-3, 0, size=3), rng),
+    "points on a box": on_cube,
+    "points on a turned box": lambda rng, n: turned(on_cube(rng, n), rng),
+    "far from the origin": lambda rng, n: sphere(rng, n) + power(rng, 1, 8),
+    "tiny": lambda rng, n: sphere(rng, n) * power(rng, -200, -20),
+    "huge": lambda rng, n: sphere(rng, n) * power(rng, 20, 200),
+    "needle": lambda rng, n: turned(sphere(rng, n) * [1.0, 1e-4, power(rng, -6, -2)], rng),
+    "plate": lambda rng, n: turned(sphere(rng, n) * [1.0, 1.0, power(rng, -7, -2)], rng),
+    "single precision": lambda rng, n: sphere(rng, 20 * n).astype(np.float32),
+    "single precision box": lambda rng, n: turned(on_cube(rng, n), rng).astype(np.float32),
+}
+
+
+def asked(points: np.ndarray) -> dict[str, object] | None:
+    single = points.dtype == np.float32
+    tolerance = COPLANAR_TOLERANCE_FLOAT32 if single else COPLANAR_TOLERANCE
+    return kernels.convex_hull(points, tolerance, float(np.finfo(points.dtype).eps))
+
+
+def plain(points: np.ndarray, tolerance: float | None = None) -> ConvexHull:
+    """The hull without the kernels."""
+    with without_kernels():
+        hull = convex_hull(points, tolerance)
+        for name in ("normals", "areas", "centroid", "unevenness", "warp", "outgoing"):
+            getattr(hull, name)
+        return hull
+
+
+def assert_same(found: ConvexHull, expected: ConvexHull) -> None:
+    for name in INDICES:
+        value = getattr(found, name)
+        assert value.dtype == np.int64, name
+        np.testing.assert_array_equal(value, getattr(expected, name), err_msg=name)
+    for ours, theirs in zip(found.outgoing, expected.outgoing, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    np.testing.assert_array_equal(found.vertices, expected.vertices)
+    extent = float(np.ptp(expected.vertices, axis=0).max())
+    np.testing.assert_allclose(found.normals, expected.normals, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(found.areas, expected.areas, rtol=1e-10)
+    reach = extent + float(np.abs(expected.vertices).max())
+    np.testing.assert_allclose(found.centroid, expected.centroid, rtol=0, atol=1e-14 * reach)
+    assert found.unevenness == pytest.approx(expected.unevenness, abs=1e-15 * reach)
+    assert found.warp == pytest.approx(expected.warp, abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_is_the_hull_of_numpy_and_qhull(kind: str) -> None:
+    answered = 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        points = KINDS[kind](rng, int(rng.integers(6, 50)))
+        answered += asked(points) is not None
+        assert_same(convex_hull(points), plain(points))
+    assert answered == 12
+
+
+def polygons(hull: ConvexHull) -> list[list[int]]:
+    corners = np.split(hull.source[hull.tail], hull.facet_start[1:-1])
+    return [facet.tolist() for facet in corners]
+
+
+@pytest.mark.parametrize("reach", [1, 2, 3, 10])
+def test_it_is_the_exact_hull_of_lattice_points(reach: int) -> None:
+    for seed in range(25):
+        rng = np.random.default_rng(seed)
+        points = lattice(rng, int(rng.integers(8, 80)), reach)
+        points = points[rng.permutation(len(points))]
+        try:
+            exact = plain(points, 0.0)
+        except DegenerateBodyError:
+            assert asked(points) is None
+            continue
+        assert asked(points) is not None
+        assert polygons(convex_hull(points)) == polygons(exact)
+
+
+def test_a_lattice_turned_by_rounding_is_still_one() -> None:
+    """Nearly all heights above a facet are rounding noise there."""
+    rng = np.random.default_rng(1)
+    grid = np.array(list(product(np.arange(7.0), repeat=3)))
+    for _ in range(10):
+        points = turned(grid, rng)
+        assert asked(points) is not None
+        assert np.diff(convex_hull(points).facet_start).tolist() == [4] * 6
+
+
+def test_many_points_come_in_an_order_of_their_own() -> None:
+    rng = np.random.default_rng(3)
+    points = np.concatenate([sphere(rng, 24000) * [1.0, 2.0, 0.5], rng.uniform(-0.3, 0.3, (99, 3))])
+    points = points[rng.permutation(len(points))]
+    assert asked(points) is not None
+    assert_same(convex_hull(points), plain(points))
+
+
+def test_large_flat_facets_have_all_their_corners() -> None:
+    points = np.concatenate([ring(11000), ring(11000, 1.0)])
+    hull = convex_hull(points)
+    assert len(hull.source) == 22000
+    np.testing.assert_array_equal(np.sort(np.diff(hull.facet_start)), [4] * 11000 + [11000] * 2)
+
+
+def test_the_first_of_repeated_points_stands_for_all() -> None:
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        points = np.repeat(sphere(rng, 15), 3, axis=0)[rng.permutation(45)]
+        hull = convex_hull(points)
+        assert asked(points) is not None
+        first = np.sort(np.unique(points, axis=0, return_index=True)[1])
+        np.testing.assert_array_equal(hull.source, first)
+        np.testing.assert_array_equal(hull.tail, convex_hull(points[first]).tail)
+
+
+@pytest.mark.parametrize("distance", [1e-13, 1e-12, 5e-12])
+def test_points_almost_repeated_are_left_to_numpy(distance: float) -> None:
+    given_up = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        points = sphere(rng, 20)
+        points = np.concatenate([points, points[:8] + distance * sphere(rng, 8)])
+        points = points[rng.permutation(28)]
+        given_up += asked(points) is None
+        assert_same(convex_hull(points), plain(points))
+    assert given_up > 10
+
+
+def undecided() -> Iterator[np.ndarray]:
+    rng = np.random.default_rng(0)
+    yield CUBE * [1, 1, 0]
+    yield turned(CUBE * [1, 1, 0], rng)
+    yield CUBE * [1, 0, 0]
+    yield CUBE * 0.0
+    yield CUBE[:3]
+    yield np.where(CUBE > 0, CUBE, np.nan)
+    yield np.where(CUBE > 0, CUBE, -np.inf)
+    yield turned(CUBE * [1, 1, 1e-12], rng)
+    yield CUBE * 5e-324
+
+
+def test_what_is_no_solid_or_hardly_one_is_left_to_numpy() -> None:
+    for points in undecided():
+        assert asked(points) is None
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize("kind", [np.float64, np.float32, np.int64, np.longdouble, ">f8"])
+def test_arrays_of_any_layout_are_taken(kind: type | str, order: str) -> None:
+    points = np.asarray(CUBE, dtype=kind, order=order)
+    for given in (points, points[::-1], np.repeat(points, 2, axis=0)[::2]):
+        assert np.diff(convex_hull(given).facet_start).tolist() == [4] * 6
+    before = points.copy()
+    hull = convex_hull(points)
+    points *= 2
+    np.testing.assert_array_equal(hull.vertices, before)
+
+
+def test_slivers_and_thin_bodies_have_their_measures_from_numpy() -> None:
+    """Those need exact arithmetic or a stretched image; all else is there."""
+    thin = sphere(np.random.default_rng(5), 30) * [1.0, 1.0, 1e-6]
+    attributes = asked(thin)
+    assert attributes is not None
+    assert "centroid" not in attributes
+    assert "normals" in attributes
+    assert_same(convex_hull(thin), plain(thin))
+    cut = 1e-10
+    corner = [CUBE[7] - [cut, 0, 0], CUBE[7] - [0, 1.0, 0], CUBE[7] - [0, 0, 1.0]]
+    sliver = np.concatenate([CUBE[:7], corner])
+    attributes = asked(sliver)
+    assert attributes is not None
+    assert_same(convex_hull(sliver), plain(sliver))
+
+
+def test_welding_finds_the_same_positions() -> None:
+    rng = np.random.default_rng(7)
+    for count in (1, 2, 9, 300):
+        points = rng.integers(-2, 3, size=(count, 3)) / 3.0
+        points = np.where(rng.random(points.shape) < 0.5, points, points * -0.0 + points)
+        points[points == 0.0] *= rng.choice([-1.0, 1.0], size=int((points == 0.0).sum()))
+        faces = rng.integers(count, size=(40, 3))
+        found = weld(points, faces)
+        with without_kernels():
+            expected = weld(points, faces)
+        for ours, theirs in zip(found, expected, strict=True):
+            assert ours is not None
+            assert theirs is not None
+            np.testing.assert_array_equal(ours, theirs)
+            np.testing.assert_array_equal(np.signbit(ours), np.signbit(theirs))
+
+
+def test_a_body_is_checked_and_copied_all_the_same() -> None:
+    points = sphere(np.random.default_rng(8), 12)
+    body = make_body(points)
+    np.testing.assert_array_equal(body.points, points)
+    assert body.notes == ()
+    assert not np.shares_memory(body.points, points)
+    assert make_body(np.asfortranarray(points)).points.flags.c_contiguous
+    again = make_body(np.concatenate([points, points[:2], -0.0 * points[:1], 0.0 * points[:1]]))
+    assert again.notes == ("welded 3 points to others at equal positions",)
+    assert len(again.points) == 13

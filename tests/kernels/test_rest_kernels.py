@@ -1,0 +1,285 @@
+"""The compiled kernels decide as the NumPy code does, or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
+
+import numpy as np
+import pytest
+from common.kernels import compiled_only, without_kernels
+
+from dicedesign.errors import DiceError
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.kernels import ops as kernels
+from dicedesign.rest import morse, tracing
+from dicedesign.rest.basins import basin_areas, find_basins, tie_distance
+from dicedesign.rest.center_clearance import surroundings
+from dicedesign.rest.equilibria import Equilibria, Tie, classify
+from dicedesign.rest.morse import Separatrices, separatrices
+from dicedesign.rest.poses import rest_poses
+from dicedesign.runtime.arrays import Floats
+
+pytestmark = compiled_only
+
+ARRAYS = (
+    "rests",
+    "saddles",
+    "basins",
+    "saddle_ends",
+    "crossings",
+    "branch_start",
+    "maxima",
+)
+
+
+def random_points(seed: int) -> Floats:
+    """Points of a round body, a flat one, a needle, a sphere or a small lattice."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(int(rng.integers(4, 40)), 3))
+    match seed % 5:
+        case 1:
+            points *= [1.0, 1.0, 10.0 ** rng.uniform(-6, 0)]
+        case 2:
+            points *= [1.0, 1.0, 10.0 ** rng.uniform(0, 6)]
+        case 3:
+            points /= np.linalg.norm(points, axis=1)[:, None]
+        case 4:
+            points = rng.integers(-3, 4, size=points.shape).astype(np.float64)
+    return points
+
+
+def hulls(count: int) -> Iterator[ConvexHull]:
+    for seed in range(count):
+        try:
+            yield convex_hull(random_points(seed))
+        except DiceError:
+            continue
+
+
+def by_kernels(equilibria: Equilibria) -> Separatrices | None:
+    body = equilibria.hull, equilibria.center_of_mass, equilibria.tie_distance
+    if kernels.separatrices(*body) is None:
+        return None
+    return separatrices(equilibria)
+
+
+def by_numpy(equilibria: Equilibria) -> Separatrices:
+    return morse._numpy_separatrices(equilibria)
+
+
+def answer(equilibria: Equilibria, kernel: bool) -> Separatrices | str | None:
+    try:
+        return by_kernels(equilibria) if kernel else by_numpy(equilibria)
+    except Tie:
+        return "tied"
+    except DiceError as error:
+        return str(error)
+
+
+@pytest.mark.parametrize("ties", [True, False])
+def test_separatrices_are_those_of_numpy(ties: bool) -> None:
+    undecided, bodies = 0, 0
+    for hull in hulls(300):
+        center = hull.centroid
+        distance = tie_distance(hull, center) if ties else 0.0
+        kernel, numpy_ = classify(hull, center, distance), classify(hull, center, distance)
+        found, expected = answer(kernel, True), answer(numpy_, False)
+        bodies += 1
+        if found is None:
+            undecided += 1
+        elif isinstance(found, str):
+            assert found == expected
+        else:
+            assert isinstance(expected, Separatrices)
+            for name in ARRAYS:
+                np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+            np.testing.assert_array_equal(kernel.growth_sign, numpy_.growth_sign)
+            np.testing.assert_array_equal(kernel.side_sign, numpy_.side_sign)
+    assert undecided < 0.02 * bodies
+
+
+def test_long_separatrices_are_those_of_numpy() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(400, 3))
+    points *= np.array([1.0, 3.0, 9.0]) / np.linalg.norm(points, axis=1)[:, None]
+    hull = convex_hull(points)
+    found = separatrices(classify(hull, hull.centroid))
+    expected = by_numpy(classify(hull, hull.centroid))
+    assert found.lengths.max() > 10
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+
+
+def brink(hull: ConvexHull, direction: Floats) -> tuple[Floats, Floats] | None:
+    """Two centers of mass with no float64 position between them on a line from the centroid, for
+    which the body does not do the same; None where nothing changes on the way."""
+
+    def center(reach: float) -> Floats:
+        return hull.centroid + reach * direction
+
+    def same(a: float, b: float) -> bool:
+        one, other = by_numpy(classify(hull, center(a))), by_numpy(classify(hull, center(b)))
+        return all(np.array_equal(getattr(one, n), getattr(other, n)) for n in ARRAYS)
+
+    low, high = 0.0, 0.2 * float(surroundings(hull, hull.centroid).height)
+    if same(low, high):
+        return None
+    while low < (middle := (low + high) / 2.0) < high:
+        low, high = (middle, high) if same(low, middle) else (low, middle)
+    return center(low), center(high)
+
+
+def test_at_the_brink_decisions_are_those_of_exact_arithmetic() -> None:
+    # Doubles do not tell what the body does there; pairs of doubles mostly do.
+    decided, brinks = 0, 0
+    rng = np.random.default_rng(0)
+    for hull in hulls(60):
+        ends = brink(hull, rng.normal(size=3))
+        if ends is None:
+            continue
+        brinks += 1
+        for center in ends:
+            found = answer(classify(hull, center), True)
+            if found is None:
+                continue
+            decided += 1
+            assert isinstance(found, Separatrices)
+            expected = by_numpy(classify(hull, center))
+            for name in ARRAYS:
+                np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+            with pytest.raises(Tie):
+                separatrices(classify(hull, center, 10.0 * tie_distance(hull, center)))
+    assert brinks > 10
+    assert decided > brinks
+
+
+def test_without_kernels_odds_are_the_same() -> None:
+    for seed in range(60):
+        points = random_points(seed)
+        try:
+            with without_kernels():
+                expected = rest_poses(points)
+        except DiceError as error:
+            with pytest.raises(type(error)):
+                rest_poses(points)
+            continue
+        poses = rest_poses(points)
+        assert len(poses.probabilities) == len(expected.probabilities)
+        np.testing.assert_allclose(poses.probabilities, expected.probabilities, atol=1e-13)
+        nearest = (poses.normals @ expected.normals.T).max(axis=1)
+        np.testing.assert_allclose(nearest, 1.0, atol=1e-12)
+
+
+def test_areas_are_those_of_numpy() -> None:
+    for hull in hulls(200):
+        basins, *_ = find_basins(hull, hull.centroid)
+        paths = basins.paths
+        found = kernels.basin_areas(hull, paths, hull.centroid)
+        assert found is not None
+        with without_kernels():
+            expected = basin_areas(basins.equilibria, paths)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=2e-14)
+
+
+def test_a_border_through_the_antipode_of_its_rest_costs_no_digits() -> None:
+    # A prism over a spiral: its left side rolls all the way down to the bottom, so that the ridge
+    # on top, opposite to the bottom's normal, is on the border of the bottom's basin. Triangles
+    # between such directions have no area to speak of.
+    oracle = pytest.importorskip("dicedesign.bench.reference.oracle")
+    angles = np.radians(np.linspace(90.0, 240.0, 16))
+    spiral = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    spiral *= 1.6 * 0.98 ** np.arange(16)[:, None]
+    profile = np.concatenate([spiral, [[0.9, spiral[-1, 1]], [1.2, 0.9]]])
+    ends = [np.column_stack([profile, np.full(len(profile), z)]) for z in (-4.0, 4.0)]
+    for tilt in (0.0, 1e-12, 1e-9, 1e-6):
+        points = np.concatenate(ends) @ _turned(tilt)
+        hull = convex_hull(points)
+        (basins,) = find_basins(hull, np.zeros(3))
+        bottom = hull.normals[basins.paths.rests] @ _turned(tilt)[1]
+        assert bottom.min() < -1.0 + 1e-11
+        saddles = basins.points[::2, 0] / np.linalg.norm(basins.points[::2, 0], axis=1)[:, None]
+        own = hull.normals[basins.paths.rests][basins.paths.basins]
+        assert (1.0 + (own * saddles[:, None]).sum(-1)).min() < 1e-14
+        exact = oracle.hull_probabilities(hull, [np.zeros(3)])
+        paths = basins.paths
+        areas = kernels.basin_areas(hull, paths, np.zeros(3))
+        assert areas is not None
+        found = dict(zip(paths.rests.tolist(), areas / (4.0 * np.pi), strict=True))
+        for facet, probability in enumerate(exact):
+            assert abs(found.get(facet, 0.0) - float(probability)) < 1e-15
+
+
+def _turned(angle: float) -> Floats:
+    """A rotation about the first axis (3, 3)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
+
+
+def test_surroundings_are_those_of_numpy() -> None:
+    for hull in hulls(100):
+        point = 0.3 * hull.vertices[0] + 0.7 * hull.centroid
+        found = surroundings(hull, point)
+        with without_kernels():
+            expected = surroundings(hull, point)
+        np.testing.assert_allclose(found[1:], expected[1:], rtol=1e-12, atol=1e-15 * expected.far)
+        heights = hull.heights(point)
+        assert heights[found.facet] <= heights.min() + 1e-14 * expected.far
+
+
+def test_destinations_are_those_of_numpy() -> None:
+    answers = []
+    for hull in hulls(200):
+        center = hull.centroid
+        facets = np.arange(len(hull.normals))
+        found = kernels.destinations(hull, center, 0.0, facets)
+        answers.append(found is not None)
+        if found is not None:
+            expected = tracing._numpy_destinations(classify(hull, center), facets)
+            np.testing.assert_array_equal(found, expected)
+    assert np.mean(answers) > 0.98
+
+
+@pytest.mark.parametrize("error", [0.0, 1e-3])
+def test_slides_are_those_of_numpy(error: float) -> None:
+    rng = np.random.default_rng(0)
+    answers, certain = [], []
+    for hull in hulls(60):
+        equilibria = classify(hull, hull.centroid)
+        down = rng.normal(size=(50, 3))
+        down /= np.linalg.norm(down, axis=1)[:, None]
+        lowest = np.argmax(down @ equilibria.radii.T, axis=1)
+        errors = np.full(len(down), error)
+        found = kernels.slides(hull, hull.centroid, 0.0, lowest, down, errors)
+        answers.append(found is not None)
+        if found is None:
+            continue
+        expected = tracing._step_by_step(equilibria, lowest, down, errors)
+        np.testing.assert_array_equal(found[1], expected[1])
+        np.testing.assert_array_equal(found[0][found[1]], expected[0][found[1]])
+        certain.append(found[1].mean())
+    assert np.mean(answers) > 0.98
+    # Directions that are not known well are decided about less often.
+    assert np.mean(certain) > 0.9 if error == 0.0 else 0.1 < np.mean(certain) < 0.95
+
+
+@pytest.mark.parametrize("way", [nullcontext, without_kernels])
+@pytest.mark.parametrize("size", [1e-39, 1e39])
+def test_size_does_not_matter(way: Callable[[], AbstractContextManager], size: float) -> None:
+    points = np.random.default_rng(0).normal(size=(30, 3))
+    with way():
+        expected, poses = rest_poses(points), rest_poses(size * points)
+    np.testing.assert_allclose(poses.probabilities, expected.probabilities, atol=1e-15)
+    branches = poses.morse.branches
+    np.testing.assert_allclose(branches, expected.morse.branches, atol=1e-13)
+
+
+@pytest.mark.parametrize("way", [nullcontext, without_kernels])
+def test_edges_below_rounding_do_not_spoil_the_exact_hull(
+    way: Callable[[], AbstractContextManager],
+) -> None:
+    tiny = np.concatenate([1e-40 * np.eye(3), np.eye(3)])
+    with way():
+        poses = rest_poses(tiny, coplanar_tolerance=0.0)
+        corner = rest_poses(np.concatenate([np.zeros((1, 3)), np.eye(3)]))
+    assert abs(poses.probabilities[0] - corner.probabilities[0]) < 1e-12

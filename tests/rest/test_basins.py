@@ -1,0 +1,216 @@
+"""Resting probabilities against closed forms, sampled flow, reference values and symmetries."""
+
+from __future__ import annotations
+
+import json
+from itertools import product
+
+import numpy as np
+import pytest
+import trimesh
+from common.flow_oracle import flow_frequencies
+from common.paths import DATA
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from dicedesign.errors import OutsideHullError
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.rest.morse import border_areas, separatrices, separatrix_points, wraps
+from dicedesign.rest.poses import RestPoses, analyse, rest_poses
+from dicedesign.rest.roll import roll_steps
+
+REFERENCE = DATA / "reference_rest.json"
+
+CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
+GOLDEN = (1 + np.sqrt(5)) / 2
+
+
+def cyclic(a: float, b: float) -> np.ndarray:
+    rows = [[0, s * a, t * b] for s in (-1, 1) for t in (-1, 1)]
+    return np.concatenate([np.roll(rows, k, axis=1) for k in range(3)])
+
+
+PLATONIC = {
+    4: np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]),
+    6: CUBE,
+    8: np.concatenate([np.eye(3), -np.eye(3)]),
+    12: np.concatenate([CUBE, cyclic(1 / GOLDEN, GOLDEN)]),
+    20: cyclic(1.0, GOLDEN),
+}
+
+
+def rotation(seed: int) -> np.ndarray:
+    return Rotation.random(random_state=seed).as_matrix()
+
+
+def random_body(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """4 to 30 points and a center of mass inside, away from the centroid."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(4 + seed % 27, 3)) * rng.uniform(0.5, 1.5, size=3)
+    hull = convex_hull(points)
+    somewhere = rng.dirichlet(np.ones(len(hull.vertices))) @ hull.vertices
+    return points, 0.6 * hull.centroid + 0.4 * somewhere
+
+
+def needle(seed: int, spread: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
+    """A long thin body and a center of mass, nearer to its corners for a smaller `spread`."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(7, 3)) * [0.2, 0.2, 1.0]
+    hull = convex_hull(points)
+    return points, rng.dirichlet(np.full(len(hull.vertices), spread)) @ hull.vertices
+
+
+def test_sampled_flow_gives_the_same_probabilities() -> None:
+    """50 hulls, 1024 rolls each. A frequency may differ by 5 standard deviations of independent
+    samples, and by what finite steps shift a basin's border: less than one step of 0.01 along
+    borders of length up to 2 pi, over 4 pi. Evenly spread samples do much better on average."""
+    count, step, seeds = 1024, 0.01, range(50)
+    distances = []
+    for seed in seeds:
+        points, center = random_body(seed)
+        rests = rest_poses(points, center)
+        hull = rests.hull
+        found, lost = flow_frequencies(hull.vertices, center, rests.normals, count, step, seed)
+        p = rests.probabilities
+        bound = 5 * np.sqrt(p * (1 - p) / count) + step / 2
+        assert lost <= 0.01 * count
+        assert (np.abs(found - p) <= bound + lost / count).all(), seed
+        distances.append(0.5 * np.abs(found - p).sum())
+    assert np.mean(distances) < 0.01
+
+
+@pytest.mark.parametrize("facets", PLATONIC)
+def test_platonic_solids_are_fair(facets: int) -> None:
+    for seed in range(6):
+        points = PLATONIC[facets] @ (np.eye(3) if seed == 0 else rotation(seed))
+        rests = rest_poses(points)
+        np.testing.assert_allclose(
+            rests.probabilities, np.full(facets, 1 / facets), rtol=0, atol=1e-12
+        )
+
+
+@pytest.mark.parametrize("sides", [(1.0, 1.0, 1.0), (1.0, 2.0, 3.0), (1.0, 1.0, 9.0), (5, 4, 0.1)])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_box_has_its_solid_angles(sides: tuple[float, float, float], seed: int) -> None:
+    rests = rest_poses(0.5 * CUBE * sides @ rotation(seed).T)
+    expected = []
+    for a, b, c in (sides, np.roll(sides, 1), np.roll(sides, 2)):
+        angle = 4 * np.arcsin(a * b / np.sqrt((a * a + c * c) * (b * b + c * c)))
+        expected += [angle / (4 * np.pi)] * 2
+    np.testing.assert_allclose(rests.probabilities, sorted(expected)[::-1], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("number", range(15))
+def test_public_meshes_agree_with_the_reference(number: int) -> None:
+    if not REFERENCE.exists():
+        pytest.skip(f"reference file {REFERENCE} is not here")
+    name, expected = list(json.loads(REFERENCE.read_text()).items())[number]
+    center = np.array(expected["center_of_mass"])
+    rests = rest_poses(read_body(DATA / name), center)
+    normals = np.array([rest["normal"] for rest in expected["rests"]])
+    probabilities = np.array([rest["probability"] for rest in expected["rests"]])
+    assert len(rests.normals) == len(normals)
+    nearest = np.argmax(rests.normals @ normals.T, axis=1)
+    assert sorted(nearest) == list(range(len(normals)))
+    # A file of rounded numbers may merge a sliver into a rest's facet, which turns its normal.
+    np.testing.assert_allclose(rests.normals, normals[nearest], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(rests.probabilities, probabilities[nearest], rtol=0, atol=1e-12)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10**6), turn=st.integers(0, 10**6), power=st.integers(-9, 9))
+def test_motions_change_nothing(seed: int, turn: int, power: int) -> None:
+    points, center = random_body(seed)
+    before = rest_poses(points, center)
+    assert before.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
+    rng = np.random.default_rng(turn)
+    order = rng.permutation(len(points))
+    mirror = np.diag([1.0, 1.0, -1.0])
+    shift = rng.normal(size=3)
+    scale = 10.0**power
+
+    def same(after: RestPoses, matrix: np.ndarray) -> None:
+        np.testing.assert_allclose(after.probabilities, before.probabilities, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(after.normals, before.normals @ matrix.T, rtol=0, atol=1e-9)
+
+    turned = rotation(turn)
+    same(rest_poses(points @ turned.T, turned @ center), turned)
+    same(rest_poses(points * scale, center * scale), np.eye(3))
+    same(rest_poses(points + shift, center + shift), np.eye(3))
+    same(rest_poses(points[order], center), np.eye(3))
+    same(rest_poses(points @ mirror, center @ mirror), mirror)
+
+
+@pytest.mark.parametrize("seed", [98, 162, 220, 245, 269, 288, 333, 428])
+def test_a_body_with_one_rest_always_ends_on_it(seed: int) -> None:
+    points, center = needle(seed, 0.1)
+    rests = rest_poses(points, center)
+    assert rests.probabilities.tolist() == [1.0]
+    assert rests.margins.tolist() == [np.pi]
+    assert rests.morse.polylines == ()
+    assert (rests.morse.basin_of_facet == 0).all()
+    for down in np.random.default_rng(seed).normal(size=(50, 3)):
+        ended = roll_steps(rests.morse.equilibria, down)[-1].down
+        np.testing.assert_array_equal(ended, rests.normals[0])
+
+
+def test_a_weighted_sphere_comes_to_rest_on_its_heavy_side() -> None:
+    points = np.asarray(trimesh.creation.icosphere(subdivisions=2).vertices)
+    normal = convex_hull(points).normals[5]
+    rests = rest_poses(points, 0.8 * normal)
+    assert rests.probabilities[0] > 0.99
+    np.testing.assert_allclose(rests.normals[0], normal, rtol=0, atol=1e-14)
+
+
+def test_a_lens_has_two_rests() -> None:
+    angles = 2 * np.pi * np.arange(7) / 7
+    ring = np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
+    lens = np.concatenate([ring, 0.8 * ring + [0, 0, 0.1], 0.8 * ring - [0, 0, 0.1]])
+    rests = rest_poses(lens @ rotation(3).T)
+    np.testing.assert_allclose(rests.probabilities, [0.5, 0.5], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", [5, 102, 255, 278, 463, 482, 623, 874])
+def test_a_basin_may_hold_the_antipode_of_its_normal(seed: int) -> None:
+    points, center = needle(seed)
+    rests = rest_poses(points, center)
+    equilibria = rests.morse.equilibria
+    paths = separatrices(equilibria)
+    vertices, normals = equilibria.hull.vertices, equilibria.hull.normals[paths.rests]
+    border = border_areas(paths, separatrix_points(paths, vertices, center, np), normals, np)
+    added = wraps(np.bincount(paths.basins.ravel(), weights=border.ravel()))
+    assert added.sum() == 1
+    assert paths.rests[np.argmax(added)] == rests.facets[0]
+    assert rests.probabilities[0] > 0.5
+    ended = roll_steps(equilibria, -rests.normals[0])[-1].down
+    np.testing.assert_array_equal(ended, rests.normals[0])
+    downs = np.random.default_rng(seed).normal(size=(400, 3))
+    ends = np.array([roll_steps(equilibria, down)[-1].down for down in downs])
+    found = np.bincount(np.argmax(ends @ rests.normals.T, axis=1), minlength=len(normals)) / 400
+    p = rests.probabilities
+    assert (np.abs(found - p) <= 5 * np.sqrt(p * (1 - p) / 400)).all()
+
+
+@pytest.mark.parametrize(
+    ("center", "where"),
+    [
+        ([1.0, 0.0, 0.0], r"\[1.0, 0.0, 0.0\], which is on the boundary, at facet \d of the hull"),
+        ([0.0, -1.5, 0.0], r"\[0.0, -1.5, 0.0\], which is 0.5 outside facet \d of the hull"),
+        ([1.0, 1.0, 1.0], "which is on the boundary, at facet"),
+        ([1e9, 0.0, 0.0], r"which is 1e\+09 outside facet"),
+    ],
+)
+def test_a_center_that_is_not_inside_is_refused(center: list[float], where: str) -> None:
+    with pytest.raises(OutsideHullError, match=where) as caught:
+        rest_poses(CUBE, center)
+    assert "expected a point strictly inside the hull" in str(caught.value)
+    assert "Give one within the hull or leave it out" in str(caught.value)
+
+
+def test_a_center_just_inside_sees_half_the_sphere_below() -> None:
+    rests = analyse(convex_hull(CUBE), np.array([0.0, 0.0, -1.0 + 1e-9]))
+    top = np.arcsin(0.2) / np.pi
+    expected = [0.5, *[(0.5 - top) / 4] * 4, top]
+    np.testing.assert_allclose(rests.probabilities, expected, rtol=0, atol=1e-9)
