@@ -9,7 +9,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ import torch
 import trimesh
 from common.blade import blade
 from common.dented_cube import write_cube
+from common.kernels import compiled_only
 
 from dicedesign import rest_poses
 from dicedesign.bench.bodies.extremes import large, weighted_sphere
@@ -43,7 +43,6 @@ from dicedesign.rest.roll import roll_steps
 SOLVERS = {"clarabel", "osqp", "piqp", "proxsuite", "quadprog", "cvxpy", "highspy", "qpsolvers"}
 """Modules that solve quadratic programs."""
 
-compiled_only = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
 
 PAPER_TERMS = ("dice", "coplanar", "barycenter", "neighbor")
 REGULARIZERS = (*PAPER_TERMS[1:], "stability")
@@ -238,18 +237,17 @@ def test_kernels_leave_out_a_term_without_weight(
     """They are not told to evaluate it, and return 0; stability is the only one in Python."""
     if term == "stability":
         replaced(monkeypatch, term, of_depths=forbidden)
-    module: Any = kernels.compiled
+    made_by_kernels = kernels.energies
     values: list[list[float]] = []
     asked: list[list[bool]] = []
 
-    def recorded(*arguments: Any) -> Any:
-        made = module.Energies(*arguments)
+    def recorded(*arguments: Any, **options: Any) -> Any:
+        made = made_by_kernels(*arguments, **options)
         values.append(made.values())
-        asked.append(arguments[-1])
+        asked.append(options["wanted"])
         return made
 
-    stub = SimpleNamespace(**{**vars(module), "Energies": recorded})
-    monkeypatch.setattr(kernels, "compiled", stub)
+    monkeypatch.setattr(kernels, "energies", recorded)
     result = descend(weights=EnergyWeights(**{term: 0.0}))
     assert term not in result.terms
     assert len(asked) >= len(result.history) == 5

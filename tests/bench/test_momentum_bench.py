@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 from common.inline_executor import Inline
-from common.thrown import compiled_only
+from common.kernels import compiled_only
 from scipy.stats import chisquare
 
 from dicedesign.bench import momentum as momentum_bench

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from common.finished_run import box_file
-from common.thrown import compiled_only
+from common.kernels import compiled_only
 
 from dicedesign.cli.main import main
 from dicedesign.geometry.meshes.reading import read_body

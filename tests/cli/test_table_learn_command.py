@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from common.inline_executor import Inline
-from common.thrown import compiled_only, random_body
+from common.kernels import compiled_only
+from common.thrown import random_body
 
 from dicedesign.cli.main import main
 from dicedesign.runtime import executors

@@ -14,13 +14,11 @@ from common.paths import DATA
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.kernels import ops as kernels
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 
 DIE = DATA / "published/final/2d6_hendecahedron.obj"
 
-compiled_only = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
 published_only = pytest.mark.skipif(
     not DIE.exists(), reason="the published dice are not beside this checkout"
 )

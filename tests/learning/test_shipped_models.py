@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common.thrown import compiled_only
+from common.kernels import compiled_only
 
 from dicedesign.gradient.restitution_sensitivity import CHANGES
 from dicedesign.learning.random_dice import RandomDie, random_die

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from common.inline_executor import Inline
-from common.thrown import compiled_only
+from common.kernels import compiled_only
 
 from dicedesign.errors import InputError
 from dicedesign.learning import random_throws

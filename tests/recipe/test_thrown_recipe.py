@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from common.kernels import compiled_only
 
 from dicedesign.cli.main import main
 from dicedesign.errors import RecipeError
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.kernels import ops as kernels
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.momentum.momentum_odds import thrown_odds
 
-pytestmark = pytest.mark.skipif(kernels.compiled is None, reason="no compiled kernels")
+pytestmark = compiled_only
 
 RECIPE = """\
 name: coin

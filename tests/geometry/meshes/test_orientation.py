@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from common.kernels import compiled_only
 
 from dicedesign.geometry.meshes.orientation import oriented_shells, shells_of
 from dicedesign.geometry.solid import is_closed
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Integers
 
-pytestmark = pytest.mark.skipif(kernels.compiled is None, reason="kernels were not built")
+pytestmark = compiled_only
 
 
 def soups() -> list[Integers]:

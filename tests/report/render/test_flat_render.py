@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 import trimesh
+from common.kernels import without_kernels
 
 from dicedesign.fabricate.engraving import engrave
 from dicedesign.fabricate.layout import place_labels
@@ -153,7 +154,7 @@ def test_views_of_ten_thousand_triangles_are_fast():
     assert time.process_time() - started < 3.0
 
 
-def test_the_kernel_sees_the_triangles_that_numpy_sees(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_kernel_sees_the_triangles_that_numpy_sees() -> None:
     rng = np.random.default_rng(0)
     for case in range(60):
         count = int(rng.integers(3, 60))
@@ -163,8 +164,7 @@ def test_the_kernel_sees_the_triangles_that_numpy_sees(monkeypatch: pytest.Monke
             positions = np.round(positions) + 0.5
         triangles = rng.integers(0, count, size=(80, 3))
         seen, depth = rasterize(positions, triangles, 64)
-        monkeypatch.setattr("dicedesign.kernels.ops.compiled", None)
-        expected = rasterize(positions, triangles, 64)
-        monkeypatch.undo()
+        with without_kernels():
+            expected = rasterize(positions, triangles, 64)
         np.testing.assert_array_equal(seen, expected[0])
         np.testing.assert_array_equal(depth, expected[1])

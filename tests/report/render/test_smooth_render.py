@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from common.kernels import without_kernels
 
 from dicedesign.report.render.raster import Camera
 from dicedesign.report.render.renderer import Shell, Surface, render
@@ -166,8 +167,8 @@ def test_edges_of_a_shell_are_drawn_but_not_across_its_flat_facets() -> None:
     assert picture[45, 9].max() < inside[0, 0].max() - 20
 
 
-def test_pictures_are_the_same_without_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_are_the_same_without_the_kernel() -> None:
     surface = sphere(3)
     expected = render(surface, FRONT, 60, glass((1,)))
-    monkeypatch.setattr("dicedesign.kernels.ops.compiled", None)
-    np.testing.assert_array_equal(render(surface, FRONT, 60, glass((1,))), expected)
+    with without_kernels():
+        np.testing.assert_array_equal(render(surface, FRONT, 60, glass((1,))), expected)

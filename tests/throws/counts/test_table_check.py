@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from common.kernels import compiled_only
 from common.paths import DATA
-from common.thrown import box, compiled_only, published_only, thrown
+from common.thrown import box, published_only, thrown
 
 from dicedesign.throws.counts.table_check import check_table
 from dicedesign.throws.counts.throw_counts import CountedDie, read_throw_counts

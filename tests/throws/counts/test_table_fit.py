@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from common.inline_executor import Inline
-from common.thrown import box, compiled_only, thrown
+from common.kernels import compiled_only
+from common.thrown import box, thrown
 from scipy.special import expit
 
 from dicedesign.errors import InputError

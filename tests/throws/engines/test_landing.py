@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common.thrown import compiled_only, random_body
+from common.kernels import compiled_only
+from common.thrown import random_body
 
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.kernels import ops as kernels

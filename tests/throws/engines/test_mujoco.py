@@ -6,7 +6,8 @@ import sys
 
 import numpy as np
 import pytest
-from common.thrown import OCTAHEDRON, alike, compiled_only, random_body, random_points, thrown
+from common.kernels import compiled_only
+from common.thrown import OCTAHEDRON, alike, random_body, random_points, thrown
 
 from dicedesign.errors import InputError
 from dicedesign.throws.engines.contact import contact_of

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from common.kernels import compiled_only
 from common.thrown import (
     OCTAHEDRON,
     alike,
     box,
-    compiled_only,
     fits,
     random_body,
     random_points,

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common.thrown import box, compiled_only, thrown
+from common.kernels import compiled_only
+from common.thrown import box, thrown
 from scipy.integrate import solve_ivp
 
 from dicedesign.throws.engines.contact import (

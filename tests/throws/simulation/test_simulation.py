@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from common.inline_executor import Inline, Lossy
-from common.thrown import compiled_only, random_body
+from common.kernels import compiled_only
+from common.thrown import random_body
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.executors import local_workers

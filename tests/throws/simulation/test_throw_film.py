@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common.thrown import box, compiled_only, random_body, random_points, thrown
+from common.kernels import compiled_only
+from common.thrown import box, random_body, random_points, thrown
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import InputError
