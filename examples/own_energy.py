@@ -9,17 +9,10 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from dicedesign.design.energy.clusters import ClusteredRests, cluster
-from dicedesign.design.energy.energy import energy_terms
-from dicedesign.design.energy.term import TERMS, EnergyWeights, Term
-from dicedesign.design.options import DescentOptions, Stopping
-from dicedesign.design.solvers.descent import descend_to_target
-from dicedesign.design.starts.kinds.prism import prism
-from dicedesign.design.targets import listed
-from dicedesign.gradient.rest_odds import evaluate_rests
+import dicedesign as dd
 
 
-def firm_rests(state: ClusteredRests, weights: EnergyWeights) -> torch.Tensor:
+def firm_rests(state: dd.ClusteredRests, weights: dd.EnergyWeights) -> torch.Tensor:
     """Charges outcomes that a small nudge ends: cosines of the angles between the normal of a rest
     and the saddles on the border of its basin, 1 where the two coincide."""
     basins = torch.as_tensor(state.rests.paths.basins)
@@ -30,18 +23,20 @@ def firm_rests(state: ClusteredRests, weights: EnergyWeights) -> torch.Tensor:
     return (cosines[leads_out] ** 8).sum()
 
 
-TERMS.register(Term(name="firm_rests", line="no outcome that ends at a nudge", evaluate=firm_rests))
+dd.TERMS.register(
+    dd.Term(name="firm_rests", line="no outcome that ends at a nudge", evaluate=firm_rests)
+)
 
-TARGET = listed([0.5, 0.3, 0.2]).probabilities
-START = prism(3)
+TARGET = dd.listed([0.5, 0.3, 0.2]).probabilities
+START = dd.prism(3)
 
 
 def built_in(weight: float) -> None:
     """In a recipe: method: {descent: {weights: {firm_rests: 0.002}}}."""
-    options = DescentOptions(
-        weights=EnergyWeights(firm_rests=weight), stopping=Stopping(steps=100, seconds=4.0)
+    options = dd.DescentOptions(
+        weights=dd.EnergyWeights(firm_rests=weight), stopping=dd.Stopping(steps=100, seconds=4.0)
     )
-    die = descend_to_target(START, TARGET, options)
+    die = dd.descend_to_target(START, TARGET, options)
     print(
         f"built-in descent, weight {weight:g}: largest |p - q| {die.error:.2g}, "
         f"least angle from a rest to a saddle {least_angle(die.hull.vertices):.1f} degrees"
@@ -51,12 +46,12 @@ def built_in(weight: float) -> None:
 def with_torch(weight: float) -> None:
     """Any optimiser: the energy is a tensor that autograd differentiates in the vertices."""
     vertices = torch.tensor(START.points, requires_grad=True)
-    weights = EnergyWeights(firm_rests=weight, barycenter=0.0, neighbor=0.0, stability=0.0)
+    weights = dd.EnergyWeights(firm_rests=weight, barycenter=0.0, neighbor=0.0, stability=0.0)
     adam = torch.optim.Adam([vertices], lr=8e-3)
     for _ in range(100):
-        rests = evaluate_rests(vertices)
-        clusters = cluster(rests.hull.normals[rests.paths.rests], START.directions)
-        terms = energy_terms(ClusteredRests(rests, clusters, TARGET), weights)
+        rests = dd.evaluate_rests(vertices)
+        clusters = dd.cluster(rests.hull.normals[rests.paths.rests], START.directions)
+        terms = dd.energy_terms(dd.ClusteredRests(rests, clusters, TARGET), weights)
         adam.zero_grad()
         torch.stack(list(terms.values())).sum().backward()
         adam.step()
@@ -68,8 +63,8 @@ def with_torch(weight: float) -> None:
 
 def least_angle(points: np.ndarray) -> float:
     """In degrees, between the normal of a rest and a saddle on the border of its basin."""
-    rests = evaluate_rests(torch.tensor(points))
-    state = ClusteredRests(rests, cluster(rests.hull.normals, START.directions), TARGET)
+    rests = dd.evaluate_rests(torch.tensor(points))
+    state = dd.ClusteredRests(rests, dd.cluster(rests.hull.normals, START.directions), TARGET)
     normals = rests.rest_normals[torch.as_tensor(rests.paths.basins)]
     cosines = (normals * state.saddles[:, None]).sum(-1)
     return float(torch.rad2deg(torch.arccos(cosines.max())))
