@@ -7,10 +7,11 @@ them, pixel for pixel.
 from __future__ import annotations
 
 import importlib.util
-from functools import cache, cached_property
+from collections.abc import Callable
+from functools import cache, cached_property, partial
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -83,7 +84,7 @@ class Paper:
         self.width, self.height = round(width), round(height)
         self.texts: list[str] = []
         self.pictures: list[Picture] = []
-        self._above: list[tuple[Any, ...]] = []
+        self._above: list[Callable[[Image.Image], None]] = []
 
     @cached_property
     def _shapes(self) -> Image.Image:
@@ -155,7 +156,7 @@ class Paper:
     def picture(self, picture: Picture, left: float, top: float) -> None:
         """Paste a picture, pixel for pixel."""
         self.pictures.append(picture)
-        self._above.append((_paste, picture, (round(left), round(top))))
+        self._above.append(partial(_paste, picture, (round(left), round(top))))
 
     def text(
         self,
@@ -177,7 +178,7 @@ class Paper:
         self.texts.append(text)
         x, y = (float(value) for value in np.asarray(place, dtype=np.float64))
         write = _write_turned if turned else _write
-        self._above.append((write, text, (x, y), size, anchor, color, halo))
+        self._above.append(partial(write, text, (x, y), size, anchor, color, halo))
 
     def pixels(self) -> Picture:
         """The sheet as a picture."""
@@ -197,8 +198,8 @@ class Paper:
             sheet = self._shapes.reduce(_FINE)
         else:
             sheet = Image.new("RGB", (self.width, self.height), "white")
-        for draw, *arguments in self._above:
-            draw(sheet, *arguments)
+        for draw in self._above:
+            draw(sheet)
         return sheet
 
 
@@ -226,20 +227,17 @@ def _dashes(path: Floats, width: float) -> list[Floats]:
     return parts
 
 
-def _paste(sheet: Image.Image, picture: Picture, corner: tuple[int, int]) -> None:
+def _paste(picture: Picture, corner: tuple[int, int], sheet: Image.Image) -> None:
     from PIL import Image
 
     sheet.paste(Image.fromarray(picture), corner)
 
 
+_Place: TypeAlias = tuple[float, float]
+
+
 def _write(
-    sheet: Image.Image,
-    text: str,
-    place: tuple[float, float],
-    size: int,
-    anchor: str,
-    color: str,
-    halo: bool,
+    text: str, place: _Place, size: int, anchor: str, color: str, halo: bool, sheet: Image.Image
 ) -> None:
     from PIL import ImageDraw
 
@@ -257,19 +255,13 @@ def _write(
 
 
 def _write_turned(
-    sheet: Image.Image,
-    text: str,
-    place: tuple[float, float],
-    size: int,
-    anchor: str,
-    color: str,
-    halo: bool,
+    text: str, place: _Place, size: int, anchor: str, color: str, halo: bool, sheet: Image.Image
 ) -> None:
     from PIL import Image
 
     flat = Image.new("L", (round(text_width(text, size)) + 4, round(1.5 * size)))
-    _write(flat, text, (flat.width / 2.0, flat.height / 2.0), size, "mm", "white", False)
+    _write(text, (flat.width / 2.0, flat.height / 2.0), size, "mm", "white", halo, flat)
     upright = flat.transpose(Image.Transpose.ROTATE_90)
     shift = {"l": 0.0, "m": 0.5, "r": 1.0}[anchor[0]] * upright.height
-    corner = round(place[0] - upright.width / 2.0), round(place[1] - upright.height + shift)
-    sheet.paste(color, (*corner, corner[0] + upright.width, corner[1] + upright.height), upright)
+    left, top = round(place[0] - upright.width / 2.0), round(place[1] - upright.height + shift)
+    sheet.paste(color, (left, top, left + upright.width, top + upright.height), upright)

@@ -77,7 +77,7 @@ class Style:
 
 
 class Series(Protocol):
-    """Something drawn in a axes.
+    """Something drawn between axes.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class Series(Protocol):
     def label(self) -> str: ...
 
     def draw(self, paper: Paper, axes: Axes) -> None:
-        """Draw it in a axes."""
+        """Draw it between axes."""
 
     def key(self, paper: Paper, left: float, middle: float) -> None:
         """Draw its sample for a legend."""
@@ -224,7 +224,7 @@ class Note:
     inside: bool = False
 
     def draw(self, paper: Paper, axes: Axes) -> None:
-        """Write it in a axes."""
+        """Write it between axes."""
         place = axes.places([axes.x.low if self.inside else self.x], [self.y])[0] + self.offset
         if self.inside:
             place[0] += self.x * (axes.box[2] - axes.box[0])

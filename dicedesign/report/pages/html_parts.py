@@ -35,7 +35,7 @@ ul { margin: .5rem 0; padding-left: 1.25rem; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .25rem .75rem; border-bottom: 1px solid #e4e9ee; text-align: right;
-  overflow-wrap: normal; }
+  overflow-wrap: normal; white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; padding-left: 0; }
 """
 
