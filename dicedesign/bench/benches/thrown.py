@@ -210,6 +210,7 @@ def thrown_chart(rows: Sequence[Row], run: Run) -> Chart:
 
     Raises InputError: no die was thrown.
     """
+    from dicedesign.bench.measures.thrown_dice import ThrownRow
     from dicedesign.report.charts.axes import Axis
     from dicedesign.report.charts.chart import Chart
     from dicedesign.report.charts.palette import ACCENT, DARK, FAINT, PALE
