@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dicedesign.bench.bodies.problem import Problem
-from dicedesign.bench.reference.measurement import measure, share_error
-from dicedesign.bench.stability import OK, verdict
+from dicedesign.bench.reference.measurement import OK, measure, share_error, verdict
 from dicedesign.rest.basins import find_basins
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats

@@ -35,9 +35,15 @@ from strategies import (
 from tally import TALLY
 
 from dicedesign.bench.bodies.problem import Problem
-from dicedesign.bench.reference.measurement import Measurement, measure
+from dicedesign.bench.reference.measurement import (
+    CONDITION_FACTOR,
+    ERROR_LIMIT,
+    OK,
+    Measurement,
+    measure,
+    verdict,
+)
 from dicedesign.bench.reference.sixty_digits import OracleError
-from dicedesign.bench.stability import CONDITION_FACTOR, ERROR_LIMIT, OK, verdict
 from dicedesign.errors import DegenerateBodyError, OutsideHullError
 from dicedesign.rest.poses import UNEVEN, RestPoses, rest_poses
 

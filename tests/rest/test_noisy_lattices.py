@@ -7,8 +7,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from dicedesign.bench.bodies.problem import Problem
-from dicedesign.bench.reference.measurement import measure
-from dicedesign.bench.stability import OK, verdict
+from dicedesign.bench.reference.measurement import OK, measure, verdict
 from dicedesign.errors import OutsideHullError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest import basins as probabilities

@@ -6,11 +6,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from dicedesign.bench.measures.other_methods import (
+    TrimeshRequest,
     matched,
     solid_angle_probabilities,
     trimesh_poses,
@@ -23,7 +24,8 @@ from dicedesign.bench.reference.sampled import (
     random_directions,
     sampled_probabilities,
 )
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.bench.rows import Row, column
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats
 
@@ -38,7 +40,6 @@ __all__ = [
     "TRIMESH",
     "TRIMESH_SPREAD",
     "Answer",
-    "TrimeshRequest",
     "answers",
     "timed_trimesh",
 ]
@@ -92,7 +93,7 @@ mostly where facets are so small that rolling off them is decided in exact arith
 
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(Row):
     """One method's answer.
 
     Attributes
@@ -105,17 +106,28 @@ class Answer:
     note: why not.
     """
 
-    method: str
-    samples: int | None = None
-    seconds: float | None = None
-    error: float | None = None
-    note: str = ""
+    table: ClassVar[str | None] = None
+
+    method: str = column("method", -27)
+    samples: int | None = column("samples", 9, none="", default=None)
+    seconds: float | None = column("s", 12, ".5f", default=None)
+    error: float | None = column("error", 10, ".1e", default=None)
+    note: str = column("", 0, default="")
 
 
-def answers(subject: Subject, *, most_directions: int, seconds: float) -> Iterator[Answer]:
+def answers(
+    subject: Subject,
+    *,
+    most_directions: int,
+    seconds: float,
+    centers: Sequence[int] = CENTERS,
+    spread: float = SPREAD,
+    ask_trimesh: Callable[[TrimeshRequest], Any] | None = None,
+) -> Iterator[Answer]:
     """The answers of all methods.
 
-    most_directions: tracing takes no more.
+    most_directions: tracing takes no more. centers, spread: of trimesh.
+    ask_trimesh: as `timed_trimesh`, and importable by name.
     seconds: an answer that takes longer, or is expected to, is left out and says so. trimesh is
         stopped then; the others keep to what is expected of them.
     """
@@ -127,7 +139,7 @@ def answers(subject: Subject, *, most_directions: int, seconds: float) -> Iterat
         trace = partial(_traced, subject, directions)
         yield from _growing(subject, method, counts, trace, seconds, base, 0.0)
     yield _solid_angles(subject, seconds)
-    yield from _trimesh_answers(subject, seconds)
+    yield from _trimesh_answers(subject, seconds, centers, spread, ask_trimesh or timed_trimesh)
 
 
 def timed(run: Callable[[], Any]) -> tuple[Any, float]:
@@ -211,19 +223,28 @@ def _traced(subject: Subject, directions: Callable[[int, int], Floats], count: i
     return (shares, 0.0), seconds
 
 
-def _trimesh_answers(subject: Subject, limit: float) -> Iterator[Answer]:
+def _trimesh_answers(
+    subject: Subject,
+    limit: float,
+    centers: Sequence[int],
+    spread: float,
+    ask_trimesh: Callable[[TrimeshRequest], Any],
+) -> Iterator[Answer]:
     each = SECONDS_PER_FACET[TRIMESH] * len(subject.hull.normals)
     if each > limit:
         yield _left_out(TRIMESH, 1, each)
-        yield from (_left_out(TRIMESH_SPREAD, count, each * count) for count in CENTERS)
+        yield from (_left_out(TRIMESH_SPREAD, count, each * count) for count in centers)
         return
-    with Watchdog(timed_trimesh) as dog:
+    with Watchdog(ask_trimesh) as dog:
 
         def ask(variance: float, count: int) -> TimedShares:
             hull = subject.hull
-            request = TrimeshRequest(subject.body.points, hull, subject.center, variance, count)
-            answer: TimedShares = dog.call(request, limit + REPEAT_SECONDS)
-            return answer
+            triangles = hull.source[hull.triangles]
+            request = TrimeshRequest(
+                subject.body.points, triangles, subject.center, variance, count, SEED
+            )
+            (normals, shares), seconds = dog.call(request, limit + REPEAT_SECONDS)
+            return matched(hull, normals, shares, SAME_NORMAL), seconds
 
         def ask_at_first(count: int) -> TimedShares:
             dog.call(_simplex_request(), WORKER_SECONDS)
@@ -232,47 +253,22 @@ def _trimesh_answers(subject: Subject, limit: float) -> Iterator[Answer]:
         (exact,) = _growing(subject, TRIMESH, (1,), ask_at_first, limit, 0.0, each)
         yield exact
         if exact.seconds is None:
-            for count in CENTERS:
+            for count in centers:
                 yield Answer(TRIMESH_SPREAD, count, note="left out, as with the exact center")
             return
-        spread = partial(ask, (SPREAD * _thickness(subject.hull.vertices) / 2.0) ** 2)
-        yield from _growing(subject, TRIMESH_SPREAD, CENTERS, spread, limit, 0.0, exact.seconds)
+        around = partial(ask, (spread * _thickness(subject.hull.vertices) / 2.0) ** 2)
+        yield from _growing(subject, TRIMESH_SPREAD, centers, around, limit, 0.0, exact.seconds)
 
 
-@dataclass(frozen=True)
-class TrimeshRequest:
-    """What `timed_trimesh` is to answer: the points (n, 3) of a body and their hull; the rest as in
-    `trimesh_poses`."""
-
-    points: Floats
-    hull: ConvexHull
-    center: Floats
-    variance: float
-    samples: int
-
-
-def timed_trimesh(request: TrimeshRequest) -> TimedShares:
-    """trimesh's probabilities by facet, the largest that found no facet, and the seconds."""
-
-    def ask() -> tuple[Floats, float]:
-        hull = request.hull
-        normals, shares = trimesh_poses(
-            request.points,
-            hull.source[hull.triangles],
-            request.center,
-            variance=request.variance,
-            samples=request.samples,
-            seed=SEED,
-        )
-        return matched(hull, normals, shares, SAME_NORMAL)
-
-    return timed(ask)
+def timed_trimesh(request: TrimeshRequest) -> tuple[tuple[Floats, Floats], float]:
+    """What trimesh answers, and the seconds."""
+    return timed(partial(trimesh_poses, request))
 
 
 def _simplex_request() -> TrimeshRequest:
     """One that is answered as soon as all that is needed has been imported."""
     hull = convex_hull(np.concatenate([np.zeros((1, 3)), np.eye(3)]))
-    return TrimeshRequest(hull.vertices, hull, hull.centroid, 0.0, 1)
+    return TrimeshRequest(hull.vertices, hull.triangles, hull.centroid)
 
 
 def _thickness(points: Floats) -> float:

@@ -21,11 +21,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from dicedesign.bench.bodies.random_hulls import random_hull
 from dicedesign.bench.reference.oracle_derivatives import oracle_derivative
@@ -35,7 +34,7 @@ from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.morse import separatrices
 from dicedesign.rest.tracing import destined_facets
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
 __all__ = ["BODIES", "DISCONTINUOUS", "EVENTS", "Event", "find_events"]
 
@@ -83,10 +82,10 @@ class _Decisions:
     crossed: (2 s, depth, 2) as in `Separatrices`, padded with -1.
     """
 
-    stable: NDArray[np.bool_]
-    destined: NDArray[np.int64]
-    maximum: NDArray[np.bool_]
-    crossed: NDArray[np.int64]
+    stable: Booleans
+    destined: Integers
+    maximum: Booleans
+    crossed: Integers
 
 
 @dataclass(frozen=True)
@@ -102,6 +101,8 @@ class Event:
     kink: largest difference of derivatives over the larger slope.
     error: largest difference of the derivatives from the oracle's, over the larger slope.
     """
+
+    computed: ClassVar[tuple[str, ...]] = ("ok",)
 
     kind: str
     body: int
@@ -177,17 +178,17 @@ class _Walk:
                 continue
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)
-                found = self.decisions(middle)
-                if _kind(before, found) is None:
+                between = self.decisions(middle)
+                if _kind(before, between) is None:
                     low = middle
                 else:
-                    high, after = middle, found
+                    high, after = middle, between
             kind = _kind(before, after)
             sides = low - BESIDE, high + BESIDE
             # Else another event is so near that it would be seen along with this one.
             alone = [
-                _kind(there, self.decisions(side)) is None
-                for there, side in zip((before, after), sides, strict=True)
+                _kind(decided, self.decisions(side)) is None
+                for decided, side in zip((before, after), sides, strict=True)
             ]
             if kind is not None and all(alone):
                 yield self._event(kind, sides)

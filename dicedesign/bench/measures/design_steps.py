@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import cycle
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -13,6 +14,7 @@ from scipy.spatial import ConvexHull
 from dicedesign.bench.bodies.extremes import large
 from dicedesign.bench.measures.processes import in_turn
 from dicedesign.bench.measures.query_speed import PAPER, ROW, Effort
+from dicedesign.bench.rows import Row, column, hidden, milliseconds
 from dicedesign.design.coordinates.facets import FacetCoordinates
 from dicedesign.design.coordinates.shape import Coordinates
 from dicedesign.design.coordinates.vertices import VertexCoordinates
@@ -23,47 +25,43 @@ from dicedesign.design.targets import sum_of_dice
 from dicedesign.geometry.hulls.reuse import HullMemory
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["Part", "speed_parts"]
+__all__ = ["PartRow", "part_works", "speed_parts"]
 
 DENSE: Final = 500
 """Points of the dense hull."""
 
 
 @dataclass(frozen=True)
-class Part:
+class PartRow(Row):
     """What a part of a design costs.
 
     Attributes
     ----------
-    body: the shape.
-    part: what is done with it.
-    seconds: how long that takes.
-    hull_seconds: how long `scipy.spatial.ConvexHull` of the same corners takes.
+    part: what is done with a shape, the body.
+    seconds: how long that takes; ratio: as a multiple of scipy's hull of the same corners, which
+        takes `scipy_hull_seconds`.
     """
 
-    body: str
-    part: str
-    seconds: float
-    hull_seconds: float
+    table: ClassVar[str | None] = "parts"
 
-    @property
-    def ratio(self) -> float:
-        """The part as a multiple of scipy's hull."""
-        return self.seconds / self.hull_seconds
-
-    def plain(self) -> dict[str, Any]:
-        """The row as plain data."""
-        return {
-            "body": self.body,
-            "part": self.part,
-            "seconds": self.seconds,
-            "scipy_hull_seconds": self.hull_seconds,
-            "ratio": self.ratio,
-        }
+    part: str = column("part of a design", -36)
+    body: str = column("body", -28)
+    seconds: float = column("ms", 9, milliseconds)
+    ratio: float = column("hulls", 9, ".2f")
+    scipy_hull_seconds: float = hidden()
 
 
-def speed_parts(effort: Effort) -> Iterator[Part]:
+def speed_parts(effort: Effort) -> Iterator[PartRow]:
     """Rows of the table."""
+    for body, corners, works in part_works():
+        actions: list[Callable[[], Any]] = [partial(ConvexHull, corners), *works.values()]
+        hull, *others = in_turn(actions, effort.seconds, rounds=effort.rounds, row=ROW)
+        for part, seconds in zip(works, others, strict=True):
+            yield PartRow(part, body, seconds, seconds / hull, hull)
+
+
+def part_works() -> Iterator[tuple[str, Floats, dict[str, Callable[[], Any]]]]:
+    """Bodies, their corners, and what is done with them, by name."""
     rng = np.random.default_rng(0)
     start = hendecahedron("bisymmetric")
     facets, place = FacetCoordinates.of(start.points, np.zeros(3))
@@ -71,27 +69,16 @@ def speed_parts(effort: Effort) -> Iterator[Part]:
     places.append(places[0] + 1e-4 * rng.normal(size=place.shape))
     target = sum_of_dice([6, 6]).probabilities
     die = Objective(facets, target, PAPER, None)
-    yield from _measured(
-        "2d6 die of 11 facets",
-        facets.shape(places[0]).points,
-        {**_steps(die, places, start.directions), **_jacobians(facets, places, start.directions)},
-        effort,
-    )
+    works = {
+        **_steps(die, places, start.directions),
+        **_jacobians(facets, places, start.directions),
+    }
+    yield "2d6 die of 11 facets", facets.shape(places[0]).points, works
     points = large(DENSE).points
     vertices, place = VertexCoordinates.of(points, np.zeros(3))
     places = [place, place + 1e-6 * rng.normal(size=place.shape)]
     dense = Objective(vertices, np.full(3, 1.0 / 3.0), PAPER, None)
-    steps = _steps(dense, places, np.eye(3))
-    yield from _measured(f"{DENSE} on an ellipsoid", points, steps, effort)
-
-
-def _measured(
-    body: str, corners: Floats, works: dict[str, Callable[[], Any]], effort: Effort
-) -> Iterator[Part]:
-    actions = [lambda: ConvexHull(corners), *works.values()]
-    hull, *others = in_turn(actions, effort.seconds, rounds=effort.rounds, row=ROW)
-    for part, seconds in zip(works, others, strict=True):
-        yield Part(body, part, seconds, hull)
+    yield f"{DENSE} on an ellipsoid", points, _steps(dense, places, np.eye(3))
 
 
 def _steps(

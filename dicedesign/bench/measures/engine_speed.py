@@ -1,5 +1,4 @@
-"""How many drops a second each simulator does on one core, and whether its time step is fine
-enough."""
+"""Drops per second of each simulator on one core, and whether its time step is fine enough."""
 
 from __future__ import annotations
 
@@ -7,10 +6,12 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
+from dicedesign.bench.measures.simulator_odds import ENGINE_NAMES
+from dicedesign.bench.rows import Row, column, hidden
 from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.rest.poses import rest_poses
@@ -37,26 +38,25 @@ DRAWS: Final = 40
 
 
 @dataclass(frozen=True)
-class EngineSpeed:
+class EngineSpeed(Row):
     """The throughput of one simulator.
 
     Attributes
     ----------
-    body: its name. vertices, facets: of its hull. engine: that threw it.
+    body: its name. facets, vertices: of its hull. engine: that threw it.
+    drops_per_second: of one core.
     drops: that were timed. seconds: of one core that they took.
     """
 
-    body: str
-    vertices: int
-    facets: int
-    engine: str
-    drops: int
-    seconds: float
+    table: ClassVar[str | None] = "throughput"
 
-    @property
-    def drops_per_second(self) -> float:
-        """For each core."""
-        return self.drops / self.seconds
+    body: str = column("", -48)
+    facets: int = column("facets", 8)
+    vertices: int = column("corners", 9)
+    engine: str = column("  simulator", -13, lambda engine: f"  {ENGINE_NAMES[engine]}")
+    drops_per_second: float = column("drops a second", 16, ".0f")
+    drops: int = hidden()
+    seconds: float = hidden()
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,13 @@ def speeds(bodies: Sequence[Body], engines: Sequence[str], seconds: float) -> It
             drops = min(max(drops, TRIAL), MOST_DROPS)
             taken = _seconds(thrown, table, engine, drops)
             yield EngineSpeed(
-                body.name, len(hull.vertices), len(hull.normals), engine, drops, taken
+                body=body.name,
+                facets=len(hull.normals),
+                vertices=len(hull.vertices),
+                engine=engine,
+                drops_per_second=drops / taken,
+                drops=drops,
+                seconds=taken,
             )
 
 

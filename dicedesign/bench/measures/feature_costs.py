@@ -1,8 +1,5 @@
-"""What hulls and exact arithmetic cost where they are not needed.
-
-What a feature costs: a row of `dicedesign bench lean`.
-
-What the parts of a design cost, each with and without."""
+"""Costs of features, each with it and without, in this process: parts of a design, hulls that are
+kept, exact arithmetic."""
 
 from __future__ import annotations
 
@@ -15,6 +12,7 @@ import numpy as np
 
 from dicedesign.bench.bodies.extremes import large
 from dicedesign.bench.measures.processes import in_turn
+from dicedesign.bench.rows import Row, column
 from dicedesign.design.coordinates.facets import FacetCoordinates
 from dicedesign.design.coordinates.vertices import VertexCoordinates
 from dicedesign.design.energy.objective import Evaluation, Objective
@@ -30,10 +28,41 @@ from dicedesign.rest.exact import ExactSigns
 from dicedesign.rest.morse import separatrices
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["Row", "energy_rows", "exact_rows", "hull_rows", "sobolev_rows", "time_row"]
+__all__ = ["CostRow", "energy_rows", "exact_rows", "hull_rows", "sobolev_rows", "time_row"]
 
 
-def hull_rows(seconds: float) -> Iterator[Row]:
+@dataclass(frozen=True)
+class CostRow(Row):
+    """What a feature costs.
+
+    Attributes
+    ----------
+    feature: what is left out or not.
+    measured: of what the cost is.
+    without, included: cost where it is left out, and with it.
+    unit: "s", "MB", "ms", "µs" or "calls".
+    ratio: how many times as much it costs with the feature; None where nothing was without.
+    """
+
+    feature: str = column("feature", -48)
+    measured: str = column("measured", -48)
+    without: float = column("without", 9, ".4g")
+    included: float = column("with", 9, ".4g")
+    unit: str = column("", -7, lambda unit: f" {unit}")
+    ratio: float | None = column("ratio", 7, ".2f", init=False)
+
+    def __post_init__(self) -> None:
+        ratio = self.included / self.without if self.without > 0.0 else None
+        object.__setattr__(self, "ratio", ratio)
+
+
+def time_row(feature: str, measured: str, without: float, included: float) -> CostRow:
+    """A row of two times in seconds, in the unit in which the smaller one is at least 1."""
+    unit, scale = ("ms", 1e3) if min(without, included) >= 1e-3 else ("µs", 1e6)
+    return CostRow(feature, measured, scale * without, scale * included, unit)
+
+
+def hull_rows(seconds: float) -> Iterator[CostRow]:
     """Hulls of points that move a little to and fro, as in a descent: a die's corners, of which
     more than three lie on a facet, and points of which many are near to changing neighbors."""
     start = hendecahedron("bisymmetric")
@@ -50,7 +79,7 @@ def hull_rows(seconds: float) -> Iterator[Row]:
         yield _hull_row(name, places, seconds / 2.0)
 
 
-def _hull_row(name: str, places: Sequence[Floats], seconds: float) -> Row:
+def _hull_row(name: str, places: Sequence[Floats], seconds: float) -> CostRow:
     memory = HullMemory()
     reused, rebuilt = in_turn(
         [
@@ -93,7 +122,7 @@ BALANCED: Final = np.array(
 lies on that side's lower edge, exactly."""
 
 
-def exact_rows(seconds: float) -> Iterator[Row]:
+def exact_rows(seconds: float) -> Iterator[CostRow]:
     """The same shape with its balances and, a little deformed, without."""
     noise = 1e-3 * np.random.default_rng(0).normal(size=BALANCED.shape)
     hulls = [convex_hull(BALANCED + noise), convex_hull(BALANCED)]
@@ -108,56 +137,14 @@ def exact_rows(seconds: float) -> Iterator[Row]:
     counts = [trace(hull) for hull in hulls]
     times = in_turn([partial(trace, hull) for hull in hulls], seconds / 2.0)
     feature = "exact arithmetic, for what rounding leaves open"
-    yield Row(feature, "square frustum: decisions", "calls", counts[0], counts[1])
+    yield CostRow(feature, "square frustum: decisions", counts[0], counts[1], "calls")
     yield time_row(feature, "square frustum: tracing", *times)
-
-
-@dataclass(frozen=True)
-class Row:
-    """What a feature costs.
-
-    Attributes
-    ----------
-    feature: what is left out or not.
-    quantity: of what the cost is.
-    unit: "s", "MB", "ms", "µs" or "calls".
-    without: cost where it is left out.
-    included: cost with it.
-    """
-
-    feature: str
-    quantity: str
-    unit: str
-    without: float
-    included: float
-
-    @property
-    def ratio(self) -> float | None:
-        """How many times as much it costs with the feature; None where nothing was without."""
-        return self.included / self.without if self.without > 0.0 else None
-
-    def plain(self) -> dict[str, Any]:
-        """The row as plain data, under the names of the table."""
-        return {
-            "feature": self.feature,
-            "measured": self.quantity,
-            "unit": self.unit,
-            "without": self.without,
-            "with": self.included,
-            "ratio": self.ratio,
-        }
-
-
-def time_row(feature: str, quantity: str, without: float, included: float) -> Row:
-    """A row of two times in seconds, in the unit in which the smaller one is at least 1."""
-    unit, scale = ("ms", 1e3) if min(without, included) >= 1e-3 else ("µs", 1e6)
-    return Row(feature, quantity, unit, scale * without, scale * included)
 
 
 TERMS: Final = ("coplanar", "barycenter", "neighbor", "stability")
 
 
-def energy_rows(seconds: float) -> Iterator[Row]:
+def energy_rows(seconds: float) -> Iterator[CostRow]:
     """An evaluation of the objective for 11 facets whose rests add up to the total of two dice."""
     start = hendecahedron("bisymmetric")
     center = convex_hull(start.points).centroid
@@ -202,7 +189,7 @@ def energy_rows(seconds: float) -> Iterator[Row]:
     yield time_row("gradient, for accepted steps only", "trial of a step", value, slope)
 
 
-def sobolev_rows(seconds: float) -> Iterator[Row]:
+def sobolev_rows(seconds: float) -> Iterator[CostRow]:
     """A step's direction on a hull of 500 vertices."""
     points = large(500).points
     hull = convex_hull(points)

@@ -2,8 +2,6 @@
 
 Both let a body that falls towards a facet land on it, however it would roll on the way. That is
 right where every facet, edge and corner carries an equilibrium, and wrong elsewhere.
-
-How long trimesh takes for the stable poses of points.
 """
 
 from __future__ import annotations
@@ -12,6 +10,7 @@ import inspect
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -26,8 +25,8 @@ from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = [
     "MOST_CORNERS",
-    "Request",
     "TrimeshError",
+    "TrimeshRequest",
     "TrimeshTimer",
     "matched",
     "solid_angle_probabilities",
@@ -52,18 +51,33 @@ def solid_angle_probabilities(equilibria: Equilibria) -> Floats:
     return _gathered(destined_facets(equilibria, facets), shares, len(facets))
 
 
-def trimesh_poses(
-    points: Floats, triangles: Integers, center: Floats, *, variance: float, samples: int, seed: int
-) -> tuple[Floats, Floats]:
+@dataclass(frozen=True)
+class TrimeshRequest:
+    """What trimesh is asked for.
+
+    Attributes
+    ----------
+    points: (n, 3), triangles: (t, 3) into them.
+    center: (3,) mean center of mass.
+    variance: its `sigma`, the square of the spread along each axis, in squared length units.
+    samples: how many centers of mass; seed: of these, where the installed trimesh takes one.
+    """
+
+    points: Floats
+    triangles: Integers
+    center: Floats
+    variance: float = 0.0
+    samples: int = 1
+    seed: int = 0
+
+
+def trimesh_poses(request: TrimeshRequest) -> tuple[Floats, Floats]:
     """Rests and their probabilities by `trimesh.poses.compute_stable_poses`.
 
     It draws centers of mass from a normal distribution, leaves out those outside of the hull, and
     takes the mean over them of the facets' solid angles, passed on by toppling over edges. It knows
     lengths too small to count, so it is given the body at a size of about 1.
 
-    points: (n, 3); triangles: (t, 3) into them; center: (3,) mean center of mass; variance: its
-    `sigma`, the square of the spread along each axis, in squared length units; samples: how many
-    centers of mass; seed: of these, where the installed trimesh takes one.
     Returns (k, 3) normals that point down and (k,) probabilities.
 
     Raises
@@ -74,15 +88,18 @@ def trimesh_poses(
 
     compute = trimesh.poses.compute_stable_poses
     # A power of two, which rounds nothing.
-    size = 2.0 ** int(np.frexp(np.ptp(points, axis=0).max())[1])
-    options: dict[str, Any] = {"sigma": variance / size**2, "n_samples": samples}
+    size = 2.0 ** int(np.frexp(np.ptp(request.points, axis=0).max())[1])
+    options: dict[str, Any] = {
+        "sigma": request.variance / size**2,
+        "n_samples": request.samples,
+    }
     if "seed" in inspect.signature(compute).parameters:
-        options["seed"] = seed
+        options["seed"] = request.seed
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            mesh = trimesh.Trimesh(points / size, triangles, process=False)
-            transforms, shares = compute(mesh, center_mass=center / size, **options)
+            mesh = trimesh.Trimesh(request.points / size, request.triangles, process=False)
+            transforms, shares = compute(mesh, center_mass=request.center / size, **options)
         except Exception as error:  # whatever its algorithm runs into
             raise TrimeshError(f"{type(error).__name__}: {error}") from error
     if len(shares) == 0:
@@ -122,24 +139,9 @@ LIMIT: Final = 60.0
 ROUNDS: Final = 3
 
 
-@dataclass(frozen=True)
-class Request:
-    """A mesh of points (n, 3) and triangles (t, 3), its hull, with a center of mass (3,)."""
-
-    points: Floats
-    triangles: Integers
-    center: Floats
-
-
-def trimesh_seconds(request: Request) -> float:
-    """Median seconds of `trimesh.poses.compute_stable_poses`, which computes the hull itself."""
-
-    def ask() -> None:
-        trimesh_poses(
-            request.points, request.triangles, request.center, variance=0.0, samples=1, seed=0
-        )
-
-    return in_turn([ask], 0.0, rounds=ROUNDS)[0]
+def trimesh_seconds(request: TrimeshRequest) -> float:
+    """Median seconds of the processor of trimesh, which computes the hull itself."""
+    return in_turn([partial(trimesh_poses, request)], 0.0, rounds=ROUNDS)[0]
 
 
 class TrimeshTimer:
@@ -150,7 +152,7 @@ class TrimeshTimer:
     """
 
     def __init__(
-        self, seconds: Callable[[Request], float] = trimesh_seconds, limit: float = LIMIT
+        self, seconds: Callable[[TrimeshRequest], float] = trimesh_seconds, limit: float = LIMIT
     ) -> None:
         self._dog = Watchdog(seconds)
         self._limit = limit
@@ -161,7 +163,7 @@ class TrimeshTimer:
     def __exit__(self, *error: object) -> None:
         self._dog.__exit__(None, None, None)
 
-    def __call__(self, request: Request) -> tuple[float | None, str]:
+    def __call__(self, request: TrimeshRequest) -> tuple[float | None, str]:
         """Its seconds, or None and why."""
         corners = len(np.unique(request.triangles))
         if corners > MOST_CORNERS:

@@ -10,27 +10,30 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import ClassVar, Final
 
 import numpy as np
 
 from dicedesign.batch.file_batches import FEWEST_TASKS_PER_JOB
 from dicedesign.bench.measures.processes import in_new_process
 from dicedesign.bench.reference.sampled import random_directions
+from dicedesign.bench.rows import Row, column, hidden, percent
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.stl import stl_bytes
 
-__all__ = ["Memory", "Throughput", "cold_starts", "job_counts", "peak_memory", "throughput"]
-
-MANY_POINTS: Final = 100_000
-"""On the sphere whose peak of memory is measured."""
-
-FILES: Final = 2000
-"""Meshes that a folder has beside the few."""
+__all__ = [
+    "FolderRow",
+    "Memory",
+    "cold_starts",
+    "job_counts",
+    "peak_memory",
+    "throughput",
+    "wall_seconds",
+]
 
 FEW_FILES: Final = 4 * FEWEST_TASKS_PER_JOB
 """Meshes for each job in the folder that tells the time until all jobs are at work."""
@@ -47,51 +50,36 @@ _COLD: Final = {
 }
 """Programs whose whole time is measured."""
 
-_POINTS: Final = f"""
+_POINTS: Final = """
 from scipy.spatial import ConvexHull
 from dicedesign import rest_poses
 from dicedesign.bench.reference.sampled import random_directions
 rest_poses(random_directions(20, 0))
-points = random_directions({MANY_POINTS}, 0)
+points = random_directions({count}, 0)
 """
 
 
 @dataclass(frozen=True)
 class Memory:
-    """Peaks of memory in MB, see `in_new_process`.
-
-    Attributes
-    ----------
-    points: how many there are.
-    before: with the points and the libraries.
-    hull: of scipy's hull.
-    query: of the query.
-    """
+    """Peaks of memory in MB with many points: with the libraries, after scipy's hull, and after the
+    query; see `in_new_process`."""
 
     points: int
-    before: float
-    hull: float
-    query: float
-
-    def plain(self) -> dict[str, Any]:
-        """The row as plain data."""
-        return {
-            "points": self.points,
-            "points_and_libraries_mb": self.before,
-            "scipy_hull_mb": self.hull,
-            "query_mb": self.query,
-        }
+    points_and_libraries_mb: float
+    scipy_hull_mb: float
+    query_mb: float
 
 
-def peak_memory() -> Memory | None:
-    """Peaks with many points, each in a process of its own; None where the system does not tell."""
-    works = [(_POINTS, "pass"), (_POINTS, "ConvexHull(points)"), (_POINTS, "rest_poses(points)")]
+def peak_memory(points: int) -> Memory | None:
+    """Peaks with so many points, each in a process of its own; None where the system does not
+    tell."""
+    setting = _POINTS.format(count=points)
+    works = [(setting, work) for work in ("pass", "ConvexHull(points)", "rest_poses(points)")]
     with TemporaryDirectory() as name:
-        peaks = [peak for _, peak in in_new_process(works, Path(name), 1)]
-    before, hull, query = peaks
+        before, hull, query = (peak for _, peak in in_new_process(works, Path(name), 1))
     if before is None or hull is None or query is None:
         return None
-    return Memory(MANY_POINTS, before, hull, query)
+    return Memory(points, before, hull, query)
 
 
 def cold_starts(rounds: int) -> dict[str, float]:
@@ -102,47 +90,65 @@ def cold_starts(rounds: int) -> dict[str, float]:
         _write_mesh(folder / "die.stl", 0)
         for _ in range(rounds):
             for program, arguments in _COLD.items():
-                taken[program].append(_wall_seconds(arguments, folder))
+                taken[program].append(wall_seconds(arguments, folder))
     return {program: median(times) for program, times in taken.items()}
 
 
 @dataclass(frozen=True)
-class Throughput:
+class FolderRow(Row):
     """A folder of meshes by so many jobs.
 
     Attributes
     ----------
-    jobs: processes side by side.
-    files: meshes in the folder.
+    name: of the row.
     seconds: from the start of the program to its end.
-    few_files, few_seconds: the same of a folder with `FEW_FILES` for each job.
+    files_per_second: the start of the program and of the jobs included; efficiency: for each job,
+        beside that of a single one.
+    running_files_per_second, running_efficiency: the same once all jobs are at work.
+    jobs: processes side by side; files: meshes in the folder.
+    few_files, few_seconds: the same of a folder with few files for each job.
     """
 
-    jobs: int
-    files: int
-    seconds: float
-    few_files: int
-    few_seconds: float
+    table: ClassVar[str | None] = "throughput"
 
-    @property
-    def rate(self) -> float:
-        """Files per second, the start of the program and of the jobs included."""
-        return self.files / self.seconds
+    name: str = column("dicedesign rest FOLDER", -36)
+    seconds: float = column("s", 11, ".2f")
+    files_per_second: float = column("files/s", 11, ".0f")
+    efficiency: float = column("a job %", 11, percent(0))
+    running_files_per_second: float = column("running/s", 11, ".0f")
+    running_efficiency: float = column("a job %", 11, percent(0))
+    jobs: int = hidden()
+    files: int = hidden()
+    few_files: int = hidden()
+    few_seconds: float = hidden()
 
-    @property
-    def running_rate(self) -> float:
-        """Files per second once all jobs are at work."""
-        return (self.files - self.few_files) / (self.seconds - self.few_seconds)
-
-    def plain(self, alone: Throughput) -> dict[str, Any]:
-        """The row as plain data, beside the one of a single job."""
-        return {
-            **asdict(self),
-            "files_per_second": self.rate,
-            "efficiency": self.rate / (self.jobs * alone.rate),
-            "running_files_per_second": self.running_rate,
-            "running_efficiency": self.running_rate / (self.jobs * alone.running_rate),
-        }
+    @classmethod
+    def of(
+        cls,
+        jobs: int,
+        files: int,
+        seconds: float,
+        few_files: int,
+        few_seconds: float,
+        alone: FolderRow | None,
+    ) -> FolderRow:
+        """A row beside the one of a single job, or that one."""
+        rate, running = files / seconds, (files - few_files) / (seconds - few_seconds)
+        rates = rate, running
+        if alone is not None:
+            rates = alone.files_per_second, alone.running_files_per_second
+        return cls(
+            name=f"{files} meshes, {jobs} jobs",
+            seconds=seconds,
+            files_per_second=rate,
+            efficiency=rate / (jobs * rates[0]),
+            running_files_per_second=running,
+            running_efficiency=running / (jobs * rates[1]),
+            jobs=jobs,
+            files=files,
+            few_files=few_files,
+            few_seconds=few_seconds,
+        )
 
 
 def job_counts(cores: int) -> list[int]:
@@ -152,39 +158,43 @@ def job_counts(cores: int) -> list[int]:
 
 
 def throughput(
+    files: int,
     jobs: Sequence[int] | None = None,
     *,
-    files: int = FILES,
     rounds: int = FOLDER_ROUNDS,
-    on_jobs: Callable[[int], None] = lambda jobs: None,
-) -> Iterator[Throughput]:
+    few_files: int = FEW_FILES,
+    rest_seconds: Callable[[Path, int], float] | None = None,
+) -> Iterator[FolderRow]:
     """`dicedesign rest FOLDER --jobs J` by several numbers of jobs, medians.
 
-    jobs: each at least 1; None for `job_counts` of this machine.
-    files: meshes of the folder beside the `FEW_FILES` for each job, at least 1.
-    on_jobs: is told each number before it is measured.
+    files: meshes of the folder beside the `few_files` for each job, at least 1.
+    jobs: the first is 1; None for `job_counts` of this machine.
+    rest_seconds: tells how long the program takes for a folder by so many jobs.
     """
+    alone: FolderRow | None = None
+    measure = rest_seconds or _rest_seconds
     with TemporaryDirectory() as name:
         root = Path(name)
         for count in jobs or job_counts(os.cpu_count() or 1):
-            on_jobs(count)
-            few = FEW_FILES * count
+            few = few_files * count
             folders = {size: root / str(size) for size in (few, few + files)}
             for size, folder in folders.items():
                 _fill(folder, size)
             taken: dict[int, list[float]] = {size: [] for size in folders}
             for _ in range(rounds):
                 for size, folder in folders.items():
-                    taken[size].append(_rest_seconds(folder, count))
+                    taken[size].append(measure(folder, count))
             (first, less), (last, most) = ((size, median(t)) for size, t in taken.items())
-            yield Throughput(count, last, most, first, less)
+            row = FolderRow.of(count, last, most, first, less, alone)
+            alone = alone or row
+            yield row
 
 
 def _rest_seconds(folder: Path, jobs: int) -> float:
     with TemporaryDirectory() as name:
         table = str(Path(name) / "rests.csv")
         arguments = ("-m", "dicedesign", "rest", str(folder), "--out", table, "--jobs", str(jobs))
-        return _wall_seconds(arguments, folder)
+        return wall_seconds(arguments, folder)
 
 
 def _fill(folder: Path, files: int) -> None:
@@ -202,7 +212,7 @@ def _write_mesh(path: Path, seed: int) -> None:
     path.write_bytes(stl_bytes(hull.vertices, hull.triangles))
 
 
-def _wall_seconds(arguments: Sequence[str], folder: Path) -> float:
+def wall_seconds(arguments: Sequence[str], folder: Path) -> float:
     """Seconds that Python takes with arguments in a folder. Raises RuntimeError if it fails."""
     command = [sys.executable, *arguments]
     begun = time.perf_counter()

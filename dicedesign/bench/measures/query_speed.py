@@ -5,21 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from dicedesign.bench.measures.other_methods import Request
+from dicedesign.bench.measures.other_methods import TrimeshRequest
 from dicedesign.bench.measures.processes import in_turn
-from dicedesign.bench.reference.speed_cases import DIE_CORNERS, Case, Ratios, goals
+from dicedesign.bench.reference.speed_cases import DIE_CORNERS, Case, goals
+from dicedesign.bench.rows import Row, column, milliseconds
 from dicedesign.design.coordinates.vertices import VertexCoordinates
 from dicedesign.design.energy.objective import Objective
 from dicedesign.design.energy.term import EnergyWeights
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["Effort", "SpeedRow", "energy_gradient", "speed_row"]
+__all__ = ["Effort", "GrowthRow", "SpeedRow", "energy_gradient", "speed_row"]
 
 PAPER: Final = EnergyWeights(stability=0.0)
 """The dice energy with the paper's three regularizers (eq. 16)."""
@@ -39,79 +40,58 @@ class Effort:
     seconds: float
 
 
-TimeTrimesh = Callable[[Request], tuple[float | None, str]]
+TimeTrimesh = Callable[[TrimeshRequest], tuple[float | None, str]]
 """Seconds that trimesh takes, or None and why; see `TrimeshTimer`."""
 
 MANY: Final = 20_000
-"""With more points gradients are left out, and no work is repeated in a row."""
+"""Points of which a gradient is still measured."""
 
 ROW: Final = 2e-3
 """Seconds that a work is repeated in a row when it has its turn (`in_turn`)."""
 
 
 @dataclass(frozen=True)
-class SpeedRow:
-    """What was measured with one case.
+class SpeedRow(Row):
+    """What was measured with one case, in seconds and as multiples of scipy's hull; None where
+    something was left out or is not known.
 
     Attributes
     ----------
-    name: of the case.
-    points, corners, rests: how many points there are, how many of them are vertices of the hull,
-        and on how many facets it rests.
-    hull_seconds: `scipy.spatial.ConvexHull(points)`.
-    query_seconds: from the points to the probabilities, hull included.
-    gradient_seconds: the energy of a design and its gradient in the points, hull included.
-    trimesh_seconds: trimesh's stable poses of the hull, hull included.
-    goal, cpp: see `dicedesign.bench.reference.speed_cases`.
+    case: its name.
+    points, hull_vertices, rests: how many points there are, how many of them are vertices of the
+        hull, and on how many facets it rests.
+    scipy_hull_seconds: `scipy.spatial.ConvexHull(points)`.
+    query_*: from the points to the probabilities, hull included.
+    gradient_*: the energy of a design and its gradient in the points, hull included.
+    trimesh_*: trimesh's stable poses of the hull, hull included.
+    *_goal, *_ratio_of_cpp: see `dicedesign.bench.reference.speed_cases`.
     note: why something is missing.
     """
 
-    name: str
-    points: int
-    corners: int
-    rests: int
-    hull_seconds: float
-    query_seconds: float
-    gradient_seconds: float | None
-    trimesh_seconds: float | None
-    goal: Ratios
-    cpp: Ratios
-    note: str = ""
+    case: str = column("case", -28)
+    points: int = column("points", 9)
+    hull_vertices: int = column("corners", 9)
+    rests: int = column("rests", 7)
+    scipy_hull_seconds: float = column("hull ms", 10, milliseconds)
+    query_seconds: float = column("query ms", 10, milliseconds)
+    query_ratio: float = column("ratio", 7, ".2f")
+    query_goal: float | None = column("goal", 6, "g")
+    query_ratio_of_cpp: float | None = column("C++", 6, "g")
+    gradient_seconds: float | None = column("grad. ms", 10, milliseconds)
+    gradient_ratio: float | None = column("ratio", 7, ".2f")
+    gradient_goal: float | None = column("goal", 6, "g")
+    gradient_ratio_of_cpp: float | None = column("C++", 6, "g")
+    trimesh_seconds: float | None = column("trimesh", 10, milliseconds)
+    trimesh_ratio: float | None = column("ratio", 7, ".2f")
+    note: str = column("", 0, default="")
 
-    @property
-    def ratios(self) -> Ratios:
-        """Query and gradient as multiples of scipy's hull."""
-        return Ratios(self.query_seconds / self.hull_seconds, self._ratio(self.gradient_seconds))
 
-    @property
-    def trimesh_ratio(self) -> float | None:
-        """trimesh as a multiple of scipy's hull."""
-        return self._ratio(self.trimesh_seconds)
+@dataclass(frozen=True)
+class GrowthRow(SpeedRow):
+    """One with points on a sphere, for the figure."""
 
-    def _ratio(self, seconds: float | None) -> float | None:
-        return None if seconds is None else seconds / self.hull_seconds
-
-    def plain(self) -> dict[str, Any]:
-        """The row as plain data."""
-        ratios, goal, cpp = self.ratios, self.goal, self.cpp
-        return {
-            "case": self.name,
-            "points": self.points,
-            "hull_vertices": self.corners,
-            "rests": self.rests,
-            "scipy_hull_seconds": self.hull_seconds,
-            "query_seconds": self.query_seconds,
-            "query_ratio": ratios.query,
-            "query_goal": goal.query,
-            "query_ratio_of_cpp": cpp.query,
-            "gradient_seconds": self.gradient_seconds,
-            "gradient_ratio": ratios.gradient,
-            "gradient_goal": goal.gradient,
-            "gradient_ratio_of_cpp": cpp.gradient,
-            "trimesh_seconds": self.trimesh_seconds,
-            "trimesh_ratio": self.trimesh_ratio,
-            "note": self.note,
-        }
+    table: ClassVar[str | None] = "growth"
+    printed: ClassVar[bool] = False
 
 
 def energy_gradient(points: Floats, directions: Floats, target: Floats) -> Floats:
@@ -121,10 +101,17 @@ def energy_gradient(points: Floats, directions: Floats, target: Floats) -> Float
     return objective.evaluate(points.ravel(), directions).gradient.reshape(-1, 3)
 
 
-def speed_row(case: Case, effort: Effort, time_trimesh: TimeTrimesh | None) -> SpeedRow:
+def speed_row(
+    case: Case,
+    effort: Effort,
+    time_trimesh: TimeTrimesh | None,
+    most_points: int = MANY,
+    row: type[SpeedRow] = SpeedRow,
+) -> SpeedRow:
     """Measure one case, in seconds of the processor, all threads together.
 
-    time_trimesh: None leaves trimesh out. Raises as `rest_poses`.
+    time_trimesh: None leaves trimesh out. most_points: with more, gradients are left out, and no
+    work is repeated in a row. row: kind of the row. Raises as `rest_poses`.
     """
     points = case.points
     poses = rest_poses(points)
@@ -133,30 +120,38 @@ def speed_row(case: Case, effort: Effort, time_trimesh: TimeTrimesh | None) -> S
         lambda: rest_poses(points).probabilities,
     ]
     goal, notes = goals(len(points), len(poses.hull.vertices)), []
-    many = len(points) > MANY
-    if not many:
-        works.append(partial(energy_gradient, points, *_outcomes(poses)))
+    many = len(points) > most_points
+    if many:
+        notes.append(f"no gradient for more than {most_points:,} points")
     else:
-        goal = Ratios(goal.query, None)
-        notes.append(f"no gradient for more than {MANY:,} points")
-    row = 0.0 if many else ROW
-    seconds = in_turn(works, effort.seconds, rounds=effort.rounds, row=row)
+        works.append(partial(energy_gradient, points, *_outcomes(poses)))
+    hull_seconds, query_seconds, *others = in_turn(
+        works, effort.seconds, rounds=effort.rounds, row=0.0 if many else ROW
+    )
+    gradient = others[0] if others else None
     trimesh = None
     if time_trimesh is not None:
         hull = poses.hull
-        trimesh, why = time_trimesh(Request(hull.vertices, hull.triangles, poses.center_of_mass))
+        trimesh, why = time_trimesh(
+            TrimeshRequest(hull.vertices, hull.triangles, poses.center_of_mass)
+        )
         notes += [why] if why else []
-    return SpeedRow(
-        name=case.name,
+    return row(
+        case=case.name,
         points=len(points),
-        corners=len(poses.hull.vertices),
+        hull_vertices=len(poses.hull.vertices),
         rests=len(poses.normals),
-        hull_seconds=seconds[0],
-        query_seconds=seconds[1],
-        gradient_seconds=seconds[2] if len(seconds) > 2 else None,
+        scipy_hull_seconds=hull_seconds,
+        query_seconds=query_seconds,
+        query_ratio=query_seconds / hull_seconds,
+        query_goal=goal.query,
+        query_ratio_of_cpp=case.cpp.query,
+        gradient_seconds=gradient,
+        gradient_ratio=None if gradient is None else gradient / hull_seconds,
+        gradient_goal=None if many else goal.gradient,
+        gradient_ratio_of_cpp=case.cpp.gradient,
         trimesh_seconds=trimesh,
-        goal=goal,
-        cpp=case.cpp,
+        trimesh_ratio=None if trimesh is None else trimesh / hull_seconds,
         note="; ".join(notes),
     )
 

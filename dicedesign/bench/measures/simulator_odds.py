@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -12,10 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.bench.bodies.cut_shapes import cut_shapes, made_models
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.asymmetry import asymmetry
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.executors import in_order
@@ -29,18 +27,14 @@ from dicedesign.throws.tables import Table, table_named
 
 __all__ = [
     "ENGINE_NAMES",
-    "FULL",
     "GEOMETRIC",
-    "QUICK",
     "TABLES",
     "EngineThrows",
-    "Extent",
     "ShapeOdds",
     "TableOdds",
     "compare_shape",
     "compare_shapes",
     "installed_engines",
-    "table_shapes",
 ]
 
 GEOMETRIC: Final = "geometric model"
@@ -49,34 +43,6 @@ ENGINE_NAMES: Final[Mapping[str, str]] = {engine.name: engine.title for engine i
 
 TABLES: Final = ("carpet", "board-game")
 """Without and with momentum."""
-
-
-@dataclass(frozen=True)
-class Extent:
-    """How much is measured.
-
-    Attributes
-    ----------
-    every: one of so many shapes is thrown.
-    drops: of each shape on each table in MuJoCo and in Bullet. The package's own simulator takes
-        the paper's directions; so do they at a multiple of their number, else uniform orientations.
-    draws: for each sampling error and noise floor.
-    speed_seconds: of processor time for each simulator's throughput.
-    halving_drops: at each of two time steps.
-    models: whether the shapes include pieces of the models that the package builds.
-    """
-
-    every: int
-    drops: int
-    draws: int
-    speed_seconds: float
-    halving_drops: int
-    models: bool
-
-
-FULL: Final = Extent(1, 202, 16, 3.0, 40_000, models=True)
-
-QUICK: Final = Extent(13, 40, 6, 0.2, 2_000, models=False)
 
 
 @dataclass(frozen=True)
@@ -123,52 +89,51 @@ class ShapeOdds:
     tables: dict[str, TableOdds]
 
 
-def table_shapes(models: Mapping[str, Surface], extent: Extent) -> list[Body]:
-    """Shapes to throw: pieces of boxes, spheres and models, those of the package if none is given.
-
-    Raises InputError: as `cut_shapes`.
-    """
-    own = made_models() if extent.models else {}
-    return cut_shapes(models or own)[:: extent.every]
-
-
-def installed_engines() -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The simulators that can throw here, and why the others cannot.
+def installed_engines(
+    wanted: Sequence[str] = ENGINES.names,
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The wanted simulators that can throw here, and why the others cannot.
 
     Raises InputError: none can.
     """
-    found: list[str] = []
+    installed: list[str] = []
     notes = []
-    for engine in ENGINES.names:
+    for engine in wanted:
         try:
             require_engine(engine)
         except InputError as error:
             notes.append(str(error))
         else:
-            found.append(engine)
-    if not found:
+            installed.append(engine)
+    if not installed:
         raise InputError(f"bench table: expected a simulator, got none; {'; '.join(notes)}")
-    return tuple(found), tuple(notes)
+    return tuple(installed), tuple(notes)
 
 
 def compare_shapes(
-    bodies: Sequence[Body], engines: Sequence[str], extent: Extent, workers: Executor
+    bodies: Sequence[Body], engines: Sequence[str], drops: int, draws: int, workers: Executor
 ) -> Iterator[ShapeOdds]:
     """`compare_shape` of each, in order, numbered from 0."""
     tasks = [
-        partial(compare_shape, body, number, tuple(engines), extent.drops, extent.draws)
+        partial(compare_shape, body, number, tuple(engines), drops, draws)
         for number, body in enumerate(bodies)
     ]
     return in_order(tasks, workers)
 
 
 def compare_shape(
-    body: Body, number: int, engines: Sequence[str], drops: int, draws: int
+    body: Body,
+    number: int,
+    engines: Sequence[str],
+    drops: int,
+    draws: int,
+    throw: Callable[..., Throws] = simulate,
 ) -> ShapeOdds:
     """Throw a shape onto each table in each simulator, and compare all odds with each other.
 
     number: of the shape, from 0, which seeds its drops; those of two simulators are independent.
-    drops, draws: as in `Extent`.
+    drops: on each table in other simulators than the package's own. draws: for each sampling error
+    and noise floor. throw: `simulate`, or one like it.
     """
     poses = rest_poses(body)
     return ShapeOdds(
@@ -178,7 +143,7 @@ def compare_shape(
         rests=len(poses.probabilities),
         asymmetry=asymmetry(poses),
         tables={
-            name: _compare_on(body, poses, table_named(name), number, engines, drops, draws)
+            name: _compare_on(body, poses, table_named(name), number, engines, drops, draws, throw)
             for name in TABLES
         },
     )
@@ -192,6 +157,7 @@ def _compare_on(
     engines: Sequence[str],
     drops: int,
     draws: int,
+    throw: Callable[..., Throws],
 ) -> TableOdds:
     thrown = rigid_body(body, poses)
     predictions = {GEOMETRIC: Prediction(poses.probabilities)}
@@ -199,7 +165,7 @@ def _compare_on(
     for engine in engines:
         count = PAPER_DIRECTIONS if engine == "native" else drops
         begun = time.process_time()
-        throws = simulate(
+        throws = throw(
             thrown,
             table,
             count,

@@ -2,34 +2,50 @@
 
 from __future__ import annotations
 
-import time
+import math
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
-from dicedesign.bench.measures.thrown_rows import Change, DieThrows, ThrownRow
+from dicedesign.bench.measures.recipes import (
+    begun,
+    checked,
+    designed,
+    engraved,
+    on_table,
+    with_method,
+)
+from dicedesign.bench.rows import Row
 from dicedesign.design.options import ExactOptions, RefineOptions
-from dicedesign.errors import DiceError, EngravingError, InputError
-from dicedesign.recipe.design_stage import DesignedDie, design_die, make_start, thrown_die
-from dicedesign.recipe.on_table import DieOnTable
-from dicedesign.recipe.run import engrave_die
+from dicedesign.errors import DiceError, InputError
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.recipe.table_summary import CONFIDENCE
-from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.simulation.simulation import simulate
-from dicedesign.throws.statistics.total_variation import measure_variation, total_variation
-from dicedesign.throws.tables import Table, table_named
+from dicedesign.results.status import Status
+from dicedesign.runtime.arrays import Integers
+from dicedesign.throws.momentum.momentum_model import momentum_model
+from dicedesign.throws.simulation.simulation import Throws, simulate
+from dicedesign.throws.statistics.total_variation import (
+    MeasuredDistance,
+    measure_variation,
+    total_variation,
+)
+from dicedesign.throws.tables import Table
 
-__all__ = ["FULL", "PARAMETERS", "QUICK", "ROBUST", "Extent", "refinement_of", "throw_recipe"]
+__all__ = [
+    "FRESH",
+    "PARAMETERS",
+    "Change",
+    "DieThrows",
+    "Thrower",
+    "ThrownRow",
+    "refinement_of",
+    "throw_recipe",
+]
 
 PARAMETERS: Final = ("restitution", "friction", "height", "speed", "spin", "size")
 """Of a table, those that are varied."""
-
-ROBUST: Final = 0.02
-"""Wanted of the total variation on a table with one parameter changed, chance aside."""
 
 FRESH: Final = 2**64
 """First seed of the bench's throws, beyond all that designs and their verdicts take."""
@@ -37,35 +53,102 @@ FRESH: Final = 2**64
 SEEDS: Final = 100
 """Seeds of throws between those of one recipe's seed and the next."""
 
+CONFIDENCE: Final = 0.95
+"""Of intervals."""
+
 
 @dataclass(frozen=True)
-class Extent:
-    """How much is thrown.
+class DieThrows:
+    """One design, and its throws on the table of the recipe.
 
     Attributes
     ----------
-    drops: of each die, before and after. variation_drops: on each changed table.
-    variation: part of each parameter that is taken away or added, in (0, 1).
-    engine: of these throws; a design keeps to its own.
-    round_drops, rounds: what a design may take at most; None for what its recipe says.
+    status: of the design, which took `seconds` on the wall.
+    rounds: of throws and new designs that it took; round_drops: throws in all of them.
+    engraved: whether the die was thrown with its labels cut.
+    drops: fresh ones; lost: of these, those that ended on no outcome.
+    to_target: total variation of the fresh throws from the target.
+    geometric, momentum: total variation between the odds of that model and the frequencies.
     """
 
+    status: Status
+    seconds: float
+    rounds: int
+    round_drops: int
+    engraved: bool
     drops: int
-    variation_drops: int
-    variation: float
-    engine: str = "native"
-    round_drops: int | None = None
-    rounds: int | None = None
+    lost: int
+    to_target: MeasuredDistance
+    geometric: float
+    momentum: float
+
+
+@dataclass(frozen=True)
+class Change:
+    """Throws of the refined die on a table with one parameter changed.
+
+    Attributes
+    ----------
+    parameter: one of `PARAMETERS`. factor: on it. value: that it has then, in SI units.
+    drops: how many; lost: of these, those that ended on no outcome.
+    to_target: total variation from the target.
+    """
+
+    computed: ClassVar[tuple[str, ...]] = ("above_noise",)
+
+    parameter: str
+    factor: float
+    value: float
+    drops: int
+    lost: int
+    to_target: MeasuredDistance
 
     @property
-    def all_drops(self) -> int:
-        """For one recipe, if no change is left out."""
-        return 2 * self.drops + 2 * len(PARAMETERS) * self.variation_drops
+    def above_noise(self) -> float:
+        """Total variation less what chance adds in the square."""
+        return math.sqrt(max(self.to_target.value**2 - self.to_target.noise_floor**2, 0.0))
 
 
-FULL: Final = Extent(100_000, 20_000, 0.2)
+@dataclass(frozen=True)
+class ThrownRow(Row):
+    """One recipe.
 
-QUICK: Final = Extent(4_000, 1_000, 0.2, round_drops=2_000, rounds=1)
+    Attributes
+    ----------
+    name, table_name: of the recipe; engine: of the fresh throws.
+    within: total variation that the recipe asks for.
+    before: the die designed for odds without momentum. after: the recipe's own. None where there is
+        none to throw.
+    changes: the latter on changed tables.
+    left_out: changes that no table can have, and why.
+    note: what is wrong, or "".
+    """
+
+    printed: ClassVar[bool] = False
+    computed: ClassVar[tuple[str, ...]] = ("missed",)
+
+    name: str
+    table_name: str
+    engine: str
+    within: float
+    before: DieThrows | None = None
+    after: DieThrows | None = None
+    changes: tuple[Change, ...] = ()
+    left_out: tuple[str, ...] = ()
+    note: str = ""
+
+    @property
+    def worst(self) -> Change | None:
+        """The change with the largest total variation."""
+        return max(self.changes, key=lambda change: change.to_target.value, default=None)
+
+    @property
+    def missed(self) -> bool:
+        """Whether there is no such die, or it is beyond `within` and chance is not the reason."""
+        after = self.after
+        if after is None or after.status is not Status.CONVERGED:
+            return True
+        return after.to_target.interval[0] > self.within
 
 
 def refinement_of(recipe: Recipe) -> tuple[ExactOptions, RefineOptions]:
@@ -82,133 +165,29 @@ def refinement_of(recipe: Recipe) -> tuple[ExactOptions, RefineOptions]:
     return exact, exact.refine
 
 
-def throw_recipe(
-    recipe: Recipe,
-    extent: Extent,
-    workers: Executor,
-    on_stage: Callable[[str], None],
-    on_drops: Callable[[int], None],
-    on_quiet: Callable[[], None] | None = None,
-) -> ThrownRow:
-    """Design the die of a recipe and one for odds without momentum, and throw both.
-
-    workers: run the throws that judge. on_stage: called with what begins; on_drops: with the drops
-    of each of their tasks that ended; on_quiet: as in `simulate`. Raises InputError: as
-    `refinement_of`.
-    """
-    exact, refine = refinement_of(recipe)
-    if extent.round_drops is not None and extent.rounds is not None:
-        refine = replace(
-            refine,
-            drops=min(refine.drops, extent.round_drops),
-            rounds=min(refine.rounds, extent.rounds),
-        )
-    fresh = _Fresh(extent.engine, FRESH + SEEDS * recipe.seed, workers, on_drops, on_quiet)
-    before: DieThrows | None = None
-    after: DieThrows | None = None
-    changes: list[Change] = []
-    left_out: list[str] = []
-    note = ""
-    try:
-        on_stage("design without momentum")
-        resting = _Designed.of(recipe, replace(exact, odds="resting", refine=None))
-        before = _judged(resting, fresh, extent.drops)
-        on_stage("design for throws")
-        refined = _Designed.of(recipe, replace(exact, refine=refine))
-        after = _judged(refined, fresh, extent.drops)
-        on_stage("changed tables")
-        for parameter, factor in _factors(extent.variation):
-            try:
-                table = _changed(refined.thrown.table, parameter, factor)
-            except InputError as error:
-                left_out.append(f"{parameter} times {factor:g}: {error}")
-            else:
-                changes.append(_changed_throws(refined, table, parameter, factor, fresh, extent))
-    except DiceError as error:
-        note = str(error)
-    return ThrownRow(
-        name=recipe.name,
-        table=exact.table,
-        engine=extent.engine,
-        within=refine.within,
-        before=before,
-        after=after,
-        changes=tuple(changes),
-        left_out=tuple(left_out),
-        note=note,
-    )
-
-
-@dataclass(frozen=True)
-class _Designed:
-    """A die, ready to be thrown.
-
-    Attributes
-    ----------
-    die: the design, which took `seconds` on the wall.
-    engraved: whether it has its labels cut.
-    thrown: what is thrown. momentum: (k,) odds of its outcomes by the momentum model.
-    """
-
-    die: DesignedDie
-    seconds: float
-    engraved: bool
-    thrown: DieOnTable
-    momentum: Floats
-
-    @classmethod
-    def of(cls, recipe: Recipe, exact: ExactOptions) -> _Designed:
-        """The die of a recipe by other options of the method, as it is printed; without labels
-        where they do not fit."""
-        begun = time.perf_counter()
-        given = _with(recipe, exact)
-        start = make_start(given)
-        die = design_die(given, start)
-        seconds = time.perf_counter() - begun
-        engraved = None
-        if recipe.engrave is not None:
-            try:
-                engraved, _ = engrave_die(die, recipe.engrave, recipe.size_mm)
-            except EngravingError:
-                engraved = None
-        # Without refinement nothing is thrown there.
-        judged = thrown_die(
-            _with(recipe, replace(exact, odds="thrown", refine=None)), die, start, engraved
-        )
-        verdict = die.verdict
-        thrown = DieOnTable.of(
-            judged.solid,
-            None if verdict.uniform else judged.center_of_mass,
-            verdict.hull.normals[verdict.facet_of_outcome],
-            table_named(exact.table),
-        )
-        return cls(die, seconds, engraved is not None, thrown, judged.momentum)
-
-
-def _with(recipe: Recipe, exact: ExactOptions) -> Recipe:
-    """The recipe with other options of the method."""
-    return recipe.model_copy(update={"method": recipe.method.model_copy(update={"exact": exact})})
-
-
 @dataclass
-class _Fresh:
+class Thrower:
     """Throws with random numbers that nothing else has used.
 
     Attributes
     ----------
+    engine: of the throws; workers: who run them.
+    on_drops: called with the drops of each of their tasks that ended; on_quiet: as in `simulate`.
+    throw: `simulate`, or one like it.
     seed: of the next series.
     """
 
     engine: str
-    seed: int
     workers: Executor
-    on_drops: Callable[[int], None]
-    on_quiet: Callable[[], None] | None
+    on_drops: Callable[[int], None] = lambda count: None
+    on_quiet: Callable[[], None] | None = None
+    throw: Callable[..., Throws] = simulate
+    seed: int = FRESH
 
-    def counts(self, thrown: DieOnTable, table: Table, drops: int) -> Integers:
+    def counts(self, die: _Printed, table: Table, drops: int) -> Integers:
         """(k + 1,) of the outcomes, and of drops that ended on none. Raises DiceError: all did."""
-        throws = simulate(
-            thrown.body,
+        throws = self.throw(
+            die.thrown.body,
             table,
             drops,
             self.seed,
@@ -218,7 +197,7 @@ class _Fresh:
             on_quiet=self.on_quiet,
         )
         self.seed += 1
-        counts: Integers = thrown.counts(throws)
+        counts: Integers = die.thrown.counts(throws)
         if not counts[:-1].any():
             raise DiceError(
                 f"throws: expected drops that end on a facet with a label, got none of {drops}; "
@@ -227,22 +206,58 @@ class _Fresh:
         return counts
 
 
-def _judged(designed: _Designed, fresh: _Fresh, drops: int) -> DieThrows:
-    die, thrown = designed.die, designed.thrown
-    counts = fresh.counts(thrown, thrown.table, drops)
-    frequencies = counts[:-1] / counts.sum()
-    return DieThrows(
-        status=die.status,
-        seconds=designed.seconds,
-        rounds=len(die.rounds),
-        round_drops=sum(thrown.all_drops for thrown in die.rounds),
-        engraved=designed.engraved,
-        drops=drops,
-        lost=drops - int(counts[:-1].sum()),
-        to_target=measure_variation(counts, np.append(die.target.probabilities, 0.0), CONFIDENCE),
-        geometric=total_variation(thrown.by_outcome(thrown.poses.probabilities), frequencies),
-        momentum=total_variation(designed.momentum, frequencies),
-    )
+def throw_recipe(
+    recipe: Recipe,
+    drops: int,
+    variation_drops: int,
+    variation: float,
+    thrower: Thrower,
+    most: tuple[int, int] | None = None,
+    on_stage: Callable[[str], None] = lambda stage: None,
+) -> ThrownRow:
+    """Design the die of a recipe and one for odds without momentum, and throw both.
+
+    Parameters
+    ----------
+    drops: of each die. variation_drops: on each changed table.
+    variation: part of each parameter that is taken away or added, in (0, 1).
+    most: drops of a round and rounds that a design may take; None for what its recipe says.
+    on_stage: called with what begins.
+
+    Raises InputError: as `refinement_of`.
+    """
+    exact, refine = refinement_of(recipe)
+    if most is not None:
+        refine = replace(
+            refine, drops=min(refine.drops, most[0]), rounds=min(refine.rounds, most[1])
+        )
+    thrower.seed = FRESH + SEEDS * recipe.seed
+    row = ThrownRow(recipe.name, exact.table, thrower.engine, refine.within)
+    try:
+        on_stage("design without momentum")
+        resting = _Printed(recipe, replace(exact, odds="resting", refine=None))
+        row = replace(row, before=resting.judged(thrower, drops))
+        on_stage("design for throws")
+        refined = _Printed(recipe, replace(exact, refine=refine))
+        row = replace(row, after=refined.judged(thrower, drops))
+        on_stage("changed tables")
+        for parameter, factor in _factors(variation):
+            table = refined.thrown.table
+            value = factor * getattr(table, parameter)
+            try:
+                table = replace(table, **{parameter: value})
+            except InputError as error:
+                reason = f"{parameter} times {factor:g}: {error}"
+                row = replace(row, left_out=(*row.left_out, reason))
+                continue
+            counts = thrower.counts(refined, table, variation_drops)
+            lost = variation_drops - int(counts[:-1].sum())
+            to_target = refined.to_target(counts)
+            change = Change(parameter, factor, value, variation_drops, lost, to_target)
+            row = replace(row, changes=(*row.changes, change))
+    except DiceError as error:
+        row = replace(row, note=str(error))
+    return row
 
 
 def _factors(variation: float) -> Iterator[tuple[str, float]]:
@@ -251,29 +266,36 @@ def _factors(variation: float) -> Iterator[tuple[str, float]]:
         yield parameter, 1.0 + variation
 
 
-def _changed(table: Table, parameter: str, factor: float) -> Table:
-    """A table with one parameter multiplied. Raises InputError: there is no such table."""
-    value = factor * getattr(table, parameter)
-    return replace(table, **{parameter: value})
+class _Printed:
+    """A die designed by other options of a recipe's method, ready to be thrown as it is printed."""
 
+    def __init__(self, recipe: Recipe, exact: ExactOptions) -> None:
+        self.work = begun(with_method(recipe, exact=exact))
+        self.seconds = designed(self.work)
+        checked(self.work)
+        self.is_engraved = engraved(self.work)
+        self.thrown = on_table(self.work)
+        self.momentum = self.thrown.momentum(momentum_model(exact.table))
 
-def _changed_throws(
-    designed: _Designed,
-    table: Table,
-    parameter: str,
-    factor: float,
-    fresh: _Fresh,
-    extent: Extent,
-) -> Change:
-    drops = extent.variation_drops
-    counts = fresh.counts(designed.thrown, table, drops)
-    return Change(
-        parameter=parameter,
-        factor=factor,
-        value=getattr(table, parameter),
-        drops=drops,
-        lost=drops - int(counts[:-1].sum()),
-        to_target=measure_variation(
-            counts, np.append(designed.die.target.probabilities, 0.0), CONFIDENCE
-        ),
-    )
+    def to_target(self, counts: Integers) -> MeasuredDistance:
+        """Total variation of counts (k + 1,) from the target."""
+        return measure_variation(counts, np.append(self.work.target.probabilities, 0.0), CONFIDENCE)
+
+    def judged(self, thrower: Thrower, drops: int) -> DieThrows:
+        """Throw it so many times on the table of the recipe."""
+        thrown, rounds = self.thrown, self.work.die.rounds
+        counts = thrower.counts(self, thrown.table, drops)
+        frequencies = counts[:-1] / counts.sum()
+        geometric = thrown.outcomes.sums(thrown.poses.probabilities)
+        return DieThrows(
+            status=self.work.status,
+            seconds=self.seconds,
+            rounds=len(rounds),
+            round_drops=sum(one.all_drops for one in rounds),
+            engraved=self.is_engraved,
+            drops=drops,
+            lost=drops - int(counts[:-1].sum()),
+            to_target=self.to_target(counts),
+            geometric=total_variation(geometric, frequencies),
+            momentum=total_variation(self.momentum, frequencies),
+        )

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-import torch
 
 from dicedesign.bench.bodies.problem import DesignProblem, Problem
 from dicedesign.bench.reference.measurement import Measurement, measure
@@ -19,6 +18,7 @@ from dicedesign.design.solvers.descent import descend_to_target
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.status import Status
+from dicedesign.runtime.threads import one_tensor_thread
 
 __all__ = ["WatchedDesign", "step_faults", "watch_design"]
 
@@ -61,8 +61,6 @@ class WatchedDesign:
 
 def watch_design(design: DesignProblem) -> WatchedDesign:
     """Run a design. Raises as `descend_to_target`."""
-    # Tensors here are far too small to share among threads.
-    torch.set_num_threads(1)
     watch = _Watch()
     options = DescentOptions(
         coordinates=design.coordinates,
@@ -70,13 +68,14 @@ def watch_design(design: DesignProblem) -> WatchedDesign:
         perturbation=design.perturbation,
     )
     started = time.perf_counter()
-    result = descend_to_target(
-        design.start,
-        design.target,
-        options,
-        center_of_mass=design.center_of_mass,
-        on_evaluation=watch,
-    )
+    with one_tensor_thread():
+        result = descend_to_target(
+            design.start,
+            design.target,
+            options,
+            center_of_mass=design.center_of_mass,
+            on_evaluation=watch,
+        )
     seconds = time.perf_counter() - started
     center = design.center_of_mass
     poses = rest_poses(result.hull.vertices, center)

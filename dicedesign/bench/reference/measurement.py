@@ -1,8 +1,9 @@
-"""One body: its probabilities, and how wrong they are by every measure there is."""
+"""One body: its probabilities, how wrong they are by every measure there is, and the verdict."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,7 +21,31 @@ from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.poses import UNEVEN, RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["ORACLE_FACETS", "Measurement", "measure"]
+__all__ = [
+    "CONDITION_FACTOR",
+    "ERROR_LIMIT",
+    "OK",
+    "ORACLE_FACETS",
+    "Measurement",
+    "measure",
+    "share_error",
+    "verdict",
+]
+
+OK: Final = "ok"
+
+ERROR_LIMIT: Final = 1e-12
+"""Largest error of a probability, and largest difference of their sum from 1."""
+
+CONDITION_FACTOR: Final = 100.0
+"""Where it is more, the error may be so many times the condition times machine epsilon."""
+
+OUTSIDE_LIMIT: Final = 1e-10
+"""How far a point may lie outside of the hull, over half its extent."""
+
+COARSER_OUTSIDE_LIMIT: Final = 1e-7
+"""The same of a hull that was made again: at up to 1000 times the unevenness of its facets, which
+is up to 1e-11 or a few times as much."""
 
 ORACLE_FACETS: Final = 2000
 """Hulls of up to so many facets are held against the oracle."""
@@ -70,18 +95,21 @@ class Measurement:
     made_again: bool
 
 
-def measure(problem: Problem, *, oracle: bool = True) -> Measurement:
+def measure(
+    problem: Problem, *, oracle: bool = True, query: Callable[..., RestPoses] = rest_poses
+) -> Measurement:
     """Ask the product for a problem's rests and compare. Raises as `rest_poses`.
 
     The oracle is given the center of mass of a uniform solid from 60 digits. Only of a tied body
     it takes the centers to which the product moved that, for there the odds are what they are
     defined to be: the mean over bodies beside it.
 
-    oracle: whether a small hull is held against the oracle.
+    oracle: whether a small hull is held against the oracle. query: `rest_poses`, or what is to be
+    compared in its place.
     """
     body = make_body(problem.points, problem.triangles)
     started = time.perf_counter()
-    poses = rest_poses(body, problem.center, coplanar_tolerance=problem.coplanar_tolerance)
+    poses = query(body, problem.center, coplanar_tolerance=problem.coplanar_tolerance)
     seconds = time.perf_counter() - started
     hull = poses.hull
     sides = find_basins(hull, poses.center_of_mass)
@@ -110,6 +138,23 @@ def measure(problem: Problem, *, oracle: bool = True) -> Measurement:
         tied=len(sides) > 1,
         made_again=UNEVEN in poses.notes,
     )
+
+
+def verdict(found: Measurement, rests: int | None = None, facets: int | None = None) -> str:
+    """`OK`, or what is wrong with a measurement whose number of rests or facets may be known."""
+    limit = max(ERROR_LIMIT, CONDITION_FACTOR * found.condition * float(np.finfo(np.float64).eps))
+    if rests is not None and found.rests != rests:
+        return f"{found.rests} rests instead of {rests}"
+    if facets is not None and found.facets != facets:
+        return f"{found.facets} facets instead of {facets}"
+    if not abs(found.excess) <= ERROR_LIMIT:
+        return f"sum of probabilities off by {found.excess:.1e}"
+    if found.outside > (COARSER_OUTSIDE_LIMIT if found.made_again else OUTSIDE_LIMIT):
+        return f"point outside of the hull by {found.outside:.1e}"
+    for name, error in found.errors.items():
+        if not error <= limit:
+            return f"error {error:.1e} ({name}) above {limit:.1e}"
+    return OK
 
 
 def share_error(expected: Floats, found: Floats) -> float:

@@ -15,7 +15,6 @@ from dicedesign.runtime.arrays import Floats
 __all__ = ["lattice_directions", "random_directions", "sampled_probabilities"]
 
 MOST_AT_ONCE: Final = 20_000
-"""Directions that are traced together."""
 
 MOST_HEIGHTS: Final = 10_000_000
 """Heights of corners above the table that are held in memory, 80 MB."""
@@ -23,17 +22,20 @@ MOST_HEIGHTS: Final = 10_000_000
 GOLDEN_ANGLE: Final = np.pi * (3.0 - np.sqrt(5.0))
 
 
-def sampled_probabilities(equilibria: Equilibria, directions: Floats) -> Floats:
+def sampled_probabilities(
+    equilibria: Equilibria, directions: Floats, most_at_once: int = MOST_AT_ONCE
+) -> Floats:
     """Share of a set of directions from which a body comes to rest on each facet.
 
     The lowest corner is looked for among all. Where rounding could change a path it is followed as
     rounded: that concerns directions within rounding of a basin's border.
 
-    equilibria: the classified hull; directions: (n, 3) unit, that point down at first.
+    equilibria: the classified hull; directions: (n, 3) unit, that point down at first;
+    most_at_once: how many of them are traced together.
     Returns (m,), 0 for facets that are no rests. Source: algorithm 1.
     """
     facets = len(equilibria.hull.normals)
-    at_once = min(MOST_AT_ONCE, max(1, MOST_HEIGHTS // len(equilibria.radii)))
+    at_once = min(most_at_once, max(1, MOST_HEIGHTS // len(equilibria.radii)))
     reached = np.zeros(facets, dtype=np.int64)
     for first in range(0, len(directions), at_once):
         down = directions[first : first + at_once]

@@ -19,9 +19,6 @@ __all__ = ["DIE_CORNERS", "Case", "Ratios", "built_in_cases", "goals", "mesh_cas
 DIE_CORNERS: Final = 20
 """Hulls of at most so many vertices count as dice."""
 
-QUICK_POINTS: Final = 100
-"""The largest of the built-in cases of a short run."""
-
 DENTED_POINTS: Final = 5000
 """Of the built-in surface most of whose points are inside of its hull."""
 
@@ -80,20 +77,25 @@ def mesh_case(name: str, stem: str, body: Body) -> Case:
     return Case(name, body.points, _CPP.get(stem.lower(), Ratios()))
 
 
-def built_in_cases(*, quick: bool = False) -> Iterator[Case]:
-    """Those that need no files: dice, dense hulls, and a surface with dents.
+def built_in_cases(most_points: int = 100_000) -> Iterator[Case]:
+    """Those that need no files and have at most so many points: dice, dense hulls, and a surface
+    with dents."""
+    for case in _built_in_cases():
+        if len(case.points) > most_points:
+            return
+        yield case
 
-    quick: only those of at most `QUICK_POINTS`.
-    """
+
+def _built_in_cases() -> Iterator[Case]:
+    """In the order of their sizes, roughly."""
     corner = np.concatenate([np.zeros((1, 3)), np.eye(3)])
     yield Case("tetrahedron", random_directions(4, 0) * [1.0, 0.8, 0.7], Ratios(2.0))
     yield Case("corner of a cube", corner, Ratios(2.0))
-    for points in (8, 12, 20):
-        yield sphere_case(points)
+    yield sphere_case(8)
+    yield sphere_case(12)
+    yield sphere_case(20)
     yield Case("2d6 die of 11 facets", hendecahedron("bisymmetric").points, Ratios(None, 9.0))
-    yield sphere_case(QUICK_POINTS, Ratios(3.4))
-    if quick:
-        return
+    yield sphere_case(100, Ratios(3.4))
     yield sphere_case(1000, Ratios(None, 25.0))
     yield Case("1,000 on an ellipsoid", large(1000).points, Ratios(3.0))
     yield Case(f"{DENTED_POINTS:,} on a dented surface", _dented(DENTED_POINTS))

@@ -8,11 +8,11 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from dicedesign.bench.benches.stability import run_case
 from dicedesign.bench.bodies.monostatic import HALF_SPACES, OFFSET, conway_guy, unistable
 from dicedesign.bench.bodies.problem import Problem
 from dicedesign.bench.bodies.stability_suite import TURNS, stability_cases
-from dicedesign.bench.reference.measurement import measure
-from dicedesign.bench.stability import OK, run_case
+from dicedesign.bench.reference.measurement import OK, measure
 
 Vector = tuple[Fraction, ...]
 
