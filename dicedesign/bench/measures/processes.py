@@ -30,9 +30,9 @@ FEWEST_ROUNDS: Final = 5
 _FRAME: Final = """
 import json, time
 {setting}
-begun = time.process_time()
+started = time.process_time()
 {work}
-seconds = time.process_time() - begun
+seconds = time.process_time() - started
 from dicedesign.runtime.clock import peak_megabytes
 print(json.dumps([seconds, peak_megabytes()]))
 """

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from dicedesign.design.preferences.weights import Preferences
 
 from dicedesign.bench.bodies.problem import Problem
 from dicedesign.bench.reference.measurement import OK, measure, verdict
+from dicedesign.design.options import ExactOptions, SobolevOptions
+from dicedesign.design.preferences.preference import Preferences
 from dicedesign.design.result import DesignResult, DesignStep
 from dicedesign.design.solvers.exact import solve_exactly
 from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
