@@ -13,7 +13,7 @@ import pytest
 import trimesh
 from common.benches import run_bench
 from common.inline_executor import Inline
-from common.thrown import compiled_only
+from common.kernels import compiled_only
 from scipy.stats import binom, pearsonr
 
 from dicedesign.bench.benches.table import Extent, table_figure, table_shapes
