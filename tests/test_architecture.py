@@ -15,7 +15,7 @@ FLOORS = (
     "rest",
     "throws",
     "gradient",
-    "design",
+    "optimize",
     "learning",
     "concave",
     "fabricate",

@@ -21,19 +21,19 @@ from common.kernels import compiled_only
 
 from dicedesign import rest_poses
 from dicedesign.bench.bodies.extremes import large, weighted_sphere
-from dicedesign.design.energy.objective import Evaluation, Objective
-from dicedesign.design.energy.term import TERMS, EnergyWeights
-from dicedesign.design.options import DescentOptions, SobolevOptions, Stopping
-from dicedesign.design.result import DesignResult
-from dicedesign.design.solvers import sobolev
-from dicedesign.design.solvers.descent import descend_to_target
-from dicedesign.design.solvers.line_search import LineSearch
-from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
-from dicedesign.design.starts.start import Start
-from dicedesign.design.targets import sum_of_dice
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient import rest_odds as differentiable
 from dicedesign.kernels import ops as kernels
+from dicedesign.optimize.energy.objective import Evaluation, Objective
+from dicedesign.optimize.energy.term import TERMS, EnergyWeights
+from dicedesign.optimize.options import DescentOptions, SobolevOptions, Stopping
+from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.solvers import sobolev
+from dicedesign.optimize.solvers.descent import descend_to_target
+from dicedesign.optimize.solvers.line_search import LineSearch
+from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.optimize.starts.start import Start
+from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.rest import morse, poses
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.exact import ExactSigns
@@ -111,7 +111,7 @@ def test_a_query_loads_nothing_heavy(tmp_path: Path, suffix: str) -> None:
         heavy |= {"trimesh", "lxml"}
     assert loaded & (heavy | SOLVERS) == set()
     floors = {name.split(".")[1] for name in loaded if name.startswith("dicedesign.")}
-    assert floors & {"design", "fabricate", "report", "recipe", "results", "concave"} == set()
+    assert floors & {"optimize", "fabricate", "report", "recipe", "results", "concave"} == set()
 
 
 def test_a_query_in_python_loads_nothing_heavy(repository: Path) -> None:

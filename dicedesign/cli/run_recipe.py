@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from dicedesign.design.refinement import Round
+    from dicedesign.optimize.refinement import Round
     from dicedesign.recipe.schema.recipe import Recipe
     from dicedesign.results.record import Result, Step
 

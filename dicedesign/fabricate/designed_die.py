@@ -19,7 +19,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
     from dicedesign.concave.result import ConcaveDie
-    from dicedesign.design.refinement import Round
+    from dicedesign.optimize.refinement import Round
 
 __all__ = ["DesignedDie", "SizedDie", "sized"]
 

@@ -13,15 +13,15 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.design.options import ExactOptions
-from dicedesign.design.solvers.exact import solve_exactly
-from dicedesign.design.starts.search import shapes_near
-from dicedesign.design.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.learning.random_polyhedra import KINDS, random_shape
+from dicedesign.optimize.options import ExactOptions
+from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.starts.search import shapes_near
+from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats

@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.design.starts.repulsion import spread_directions
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.optimize.starts.repulsion import spread_directions
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["KINDS", "random_shape"]

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dicedesign.design.targets import Target
 from dicedesign.errors import InputError
+from dicedesign.optimize.targets import Target
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.run import finish

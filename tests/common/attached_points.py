@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dicedesign.design.coordinates.shape import Coordinates, Shape
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.reuse import HullMaker
+from dicedesign.optimize.coordinates.shape import Coordinates, Shape
 
 
 class _Attached(torch.autograd.Function):

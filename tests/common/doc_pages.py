@@ -78,6 +78,6 @@ def is_public(name: str) -> bool:
         return next(iter(inspect.signature(dicedesign.roll).parameters)) != "equilibria"
     if name == "design":
         # Also the name of a folder of the package.
-        import_module("dicedesign.design.targets")
+        import_module("dicedesign.optimize.targets")
         return callable(dicedesign.design)
     return name in dicedesign.__all__

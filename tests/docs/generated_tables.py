@@ -33,9 +33,9 @@ from dicedesign.runtime.registry import Registry
 ROOT = Path(__file__).resolve().parents[2]
 
 REGISTRIES = {
-    "starting shapes": "dicedesign.design.starts.start:STARTS",
-    "energy terms": "dicedesign.design.energy.term:TERMS",
-    "preferences": "dicedesign.design.preferences.preference:PREFERENCES",
+    "starting shapes": "dicedesign.optimize.starts.start:STARTS",
+    "energy terms": "dicedesign.optimize.energy.term:TERMS",
+    "preferences": "dicedesign.optimize.preferences.preference:PREFERENCES",
     "engines": "dicedesign.throws.engines.engine:ENGINES",
     "stages": "dicedesign.recipe.planning.stage:STAGES",
     "figures": "dicedesign.report.figures.figure:FIGURES",
@@ -123,7 +123,7 @@ def recipe_rows(
             yield f"`{parent}{number.name}`", written(default), number.line
         return
     if schema.__name__ == "StartRecipe" and is_there(REGISTRIES["starting shapes"]):
-        from dicedesign.design.starts.start import STARTS
+        from dicedesign.optimize.starts.start import STARTS
 
         for kind in STARTS:
             nested = nested_type(kind.options)

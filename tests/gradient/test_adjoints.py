@@ -17,17 +17,17 @@ from common.kernels import compiled_only, without_kernels
 
 from dicedesign.bench.bodies import solids
 from dicedesign.bench.bodies.extremes import large
-from dicedesign.design.coordinates.facets import FacetCoordinates
-from dicedesign.design.energy.clusters import ClusteredRests, Clusters, cluster
-from dicedesign.design.energy.energy import Energy, energy_terms
-from dicedesign.design.energy.term import EnergyWeights
-from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
-from dicedesign.design.starts.kinds.prism import prism
-from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.differentiable_rest import differentiable_rest
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.gradient.solid_moments import centroid_gradient, hull_centroid
+from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.energy.clusters import ClusteredRests, Clusters, cluster
+from dicedesign.optimize.energy.energy import Energy, energy_terms
+from dicedesign.optimize.energy.term import EnergyWeights
+from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.optimize.starts.kinds.prism import prism
+from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.rest.equilibria import classify
 
 REGULARIZERS = {"coplanar": 0.3, "barycenter": 1.7, "neighbor": 0.4, "stability": 0.2}

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign.design.options import ExactOptions
-from dicedesign.design.preferences.preference import Preferences
-from dicedesign.design.solvers.exact import solve_exactly
-from dicedesign.design.starts.repulsion import repulsion
-from dicedesign.design.starts.variations import shapes_like
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.differentiable_rest import differentiable_rest
 from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
 from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.optimize.options import ExactOptions
+from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.status import Status
 from dicedesign.throws.momentum.momentum_odds import thrown_odds

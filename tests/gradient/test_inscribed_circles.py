@@ -9,10 +9,6 @@ import pytest
 import torch
 from common.attached_points import attached_points
 
-from dicedesign.design.coordinates.facets import FacetCoordinates
-from dicedesign.design.solvers.candidate import BARRIER_DEPTH, barrier_residuals
-from dicedesign.design.starts.kinds.prism import prism
-from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.polygons import inscribed_circle
@@ -20,6 +16,10 @@ from dicedesign.geometry.sphere import rotation_between, unit_vectors
 from dicedesign.gradient.facet_edges import SOFTNESS
 from dicedesign.gradient.inscribed_circles import circle_radii, soft_circle_radii
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.solvers.candidate import BARRIER_DEPTH, barrier_residuals
+from dicedesign.optimize.starts.kinds.prism import prism
+from dicedesign.optimize.starts.repulsion import repulsion
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 AROUND = np.linspace(0.0, 2.0 * np.pi, 41)[:-1] + 0.05 * np.sin(np.arange(40))

@@ -10,8 +10,6 @@ import torch
 from common.kernels import without_kernels
 
 from dicedesign import rest_poses
-from dicedesign.design.starts.kinds.prism import prism
-from dicedesign.design.starts.repulsion import repulsion
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.solid import solid_properties
@@ -19,6 +17,8 @@ from dicedesign.gradient import rest_formulas
 from dicedesign.gradient.differentiable_rest import differentiable_rest
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.gradient.solid_moments import hull_centroid
+from dicedesign.optimize.starts.kinds.prism import prism
+from dicedesign.optimize.starts.repulsion import repulsion
 
 SIZES = [4, 5, 6, 8, 10, 12, 16, 20]
 CUBE = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])

@@ -8,7 +8,6 @@ from itertools import count
 import numpy as np
 import pytest
 
-from dicedesign.design.solvers import exact
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.learning.random_dice import (
@@ -21,6 +20,7 @@ from dicedesign.learning.random_dice import (
     random_die,
 )
 from dicedesign.learning.random_polyhedra import KINDS, random_shape
+from dicedesign.optimize.solvers import exact
 
 SEED = 3
 

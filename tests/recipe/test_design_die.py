@@ -10,8 +10,8 @@ import trimesh
 from check_outputs import check
 
 from dicedesign import rest_poses
-from dicedesign.design.targets import Target
 from dicedesign.errors import InputError, LabelRoomError
+from dicedesign.optimize.targets import Target
 from dicedesign.recipe.design_die import Die, design
 from dicedesign.results.record import Step
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign.design.options import ExactOptions
-from dicedesign.design.preferences.preference import Preferences
-from dicedesign.design.refinement import Round
-from dicedesign.design.result import DesignResult
-from dicedesign.design.solvers.exact import solve_exactly
-from dicedesign.design.starts.search import shapes_near
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
 from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.optimize.options import ExactOptions
+from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.refinement import Round
+from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.schema.reading import checked_recipe

@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign import read_body, rest_poses
 from dicedesign.bench.bodies import solids
-from dicedesign.design.options import DescentOptions, Stopping
-from dicedesign.design.solvers.descent import descend_to_target
-from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
-from dicedesign.design.targets import sum_of_dice
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.optimize.options import DescentOptions, Stopping
+from dicedesign.optimize.solvers.descent import descend_to_target
+from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.rest.poses import RestPoses
 
 TOLERANCE = 1e-5

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dicedesign.design.preferences.preference import PREFERENCES, Preferences
+from dicedesign.optimize.preferences.preference import PREFERENCES, Preferences
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.recipe.schema.recipe import Recipe

@@ -45,8 +45,8 @@ class Method:
     def set_up(self, recipe: Recipe, seconds: float) -> Recipe:
         """The recipe with this method instead of its own, for at most so many seconds."""
         from dicedesign.bench.measures.recipes import with_method
-        from dicedesign.design.options import DescentOptions, ExactOptions, SobolevOptions
-        from dicedesign.design.preferences.preference import Preferences
+        from dicedesign.optimize.options import DescentOptions, ExactOptions, SobolevOptions
+        from dicedesign.optimize.preferences.preference import Preferences
 
         if self.coordinates is None:
             exact = recipe.method.exact or ExactOptions()

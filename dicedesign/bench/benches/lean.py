@@ -77,9 +77,9 @@ def _rows(run: Run) -> Items:
 def _programs(processes: int) -> Items:
     from dicedesign.bench.measures.feature_costs import CostRow
     from dicedesign.bench.measures.processes import in_new_process
-    from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
     from dicedesign.geometry.hulls.hull import convex_hull
     from dicedesign.geometry.meshes.stl import stl_bytes
+    from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 
     with TemporaryDirectory() as name:
         folder = Path(name)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from dicedesign.design.starts.start import Start
+from dicedesign.optimize.starts.start import Start
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["Case", "DesignProblem", "Problem", "turned"]

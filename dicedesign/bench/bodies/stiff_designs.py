@@ -13,13 +13,13 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.bench.bodies.problem import Case, DesignProblem
 from dicedesign.bench.bodies.stiff import off_balance
-from dicedesign.design.starts.kinds.prism import prism
-from dicedesign.design.starts.repulsion import repulsion
-from dicedesign.design.starts.start import Start
-from dicedesign.design.targets import binomial, fair, listed, sum_of_dice
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.optimize.starts.kinds.prism import prism
+from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.start import Start
+from dicedesign.optimize.targets import binomial, fair, listed, sum_of_dice
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats
 

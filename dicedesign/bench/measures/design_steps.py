@@ -15,14 +15,14 @@ from dicedesign.bench.bodies.extremes import large
 from dicedesign.bench.measures.processes import in_turn
 from dicedesign.bench.measures.query_speed import PAPER, ROW, Effort
 from dicedesign.bench.rows import Row, column, hidden, milliseconds
-from dicedesign.design.coordinates.facets import FacetCoordinates
-from dicedesign.design.coordinates.shape import Coordinates
-from dicedesign.design.coordinates.vertices import VertexCoordinates
-from dicedesign.design.energy.objective import Objective
-from dicedesign.design.solvers.candidate import CandidateMaker
-from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
-from dicedesign.design.targets import sum_of_dice
 from dicedesign.geometry.hulls.reuse import HullMemory
+from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.coordinates.shape import Coordinates
+from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from dicedesign.optimize.energy.objective import Objective
+from dicedesign.optimize.solvers.candidate import CandidateMaker
+from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["PartRow", "part_works", "speed_parts"]

@@ -12,8 +12,8 @@ import numpy as np
 
 from dicedesign.bench.measures.simulator_odds import ENGINE_NAMES
 from dicedesign.bench.rows import Row, column, hidden
-from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.simulation.simulation import simulate

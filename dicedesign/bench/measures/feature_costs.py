@@ -13,16 +13,16 @@ import numpy as np
 from dicedesign.bench.bodies.extremes import large
 from dicedesign.bench.measures.processes import in_turn
 from dicedesign.bench.rows import Row, column
-from dicedesign.design.coordinates.facets import FacetCoordinates
-from dicedesign.design.coordinates.vertices import VertexCoordinates
-from dicedesign.design.energy.objective import Evaluation, Objective
-from dicedesign.design.energy.term import EnergyWeights
-from dicedesign.design.options import SobolevOptions
-from dicedesign.design.solvers.sobolev import SobolevSolver, graph_laplacian
-from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
-from dicedesign.design.targets import sum_of_dice
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hulls.reuse import HullMemory
+from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from dicedesign.optimize.energy.objective import Evaluation, Objective
+from dicedesign.optimize.energy.term import EnergyWeights
+from dicedesign.optimize.options import SobolevOptions
+from dicedesign.optimize.solvers.sobolev import SobolevSolver, graph_laplacian
+from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.exact import ExactSigns
 from dicedesign.rest.morse import separatrices

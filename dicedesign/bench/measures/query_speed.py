@@ -14,9 +14,9 @@ from dicedesign.bench.measures.other_methods import TrimeshRequest
 from dicedesign.bench.measures.processes import in_turn
 from dicedesign.bench.reference.speed_cases import DIE_CORNERS, Case, goals
 from dicedesign.bench.rows import Row, column, milliseconds
-from dicedesign.design.coordinates.vertices import VertexCoordinates
-from dicedesign.design.energy.objective import Objective
-from dicedesign.design.energy.term import EnergyWeights
+from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from dicedesign.optimize.energy.objective import Objective
+from dicedesign.optimize.energy.term import EnergyWeights
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
 

@@ -9,12 +9,12 @@ from typing import ClassVar, Final
 import numpy as np
 
 from dicedesign.bench.rows import Row
-from dicedesign.design.options import DescentOptions, ExactOptions, Stopping
-from dicedesign.design.preferences.preference import Preferences
-from dicedesign.design.solvers.descent import descend_to_target
-from dicedesign.design.solvers.exact import solve_exactly
-from dicedesign.design.starts.repulsion import repulsion
-from dicedesign.design.starts.search import shapes_near
+from dicedesign.optimize.options import DescentOptions, ExactOptions, Stopping
+from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.solvers.descent import descend_to_target
+from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats
 

@@ -19,8 +19,8 @@ from dicedesign.bench.measures.recipes import (
     with_method,
 )
 from dicedesign.bench.rows import Row
-from dicedesign.design.options import ExactOptions, RefineOptions
 from dicedesign.errors import DiceError, InputError
+from dicedesign.optimize.options import ExactOptions, RefineOptions
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Integers

@@ -10,12 +10,12 @@ import numpy as np
 
 from dicedesign.bench.bodies.problem import DesignProblem, Problem
 from dicedesign.bench.reference.measurement import Measurement, measure
-from dicedesign.design.energy.clusters import cluster
-from dicedesign.design.energy.objective import Evaluation
-from dicedesign.design.options import DescentOptions, Stopping
-from dicedesign.design.result import DesignResult
-from dicedesign.design.solvers.descent import descend_to_target
 from dicedesign.geometry.solid import solid_properties
+from dicedesign.optimize.energy.clusters import cluster
+from dicedesign.optimize.energy.objective import Evaluation
+from dicedesign.optimize.options import DescentOptions, Stopping
+from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.solvers.descent import descend_to_target
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.status import Status
 from dicedesign.runtime.threads import one_tensor_thread

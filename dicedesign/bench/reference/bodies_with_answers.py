@@ -16,10 +16,10 @@ from dicedesign.bench.reference.measurement import ORACLE_FACETS
 from dicedesign.bench.reference.oracle import hull_probabilities
 from dicedesign.bench.reference.precision import evaluated_probabilities
 from dicedesign.bench.reference.sixty_digits import OracleError
-from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.meshes.center_of_mass import resolve_center_of_mass
+from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.rest.basins import find_basins
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.runtime.arrays import Floats

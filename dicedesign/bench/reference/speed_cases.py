@@ -10,8 +10,8 @@ import numpy as np
 
 from dicedesign.bench.bodies.extremes import large
 from dicedesign.bench.reference.sampled import lattice_directions, random_directions
-from dicedesign.design.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.geometry.meshes.body import Body
+from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["DIE_CORNERS", "Case", "Ratios", "built_in_cases", "goals", "mesh_case", "sphere_case"]

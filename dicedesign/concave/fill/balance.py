@@ -12,11 +12,11 @@ import numpy as np
 
 from dicedesign.concave.fill.elastic_energy import ElasticEnergy
 from dicedesign.concave.fill.result import FillResult, FillStatus, OnEnergy
-from dicedesign.design.options import SobolevOptions
-from dicedesign.design.solvers.sobolev import SobolevSolver, edge_laplacian
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.optimize.options import SobolevOptions
+from dicedesign.optimize.solvers.sobolev import SobolevSolver, edge_laplacian
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["balance"]

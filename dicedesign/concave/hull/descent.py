@@ -10,11 +10,11 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from dicedesign.concave.hull.problem import DesignedHull, HullProblem
-from dicedesign.design.energy.term import EnergyWeights
-from dicedesign.design.options import DescentOptions, SobolevOptions
-from dicedesign.design.result import DesignStep
-from dicedesign.design.solvers.descent import descend_to_target
-from dicedesign.design.starts.start import Start
+from dicedesign.optimize.energy.term import EnergyWeights
+from dicedesign.optimize.options import DescentOptions, SobolevOptions
+from dicedesign.optimize.result import DesignStep
+from dicedesign.optimize.solvers.descent import descend_to_target
+from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats

@@ -12,12 +12,12 @@ import torch
 from dicedesign.concave.hull.least_displacement import least_displacement
 from dicedesign.concave.hull.problem import DesignedHull, HullProblem
 from dicedesign.concave.hull.slopes import SlopeMemory, climbs
-from dicedesign.design.coordinates.vertices import VertexCoordinates
-from dicedesign.design.options import SobolevOptions
-from dicedesign.design.solvers.candidate import CandidateMaker
-from dicedesign.design.solvers.levenberg_marquardt import LevenbergMarquardt
 from dicedesign.errors import DiceError
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from dicedesign.optimize.options import SobolevOptions
+from dicedesign.optimize.solvers.candidate import CandidateMaker
+from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
 from dicedesign.rest.outcomes import gathered
 from dicedesign.runtime.arrays import Floats, Integers
 

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from dicedesign.concave.fill.space_elasticity import Elasticity, HeldCorners, positive_inverse
-from dicedesign.design.solvers.sobolev import graph_laplacian
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.optimize.solvers.sobolev import graph_laplacian
 from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["DesignedHull", "HullMetric", "HullProblem"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from dicedesign.design.starts.start import STARTS, StartKind
+from dicedesign.optimize.starts.start import STARTS, StartKind
 
 if TYPE_CHECKING:
     from dicedesign.geometry.surfaces.surface import Surface

@@ -1,4 +1,4 @@
-// Kernels of `dicedesign.gradient` and `dicedesign.design`.
+// Kernels of `dicedesign.gradient` and `dicedesign.optimize`.
 
 #include <nanobind/stl/array.h>
 

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dicedesign.design.refinement import Round
-from dicedesign.design.result import DesignResult, DesignStep
-from dicedesign.design.starts.start import Start
 from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.optimize.refinement import Round
+from dicedesign.optimize.result import DesignResult, DesignStep
+from dicedesign.optimize.starts.start import Start
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.record import HullsMade, Step

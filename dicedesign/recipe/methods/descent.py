@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from dicedesign.design.energy.clusters import cluster
-from dicedesign.design.result import DesignResult
-from dicedesign.design.solvers.descent import descend_to_target
 from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.optimize.energy.clusters import cluster
+from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.solvers.descent import descend_to_target
 from dicedesign.recipe.methods.convex import (
     designed_die,
     normalised_center,

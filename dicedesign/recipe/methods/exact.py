@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import partial
 
-from dicedesign.design.options import ExactOptions
-from dicedesign.design.result import DesignResult
-from dicedesign.design.solvers.exact import solve_exactly
-from dicedesign.design.starts.start import Start
-from dicedesign.design.starts.variations import shapes_like
 from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.optimize.options import ExactOptions
+from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.starts.start import Start
+from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.recipe.methods.convex import (
     designed_die,
     normalised_center,

@@ -8,18 +8,18 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.design.coordinates.symmetric import orbits_of_directions
-from dicedesign.design.options import MOST_ROUNDS, ExactOptions
-from dicedesign.design.preferences.preference import Preferences
-from dicedesign.design.refinement import Refinement, Round
-from dicedesign.design.result import DesignResult
-from dicedesign.design.starts.start import Start
-from dicedesign.design.starts.variations import shapes_like
 from dicedesign.errors import NoStartError
 from dicedesign.fabricate.designed_die import DesignedDie
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.restitution_sensitivity import CHANGES, RestitutionSensitivity
 from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
+from dicedesign.optimize.options import MOST_ROUNDS, ExactOptions
+from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.refinement import Refinement, Round
+from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.starts.start import Start
+from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.recipe.methods.convex import designed_die, normalised_center, wanted_odds
 from dicedesign.recipe.methods.exact import exact_options, solver, starts_of
 from dicedesign.recipe.planning.work import Work

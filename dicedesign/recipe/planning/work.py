@@ -8,19 +8,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dicedesign.design.targets import Target
+from dicedesign.optimize.targets import Target
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.status import Status
 from dicedesign.runtime.clock import Clock
 
 if TYPE_CHECKING:
-    from dicedesign.design.refinement import Round
-    from dicedesign.design.starts.start import Start
     from dicedesign.fabricate.designed_die import DesignedDie, SizedDie
     from dicedesign.fabricate.finished_die import EngravedFile
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.surface import Surface
+    from dicedesign.optimize.refinement import Round
+    from dicedesign.optimize.starts.start import Start
     from dicedesign.results.record import Result, Step
     from dicedesign.throws.simulation.die_on_table import ThrownDie
 

@@ -20,8 +20,8 @@ from pydantic_core import core_schema
 
 # Registers the surfaces that the package builds.
 import dicedesign.concave.shapes.start  # noqa: F401
-from dicedesign.design.starts.start import STARTS, Start, StartKind, Task, made_start
-from dicedesign.design.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
+from dicedesign.optimize.starts.start import STARTS, Start, StartKind, Task, made_start
+from dicedesign.optimize.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
 
 __all__ = ["Label", "StartRecipe", "Strict", "TargetRecipe", "one_of"]
 

@@ -12,11 +12,11 @@ from typing import Annotated, Any, Final
 from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, model_validator
 
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.design.options import DescentOptions, ExactOptions
-from dicedesign.design.starts.kinds.search import SearchOptions
-from dicedesign.design.starts.orbit_layouts import OrbitLayouts
 from dicedesign.fabricate.options import EngravingOptions
 from dicedesign.geometry.point_groups import point_group
+from dicedesign.optimize.options import DescentOptions, ExactOptions
+from dicedesign.optimize.starts.kinds.search import SearchOptions
+from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts
 from dicedesign.recipe.schema.entries import Label, StartRecipe, Strict, TargetRecipe, one_of
 from dicedesign.runtime.arrays import Floats
 
@@ -101,7 +101,7 @@ class Recipe(Strict):
     assignment: labels in the order of the start's directions; None for the order of the target;
         empty, "any" in a file, for one order after the other, at random, until one leads there.
     center_of_mass: (3,) fixed, in the start's own coordinates (see
-        `dicedesign.design.starts`); None for the uniform solid.
+        `dicedesign.optimize.starts`); None for the uniform solid.
     symmetry: name of the point group that the die has (see `dicedesign.geometry.point_groups`),
         about the centroid of the start, along its own axes; None if it need not have any.
     size_mm: largest vertex-to-vertex distance of the printed die.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dicedesign.design.starts.start import Task
 from dicedesign.errors import InputError
+from dicedesign.optimize.starts.start import Task
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import Recipe
@@ -78,7 +78,7 @@ def _make_shape(work: Work) -> None:
 
 def _check_orbits(recipe: Recipe, directions: np.ndarray) -> None:
     """Raise InputError unless labels on facets that are images of each other are as probable."""
-    from dicedesign.design.coordinates.symmetric import orbits_of_directions
+    from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
     from dicedesign.tolerances import EQUAL_ODDS
 
     group, target = recipe.group(), recipe.target.target()

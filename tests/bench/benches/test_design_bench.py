@@ -22,8 +22,8 @@ from dicedesign.bench.benches.design import (
 from dicedesign.bench.frame import BENCHES, Run
 from dicedesign.bench.measures.recipes import begun
 from dicedesign.cli.main import main
-from dicedesign.design.options import ExactOptions
-from dicedesign.design.preferences.preference import Preferences
+from dicedesign.optimize.options import ExactOptions
+from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 

@@ -32,9 +32,9 @@ from dicedesign.bench.reference.speed_cases import (
     sphere_case,
 )
 from dicedesign.cli.main import main
-from dicedesign.design.coordinates.vertices import VertexCoordinates
-from dicedesign.design.energy.objective import Objective
 from dicedesign.geometry.meshes.body import make_body
+from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from dicedesign.optimize.energy.objective import Objective
 
 ONCE = Effort(rounds=1, seconds=0.0)
 

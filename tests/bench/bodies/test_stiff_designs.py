@@ -28,23 +28,23 @@ from dicedesign.bench.bodies.stiff_designs import (
 from dicedesign.bench.measures.watched_design import step_faults, watch_design
 from dicedesign.bench.reference.measurement import OK
 from dicedesign.bench.reference.oracle import hull_probabilities
-from dicedesign.design.coordinates.vertices import VertexCoordinates
-from dicedesign.design.energy.clusters import ClusteredRests, cluster
-from dicedesign.design.energy.objective import Evaluation, Objective
-from dicedesign.design.energy.schedule import Schedule
-from dicedesign.design.energy.term import EnergyWeights
-from dicedesign.design.energy.terms.barycenter import barycenter_energy
-from dicedesign.design.energy.terms.stability import stability_energy
-from dicedesign.design.options import DescentOptions, Stopping
-from dicedesign.design.solvers.descent import descend_to_target
-from dicedesign.design.solvers.line_search import LineSearch
-from dicedesign.design.starts.kinds.prism import prism
-from dicedesign.design.starts.repulsion import repulsion
-from dicedesign.design.starts.start import Start
-from dicedesign.design.targets import fair, listed
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.gradient.rest_odds import evaluate_rests
+from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from dicedesign.optimize.energy.clusters import ClusteredRests, cluster
+from dicedesign.optimize.energy.objective import Evaluation, Objective
+from dicedesign.optimize.energy.schedule import Schedule
+from dicedesign.optimize.energy.term import EnergyWeights
+from dicedesign.optimize.energy.terms.barycenter import barycenter_energy
+from dicedesign.optimize.energy.terms.stability import stability_energy
+from dicedesign.optimize.options import DescentOptions, Stopping
+from dicedesign.optimize.solvers.descent import descend_to_target
+from dicedesign.optimize.solvers.line_search import LineSearch
+from dicedesign.optimize.starts.kinds.prism import prism
+from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.start import Start
+from dicedesign.optimize.targets import fair, listed
 from dicedesign.results.status import Status
 
 CASES = {case.name.removeprefix("design: "): case for case in design_cases()}

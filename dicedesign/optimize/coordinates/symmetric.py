@@ -1,0 +1,166 @@
+"""Facet coordinates of a symmetric shape: one normal and one distance for each orbit of facets.
+
+A point group acts about the origin of space; an orbit is the set of facets that it carries to each
+other. A facet on a mirror plane or an axis of the group has its normal there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.reuse import HullMaker
+from dicedesign.geometry.point_groups import fixed_space
+from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.coordinates.shape import Shape
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import SYMMETRY_TOLERANCE
+
+__all__ = ["SymmetricCoordinates", "images_of_directions", "orbits_of_directions"]
+
+
+@dataclass(frozen=True)
+class SymmetricCoordinates:
+    """Parameters of one facet for each orbit: the free components of the normals, orbit by orbit,
+    followed by the logarithms of the distances, both in units that make steps of the parameters as
+    long as those of all facets together.
+
+    Attributes
+    ----------
+    facets: coordinates of all m facets.
+    expansion: (4 m, r) with orthonormal columns; times the parameters (r,) it gives those of
+        `facets`.
+    orbits: (m,) number of the orbit of each facet.
+    """
+
+    facets: FacetCoordinates
+    expansion: Floats
+    orbits: Integers
+
+    @classmethod
+    def of(
+        cls, points: Floats, origin: Floats, group: Floats, hull_of: HullMaker = convex_hull
+    ) -> tuple[SymmetricCoordinates, Floats]:
+        """Coordinates about the position nearest to an origin (3,) that the group (g, 3, 3) keeps,
+        and the parameters of the hull of points (n, 3), or of the nearest that is symmetric to the
+        last bit.
+
+        Raises
+        ------
+        InputError: the group does not map the hull onto itself.
+        DegenerateBodyError: that position is not strictly inside.
+        """
+        facets, parameters = FacetCoordinates.of(points, fixed_space(group) @ origin, hull_of)
+        count = len(parameters) // 4
+        normals, logarithms = parameters[: 3 * count].reshape(count, 3), parameters[3 * count :]
+        images = images_of_directions(normals, group)
+        gaps = np.abs(logarithms[images] - logarithms)
+        if not gaps.max() <= SYMMETRY_TOLERANCE:
+            element, facet = np.unravel_index(np.argmax(gaps), gaps.shape)
+            raise InputError(
+                f"symmetry: expected facet {facet} and its image under element {element} of the "
+                f"point group at the same distance from {facets.origin.tolist()}, got a ratio of "
+                f"{np.exp(gaps.max()):.6g}; center the shape at the origin with its main axis "
+                "along z, or take a smaller group"
+            )
+        orbits = images.min(axis=0)
+        columns, scales = [], []
+        for first in np.unique(orbits):
+            members = np.flatnonzero(orbits == first)
+            length = np.sqrt(len(members))
+            carriers = group[np.argmax(images[:, [first]] == members, axis=0)]
+            free = _range_basis(fixed_space(group[images[:, first] == first]))
+            column = np.zeros((4 * count, free.shape[1]))
+            rows = 3 * members[:, None] + np.arange(3)
+            column[rows] = carriers @ (free / length)
+            columns.append(column)
+            scale = np.zeros((4 * count, 1))
+            scale[3 * count + members] = 1.0 / length
+            scales.append(scale)
+        expansion = np.hstack([*columns, *scales])
+        numbers = np.unique(orbits, return_inverse=True)[1].astype(np.int64)
+        return cls(facets, expansion, numbers), expansion.T @ parameters
+
+    def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
+        """See `FacetCoordinates`. Raises DegenerateBodyError also where rounding lets only some of
+        an orbit's facets bound the solid."""
+
+        def whole_orbits(polar: Floats) -> ConvexHull:
+            hull = hull_of(polar)
+            sizes = np.bincount(self.orbits)
+            bounding = np.bincount(self.orbits[hull.source], minlength=len(sizes))
+            if (bounding % sizes != 0).any():
+                raise DegenerateBodyError(
+                    f"symmetry: expected all facets of an orbit or none to bound the solid, got "
+                    f"{bounding.tolist()} of {sizes.tolist()} facets of the orbits; "
+                    "take a smaller step"
+                )
+            return hull
+
+        whole = self.facets.shape(self.expansion @ parameters, whole_orbits)
+
+        def pulled_back(gradients: Floats) -> Floats:
+            return whole.pulled_back(gradients) @ self.expansion
+
+        return Shape(whole.points, pulled_back)
+
+    def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
+        """See `FacetCoordinates`."""
+        return parameters
+
+
+def orbits_of_directions(directions: Floats, group: Floats) -> Integers:
+    """(k,) number of the orbit of each of some directions (k, 3), from 0 in the order in which the
+    orbits' first members come.
+
+    Raises InputError where an element of the group (g, 3, 3) does not permute them.
+    """
+    first = images_of_directions(directions, group).min(axis=0)
+    return np.unique(first, return_inverse=True)[1].astype(np.int64)
+
+
+def images_of_directions(directions: Floats, group: Floats) -> Integers:
+    """(g, k) number of the direction onto which each element of a group (g, 3, 3) maps each of some
+    directions (k, 3), which need not be unit vectors.
+
+    Raises InputError where an element does not permute them.
+    """
+    units = unit_vectors(directions)
+    turned = np.einsum("gij,kj->gki", group, units)
+    images = np.argmax(turned @ units.T, axis=-1)
+    gaps = norms(turned - units[images])
+    if not gaps.max() <= SYMMETRY_TOLERANCE:
+        element, number = np.unravel_index(np.argmax(gaps), gaps.shape)
+        raise InputError(
+            f"symmetry: expected directions that the point group maps onto each other, got "
+            f"{np.round(units[number], 6).tolist()}, whose image under element {element} is "
+            f"{gaps.max():.3g} from the nearest unit vector; turn the shape's main axis to z and "
+            "center it at the origin, or take a smaller group"
+        )
+    repeated = np.diff(np.sort(images, axis=1), axis=1) == 0
+    if repeated.any():
+        element, place = np.argwhere(repeated)[0]
+        number = np.sort(images[element])[place]
+        raise InputError(
+            f"symmetry: expected directions that the point group permutes, got two that element "
+            f"{element} maps onto {np.round(units[number], 6).tolist()}; remove facets that nearly "
+            "coincide"
+        )
+    return images.astype(np.int64)
+
+
+def _range_basis(projection: Floats) -> Floats:
+    """(3, d) orthonormal columns that span the range of an orthogonal projection (3, 3) of rank
+    d, along the coordinate axes where it contains them."""
+    columns: list[Floats] = []
+    remaining = projection
+    for _ in range(round(float(np.trace(projection)))):
+        longest = remaining[:, np.argmax(np.diag(remaining))]
+        columns.append(longest / np.linalg.norm(longest))
+        remaining = remaining - np.outer(columns[-1], columns[-1])
+    return np.stack(columns, axis=1)

@@ -1,0 +1,51 @@
+"""The vertices of a shape as what a design varies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.reuse import HullMaker
+from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.optimize.coordinates.shape import Shape
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["VertexCoordinates"]
+
+
+@dataclass(frozen=True)
+class VertexCoordinates:
+    """The vertices themselves: parameters are (n, 3) flattened, in units of `scale` from `origin`.
+
+    Attributes
+    ----------
+    origin: (3,) the point that scaling keeps.
+    scale: length of one unit.
+    """
+
+    origin: Floats
+    scale: float
+
+    @classmethod
+    def of(
+        cls, points: Floats, origin: Floats, hull_of: HullMaker = convex_hull
+    ) -> tuple[VertexCoordinates, Floats]:
+        """Coordinates about an origin (3,), and the parameters of the hull of points (n, 3)."""
+        hull = hull_of(points)
+        offsets = hull.vertices - origin
+        scale = float(np.abs(offsets).max())
+        return cls(origin, scale), (offsets / scale).ravel()
+
+    def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
+        """See `Coordinates`."""
+
+        def pulled_back(gradients: Floats) -> Floats:
+            return self.scale * gradients.reshape(len(gradients), len(parameters))
+
+        return Shape(self.origin + self.scale * parameters.reshape(-1, 3), pulled_back)
+
+    def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
+        """See `Coordinates`: drops points that are no vertices of the hull."""
+        return parameters.reshape(-1, 3)[rests.hull.source].ravel()

@@ -1,0 +1,131 @@
+"""The energy of a shape: the weighted sum of terms (eq. 16), and its gradient.
+
+An outcome without a rest, or without a facet, is never silent: the dice energy misses its whole
+target, and the barycenter, neighbor and stability terms charge the largest value that one facet can
+have.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dicedesign.kernels import ops as kernels
+from dicedesign.optimize.energy.clusters import ClusteredRests
+from dicedesign.optimize.energy.term import (
+    LARGEST_SQUARED_DISTANCE,
+    SMALLEST_MEAN,
+    EnergyWeights,
+)
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["Energy", "energy_terms"]
+
+KERNELS: Final = 4
+"""Terms that the kernels evaluate together."""
+
+
+def energy_terms(state: ClusteredRests, weights: EnergyWeights) -> dict[str, Tensor]:
+    """The weighted terms by name, by operations of torch; those without weight are left out."""
+    return {term.name: weight * term.evaluate(state, weights) for term, weight in weights.active}
+
+
+@dataclass(frozen=True)
+class Energy:
+    """The energy of a shape as numbers: by compiled kernels where there are any for a term, else by
+    torch, all added.
+
+    Attributes
+    ----------
+    state: the shape; weights: of the terms.
+    """
+
+    state: ClusteredRests
+    weights: EnergyWeights
+
+    @cached_property
+    def terms(self) -> dict[str, float]:
+        """The weighted terms by name, those of `energy_terms`."""
+        together = () if self._compiled is None else self._compiled.values()
+        values: dict[str, float] = {}
+        for term, weight in self.weights.active:
+            if term.name in self._in_torch:
+                values[term.name] = self._in_torch[term.name].item()
+            elif term.kernel is not None:
+                values[term.name] = weight * together[term.kernel]
+            else:
+                values[term.name] = weight * self._of_depths[term.name][0]
+        return values
+
+    @property
+    def gradient(self) -> Floats:
+        """(n, 3) that of their sum in the vertices of the hull, with which the center of mass of a
+        uniform solid moves."""
+        rests = self.state.rests
+        parts: list[Floats] = []
+        if self._compiled is not None:
+            by_vertices, by_center = self._compiled.gradient(self._kernel_weights)
+            for name, (_, slopes) in self._of_depths.items():
+                weight = self.weights.of_terms[name]
+                walls = rests.depth_gradient(weight * slopes)
+                assert walls is not None, "kernels that have the energies have these"
+                by_vertices, by_center = by_vertices + walls[0], by_center + walls[1]
+            parts.append(rests.with_center(by_vertices, by_center))
+        varying = [term for term in self._in_torch.values() if term.requires_grad]
+        if varying:
+            (gradient,) = torch.autograd.grad(varying, rests.vertices, retain_graph=True)
+            parts.append(gradient.numpy())
+        return sum(parts[1:], parts[0]) if parts else np.zeros_like(rests.hull.vertices)
+
+    @cached_property
+    def _in_torch(self) -> dict[str, Tensor]:
+        """Weighted terms for which there are no compiled kernels."""
+        if self._compiled is None:
+            return energy_terms(self.state, self.weights)
+        return {
+            term.name: weight * term.evaluate(self.state, self.weights)
+            for term, weight in self.weights.active
+            if term.kernel is None and term.of_depths is None
+        }
+
+    @cached_property
+    def _of_depths(self) -> dict[str, tuple[float, Floats]]:
+        """Value, and derivatives (m,) in the facets' depths, of terms of these alone."""
+        return {
+            term.name: term.of_depths(self.state, self.weights)
+            for term, _ in self.weights.active
+            if term.of_depths is not None
+        }
+
+    @cached_property
+    def _kernel_weights(self) -> list[float]:
+        """Of the terms that the kernels evaluate together, in their order."""
+        weights = [0.0] * KERNELS
+        for term, weight in self.weights.active:
+            if term.kernel is not None:
+                weights[term.kernel] = weight
+        return weights
+
+    @cached_property
+    def _compiled(self) -> kernels.Energies | None:
+        """Terms that the kernels evaluate together, with a gradient derived by hand; None without
+        kernels."""
+        rests, clusters = self.state.rests, self.state.clusters
+        return kernels.energies(
+            rests.hull,
+            rests.paths,
+            rests.equilibria.center_of_mass,
+            odds=rests.odds,
+            of_rest=clusters.of_rest,
+            directions=clusters.directions,
+            target=np.asarray(self.state.target, dtype=np.float64),
+            neighbor_radius=self.weights.neighbor_radius,
+            smallest_mean=SMALLEST_MEAN,
+            no_rest=LARGEST_SQUARED_DISTANCE,
+            wanted=[weight > 0.0 for weight in self._kernel_weights],
+        )

@@ -1,0 +1,149 @@
+"""Terms of the energy that a descent lowers, and the weights that a recipe gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from dicedesign.runtime.numbers import Number, Numbers
+from dicedesign.runtime.registry import Extension, Registry
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from dicedesign.optimize.energy.clusters import ClusteredRests
+    from dicedesign.runtime.arrays import Floats
+
+__all__ = [
+    "LARGEST_SQUARED_DISTANCE",
+    "SMALLEST_MEAN",
+    "TERMS",
+    "EnergyWeights",
+    "Term",
+    "TermOption",
+]
+
+LARGEST_SQUARED_DISTANCE: Final = 4.0
+"""Between two unit vectors: what a cluster without a rest is charged."""
+
+SMALLEST_MEAN: Final = 1e-3
+"""Length of the sum of a region's maxima below which it is no longer stretched to length 1: maxima
+that cancel have no mean direction, and near there the gradient would grow without bound."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TermOption(Number):
+    """A number besides its weight that a term takes from a recipe.
+
+    Attributes
+    ----------
+    narrows_to: where a descent makes no progress any more, it narrows the option in steps, as long
+        as it is not below this; None to leave it.
+    """
+
+    narrows_to: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term(Extension):
+    """One term of the energy.
+
+    Attributes
+    ----------
+    evaluate: the term without its weight, a scalar tensor that autograd can differentiate in the
+        vertices, of the current shape and of all weights and options, such as
+        `weights.neighbor_radius`.
+    weight: default of its weight in a recipe; None for a term that is always there with weight 1.
+    options: what else a recipe may say of it, with names of their own among those of all terms.
+    gives_way: whether a descent lowers its weight where progress stalls: it pulls away from the
+        target.
+    single_rests: whether a step is refused that gives an outcome a second rest.
+    kernel: its place among the terms that the compiled kernels evaluate together, or None; those
+        without are evaluated in torch and added.
+    of_depths: for a term of the facets' depths alone (`RestEvaluation.depths`): its value, and its
+        derivative (m,) in each depth, as numbers, to which kernels take the rest of the chain.
+    """
+
+    evaluate: Callable[[ClusteredRests, EnergyWeights], Tensor]
+    weight: float | None = 0.0
+    options: tuple[TermOption, ...] = ()
+    gives_way: bool = False
+    single_rests: bool = False
+    kernel: int | None = None
+    of_depths: Callable[[ClusteredRests, EnergyWeights], tuple[float, Floats]] | None = None
+
+
+TERMS: Final = Registry[Term]("energy term", "dicedesign.optimize.energy.terms")
+
+
+class EnergyWeights(Numbers):
+    """Weights of the terms of eq. 16 and of those beside it, and the terms' other options; see
+    `TERMS`. A term of weight 0 is not evaluated.
+
+    Raises InputError for a number out of range.
+    """
+
+    __slots__ = ("_active",)
+
+    prefix = "weights."
+
+    @classmethod
+    def declared(cls) -> Mapping[str, Number]:
+        """Weight and options of each term but those that are always there."""
+        declared: dict[str, Number] = {}
+        for term in TERMS:
+            if term.weight is not None:
+                declared[term.name] = Number(
+                    name=term.name,
+                    default=term.weight,
+                    line=term.line,
+                    expected="a number not below 0",
+                    remedy="0 leaves the term out",
+                    allows=lambda value: 0.0 <= value < np.inf,
+                )
+            declared |= {option.name: option for option in term.options}
+        return declared
+
+    @property
+    def active(self) -> tuple[tuple[Term, float], ...]:
+        """Terms that have a weight, with it, in their order."""
+        terms = TERMS.entries
+        known = getattr(self, "_active", None)
+        if known is None or known[0] is not terms:
+            pairs = (
+                (term, 1.0 if term.weight is None else getattr(self, term.name)) for term in terms
+            )
+            known = terms, tuple((term, weight) for term, weight in pairs if weight > 0.0)
+            self._active: tuple[tuple[Term, ...], tuple[tuple[Term, float], ...]] = known
+        return known[1]
+
+    @property
+    def of_terms(self) -> dict[str, float]:
+        """The weights of these by name."""
+        return {term.name: weight for term, weight in self.active}
+
+    @property
+    def single_rests(self) -> bool:
+        """True where a term with a weight wants one rest for each outcome and no other."""
+        return any(term.single_rests for term, _ in self.active)
+
+    def relaxed(self, factor: float) -> EnergyWeights:
+        """The same with the weights of terms that give way times a factor."""
+        weights = self.of_terms
+        lower = {name: factor * weight for name, weight in weights.items() if TERMS[name].gives_way}
+        return self.changed(**lower)
+
+    def narrowed(self, factor: float) -> EnergyWeights | None:
+        """The same with the options that a descent may narrow times a factor; None where none of a
+        term with a weight is left to narrow."""
+        narrower = {
+            option.name: factor * getattr(self, option.name)
+            for term, _ in self.active
+            for option in term.options
+            if option.narrows_to is not None
+            and factor * getattr(self, option.name) >= option.narrows_to
+        }
+        return self.changed(**narrower) if narrower else None

@@ -1,0 +1,245 @@
+"""Options of the methods that design convex dice, apart from the methods, so that a recipe loads
+none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.optimize.energy.term import EnergyWeights
+from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.results.status import Status
+from dicedesign.runtime.registry import STRICT
+from dicedesign.throws.engines.engine import ENGINES
+
+__all__ = [
+    "MOST_DROPS",
+    "MOST_ROUNDS",
+    "DescentOptions",
+    "ExactOptions",
+    "RefineOptions",
+    "SobolevOptions",
+    "Stopping",
+]
+
+LARGEST_SMOOTHING: Final = 1e6
+"""Beyond it the operator averages the whole surface, and its matrix is singular to rounding."""
+
+FINEST_TOLERANCE: Final = 1e-15
+"""Rounding alone leaves errors of a few 1e-16."""
+
+MOST_DROPS: Final = 10_000_000
+
+MOST_ROUNDS: Final = 50
+
+
+@dataclass(frozen=True)
+class SobolevOptions:
+    """The operator `(I + lambda L)^-p` of section 3.3.
+
+    Attributes
+    ----------
+    smoothing: lambda, above 0 and at most `LARGEST_SMOOTHING`.
+    power: p, 1 to 4.
+    """
+
+    __pydantic_config__ = STRICT
+
+    smoothing: float = 2.0
+    power: int = 2
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.smoothing <= LARGEST_SMOOTHING:
+            expected = f"a number above 0 and at most {LARGEST_SMOOTHING:g}"
+            raise _refused("sobolev.smoothing", expected, self.smoothing, "2")
+        if not 1 <= self.power <= 4:
+            raise _refused("sobolev.power", "1 to 4", self.power, "2")
+
+
+@dataclass(frozen=True)
+class Stopping:
+    """Limits of a descent.
+
+    Attributes
+    ----------
+    tolerance: largest |p - q| wanted, above 0 and below 1. The design ends where the energy first
+        comes to rest within it, not at the first step that meets it.
+    steps: largest number of accepted steps, at least 0.
+    seconds: largest wall-clock time, positive.
+    """
+
+    __pydantic_config__ = STRICT
+
+    tolerance: float = 1e-3
+    steps: int = 3000
+    seconds: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tolerance < 1.0:
+            raise _refused("tolerance", "a number in (0, 1)", self.tolerance, "1e-3")
+        if self.steps < 0:
+            raise _refused("steps", "a whole number not below 0", self.steps, "3000")
+        _check_seconds(self.seconds)
+
+    def limit(self, step: int, seconds: float) -> Status | None:
+        """The limit that has been reached, if any."""
+        if step >= self.steps:
+            return Status.STEP_LIMIT
+        if seconds >= self.seconds:
+            return Status.TIME_LIMIT
+        return None
+
+
+@dataclass(frozen=True)
+class DescentOptions:
+    """Options of `method: descent`.
+
+    Attributes
+    ----------
+    coordinates: "facets" keeps every facet flat; "vertices" moves vertices as the paper does.
+    weights: of the energy's terms. The stability margin is narrowed where no progress is left with
+        it and the tolerance is not reached.
+    sobolev: preconditioning of vertex gradients, or None; needs `coordinates` "vertices".
+    stopping: tolerance and limits.
+    relaxation: factor on the weights of terms that give way, as barycenter and neighbor, each time
+        progress stalls, in (0, 1); they shape the die first and then give way to the probabilities.
+    perturbation: standard deviation of the seeded noise on the starting parameters, which breaks
+        the ties of symmetric shapes; not negative. Where the start balances such that its odds
+        cannot be told, it is at least `dicedesign.optimize.solvers.descent.SHAKE`.
+    """
+
+    __pydantic_config__ = STRICT
+
+    coordinates: Literal["facets", "vertices"] = "facets"
+    weights: EnergyWeights = field(default_factory=EnergyWeights)
+    sobolev: SobolevOptions | None = None
+    stopping: Stopping = field(default_factory=Stopping)
+    relaxation: float = 0.5
+    perturbation: float = 1e-3
+
+    def __post_init__(self) -> None:
+        _check_coordinates(self.coordinates, self.sobolev)
+        if not 0.0 < self.relaxation < 1.0:
+            raise _refused("relaxation", "a number in (0, 1)", self.relaxation, "0.5")
+        if not 0.0 <= self.perturbation < 1.0:
+            raise _refused("perturbation", "a number in [0, 1)", self.perturbation, "1e-3")
+
+
+@dataclass(frozen=True)
+class RefineOptions:
+    """Options of `method.exact.refine`.
+
+    Attributes
+    ----------
+    drops: simulated throws of the first round, 1 to `MOST_DROPS`; each later round has half as many
+        again, but not more than those. Where the die is made robust, all rounds but the last
+        two also have half as many onto each of two changed tables.
+    rounds: most rounds of throwing a die and designing it anew, 1 to `MOST_ROUNDS`.
+    verdict: throws that judge the last die, 1 to `MOST_DROPS`.
+    within: largest total variation from the target, by the verdict, that counts as reached; above 0
+        and below 1.
+    engine: name of the simulator.
+    """
+
+    __pydantic_config__ = STRICT
+
+    drops: int = 20_000
+    rounds: int = 5
+    verdict: int = 100_000
+    within: float = 0.01
+    engine: str = "native"
+
+    def __post_init__(self) -> None:
+        for name, most in (("drops", MOST_DROPS), ("rounds", MOST_ROUNDS), ("verdict", MOST_DROPS)):
+            value = getattr(self, name)
+            if not 1 <= value <= most:
+                raise InputError(
+                    f"refine.{name}: expected a whole number from 1 to {most}, got {value}; "
+                    "correct it"
+                )
+        if not 0.0 < self.within < 1.0:
+            raise _refused("refine.within", "a number in (0, 1)", self.within, "0.01")
+        # Raises where there is no such engine.
+        ENGINES[self.engine]
+
+
+def _legible() -> Preferences:
+    """Room for labels first; then rests that are not left at a nudge, no needles or plates, and,
+    where the die is thrown, odds that do not change with the table."""
+    return Preferences(circles=1.0, margin=0.1, asymmetry=0.1, roundness=0.2, robustness=1.0)
+
+
+@dataclass(frozen=True)
+class ExactOptions:
+    """Options of `method: exact`.
+
+    Attributes
+    ----------
+    tolerance: largest |p - q| wanted, from `FINEST_TOLERANCE` on and below 1.
+    coordinates: "facets" moves half-spaces and keeps every facet flat; "vertices" moves vertices,
+        so that facets become triangles.
+    sobolev: the metric `(I + lambda L)^p` in which steps are shortest, of the graph Laplacian L; it
+        needs `coordinates` "vertices". None for lengths as they are.
+    prefer: what the die is made better by once its odds are met, which are kept; legible labels and
+        firm rests unless given. What is given has all other weights at 0.
+    odds: "resting" for a die set down without momentum, "thrown" for one thrown onto a table, by
+        the momentum model.
+    table: of thrown dice, by name or as the path of a .json file.
+    refine: corrects the momentum model by simulated throws, or None to trust it; with thrown odds.
+    starts: most starting shapes that are tried, at least 1.
+    seconds: wall-clock time after which nothing more is tried, positive; the first shape with the
+        wanted rests still is.
+    """
+
+    __pydantic_config__ = STRICT
+
+    tolerance: float = 1e-12
+    coordinates: Literal["facets", "vertices"] = "facets"
+    sobolev: SobolevOptions | None = None
+    prefer: Preferences = field(default_factory=_legible)
+    odds: Literal["resting", "thrown"] = "resting"
+    table: str = "board-game"
+    refine: RefineOptions | None = None
+    starts: int = 60
+    seconds: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not FINEST_TOLERANCE <= self.tolerance < 1.0:
+            expected = f"a number from {FINEST_TOLERANCE:g} on and below 1"
+            raise _refused("tolerance", expected, self.tolerance, "1e-12")
+        _check_coordinates(self.coordinates, self.sobolev)
+        if self.refine is not None and self.odds != "thrown":
+            raise InputError(
+                'refine: expected odds "thrown" with it, got "resting"; leave refine out, or write '
+                "odds: thrown"
+            )
+        if self.starts < 1:
+            raise _refused("starts", "a whole number above 0", self.starts, "60")
+        _check_seconds(self.seconds)
+
+
+def _check_coordinates(coordinates: str, sobolev: SobolevOptions | None) -> None:
+    """Raise InputError unless coordinates are "facets" or "vertices", with the operator for the
+    latter only."""
+    if coordinates not in ("facets", "vertices"):
+        raise InputError(
+            f'coordinates: expected "facets" or "vertices", got {coordinates!r}; choose one of the '
+            "two"
+        )
+    if sobolev is not None and coordinates != "vertices":
+        raise InputError(
+            'sobolev: expected coordinates "vertices", whose gradient lives on the surface, got '
+            f"{coordinates!r}; leave sobolev out or change coordinates"
+        )
+
+
+def _check_seconds(seconds: float) -> None:
+    if not 0.0 < seconds < np.inf:
+        raise _refused("seconds", "a positive number", seconds, "60")
+
+
+def _refused(name: str, expected: str, got: float, default: str) -> InputError:
+    return InputError(f"{name}: expected {expected}, got {got:g}; leave it out for {default}")

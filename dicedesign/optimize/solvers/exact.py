@@ -1,0 +1,254 @@
+"""Probabilities exact to rounding: one start after the other is led to the target, and the first
+that gets there is made better by preference.
+
+The unknowns are half-spaces of a die, those of symmetric ones, or vertices.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Final
+
+from dicedesign.errors import DegenerateBodyError, DiceError, InputError, NoStartError
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.gradient.inscribed_circles import circle_radii
+from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
+from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.coordinates.shape import Coordinates
+from dicedesign.optimize.coordinates.symmetric import SymmetricCoordinates
+from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from dicedesign.optimize.options import ExactOptions
+from dicedesign.optimize.result import DesignResult, DesignStep
+from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
+from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
+from dicedesign.optimize.solvers.null_space_descent import improve
+from dicedesign.optimize.starts.start import Start
+from dicedesign.rest.poses import rest_poses
+from dicedesign.results.status import Status
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["solve_exactly"]
+
+MOST_IMPROVEMENTS: Final = 100
+"""Steps by preference, once the odds are met."""
+
+
+def solve_exactly(
+    starts: Iterable[Start | None],
+    target: Floats,
+    options: ExactOptions,
+    *,
+    center_of_mass: Floats | None = None,
+    group: Floats | None = None,
+    least_circle: float = 0.0,
+    sensitivity: RestitutionSensitivity | None = None,
+    on_step: Callable[[DesignStep], None] | None = None,
+) -> DesignResult:
+    """Move the first of some starting shapes that leads there until its odds are the target.
+
+    Every result has exactly one rest for each outcome and no other. Starts that do not have that
+    are passed over.
+
+    Parameters
+    ----------
+    starts: shapes with (k, 3) outcome directions, made one after the other as they are needed; None
+        where none was found for a while, to ask for the time.
+    target: (k,) wanted probability of each direction.
+    options: see `ExactOptions`.
+    center_of_mass: (3,) fixed, in the coordinates of `Start.points`, or None for the uniform solid.
+    group: (g, 3, 3) a point group that the starts and the die have as symmetry, about the origin,
+        or None. Outcomes whose facets are images of each other are equally probable.
+    least_circle: radius, over the largest distance of two vertices, that a circle in the facet of
+        each outcome has; starts that do not lead there are passed over. In [0, 0.5).
+    sensitivity: has the model of thrown dice by which the target is met, and is what
+        `prefer.robustness` lowers; None for odds without momentum.
+    on_step: called after every accepted step.
+
+    Raises
+    ------
+    NoStartError: none of the starts has one rest for each outcome and no other.
+    InputError: a start without the symmetry; a symmetry with `coordinates` "vertices"; least_circle
+        out of range.
+    """
+    if group is not None and options.coordinates != "facets":
+        raise InputError(
+            f'symmetry: expected coordinates "facets", got {options.coordinates!r}; leave one of '
+            "them out"
+        )
+    if not 0.0 <= least_circle < 0.5:
+        raise InputError(
+            "least circle: expected a radius from 0 on and below 0.5 of the largest distance of "
+            f"two vertices, got {least_circle:g}; lower it"
+        )
+    search = _Search(target, options, center_of_mass, group, least_circle, sensitivity, on_step)
+    for start in starts:
+        if start is not None and (search.solve(start) or search.starts == options.starts):
+            break
+        if search.out_of_time and (start is None or search.best is not None):
+            break
+    return search.result()
+
+
+@dataclass(frozen=True)
+class _Best:
+    """A die, what is wrong with it (`_Search.shortfall`), and the terms of its energy."""
+
+    candidate: Candidate
+    shortfall: tuple[float, float]
+    terms: dict[str, float]
+
+
+@dataclass
+class _Search:
+    """The best die so far, over all starts."""
+
+    target: Floats
+    options: ExactOptions
+    center_of_mass: Floats | None
+    group: Floats | None
+    least_circle: float
+    sensitivity: RestitutionSensitivity | None
+    on_step: Callable[[DesignStep], None] | None
+    first: Start | None = None
+    best: _Best | None = None
+    history: list[DesignStep] = field(default_factory=list)
+    starts: int = 0
+
+    def __post_init__(self) -> None:
+        self.started = time.perf_counter()
+        sensitivity, self.prefer = self.sensitivity, self.options.prefer
+        if sensitivity is None or not sensitivity.is_known:
+            self.prefer = self.prefer.changed(robustness=0.0)
+        thrown = None if sensitivity is None else sensitivity.thrown
+        self.maker = CandidateMaker(self.center_of_mass, thrown)
+
+    @property
+    def aim(self) -> float:
+        """Largest |p - q| to end with: the die may yet be scaled, and its odds rounded anew."""
+        return self.options.tolerance / 2.0
+
+    @property
+    def out_of_time(self) -> bool:
+        return time.perf_counter() - self.started >= self.options.seconds
+
+    def solve(self, start: Start) -> bool:
+        """Go from one start to the target, and on by preference; whether nothing is left to do."""
+        self.starts += 1
+        self.first = self.first or start
+        try:
+            coordinates, parameters = self._coordinates(start)
+        except DegenerateBodyError:
+            # A variation that has left a fixed center of mass outside.
+            return False
+        first = self.maker.attempt(coordinates, parameters, start.directions)
+        if first is None:
+            return False
+        options = self.options
+        approach = LevenbergMarquardt(
+            self.target,
+            self.maker,
+            options.sobolev,
+            self.aim,
+            lambda: self.out_of_time,
+            self._record,
+        )
+        reached = approach.solve(first)
+        if reached.error(self.target) > self.aim:
+            return False
+        reached = improve(
+            reached,
+            self.target,
+            self.maker,
+            self.prefer,
+            sensitivity=self.sensitivity,
+            least_circle=self.least_circle,
+            tolerance=self.aim,
+            steps=MOST_IMPROVEMENTS,
+            out_of_time=lambda: self.out_of_time,
+            on_step=self._record,
+        )
+        return self.shortfall(reached) == (0.0, 0.0)
+
+    def _coordinates(self, start: Start) -> tuple[Coordinates, Floats]:
+        hull = convex_hull(start.points)
+        origin = hull.centroid if self.center_of_mass is None else self.center_of_mass
+        if self.options.coordinates == "vertices":
+            return VertexCoordinates.of(start.points, origin, lambda points: hull)
+        if self.group is not None:
+            return SymmetricCoordinates.of(start.points, origin, self.group, lambda points: hull)
+        return FacetCoordinates.of(start.points, origin, lambda points: hull)
+
+    def shortfall(self, candidate: Candidate) -> tuple[float, float]:
+        """Faults of a candidate: first its error beyond the tolerance, then what its
+        smallest circle lacks."""
+        error = candidate.error(self.target)
+        if error > self.aim:
+            return error, 0.0
+        if self.least_circle == 0.0:
+            return 0.0, 0.0
+        radii = circle_radii(candidate.rests, candidate.outcome_facets).detach()
+        return 0.0, max(self.least_circle - float(radii.min()), 0.0)
+
+    def _record(self, candidate: Candidate, value: float | None = None) -> None:
+        """Take note of a candidate: on the way to the target, or one that is better by preference
+        than the last, with the value that its step has lowered."""
+        terms, shortfall = {"dice": candidate.dice_energy(self.target)}, self.shortfall(candidate)
+        if value is not None:
+            terms["preferences"] = value
+        best = self.best
+        if (
+            best is None
+            or shortfall < best.shortfall
+            or (value is not None and shortfall == best.shortfall)
+        ):
+            self.best = _Best(candidate, shortfall, terms)
+        seconds = time.perf_counter() - self.started
+        step = DesignStep(
+            len(self.history), seconds, sum(terms.values()), terms, candidate.error(self.target)
+        )
+        self.history.append(step)
+        if self.on_step is not None:
+            self.on_step(step)
+
+    def _first_rests(self) -> str:
+        """Rests of the first start, in words."""
+        if self.first is None:
+            return "none"
+        with suppress(DiceError):
+            given = "hull" if self.center_of_mass is None else self.center_of_mass
+            return f"{len(rest_poses(self.first.points, given).normals)} rests at first"
+        return "none"
+
+    def result(self) -> DesignResult:
+        """The best die of all starts."""
+        if self.best is None:
+            remedy = "take another start"
+            if self.out_of_time:
+                remedy = "allow more with method.exact.seconds"
+                if self.group is not None:
+                    remedy += ", or take a smaller symmetry or none"
+            raise NoStartError(
+                f"start: expected a shape with one rest for each of {len(self.target)} outcomes "
+                f"and no other, got {self._first_rests()}; {remedy}"
+            )
+        best, (error, small) = self.best.candidate, self.best.shortfall
+        status = Status.NO_START
+        if error == 0.0:
+            status = Status.CONVERGED if small == 0.0 else Status.TOO_SMALL
+        elif self.out_of_time:
+            status = Status.TIME_LIMIT
+        polars, shapes = self.maker.polars, self.maker.shapes
+        return DesignResult(
+            status,
+            best.rests.hull,
+            best.directions,
+            self.best.terms,
+            tuple(self.history),
+            self.maker.evaluations,
+            polars.built + shapes.built,
+            polars.reused + shapes.reused,
+            self.starts,
+        )

@@ -1,0 +1,315 @@
+"""Make a die better by one's preferences while its odds stay what they are.
+
+A die has more parameters than outcomes, so the dice of the same odds form a manifold p = q. On it
+the sum of squared residuals is minimised by BFGS, which copes with the kinks that a shape has where
+its edges change: a step goes along the tangent space of the manifold, the null space of the odds'
+Jacobian, and Newton's method across brings it back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dicedesign.gradient.inscribed_circles import circle_radii
+from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
+from dicedesign.optimize.preferences.nearness import nearness_pull
+from dicedesign.optimize.preferences.preference import (
+    BearingFacets,
+    Preferences,
+    preference_residuals,
+)
+from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, barrier_residuals
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["improve"]
+
+SHORTFALL: Final = 0.2
+"""Part by which a circle is too small that counts as a residual of 1."""
+
+ROOM: Final = 1.01
+"""Circles below this times the least radius count as too small; none falls below that radius."""
+
+LARGEST_MOVE: Final = 0.15
+"""Largest change of a parameter along the manifold in one step."""
+
+MOST_ROWS: Final = 600
+"""Residuals up to which their Jacobian is worth its time."""
+
+RANK: Final = 1e-9
+"""Singular value of the odds' Jacobian, whose parameters are about 1 in size, below which one
+counts as none: odds sum to 1, and symmetry may tie more of them, or all."""
+
+DAMPING: Final = 1.0
+"""Damping of the Gauss-Newton matrix that BFGS starts from, in units of its mean eigenvalue."""
+
+SUFFICIENT: Final = 1e-4
+"""Part of the decrease that the slope promises with which a step is accepted."""
+
+SHORTER: Final = 0.4
+"""Factor between the lengths that are tried in one direction."""
+
+MOST_LENGTHS: Final = 12
+"""How many lengths are tried."""
+
+MOST_CORRECTIONS: Final = 6
+"""Newton steps back to the manifold."""
+
+CONVERGING: Final = 0.3
+"""Factor by which each of them must reduce the error; a move that is worse is too long."""
+
+CURVED: Final = 1e-10
+"""Cosine between a step and the change of the gradient from which on the two teach curvature."""
+
+SLOW: Final = 5e-4
+"""Relative decrease of the sum of squares that counts as slow."""
+
+PATIENCE: Final = 5
+"""Slow steps in a row after which nothing more is to be gained."""
+
+
+def improve(
+    candidate: Candidate,
+    target: Floats,
+    maker: CandidateMaker,
+    preferences: Preferences,
+    *,
+    sensitivity: RestitutionSensitivity | None = None,
+    least_circle: float,
+    tolerance: float,
+    steps: int,
+    out_of_time: Callable[[], bool],
+    on_step: Callable[[Candidate, float], None],
+) -> Candidate:
+    """The best die that steps from a given one lead to, by weighted preferences.
+
+    Every step keeps the odds within the tolerance, one rest for each outcome and no other. No facet
+    of an outcome comes near to losing its stability, or another to gaining it.
+
+    Parameters
+    ----------
+    candidate: a die whose odds are within the tolerance.
+    target: (k,) the odds.
+    maker: makes the dice that are tried.
+    preferences: what is made better.
+    sensitivity: of the odds when thrown, or None for odds without momentum.
+    least_circle: radius, over the hull's diameter, that the largest circle in each facet of an
+        outcome shall have, 0 for any. While one has less, steps are towards that alone; once all
+        have it they keep it.
+    tolerance: largest |p - q|.
+    steps: most steps.
+    out_of_time: asked before every step.
+    on_step: called with every die that a step leads to, and the sum of squares that falls: weighted
+        preferences, and what keeps facets from the verge of tipping and circles from being small.
+    """
+    goal = _Goal(
+        target, maker, preferences, sensitivity, least_circle, tolerance, candidate.parameters
+    )
+    if least_circle > 0.0:
+        # A circle that is too small comes first, and alone.
+        bare = replace(goal, preferences=Preferences())
+        candidate, taken = _descend(bare, candidate, steps, out_of_time, on_step)
+        steps -= taken
+    return _descend(goal, candidate, steps, out_of_time, on_step)[0]
+
+
+def _descend(
+    goal: _Goal,
+    candidate: Candidate,
+    steps: int,
+    out_of_time: Callable[[], bool],
+    on_step: Callable[[Candidate, float], None],
+) -> tuple[Candidate, int]:
+    """The die that at most so many steps lead to, and how many there were."""
+    point = _Point(goal, candidate)
+    if not goal.is_open(point) or not point.is_free:
+        return candidate, 0
+    curvature, slow, taken = point.gauss_newton(), 0, 0
+    while taken < steps and slow < PATIENCE and goal.is_open(point) and not out_of_time():
+        following = _line_search(goal, point, curvature)
+        if following is None:
+            # Curvature from beyond a kink misleads.
+            curvature = point.gauss_newton()
+            following = _line_search(goal, point, curvature)
+        if following is None:
+            break
+        curvature = _updated(curvature, point, following)
+        slow = slow + 1 if following.merit > (1.0 - SLOW) * point.merit else 0
+        point = following
+        taken += 1
+        on_step(point.candidate, point.merit)
+    return point.candidate, taken
+
+
+@dataclass(frozen=True)
+class _Goal:
+    """What is minimised, and subject to what; see `improve`.
+
+    Attributes
+    ----------
+    first: (n,) parameters of the die that is made better.
+    """
+
+    target: Floats
+    maker: CandidateMaker
+    preferences: Preferences
+    sensitivity: RestitutionSensitivity | None
+    least_circle: float
+    tolerance: float
+    first: Floats
+
+    def residuals(self, candidate: Candidate) -> list[Tensor]:
+        """Vectors whose squares are summed, but for `away`."""
+        facets = candidate.outcome_facets
+        parts = [
+            *preference_residuals(
+                BearingFacets(candidate.rests, facets, self.sensitivity), self.preferences
+            ),
+            np.sqrt(self.preferences.largest or 1.0) * barrier_residuals(candidate.rests),
+        ]
+        if self.least_circle > 0.0:
+            radii = circle_radii(candidate.rests, facets)
+            parts.append(torch.relu(ROOM * self.least_circle / radii - 1.0) / SHORTFALL)
+        return parts
+
+    def away(self, candidate: Candidate) -> Floats:
+        """(n,) the residuals of parameters that are not those of the first die."""
+        return self.pull * (candidate.parameters - self.first)
+
+    @property
+    def pull(self) -> float:
+        """The derivative of each of them in its parameter."""
+        return nearness_pull(self.preferences, len(self.first))
+
+    def is_open(self, point: _Point) -> bool:
+        """True where there is anything to make better."""
+        return self.preferences.largest > 0.0 or point.is_short
+
+    def moved(self, point: _Point, move: Floats) -> _Point | None:
+        """The point that a move (n,) along the tangent space and back leads to, or None where no
+        such die is found or a circle has become too small."""
+        parameters = point.candidate.parameters + move
+        before = np.inf
+        for _ in range(MOST_CORRECTIONS + 1):
+            candidate = self.maker.attempt(
+                point.candidate.coordinates, parameters, point.candidate.directions
+            )
+            if candidate is None:
+                return None
+            following, error = _Point(self, candidate), candidate.error(self.target)
+            if error <= self.tolerance:
+                return None if following.is_short and not point.is_short else following
+            if error > CONVERGING * before:
+                return None
+            before = error
+            parameters = parameters + following.back(candidate.odds - self.target)
+        return None
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A die and how good it is."""
+
+    goal: _Goal
+    candidate: Candidate
+
+    @cached_property
+    def residuals(self) -> list[Tensor]:
+        """See `_Goal.residuals`."""
+        return self.goal.residuals(self.candidate)
+
+    @cached_property
+    def _squares(self) -> Tensor:
+        """() their sum of squares."""
+        return torch.stack([vector @ vector for vector in self.residuals]).sum()
+
+    @cached_property
+    def merit(self) -> float:
+        away = self.goal.away(self.candidate)
+        return self._squares.item() + float(away @ away)
+
+    @cached_property
+    def is_short(self) -> bool:
+        """True where a circle is too small."""
+        if self.goal.least_circle == 0.0:
+            return False
+        radii = circle_radii(self.candidate.rests, self.candidate.outcome_facets)
+        return bool(radii.detach().min() < self.goal.least_circle)
+
+    @property
+    def is_free(self) -> bool:
+        """True where there is a direction that changes no odds."""
+        return len(self._free) > 0
+
+    @cached_property
+    def _singular(self) -> tuple[Floats, Floats, Floats]:
+        """Of the odds' Jacobian (k, n): left vectors (k, r), values (r,), all right ones (n, n)."""
+        left, values, right = np.linalg.svd(self.candidate.odds_jacobian)
+        rank = int((values > RANK).sum())
+        return left[:, :rank], values[:rank], right
+
+    def back(self, misses: Floats) -> Floats:
+        """(n,) shortest step that changes the odds by `-misses` (k,), to first order."""
+        left, values, right = self._singular
+        return -right[: len(values)].T @ ((left.T @ misses) / values)
+
+    def along(self, vector: Floats) -> Floats:
+        """(n,) the part of a vector (n,) that changes no odds, to first order."""
+        free = self._free
+        return free.T @ (free @ vector)
+
+    @property
+    def _free(self) -> Floats:
+        """(n - r, n) orthonormal directions that change no odds."""
+        _, values, right = self._singular
+        return right[len(values) :]
+
+    @cached_property
+    def gradient(self) -> Floats:
+        """(n,) of the merit, along the manifold."""
+        (gradient,) = self.candidate.jacobian(self._squares[None])
+        return self.along(gradient + 2.0 * self.goal.pull * self.goal.away(self.candidate))
+
+    def gauss_newton(self) -> Floats:
+        """(n, n) inverse of the damped Gauss-Newton matrix of the merit along the manifold; of more
+        than `MOST_ROWS` residuals a multiple of the identity there, which costs no Jacobian."""
+        free = self._free
+        if sum(map(len, self.residuals)) > MOST_ROWS:
+            steepness = max(float(np.linalg.norm(self.gradient)), np.finfo(np.float64).tiny)
+            return free.T @ free * (LARGEST_MOVE / steepness)
+        jacobian = self.candidate.jacobian(*self.residuals) @ free.T
+        square = 2.0 * (jacobian.T @ jacobian + self.goal.pull**2 * np.eye(len(free)))
+        damping = DAMPING * max(float(np.trace(square)), np.finfo(np.float64).tiny)
+        return free.T @ np.linalg.solve(square + damping / len(free) * np.eye(len(free)), free)
+
+
+def _line_search(goal: _Goal, point: _Point, curvature: Floats) -> _Point | None:
+    """A point that is better by enough, in the direction of quasi-Newton."""
+    direction = -point.along(curvature @ point.gradient)
+    slope = float(direction @ point.gradient)
+    if not slope < 0.0:
+        return None
+    length = min(1.0, LARGEST_MOVE / float(np.abs(direction).max()))
+    for _ in range(MOST_LENGTHS):
+        following = goal.moved(point, length * direction)
+        if following is not None and following.merit <= point.merit + SUFFICIENT * length * slope:
+            return following
+        length *= SHORTER
+    return None
+
+
+def _updated(curvature: Floats, point: _Point, following: _Point) -> Floats:
+    """The inverse Hessian (n, n) by BFGS, with vectors projected into the new tangent space."""
+    step = following.along(following.candidate.parameters - point.candidate.parameters)
+    change = following.gradient - following.along(point.gradient)
+    product = float(step @ change)
+    if product <= CURVED * np.linalg.norm(step) * np.linalg.norm(change):
+        return curvature
+    keep = np.eye(len(step)) - np.outer(step, change) / product
+    return keep @ curvature @ keep.T + np.outer(step, step) / product

@@ -1,0 +1,56 @@
+"""Sobolev preconditioning: gradients spread over the surface before a step is taken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csc_array, diags_array, eye_array
+from scipy.sparse.linalg import SuperLU, splu
+
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.optimize.options import SobolevOptions
+from dicedesign.runtime.arrays import Floats, Integers
+
+__all__ = [
+    "SobolevSolver",
+    "edge_laplacian",
+    "graph_laplacian",
+]
+
+
+def graph_laplacian(hull: ConvexHull) -> csc_array:
+    """(n, n) Laplacian L of the hull's edge graph: degree on the diagonal, -1 for each edge."""
+    return edge_laplacian(hull.tail, hull.head, len(hull.vertices))
+
+
+def edge_laplacian(tails: Integers, heads: Integers, size: int) -> csc_array:
+    """(size, size) the same of any graph, whose edges (h,) are given in both directions."""
+    adjacency = csc_array((np.ones(len(tails)), (tails, heads)), shape=(size, size))
+    return csc_array(diags_array(np.asarray(adjacency.sum(axis=0)).ravel()) - adjacency)
+
+
+@dataclass(frozen=True)
+class SobolevSolver:
+    """`(I + lambda L)^-p` with its factor, good for as long as the hull's edges stay the same.
+
+    Attributes
+    ----------
+    laplacian: (n, n) symmetric positive semidefinite.
+    options: lambda and p.
+    """
+
+    laplacian: csc_array
+    options: SobolevOptions
+
+    @cached_property
+    def _factor(self) -> SuperLU:
+        size = self.laplacian.shape[0]
+        return splu(csc_array(eye_array(size) + self.options.smoothing * self.laplacian))
+
+    def solve(self, gradient: Floats) -> Floats:
+        """Apply the operator to (n, d) right-hand sides."""
+        for _ in range(self.options.power):
+            gradient = self._factor.solve(gradient)
+        return gradient

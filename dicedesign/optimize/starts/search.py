@@ -1,0 +1,163 @@
+"""Starting shapes for any target, in turns: random polyhedra are drawn into a pool, the nearest in
+odds go first, and between them needles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from dicedesign.optimize.starts.half_space_odds import resting_half_spaces, start_with_odds
+from dicedesign.optimize.starts.needles import needle_near
+from dicedesign.optimize.starts.repulsion import FEWEST_FACETS, repulsion, spread_directions
+from dicedesign.optimize.starts.start import Start
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["NEARNESS", "REPULSION_STEPS", "STRETCH", "UNEVENNESS", "nearest_first", "shapes_near"]
+
+
+def shapes_near(target: Floats, seed: int) -> Iterator[Start | None]:
+    """Starting shapes with one rest for each outcome and no other, without end; None where a turn
+    found nothing, so that whoever asks can stop.
+
+    First come tangential polyhedra of evenly spread facets, one for each outcome, if even odds are
+    near the target. Then, in turn, come random polyhedra, some facets of which are no rests, the
+    nearest in their sorted probabilities first, with the largest rest for the largest outcome and
+    so on; and a needle (`needle_near`), whose odds are near any target.
+
+    target: (k,) wanted probabilities, k at least 2; seed: of everything random.
+    """
+    outcomes = len(target)
+    rng = np.random.default_rng(seed)
+    place = np.argsort(np.argsort(-target, kind="stable"), kind="stable")
+
+    def even(number: int) -> Start | None:
+        if outcomes < FEWEST_FACETS:
+            return None
+        shape = repulsion(outcomes, seed + number)
+        return replace(shape, directions=rng.permutation(shape.directions))
+
+    def draw() -> tuple[Start, Floats] | None:
+        normals, distances = _pebble(outcomes, rng) if rng.random() < 0.5 else _bowl(outcomes, rng)
+        rests = resting_half_spaces(normals, distances)
+        made = start_with_odds(normals, distances, rests) if len(rests) == outcomes else None
+        if made is None:
+            return None
+        start, odds = made
+        order = np.argsort(-odds, kind="stable")[place]
+        return replace(start, directions=start.directions[order]), odds[order]
+
+    return nearest_first(target, even, draw, lambda: needle_near(target, rng))
+
+
+def _pebble(outcomes: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Half-spaces facing all ways: normals (m, 3) and distances (m,)."""
+    fewest = max(outcomes, FEWEST_FACETS + 1)
+    facets = int(rng.integers(fewest, 2 * fewest + 5))
+    normals = spread_directions(facets, rng, REPULSION_STEPS)
+    distances = np.exp(rng.uniform(0.0, UNEVENNESS) * rng.normal(size=facets))
+    if rng.random() < 0.5:
+        distances[0] *= np.exp(-rng.uniform(0.0, NEARNESS))
+    normals[:, 2] *= np.exp(-rng.uniform(*STRETCH))
+    return normals, distances
+
+
+def _bowl(outcomes: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Half-spaces of a bowl under a low roof: walls that lean outward let the body roll onto its
+    bottom, which so gets up to two thirds of the odds."""
+    roof, walls = outcomes - 1 + int(rng.integers(0, 2)), int(rng.integers(3, 9))
+    normals = np.concatenate(
+        [
+            [[0.0, 0.0, -1.0]],
+            _cone(roof, np.radians(rng.uniform(5.0, 40.0)), rng),
+            _cone(walls, np.radians(180.0 - rng.uniform(25.0, 75.0)), rng),
+        ]
+    )
+    normals += 0.05 * rng.normal(size=normals.shape)
+    distances = np.exp(0.1 * rng.normal(size=len(normals)))
+    distances[0] = rng.uniform(0.3, 0.9)
+    distances[1 : 1 + roof] *= rng.uniform(0.3, 1.2)
+    distances[1 + roof :] *= rng.uniform(0.5, 1.2)
+    return normals, distances
+
+
+def _cone(facets: int, angle: float, rng: np.random.Generator) -> Floats:
+    """(facets, 3) unit vectors at an angle to the z axis, rather evenly spread around it."""
+    turns = (np.arange(facets) + rng.random() + 0.3 * rng.normal(size=facets)) / facets
+    around = np.stack([np.cos(2.0 * np.pi * turns), np.sin(2.0 * np.pi * turns)], axis=1)
+    return np.column_stack([np.sin(angle) * around, np.full(facets, np.cos(angle))])
+
+
+EVEN_SHAPES: Final = 2
+"""Shapes of evenly spread facets that are proposed first, where even odds are not far from the
+target."""
+
+FAR: Final = 0.3
+"""Distance in odds, the root of their summed squared differences, from which on a polyhedron is
+proposed only where there is nothing else."""
+
+DRAWN: Final = 30
+"""Most polyhedra drawn in each turn."""
+
+DRAWN_OUTCOMES: Final = 2000
+"""Most outcomes of all of them together, unless it is one polyhedron."""
+
+PROPOSED: Final = 2
+"""How many of all that were drawn are proposed in each turn."""
+
+REPULSION_STEPS: Final = 10
+"""Steps that keep random facets from lying too close to each other."""
+
+UNEVENNESS: Final = 0.6
+"""Largest standard deviation of the logarithms of facet distances."""
+
+NEARNESS: Final = 1.5
+"""A facet in favour is nearer than others by a factor of up to the exponential of this."""
+
+STRETCH: Final = (-1.5, 1.0)
+"""Range of the logarithm by which a polyhedron is stretched along one axis."""
+
+
+def _nothing() -> None:
+    """Nothing else to propose."""
+
+
+def nearest_first(
+    target: Floats,
+    even: Callable[[int], Start | None],
+    draw: Callable[[], tuple[Start, Floats] | None],
+    another: Callable[[], Start | None] = _nothing,
+) -> Iterator[Start | None]:
+    """Starting shapes without end, and None where a turn found nothing, so that whoever asks can
+    stop.
+
+    First come even shapes, each a turn of its own, if even odds are near the target. Each later
+    turn draws polyhedra into a pool. It proposes the nearest in odds of all in the pool, if they
+    are near, then another shape, and the nearest of those far away if there was neither.
+
+    target: (k,) wanted probabilities; even: makes the shape of a number from 0; draw: makes a
+    random polyhedron and its odds (k,), or None where what was drawn does not suit; another: makes
+    a shape that is proposed in each turn, if not None.
+    """
+    outcomes = len(target)
+    if np.linalg.norm(target - 1.0 / outcomes) < FAR:
+        for number in range(EVEN_SHAPES):
+            yield even(number)
+    pool: list[tuple[float, Start]] = []
+    while True:
+        for _ in range(max(min(DRAWN, DRAWN_OUTCOMES // outcomes), 1)):
+            drawn = draw()
+            if drawn is not None:
+                start, odds = drawn
+                pool.append((float(np.linalg.norm(odds - target)), start))
+        pool.sort(key=lambda entry: -entry[0])
+        near = sum(distance < FAR for distance, _ in pool[-PROPOSED:])
+        for _ in range(near):
+            yield pool.pop()[1]
+        other = another()
+        if other is not None:
+            yield other
+        elif near == 0:
+            yield pool.pop()[1] if pool else None

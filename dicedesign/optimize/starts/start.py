@@ -1,0 +1,149 @@
+"""Starting shapes: convex polyhedra with the directions on which outcomes are to be placed, and the
+kinds of them that a recipe can choose.
+
+Each is made in its own coordinates, which its docstring describes, and then moved and scaled to
+half extent 1; `Start` remembers how.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.registry import Extension, Registry
+
+if TYPE_CHECKING:
+    from dicedesign.geometry.surfaces.surface import Surface
+
+__all__ = [
+    "FEWEST_SIDES",
+    "STARTS",
+    "Start",
+    "StartKind",
+    "Task",
+    "check_sides",
+    "made_start",
+    "normalised_start",
+]
+
+FEWEST_SIDES: Final = 3
+"""Shapes that are made without regard to the target's odds have at least so many rests."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A shape to begin with.
+
+    Attributes
+    ----------
+    points: (n, 3) whose convex hull is the shape, of half extent 1 about the middle of its box.
+    directions: (k, 3) unit normals of the facets that carry outcomes, in the order in which an
+        assignment names them.
+    origin, scale: how the points were normalised: (3,) and a length in the shape's own
+        coordinates, with point = (own - origin) / scale.
+    notes: what was repaired or assumed on the way in, one sentence each.
+    """
+
+    points: Floats
+    directions: Floats
+    origin: Floats = field(default_factory=lambda: np.zeros(3))
+    scale: float = 1.0
+    notes: tuple[str, ...] = ()
+
+    def normalised(self, own: Floats) -> Floats:
+        """Points (..., 3) of the shape's own coordinates in those of `points`."""
+        return (own - self.origin) / self.scale
+
+    def about_centroid(self) -> Start:
+        """The same start, moved so that its centroid is at 0."""
+        from dicedesign.geometry.hulls.hull import convex_hull
+
+        centroid = convex_hull(self.points).centroid
+        origin = self.origin + self.scale * centroid
+        return replace(self, points=self.points - centroid, origin=origin)
+
+
+def normalised_start(points: Floats, directions: Floats, notes: tuple[str, ...] = ()) -> Start:
+    """A start in normalised coordinates from points (n, 3) and unit directions (k, 3)."""
+    origin = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    centered = points - origin
+    scale = float(np.abs(centered).max())
+    return Start(centered / scale, directions, origin, scale, notes)
+
+
+@dataclass(frozen=True)
+class Task:
+    """Purpose of a start.
+
+    Attributes
+    ----------
+    outcomes: how many there are.
+    seed: of everything random.
+    center_of_mass: (3,) given, in the shape's own coordinates, or None for the uniform solid.
+    """
+
+    outcomes: int
+    seed: int = 0
+    center_of_mass: Floats | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartKind(Extension):
+    """A kind of starting shape.
+
+    Attributes
+    ----------
+    options: type of what a recipe says of it: a dataclass with `STRICT`, or a choice of texts.
+    check: raises ValueError, naming the key, where a shape of such options cannot bear so many
+        outcomes.
+    make: the shape, from options and task, or None if there is no single one.
+    search: shapes with one rest for each outcome and no other, without end, for target
+        probabilities (k,), a point group (g, 3, 3) or None, and a seed; None where a turn found
+        nothing. Or None if shapes are not searched.
+    surface: the closed surface to make a concave die of, and what was repaired, one sentence each;
+        or None if there is none.
+    """
+
+    options: Any
+    check: Callable[[Any, int], None] = lambda options, outcomes: None
+    make: Callable[[Any, Task], Start] | None = None
+    search: Callable[[Floats, Floats | None, int], Iterator[Start | None]] | None = None
+    surface: Callable[[Any], tuple[Surface, tuple[str, ...]]] | None = None
+
+
+STARTS: Final = Registry[StartKind]("start", "dicedesign.optimize.starts.kinds")
+
+
+def check_sides(outcomes: int) -> None:
+    """Raise ValueError for fewer outcomes than `FEWEST_SIDES`."""
+    if outcomes < FEWEST_SIDES:
+        raise ValueError(
+            f"start: expected a mesh or a search for {outcomes} outcomes, as every other start "
+            f"has at least {FEWEST_SIDES} rests; write start: {{search: {{}}}}, or start: "
+            "{mesh: {path: FILE}}"
+        )
+
+
+def made_start(name: str, options: Any, task: Task) -> Start | None:
+    """The starting shape of a kind, or None where there is no single one.
+
+    Raises
+    ------
+    InputError: it cannot be made.
+    OutsideHullError: the given center of mass is not inside.
+    """
+    make = STARTS[name].make
+    if make is None:
+        return None
+    start = make(options, task)
+    if task.center_of_mass is not None:
+        from dicedesign.geometry.hulls.hull import convex_hull
+        from dicedesign.rest.equilibria import classify
+
+        # An error speaks of the coordinates that the recipe uses.
+        classify(convex_hull(start.origin + start.scale * start.points), task.center_of_mass)
+    return start

@@ -1,0 +1,378 @@
+"""Every energy against loops written from its equation, and at its edges."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import ConvexHull as QhullHull
+
+from dicedesign import rest_poses
+from dicedesign.errors import InputError
+from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.kernels import ops as kernels
+from dicedesign.optimize.energy.clusters import (
+    ClusteredRests,
+    Clusters,
+    cluster,
+    outcome_facets,
+    updated_directions,
+)
+from dicedesign.optimize.energy.energy import Energy, energy_terms
+from dicedesign.optimize.energy.term import TERMS, EnergyWeights
+from dicedesign.optimize.starts.kinds.prism import prism
+from dicedesign.optimize.starts.repulsion import repulsion
+
+REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability")
+ROUND = (1.0, 0.9, 1.15)
+
+
+def term(name: str, rests: RestEvaluation, clusters: Clusters, **options: float) -> torch.Tensor:
+    """A term without its weight."""
+    state = ClusteredRests(rests, clusters, np.full(len(clusters.directions), 0.1))
+    return TERMS[name].evaluate(state, EnergyWeights(**options)).detach()
+
+
+def stability(rests: RestEvaluation, clusters: Clusters, margin: float) -> float:
+    return float(term("stability", rests, clusters, stability_margin=margin))
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def case(points: np.ndarray, outcomes: int, seed: int = 0) -> tuple[RestEvaluation, Clusters]:
+    """Rests of points, and clusters around random directions of which none is empty."""
+    rests = evaluate_rests(torch.tensor(points, requires_grad=True))
+    normals = rests.hull.normals[rests.paths.rests]
+    rng = np.random.default_rng(seed)
+    for _ in range(1000):
+        clusters = cluster(normals, unit(rng.normal(size=(outcomes, 3))))
+        if clusters.empty == 0:
+            return rests, clusters
+    raise AssertionError("no directions without an empty cluster")
+
+
+@pytest.fixture(params=[(1, 12, 2), (3, 16, 3), (4, 20, 2), (7, 8, 3), (9, 30, 3)])
+def clustered(request, random_points):
+    seed, count, outcomes = request.param
+    rests, clusters = case(random_points(seed, count, ROUND), outcomes, seed)
+    return rests, clusters
+
+
+def test_every_rest_joins_the_nearest_direction(clustered) -> None:
+    rests, clusters = clustered
+    for normal, outcome in zip(rests.rest_normals.detach(), clusters.of_rest, strict=True):
+        distance = [np.linalg.norm(normal.numpy() - u) for u in clusters.directions]
+        assert outcome == int(np.argmin(distance))
+
+
+def test_equation_12_sums_over_clusters(clustered) -> None:
+    rests, clusters = clustered
+    k = len(clusters.directions)
+    q = np.arange(1, k + 1) / (k * (k + 1) / 2)
+    expected = 0.0
+    for i in range(k):
+        inner = -q[i]
+        for f, p in enumerate(rests.probabilities.tolist()):
+            if clusters.of_rest[f] == i:
+                inner += p
+        expected += inner**2
+    for wanted in (q, q.tolist()):
+        state = ClusteredRests(rests, clusters, wanted)  # type: ignore[arg-type]
+        value = TERMS["dice"].evaluate(state, EnergyWeights())
+        assert float(value.detach()) == pytest.approx(expected, rel=1e-13)
+
+
+def test_equation_13_sums_over_ordered_pairs(clustered) -> None:
+    rests, clusters = clustered
+    normals = rests.rest_normals.detach().numpy()
+    expected = 0.0
+    for i in range(len(clusters.directions)):
+        members = [f for f in range(len(normals)) if clusters.of_rest[f] == i]
+        for k in members:
+            for other in members:
+                expected += np.linalg.norm(normals[k] - normals[other]) ** 2
+    assert float(term("coplanar", rests, clusters)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_equation_14_measures_from_the_mean_of_border_maxima(clustered) -> None:
+    rests, clusters = clustered
+    poses = rest_poses(rests.hull.vertices)
+    outcome = cluster(poses.normals, clusters.directions).of_rest
+    expected = 0.0
+    for i in range(len(clusters.directions)):
+        peaks: list[np.ndarray] = []
+        for line, basins in zip(poses.morse.polylines, poses.morse.saddle_basins, strict=True):
+            sides = outcome[basins]
+            if i in sides and sides[0] != sides[1]:
+                for end in (line[0], line[-1]):
+                    if not any(np.linalg.norm(end - peak) < 1e-9 for peak in peaks):
+                        peaks.append(end)
+        barycenter = unit(np.sum(peaks, axis=0))
+        for normal in poses.normals[outcome == i]:
+            expected += np.linalg.norm(normal - barycenter) ** 2
+    assert float(term("barycenter", rests, clusters)) == pytest.approx(expected, rel=1e-11)
+
+
+@pytest.mark.parametrize("radius", [0.2, 0.5, 2.0])
+def test_equation_15_sums_over_all_facets_nearby(clustered, radius: float) -> None:
+    rests, clusters = clustered
+    normals = QhullHull(rests.hull.vertices).equations[:, :3]
+    expected = 0.0
+    for u in clusters.directions:
+        near = [n for n in normals if np.linalg.norm(u - n) < radius]
+        expected += sum(np.linalg.norm(u - n) ** 2 for n in near)
+        expected += radius**2 if not near else 0.0
+    value = term("neighbor", rests, clusters, neighbor_radius=radius)
+    assert float(value) == pytest.approx(expected, rel=1e-12)
+
+
+def naive_stability(rests: RestEvaluation, clusters: Clusters, margin: float) -> float:
+    hull, center = rests.hull, rests.center.detach().numpy()
+    radius = max(np.linalg.norm(x - center) for x in hull.vertices)
+    every = []
+    for f in range(len(hull.normals)):
+        corners, normal = hull.polygon(f), hull.normals[f]
+        foot = center + normal * (normal @ (corners[0] - center))
+        depths = []
+        for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            inward = np.cross(normal, b - a) / np.linalg.norm(b - a)
+            depths.append(inward @ (foot - a) / radius)
+        every.append(min(depths))
+    wanted = set(outcome_facets(hull.normals, clusters.directions, np.array(every)).tolist())
+    energy = 0.0
+    for f, depth in enumerate(every):
+        sign = 1.0 if f in wanted else -1.0
+        energy += max(0.0, 1.0 - sign * depth / margin) ** 2
+    return energy + (1.0 + 1.0 / margin) ** 2 * (len(clusters.directions) - len(wanted))
+
+
+@pytest.mark.parametrize("margin", [0.05, 0.3, 1.0])
+def test_stability_energy_charges_depths_below_the_margin(clustered, margin: float) -> None:
+    rests, clusters = clustered
+    expected = naive_stability(rests, clusters, margin)
+    assert stability(rests, clusters, margin) == pytest.approx(expected, rel=1e-11)
+
+
+def test_stability_energy_of_a_tetrahedron_is_known() -> None:
+    """Inscribed radius of a face over the circumscribed radius of the solid: sqrt(2) / 3."""
+    points = np.array([(1.0, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
+    rests = evaluate_rests(torch.tensor(points))
+    normals, depth = rests.hull.normals, np.sqrt(2.0) / 3.0
+    whole = Clusters(np.arange(4), normals)
+    assert stability(rests, whole, 0.999 * depth) == 0.0
+    assert stability(rests, whole, 1.001 * depth) > 0.0
+    expected = 4.0 * (1.0 - depth / 0.6) ** 2
+    assert stability(rests, whole, 0.6) == pytest.approx(expected)
+    # The face without an outcome is stable and should not be.
+    three = Clusters(np.array([0, 1, 2, 0]), normals[:3])
+    expected = (1.0 + depth / 0.2) ** 2
+    assert stability(rests, three, 0.2) == pytest.approx(expected)
+
+
+def test_stability_energy_vanishes_only_where_every_margin_holds() -> None:
+    for sides in (3, 6, 12):
+        start = prism(sides)
+        rests = evaluate_rests(torch.tensor(start.points))
+        normals = rests.hull.normals[rests.paths.rests]
+        clusters = cluster(normals, start.directions)
+        margins = np.linspace(0.01, 1.0, 60)
+        values = [stability(rests, clusters, margin) for margin in margins]
+        assert values[0] == 0.0
+        assert values[-1] > 0.0
+        first = int(np.argmax(np.array(values) > 0.0))
+        assert all(value > 0.0 for value in values[first:])
+        # One outcome less: its side is now an unwanted rest, at every margin.
+        fewer = cluster(normals, start.directions[1:])
+        assert stability(rests, fewer, 0.01) > 1.0
+
+
+def test_fewer_facets_than_outcomes_cost_the_largest_wall() -> None:
+    rests = evaluate_rests(torch.tensor(repulsion(4, 0).points))
+    normals = rests.hull.normals[rests.paths.rests]
+    whole = stability(rests, cluster(normals, normals), 0.05)
+    directions = np.concatenate([unit(np.array([[1.0, 2.0, 3.0]])), normals])
+    clusters = cluster(normals, directions)
+    assert clusters.empty == 1
+    assert stability(rests, clusters, 0.05) == pytest.approx(whole + 21.0**2)
+
+
+@pytest.mark.parametrize("name", ["dice", *REGULARIZERS])
+@pytest.mark.parametrize("seed", [1, 5])
+def test_gradcheck_of_every_term(random_points, name: str, seed: int) -> None:
+    points = random_points(seed, 10, ROUND)
+    _, clusters = case(points, 3, seed)
+    weights = {**dict.fromkeys(REGULARIZERS, 0.0), **({} if name == "dice" else {name: 0.7})}
+    options = EnergyWeights(neighbor_radius=0.9, stability_margin=0.4, **weights)
+
+    def value(vertices: torch.Tensor) -> torch.Tensor:
+        rests = evaluate_rests(vertices)
+        normals = rests.hull.normals[rests.paths.rests]
+        moved = cluster(normals, clusters.directions)
+        state = ClusteredRests(rests, moved, np.full(3, 1 / 3))
+        return energy_terms(state, options)[name]
+
+    vertices = torch.tensor(points, requires_grad=True)
+    assert float(value(vertices).detach()) > 1e-3
+    assert torch.autograd.gradcheck(value, (vertices,), eps=1e-6, atol=1e-6, rtol=1e-5)
+
+
+def test_an_empty_cluster_raises_the_energy_and_keeps_it_finite(random_points) -> None:
+    """A twin of a direction gets no rest; with or without it the clusters are the same."""
+    for seed in (1, 4, 8):
+        rests, clusters = case(random_points(seed, 14, ROUND), 3, seed)
+        normals = rests.rest_normals.detach().numpy()
+        twin = cluster(normals, np.concatenate([clusters.directions, clusters.directions[:1]]))
+        np.testing.assert_array_equal(twin.of_rest, clusters.of_rest)
+        assert (clusters.empty, twin.empty) == (0, 1)
+        weights = EnergyWeights(neighbor_radius=0.3, stability_margin=0.1)
+        target = np.array([0.4, 0.3, 0.2])
+        full = energy_terms(ClusteredRests(rests, clusters, target), weights)
+        lost = energy_terms(ClusteredRests(rests, twin, np.append(target, 0.1)), weights)
+        assert set(lost) == {"dice", "coplanar", "barycenter", "neighbor", "stability"}
+        gain = {name: float((lost[name] - full[name]).detach()) for name in full}
+        assert gain["dice"] == pytest.approx(0.01)
+        assert gain["barycenter"] == pytest.approx(4.0 * weights.barycenter)
+        assert gain["coplanar"] == 0.0
+        assert gain["neighbor"] > 0.0
+        total = torch.stack(list(lost.values())).sum()
+        gradient = torch.autograd.grad(total, rests.vertices)[0]
+        assert torch.isfinite(total)
+        assert torch.isfinite(gradient).all()
+
+
+def test_one_cluster_with_all_rests_has_no_border() -> None:
+    start = repulsion(5, 0)
+    rests = evaluate_rests(torch.tensor(start.points, requires_grad=True))
+    normals = rests.hull.normals[rests.paths.rests]
+    clusters = Clusters(np.zeros(5, dtype=np.int64), start.directions)
+    assert clusters.empty == 4
+    assert float(term("barycenter", rests, clusters)) == 16.0
+    terms = energy_terms(ClusteredRests(rests, clusters, np.full(5, 0.2)), EnergyWeights())
+    gradient = torch.autograd.grad(torch.stack(list(terms.values())).sum(), rests.vertices)[0]
+    assert torch.isfinite(gradient).all()
+    np.testing.assert_allclose(
+        updated_directions(normals, clusters)[1:], start.directions[1:], atol=0.0
+    )
+
+
+@pytest.mark.parametrize("compiled", [True, False], ids=["kernels", "no kernels"])
+def test_terms_without_weight_are_left_out(
+    random_points, monkeypatch: pytest.MonkeyPatch, compiled: bool
+) -> None:
+    if not compiled:
+        monkeypatch.setattr(kernels, "compiled", None)
+    state = ClusteredRests(*case(random_points(2, 12, ROUND), 2), np.full(2, 0.5))
+    whole = EnergyWeights(neighbor_radius=0.9, stability_margin=0.4)
+    full = Energy(state, whole).terms
+    assert list(full) == ["dice", *REGULARIZERS]
+    assert min(full.values()) > 0.0
+    for names in ([], *([name] for name in REGULARIZERS)):
+        none = {other: 0.0 for other in REGULARIZERS if other not in names}
+        terms = Energy(state, whole.changed(**none)).terms
+        assert terms == {name: full[name] for name in ["dice", *names]}
+
+
+def test_weights_multiply_their_terms(random_points) -> None:
+    state = ClusteredRests(*case(random_points(2, 12, ROUND), 2), np.full(2, 0.5))
+    factors = dict(zip(REGULARIZERS, (2.0, 3.0, 4.0, 5.0), strict=True))
+    one = energy_terms(state, EnergyWeights(**dict.fromkeys(REGULARIZERS, 1.0)))
+    other = energy_terms(state, EnergyWeights(**factors))
+    for name, factor in {"dice": 1.0, **factors}.items():
+        assert float(other[name].detach()) == pytest.approx(factor * float(one[name].detach()))
+
+
+def test_terms_see_saddles_and_maxima_of_the_shape(clustered) -> None:
+    """At a saddle the body balances on an edge, at a maximum on a vertex."""
+    rests, clusters = clustered
+    state = ClusteredRests(rests, clusters, np.full(len(clusters.directions), 0.5))
+    poses = rest_poses(rests.hull.vertices)
+    ends = np.array([[line[-1], line[0]] for line in poses.morse.polylines])
+    np.testing.assert_allclose(state.saddles.detach(), poses.morse.saddles, atol=1e-9)
+    np.testing.assert_allclose(state.maxima.detach().reshape(-1, 2, 3), ends, atol=1e-9)
+
+
+def test_updated_directions_are_means_and_an_empty_cluster_keeps_its_own(random_points) -> None:
+    rests, clusters = case(random_points(3, 16, ROUND), 3)
+    normals = rests.rest_normals.detach().numpy()
+    far = unit(np.array([[0.1, -0.2, 0.3]]))
+    with_empty = Clusters(clusters.of_rest, np.concatenate([clusters.directions, far]))
+    updated = updated_directions(normals, with_empty)
+    for i in range(3):
+        mean = normals[clusters.of_rest == i].mean(axis=0)
+        np.testing.assert_allclose(updated[i], unit(mean), atol=1e-14)
+    np.testing.assert_array_equal(updated[3], far[0])
+
+
+def test_updated_directions_of_normals_that_cancel_keep_the_old_one() -> None:
+    normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    clusters = Clusters(np.zeros(2, dtype=np.int64), np.array([[1.0, 0.0, 0.0]]))
+    np.testing.assert_array_equal(updated_directions(normals, clusters), clusters.directions)
+
+
+@pytest.mark.parametrize("outcomes", [1, 3, 8])
+def test_outcome_facets_are_distinct_and_near_as_a_whole(random_points, outcomes: int) -> None:
+    normals = unit(random_points(1, 8))
+    directions = unit(np.random.default_rng(4).normal(size=(outcomes, 3)))
+    directions[-1] = directions[0]
+    facets = outcome_facets(normals, directions, np.zeros(8))
+    assert facets.dtype == np.int64
+    assert len(set(facets.tolist())) == outcomes
+    lost = (directions * normals[facets]).sum()
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        other = rng.permutation(8)[:outcomes]
+        assert (directions * normals[other]).sum() <= lost + 1e-12
+
+
+def test_outcome_facets_of_facet_normals_are_these_facets(random_points) -> None:
+    normals = unit(random_points(1, 20))
+    order = np.random.default_rng(0).permutation(20)[:7]
+    facets = outcome_facets(normals, normals[order], np.zeros(20))
+    np.testing.assert_array_equal(facets, order)
+
+
+def test_of_the_parts_of_a_broken_facet_the_deepest_bears_the_outcome() -> None:
+    parts = unit(np.array([[0.0, 0.01, 1.0], [0.0, -0.01, 1.0], [1.0, 0.0, 0.0]]))
+    up = np.array([[0.0, 0.0, 1.0]])
+    for depths, deepest in (([0.02, -0.02, 0.9], 0), ([-0.02, 0.02, 0.9], 1)):
+        assert outcome_facets(parts, up, np.array(depths)).tolist() == [deepest]
+    both = outcome_facets(parts, np.concatenate([parts[:1], parts[2:]]), np.array([-0.1, 0.1, 0.9]))
+    assert both.tolist() == [1, 2]
+
+
+def test_relaxed_weights_lose_two_terms_only() -> None:
+    weights = EnergyWeights().relaxed(0.25)
+    expected = EnergyWeights(barycenter=0.5, neighbor=0.025)
+    assert weights == expected
+    nothing = EnergyWeights().relaxed(0.0)
+    assert (nothing.barycenter, nothing.neighbor) == (0.0, 0.0)
+    assert (nothing.coplanar, nothing.stability) == (0.1, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"coplanar": -1.0}, "weights.coplanar: expected a number not below 0, got -1"),
+        ({"barycenter": np.inf}, "weights.barycenter: expected a number not below 0, got inf"),
+        ({"neighbor": np.nan}, "weights.neighbor: expected a number not below 0, got nan"),
+        ({"stability": -0.1}, "weights.stability: expected a number not below 0, got -0.1"),
+        (
+            {"neighbor_radius": 0.0},
+            "weights.neighbor_radius: expected a chord length above 0 and at most 2, got 0",
+        ),
+        ({"neighbor_radius": 2.1}, "above 0 and at most 2, got 2.1"),
+        ({"neighbor_radius": np.nan}, "above 0 and at most 2, got nan"),
+        (
+            {"stability_margin": 0.0},
+            "weights.stability_margin: expected a fraction above 0 and at most 1, got 0",
+        ),
+        ({"stability_margin": 1.5}, "above 0 and at most 1, got 1.5"),
+    ],
+)
+def test_bad_weights_are_refused_in_words(options: dict[str, float], text: str) -> None:
+    with pytest.raises(InputError, match=re.escape(text)):
+        EnergyWeights(**options)

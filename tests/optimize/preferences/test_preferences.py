@@ -1,0 +1,262 @@
+"""Preferences among dice: closed forms of each term, and gradients along the manifold."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+import torch
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.gradient.facet_edges import SOFTNESS
+from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.restitution_sensitivity import USUAL_SWING, RestitutionSensitivity
+from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.preferences.areas import USUAL_RATIO
+from dicedesign.optimize.preferences.asymmetry import USUAL_INEQUALITY
+from dicedesign.optimize.preferences.circles import CIRCLE_POWER, USUAL_CIRCLE
+from dicedesign.optimize.preferences.margin import USUAL_OFFSET
+from dicedesign.optimize.preferences.preference import (
+    PREFERENCES,
+    BearingFacets,
+    Preferences,
+    preference_residuals,
+)
+from dicedesign.optimize.preferences.roundness import USUAL_SPREAD
+from dicedesign.optimize.preferences.small_helpers import USUAL_HELPERS
+from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
+from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.rest.asymmetry import basin_moments
+from dicedesign.rest.morse import separatrix_points
+from dicedesign.rest.poses import rest_poses
+
+CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
+BOX = np.array([1.0, 1.5, 2.0])
+TERMS = ["circles", "margin", "asymmetry", "roundness", "areas", "small_helpers"]
+
+
+def evaluated(points: np.ndarray) -> RestEvaluation:
+    return evaluate_rests(torch.tensor(points, dtype=torch.float64))
+
+
+def only(name: str, weight: float = 1.0) -> Preferences:
+    return Preferences(**{name: weight})
+
+
+def total(rests: RestEvaluation, name: str, facets: np.ndarray | None = None) -> float:
+    """The sum of squares of one term; facets are all stable ones if not given."""
+    bearing = np.flatnonzero(rests.equilibria.stable) if facets is None else facets
+    (residuals,) = preference_residuals(BearingFacets(rests, bearing), only(name))
+    return float((residuals.detach() ** 2).sum())
+
+
+def box_axes(rests: RestEvaluation) -> np.ndarray:
+    return np.abs(rests.hull.normals).argmax(axis=1)
+
+
+def die(seed: int, facets: int = 9) -> Candidate:
+    """One without symmetry, some of whose facets are no rests, in facet coordinates."""
+    rng = np.random.default_rng(seed)
+    normals = convex_hull(repulsion(facets, seed).points).normals
+    normals = unit_vectors(normals + 0.2 * rng.normal(size=normals.shape))
+    points = polyhedron_corners(normals, rng.uniform(0.8, 1.3, size=facets)) * [1.0, 1.3, 2.2]
+    hull = convex_hull(points)
+    coordinates, parameters = FacetCoordinates.of(points, hull.centroid)
+    candidate = CandidateMaker(None).attempt(coordinates, parameters, rest_poses(points).normals)
+    assert candidate is not None
+    return candidate
+
+
+@pytest.mark.parametrize("name", PREFERENCES.names)
+@pytest.mark.parametrize("value", [-1.0, np.inf, np.nan])
+def test_weights_out_of_range_are_refused(name: str, value: float) -> None:
+    text = f"{name}: expected a number from 0 to 1e\\+06, got {value:g}; 0 leaves it out"
+    with pytest.raises(InputError, match=text):
+        only(name, value)
+
+
+def test_whether_anything_is_preferred() -> None:
+    assert Preferences().largest == 0.0
+    for name in PREFERENCES.names:
+        assert only(name, 0.1).largest == 0.1
+
+
+def test_a_cube_has_nothing_to_improve_but_its_circles() -> None:
+    rests = evaluated(3.0 * CUBE)
+    for name in ("margin", "asymmetry", "roundness", "areas", "small_helpers"):
+        assert total(rests, name) == pytest.approx(0.0, abs=1e-24)
+    power = 2.0 * SOFTNESS
+    diameter = (4 * 12 ** (power / 2) + 12 * 8 ** (power / 2) + 12 * 2**power) ** (1 / power)
+    assert total(rests, "circles") == pytest.approx((USUAL_CIRCLE * diameter) ** 2 / 6)
+
+
+def test_the_smallest_circle_counts_most() -> None:
+    """The term is the squared mean, of power twice `CIRCLE_POWER`, of inverse radii."""
+    candidate = die(3)
+    facets = candidate.outcome_facets
+    alone = [total(candidate.rests, "circles", facets[i : i + 1]) for i in range(len(facets))]
+    inverse = np.sqrt(np.array(alone) / len(facets))
+    mean = (inverse ** (2 * CIRCLE_POWER)).mean() ** (1 / CIRCLE_POWER)
+    assert total(candidate.rests, "circles", facets) == pytest.approx(mean)
+
+
+def test_the_asymmetry_of_a_box() -> None:
+    rests = evaluated(CUBE * BOX)
+    odds = dict(zip(box_axes(rests)[rests.paths.rests], rests.probabilities.numpy(), strict=True))
+    expected = 0.0
+    for first, second in ((0, 1), (1, 2), (2, 0)):
+        angle = np.arctan2(BOX[second], BOX[first])
+        unequal = 2.0 * angle / (np.pi / 2) - 1.0
+        expected += 4 * min(odds[first], odds[second]) * unequal**2
+    assert total(rests, "asymmetry") == pytest.approx(expected / USUAL_INEQUALITY**2)
+
+
+def test_the_roundness_of_a_box() -> None:
+    rests = evaluated(CUBE * BOX)
+    spread = np.var(BOX) / BOX.mean() ** 2
+    assert total(rests, "roundness") == pytest.approx(spread / USUAL_SPREAD**2)
+
+
+def test_the_areas_of_a_box() -> None:
+    rests = evaluated(CUBE * BOX)
+    areas = np.log(BOX.prod() / BOX)
+    assert total(rests, "areas") == pytest.approx(np.var(areas) / USUAL_RATIO**2)
+    axes = box_axes(rests)
+    equal = np.flatnonzero(axes == 0)
+    assert total(rests, "areas", equal) == pytest.approx(0.0, abs=1e-24)
+    part = 1.0 - (1 / BOX[0]) / (1 / BOX).sum()
+    assert total(rests, "small_helpers", equal) == pytest.approx((part / USUAL_HELPERS) ** 2)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_margin_is_the_distance_of_normals_from_barycenters(seed: int) -> None:
+    candidate = die(seed)
+    rests, paths = candidate.rests, candidate.rests.paths
+    points = separatrix_points(paths, rests.hull.vertices, rests.equilibria.center_of_mass, np)
+    offsets = rests.hull.normals[paths.rests] - unit_vectors(basin_moments(paths, points, np))
+    expected = (offsets**2).sum(-1).mean() / USUAL_OFFSET**2
+    assert total(rests, "margin", candidate.outcome_facets) == pytest.approx(expected)
+
+
+def test_weights_multiply_the_terms() -> None:
+    candidate = die(1)
+    facets = candidate.outcome_facets
+    weights = dict(zip(TERMS, [0.5, 2.0, 1.0, 0.0, 3.0, 0.25], strict=True))
+    residuals = preference_residuals(
+        BearingFacets(candidate.rests, facets), Preferences(**weights, nearness=7.0)
+    )
+    expected = sum(weights[name] * total(candidate.rests, name, facets) for name in TERMS)
+    assert float((torch.cat(residuals).detach() ** 2).sum()) == pytest.approx(expected)
+    assert preference_residuals(BearingFacets(candidate.rests, facets), Preferences()) == []
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_terms_do_not_depend_on_size_and_place(name: str) -> None:
+    vertices = die(2).rests.hull.vertices
+    there = 7.0 * vertices + [3.0, -1.0, 2.0]
+    # Some facets bear no outcome, for the helpers' sake.
+    some = np.arange(5)
+    if name == "margin":
+        assert total(evaluated(there), name) == pytest.approx(total(evaluated(vertices), name))
+    else:
+        found = total(evaluated(there), name, some)
+        assert found == pytest.approx(total(evaluated(vertices), name, some))
+        assert found > 1e-6
+
+
+@pytest.mark.parametrize("name", TERMS)
+@pytest.mark.parametrize("seed", range(3))
+def test_gradients_are_differences_along_the_manifold(name: str, seed: int) -> None:
+    candidate = die(seed)
+    maker, facets = CandidateMaker(None), candidate.outcome_facets
+    assert len(facets) < len(candidate.rests.hull.normals)
+    free = np.linalg.svd(candidate.odds_jacobian)[2][len(facets) :]
+    along = np.random.default_rng(seed).normal(size=len(free)) @ free
+    step = 1e-5
+
+    def values(moved: float) -> np.ndarray:
+        parameters = candidate.parameters + moved * along
+        there = maker.attempt(candidate.coordinates, parameters, candidate.directions)
+        assert there is not None
+        (residuals,) = preference_residuals(
+            BearingFacets(there.rests, there.outcome_facets), only(name)
+        )
+        return residuals.detach().numpy()
+
+    slopes = (
+        candidate.jacobian(
+            *preference_residuals(BearingFacets(candidate.rests, facets), only(name))
+        )
+        @ along
+    )
+    differences = (values(step) - values(-step)) / (2 * step)
+    assert np.abs(slopes).max() > 1e-3
+    np.testing.assert_allclose(slopes, differences, rtol=1e-5, atol=1e-6)
+
+
+BOARD_GAME = ThrownOdds.on("board-game")
+
+
+def sensitivity(
+    candidate: Candidate, wanted: np.ndarray, bias: np.ndarray | None = None
+) -> RestitutionSensitivity:
+    known = np.zeros((2, len(wanted))) if bias is None else bias
+    return RestitutionSensitivity(BOARD_GAME, wanted, known)
+
+
+def test_robust_is_who_has_the_wanted_odds_on_changed_tables() -> None:
+    candidate = die(0)
+    facets, where = candidate.outcome_facets, candidate.rest_of_outcome
+    there = [BOARD_GAME.at(change).odds(candidate.rests)[where] for change in (0.2, -0.2)]
+    wanted = BOARD_GAME.odds(candidate.rests)[where]
+    known = sensitivity(candidate, wanted)
+    (residuals,) = preference_residuals(
+        BearingFacets(candidate.rests, facets, known), only("robustness")
+    )
+    expected = np.concatenate([odds - wanted for odds in there]) / USUAL_SWING
+    np.testing.assert_allclose(residuals.detach(), expected, atol=1e-12)
+    assert np.abs(expected).max() > 0.05
+    # A bias that makes up for the change leaves nothing to wish for.
+    known = sensitivity(candidate, wanted, np.log(wanted / np.array(there)))
+    (residuals,) = preference_residuals(
+        BearingFacets(candidate.rests, facets, known), only("robustness")
+    )
+    np.testing.assert_allclose(residuals.detach(), 0.0, atol=1e-12)
+
+
+def test_dice_without_momentum_are_as_robust_as_can_be() -> None:
+    candidate = die(0)
+    assert (
+        preference_residuals(
+            BearingFacets(candidate.rests, candidate.outcome_facets), only("robustness")
+        )
+        == []
+    )
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_gradients_of_robustness_are_differences(seed: int) -> None:
+    candidate = die(seed)
+    maker, facets = CandidateMaker(None, BOARD_GAME), candidate.outcome_facets
+    wanted = np.full(len(facets), 1.0 / len(facets))
+    known = sensitivity(
+        candidate, wanted, np.random.default_rng(seed).normal(0.0, 0.1, (2, len(facets)))
+    )
+    along = np.random.default_rng(seed).normal(size=len(candidate.parameters))
+    step = 1e-6
+
+    def values(moved: float) -> np.ndarray:
+        parameters = candidate.parameters + moved * along
+        there = maker.attempt(candidate.coordinates, parameters, candidate.directions)
+        assert there is not None
+        return known.residuals(there.rests, there.outcome_facets).detach().numpy()
+
+    slopes = candidate.jacobian(known.residuals(candidate.rests, facets)) @ along
+    differences = (values(step) - values(-step)) / (2 * step)
+    assert np.abs(slopes).max() > 0.1
+    np.testing.assert_allclose(slopes, differences, rtol=1e-4, atol=1e-4)

@@ -1,0 +1,227 @@
+"""The exact method: odds as wanted to rounding, and one flat rest for each outcome."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import islice, repeat
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from dicedesign.bench.bodies.problem import Problem
+from dicedesign.bench.reference.measurement import OK, measure, verdict
+from dicedesign.errors import InputError, NoStartError
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.optimize.options import ExactOptions, SobolevOptions
+from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.result import DesignResult, DesignStep
+from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.optimize.starts.kinds.prism import prism
+from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.search import shapes_near
+from dicedesign.optimize.starts.start import Start
+from dicedesign.optimize.starts.variations import shapes_like
+from dicedesign.optimize.targets import binomial, sum_of_dice
+from dicedesign.rest.poses import rest_poses
+from dicedesign.results.status import Status
+
+torch.set_num_threads(1)
+
+TARGETS = {
+    "a coin": [1 / 2, 1 / 2],
+    "a fair die of three": [1 / 3, 1 / 3, 1 / 3],
+    "a loaded die": [1 / 3, 2 / 15, 2 / 15, 2 / 15, 2 / 15, 2 / 15],
+    "two dice": sum_of_dice([6, 6]).probabilities.tolist(),
+    "three dice": sum_of_dice([6, 6, 6]).probabilities.tolist(),
+    "two coins": binomial(2).probabilities.tolist(),
+    "six coins": binomial(6).probabilities.tolist(),
+    "uneven": [0.45, 0.3, 0.15, 0.06, 0.04],
+}
+
+
+def solved(target: list[float], seed: int = 0, **options: Any) -> DesignResult:
+    wanted = np.array(target)
+    return solve_exactly(shapes_near(wanted, seed), wanted, ExactOptions(**options))
+
+
+def all_normals(start: Start) -> np.ndarray:
+    """Normals of all facets of a start."""
+    return convex_hull(start.points).normals
+
+
+def check_exact(result: DesignResult, target: np.ndarray, tolerance: float = 1e-12) -> None:
+    """Against the forward model, which shares no step of the solver, and the 60-digit oracle."""
+    assert result.status is Status.CONVERGED
+    poses = rest_poses(result.hull.vertices)
+    assert len(poses.normals) == len(target)
+    outcome = np.argmax(poses.normals @ result.directions.T, axis=1)
+    assert sorted(outcome) == list(range(len(target)))
+    assert np.abs(poses.probabilities - target[outcome]).max() <= 2.0 * tolerance
+    assert verdict(measure(Problem(result.hull.vertices))) == OK
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_targets_are_met_to_rounding(name: str) -> None:
+    target = np.array(TARGETS[name])
+    check_exact(solved(TARGETS[name]), target)
+
+
+@pytest.mark.parametrize("metric", [None, SobolevOptions(1.0, 1), SobolevOptions(0.5, 2)])
+@pytest.mark.parametrize("name", ["two dice", "a coin", "uneven"])
+def test_vertices_meet_targets_too(name: str, metric: SobolevOptions | None) -> None:
+    result = solved(TARGETS[name], coordinates="vertices", sobolev=metric)
+    check_exact(result, np.array(TARGETS[name]))
+    # Nothing keeps four vertices in one plane.
+    assert (np.diff(result.hull.facet_start) == 3).all()
+
+
+def test_the_same_seed_gives_the_same_die() -> None:
+    first, again, other = (solved(TARGETS["uneven"], seed) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first.hull.vertices, again.hull.vertices)
+    assert first.evaluations == again.evaluations
+    assert first.hull.vertices.tolist() != other.hull.vertices.tolist()
+
+
+@pytest.mark.parametrize(
+    ("start", "target"),
+    [
+        (hendecahedron("bisymmetric"), sum_of_dice([6, 6]).probabilities),
+        (prism(3), np.array([0.5, 0.3, 0.2])),
+        (prism(5), binomial(4).probabilities),
+    ],
+)
+def test_a_start_of_one_s_own_is_kept_to(start: Start, target: np.ndarray) -> None:
+    options = ExactOptions(prefer=Preferences())
+    result = solve_exactly(shapes_like(start, 0), target, options)
+    check_exact(result, target)
+    # It has no more facets, and those of the outcomes lie nearest to where they were.
+    assert len(result.hull.normals) <= len(all_normals(start))
+    nearest = np.argmax(result.directions @ start.directions.T, axis=1)
+    assert np.mean(nearest == np.arange(len(target))) > 0.5
+
+
+def test_a_center_of_mass_of_one_s_own() -> None:
+    target, center = np.array([0.4, 0.3, 0.2, 0.1]), np.array([0.05, -0.02, 0.1])
+    starts = shapes_like(repulsion(4, 0), 0)
+    result = solve_exactly(starts, target, ExactOptions(), center_of_mass=center)
+    assert result.status is Status.CONVERGED
+    poses = rest_poses(result.hull.vertices, center)
+    np.testing.assert_allclose(poses.probabilities, target, atol=2e-12)
+
+
+def test_every_accepted_step_is_told() -> None:
+    seen: list[DesignStep] = []
+    target = np.array(TARGETS["uneven"])
+    options = ExactOptions(prefer=Preferences())
+    result = solve_exactly(shapes_near(target, 0), target, options, on_step=seen.append)
+    assert tuple(seen) == result.history
+    assert [step.step for step in seen] == list(range(len(seen)))
+    assert seen[-1].error <= 1e-12
+    assert result.evaluations >= len(seen)
+    assert all(step.energy == step.terms["dice"] for step in seen)
+
+
+OUT_OF_REACH = [1.0 - 1e-6, 5e-7, 5e-7]
+"""Rests of so small odds are lost on the way."""
+
+
+def test_what_is_not_met_ends_with_the_best_found() -> None:
+    result = solved(OUT_OF_REACH, starts=5)
+    assert result.status is Status.NO_START
+    assert result.starts == 5
+    best = min(step.error for step in result.history)
+    assert best > 1e-3
+    poses = rest_poses(result.hull.vertices)
+    assert len(poses.normals) == 3
+    assert max(poses.probabilities) == pytest.approx(OUT_OF_REACH[0] - best, abs=1e-9)
+    # One start is tried, however short the time.
+    for seconds in (0.05, 1e-9):
+        assert solved(OUT_OF_REACH, seconds=seconds).status is Status.TIME_LIMIT
+
+
+@pytest.mark.parametrize("largest", [0.6, 0.9, 0.99])
+def test_one_outcome_may_have_nearly_all(largest: float) -> None:
+    target = np.array([largest, 0.7 * (1.0 - largest), 0.3 * (1.0 - largest)])
+    check_exact(solved(target.tolist()), target)
+
+
+def test_the_terms_are_those_of_the_die_that_is_given_back() -> None:
+    target = np.array(TARGETS["uneven"])
+    result = solve_exactly(
+        shapes_near(target, 0), target, ExactOptions(tolerance=0.3, starts=4), least_circle=0.4
+    )
+    assert result.status is Status.TOO_SMALL
+    poses = rest_poses(result.hull.vertices)
+    outcome = np.argmax(poses.normals @ result.directions.T, axis=1)
+    energy = ((poses.probabilities - target[outcome]) ** 2).sum()
+    assert result.terms["dice"] == pytest.approx(energy, rel=1e-6)
+
+
+def test_starts_without_a_fixed_center_inside_are_passed_over() -> None:
+    target, center = np.array([0.4, 0.3, 0.2, 0.1]), np.array([0.05, -0.02, 0.1])
+    start = repulsion(4, 0)
+    beside = replace(start, points=start.points + 5.0)
+    result = solve_exactly([beside, start], target, ExactOptions(), center_of_mass=center)
+    assert (result.status, result.starts) == (Status.CONVERGED, 2)
+
+
+def test_a_search_that_finds_no_shape_ends_in_time() -> None:
+    with pytest.raises(NoStartError, match=r"got none; allow more with method\.exact\.seconds"):
+        solve_exactly(repeat(None), np.array([0.5, 0.5]), ExactOptions(seconds=0.05))
+
+
+def test_bad_arguments_are_refused_in_words() -> None:
+    target = np.array([0.5, 0.5])
+    options = ExactOptions(coordinates="vertices")
+    with pytest.raises(InputError, match=r'symmetry: expected coordinates "facets", got .vertices'):
+        solve_exactly([], target, options, group=np.eye(3)[None])
+    with pytest.raises(InputError, match=r"expected a radius from 0 on and below 0\.5"):
+        solve_exactly([], target, ExactOptions(), least_circle=0.5)
+
+
+def test_a_start_without_the_wanted_rests_is_refused_in_words() -> None:
+    cube = repulsion(6, 0)
+    pair = Start(cube.points, cube.directions[:2])
+    with pytest.raises(InputError, match="expected a shape with one rest for each of 2 outcomes"):
+        solve_exactly([pair], np.array([0.5, 0.5]), ExactOptions())
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"tolerance": 0.0}, "tolerance: expected a number from 1e-15 on and below 1, got 0"),
+        ({"coordinates": "edges"}, 'expected "facets" or "vertices", got .edges.'),
+        ({"sobolev": SobolevOptions()}, 'sobolev: expected coordinates "vertices"'),
+        ({"starts": 0}, "starts: expected a whole number above 0"),
+        ({"seconds": float("nan")}, "seconds: expected a positive number"),
+    ],
+)
+def test_bad_options_are_refused_in_words(options: dict[str, Any], text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        ExactOptions(**options)
+
+
+@pytest.mark.parametrize("outcomes", [2, 3, 5, 9])
+def test_searched_shapes_have_the_wanted_rests_and_come_nearer_first(outcomes: int) -> None:
+    target = np.random.default_rng(outcomes).dirichlet(np.ones(outcomes))
+    for start in islice(filter(None, shapes_near(target, 0)), 8):
+        poses = rest_poses(start.points)
+        assert len(poses.normals) == outcomes == len(start.directions)
+        cosines = poses.normals @ start.directions.T
+        assert cosines.max(axis=0) == pytest.approx(1.0, abs=1e-9)
+        assert np.abs(start.points).max() == pytest.approx(1.0)
+    # The first ones of a draw, after those of equal facets, have the target's order.
+    place = np.argmax(cosines, axis=1)
+    assert (np.diff(target[place]) <= 0.0).all()
+
+
+def test_variations_of_a_start_grow_and_keep_its_facets() -> None:
+    start = prism(4)
+    first, *others = islice(shapes_like(start, 0), 6)
+    assert first is start
+    apart = [np.arccos((s.directions * start.directions).sum(-1)).max() for s in others]
+    assert apart[0] < apart[-1]
+    assert all(0.0 < angle < 0.6 for angle in apart)

@@ -1,0 +1,304 @@
+"""Dice made better while their odds are kept: what must not change, and what must."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.reuse import HullMaker
+from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.gradient.inscribed_circles import circle_radii
+from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.coordinates.shape import Coordinates, Shape
+from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from dicedesign.optimize.preferences.preference import (
+    BearingFacets,
+    Preferences,
+    preference_residuals,
+)
+from dicedesign.optimize.solvers import null_space_descent as improvement
+from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, barrier_residuals
+from dicedesign.optimize.solvers.null_space_descent import improve
+from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.rest.poses import rest_poses
+
+TOLERANCE = 1e-12
+CIRCLES = Preferences(circles=1.0)
+MIXED = Preferences(
+    circles=1.0,
+    margin=0.3,
+    asymmetry=0.3,
+    roundness=0.3,
+    areas=0.3,
+    small_helpers=0.3,
+    robustness=0.1,
+)
+
+
+@dataclass
+class Run:
+    """A die, the one it became, and those on the way; the odds it has are those to keep."""
+
+    first: Candidate
+    maker: CandidateMaker = field(default_factory=lambda: CandidateMaker(None))
+    on_the_way: list[Candidate] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+    phases: int = 1
+
+    def improved(
+        self,
+        preferences: Preferences,
+        least_circle: float = 0.0,
+        steps: int = 60,
+        out_of_time: bool = False,
+    ) -> Candidate:
+        self.phases = 2 if least_circle > 0.0 else 1
+        self.last = improve(
+            self.first,
+            self.first.odds.copy(),
+            self.maker,
+            preferences,
+            least_circle=least_circle,
+            tolerance=TOLERANCE,
+            steps=steps,
+            out_of_time=lambda: out_of_time,
+            on_step=self.take_note,
+        )
+        return self.last
+
+    def take_note(self, candidate: Candidate, value: float) -> None:
+        self.on_the_way.append(candidate)
+        self.values.append(value)
+
+    def check(self) -> None:
+        """By the forward model, which shares no step of the method."""
+        target = self.first.odds
+        assert (self.on_the_way or [self.first])[-1] is self.last
+        assert (np.diff(self.values) >= 0.0).sum() < self.phases
+        for candidate in self.on_the_way:
+            poses = rest_poses(candidate.rests.hull.vertices, self.maker.center_of_mass)
+            assert len(poses.normals) == len(target)
+            outcome = np.argmax(poses.normals @ candidate.directions.T, axis=1)
+            assert sorted(outcome) == list(range(len(target)))
+            assert np.abs(poses.probabilities - target[outcome]).max() <= 2.0 * TOLERANCE
+
+
+def start(coordinates: Coordinates, parameters: np.ndarray, points: np.ndarray) -> Run:
+    run = Run(None)  # type: ignore[arg-type]
+    candidate = run.maker.attempt(coordinates, parameters, rest_poses(points).normals)
+    assert candidate is not None
+    run.first = candidate
+    return run
+
+
+def stone(seed: int, facets: int = 8) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    normals = convex_hull(repulsion(facets, seed).points).normals
+    normals = unit_vectors(normals + 0.2 * rng.normal(size=normals.shape))
+    points = polyhedron_corners(normals, rng.uniform(0.8, 1.3, size=facets))
+    return points * [1.0, 1.3, 2.2]
+
+
+def facet_run(seed: int) -> Run:
+    points = stone(seed)
+    return start(*FacetCoordinates.of(points, convex_hull(points).centroid), points)
+
+
+def smallest(candidate: Candidate) -> float:
+    return circle_radii(candidate.rests, candidate.outcome_facets).detach().min().item()
+
+
+def value(candidate: Candidate, preferences: Preferences) -> float:
+    residuals = preference_residuals(
+        BearingFacets(candidate.rests, candidate.outcome_facets), preferences
+    )
+    return sum(float((vector.detach() ** 2).sum()) for vector in residuals)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_circles_grow_and_the_odds_stay(seed: int) -> None:
+    run = facet_run(seed)
+    improved = run.improved(CIRCLES)
+    run.check()
+    assert len(run.on_the_way) > 3
+    assert smallest(improved) > 1.15 * smallest(run.first)
+
+
+@pytest.mark.parametrize(
+    "name", ["circles", "margin", "asymmetry", "roundness", "areas", "small_helpers"]
+)
+def test_every_preference_is_served(name: str) -> None:
+    # The die of seed 3 has facets without an outcome.
+    run = facet_run(3 if name == "small_helpers" else 1)
+    preferences = Preferences(**{name: 1.0})
+    improved = run.improved(preferences, steps=15)
+    run.check()
+    assert value(improved, preferences) < 0.9 * value(run.first, preferences)
+
+
+def merit(candidate: Candidate) -> float:
+    """What is minimised for large circles."""
+    barrier = barrier_residuals(candidate.rests).detach()
+    return value(candidate, CIRCLES) + float((barrier**2).sum())
+
+
+def best_gain(candidate: Candidate, maker: CandidateMaker) -> float:
+    """The largest relative decrease by small moves in random directions that change no odds."""
+    free = np.linalg.svd(candidate.odds_jacobian)[2][len(candidate.odds) :]
+    gains = []
+    for direction in unit_vectors(np.random.default_rng(0).normal(size=(40, len(free)))):
+        parameters = candidate.parameters + 1e-3 * direction @ free
+        there = maker.attempt(candidate.coordinates, parameters, candidate.directions)
+        assert there is not None
+        gains.append(1.0 - merit(there) / merit(candidate))
+    return max(gains)
+
+
+def test_where_it_stops_hardly_anything_is_to_be_gained() -> None:
+    run = facet_run(2)
+    improved = run.improved(CIRCLES, steps=200)
+    assert best_gain(improved, run.maker) < 0.1 * best_gain(run.first, run.maker)
+
+
+def test_a_mixture_with_a_center_of_mass_of_one_s_own() -> None:
+    points = stone(3)
+    hull = convex_hull(points)
+    center = hull.centroid + np.array([0.03, -0.02, 0.01])
+    coordinates, parameters = FacetCoordinates.of(points, center)
+    maker = CandidateMaker(center)
+    candidate = maker.attempt(coordinates, parameters, rest_poses(points, center).normals)
+    assert candidate is not None
+    run = Run(candidate, maker)
+    improved = run.improved(MIXED)
+    run.check()
+    assert value(improved, MIXED) < 0.8 * value(candidate, MIXED)
+
+
+def test_vertices_as_coordinates() -> None:
+    rng = np.random.default_rng(4)
+    points = unit_vectors(rng.normal(size=(7, 3))) * [1.0, 0.9, 1.1]
+    run = start(*VertexCoordinates.of(points, convex_hull(points).centroid), points)
+    improved = run.improved(CIRCLES)
+    run.check()
+    assert smallest(improved) > 1.1 * smallest(run.first)
+
+
+@dataclass(frozen=True)
+class Opposite:
+    """Half-spaces in opposite pairs: parameters are those of one of each, as in facet
+    coordinates."""
+
+    inner: FacetCoordinates
+
+    def shape(self, parameters: np.ndarray, hull_of: HullMaker = convex_hull) -> Shape:
+        def both(one: np.ndarray) -> np.ndarray:
+            normals, lengths = one.reshape(4, -1)[:3].T.ravel(), one.reshape(4, -1)[3]
+            return np.concatenate([normals, -normals, lengths, lengths])
+
+        pairs = np.stack([both(one) for one in np.eye(len(parameters))], axis=1)
+        inner = self.inner.shape(both(parameters), hull_of)
+        return Shape(
+            inner.points,
+            lambda gradients: inner.pulled_back(gradients) @ pairs,
+        )
+
+    def pruned(self, parameters: np.ndarray, rests: RestEvaluation) -> np.ndarray:
+        return parameters
+
+
+def test_symmetry_that_ties_the_odds_is_kept() -> None:
+    """The odds' Jacobian then has half the rank."""
+    rng = np.random.default_rng(0)
+    normals = unit_vectors(np.eye(3)[[0, 1, 2, 0]] + 0.3 * rng.normal(size=(4, 3)))
+    lengths = np.log(rng.uniform(0.9, 1.2, size=4))
+    coordinates = Opposite(FacetCoordinates(np.zeros(3)))
+    parameters = np.concatenate([normals.T.ravel(), lengths])
+    points = coordinates.shape(parameters).points
+    run = start(coordinates, parameters, points)
+    odds = np.sort(run.first.odds)
+    np.testing.assert_allclose(odds[::2], odds[1::2], atol=1e-14)
+    assert np.linalg.matrix_rank(run.first.odds_jacobian, 1e-9) == len(odds) / 2 - 1
+    improved = run.improved(CIRCLES)
+    run.check()
+    assert smallest(improved) > 1.05 * smallest(run.first)
+
+
+def test_a_least_circle_is_reached_and_then_kept() -> None:
+    run = facet_run(1)
+    least = 1.2 * smallest(run.first)
+    reached = run.improved(Preferences(), least)
+    run.check()
+    assert smallest(reached) >= least
+    # Nothing was preferred, so that it ended there.
+    assert all(smallest(candidate) < least for candidate in run.on_the_way[:-1])
+
+    then = Run(reached, run.maker)
+    preferences = Preferences(small_helpers=1.0, margin=1.0)
+    free, bound = Run(reached, run.maker).improved(preferences), then.improved(preferences, least)
+    then.check()
+    assert min(map(smallest, then.on_the_way)) >= least > smallest(free)
+    assert value(bound, preferences) < value(reached, preferences)
+
+
+def test_of_many_residuals_no_jacobian_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(improvement, "MOST_ROWS", 0)
+    run = facet_run(1)
+    improved = run.improved(MIXED)
+    run.check()
+    assert len(run.values) > 5
+    assert value(improved, MIXED) < 0.9 * value(run.first, MIXED)
+
+
+@pytest.mark.parametrize("preferences", [Preferences(margin=1.0), Preferences(nearness=1.0)])
+def test_preferences_do_not_hold_a_small_circle_back(preferences: Preferences) -> None:
+    run = facet_run(4)
+    least = 1.3 * smallest(run.first)
+    improved = run.improved(preferences, least)
+    run.check()
+    assert smallest(improved) >= least
+
+
+def test_a_least_circle_out_of_reach_is_approached() -> None:
+    run = facet_run(2)
+    improved = run.improved(Preferences(), 0.6)
+    run.check()
+    assert 1.15 * smallest(run.first) < smallest(improved) < 0.6
+
+
+@pytest.mark.parametrize(
+    ("preferences", "settings"),
+    [
+        (Preferences(), {}),
+        (Preferences(), {"least_circle": 1e-3}),
+        (CIRCLES, {"steps": 0}),
+        (CIRCLES, {"out_of_time": True}),
+    ],
+)
+def test_the_die_itself_where_nothing_is_to_be_done(
+    preferences: Preferences, settings: dict[str, float]
+) -> None:
+    run = facet_run(0)
+    evaluations = run.maker.evaluations
+    assert run.improved(preferences, **settings) is run.first  # type: ignore[arg-type]
+    assert run.maker.evaluations == evaluations
+
+
+def test_nearness_keeps_parameters_near() -> None:
+    moves = []
+    for weight in (0.0, 1.0, 100.0):
+        run = facet_run(0)
+        improved = run.improved(Preferences(circles=1.0, nearness=weight))
+        run.check()
+        moves.append(np.abs(improved.parameters - run.first.parameters).max())
+        assert smallest(improved) > smallest(run.first)
+    assert moves[0] > 1.5 * moves[1] > 1.5 * 1.5 * moves[2]
+
+
+def test_the_same_die_comes_out_twice() -> None:
+    first, again = (facet_run(2).improved(MIXED, steps=10) for _ in range(2))
+    np.testing.assert_array_equal(first.parameters, again.parameters)

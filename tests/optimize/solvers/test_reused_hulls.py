@@ -1,0 +1,111 @@
+"""Designs that keep a hull's connectivity take the very same steps as those that do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from common.attached_points import attached_points
+
+from dicedesign.geometry.hulls import reuse as hull_reuse
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.reuse import HullMemory
+from dicedesign.gradient.rest_odds import evaluate_rests
+from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from dicedesign.optimize.energy.objective import Objective
+from dicedesign.optimize.energy.term import EnergyWeights
+from dicedesign.optimize.options import DescentOptions, SobolevOptions, Stopping
+from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.solvers.descent import descend_to_target
+from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.optimize.starts.kinds.prism import prism
+from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.start import Start
+from dicedesign.optimize.targets import Target, binomial, fair, sum_of_dice
+
+
+def ellipsoid(count: int) -> Start:
+    """Points on a spiral, and three directions around."""
+    height = 1.0 - 2.0 * (np.arange(count) + 0.5) / count
+    angle = np.pi * (1.0 + 5.0**0.5) * np.arange(count)
+    around = np.stack([np.cos(angle), np.sin(angle)], axis=1) * np.sqrt(1.0 - height**2)[:, None]
+    points = np.column_stack([around, height]) * [1.3, 1.0, 0.8]
+    thirds = 2.0 * np.pi * np.arange(3) / 3.0
+    return Start(points, np.stack([np.cos(thirds), np.sin(thirds), np.zeros(3)], axis=1))
+
+
+FEW = Stopping(steps=25)
+DESIGNS: dict[str, tuple[Start, Target, DescentOptions]] = {
+    "2d6": (hendecahedron("bisymmetric"), sum_of_dice([6, 6]), DescentOptions(stopping=FEW)),
+    "binomial 4": (prism(5), binomial(4), DescentOptions(stopping=Stopping(steps=8))),
+    "repulsion": (repulsion(7, 1), fair(7), DescentOptions(perturbation=0.0, stopping=FEW)),
+    "vertices": (repulsion(6, 1), fair(6), DescentOptions(coordinates="vertices", stopping=FEW)),
+    "mesh": (
+        ellipsoid(60),
+        fair(3),
+        DescentOptions(
+            coordinates="vertices", sobolev=SobolevOptions(), stopping=Stopping(steps=5)
+        ),
+    ),
+}
+
+
+def designed(name: str) -> DesignResult:
+    start, target, options = DESIGNS[name]
+    return descend_to_target(start, target.probabilities, options)
+
+
+@pytest.mark.parametrize("name", sorted(DESIGNS))
+def test_a_descent_is_the_same_without_reuse(monkeypatch, name: str) -> None:
+    result = designed(name)
+    monkeypatch.setattr(hull_reuse, "same_connectivity", lambda hull, points: None)
+    plain = designed(name)
+    assert plain.hulls_reused == 0
+    assert result.hulls_built + result.hulls_reused == plain.hulls_built
+    assert result.hulls_reused > 0.4 * plain.hulls_built
+    assert len(result.history) > 3
+    for ours, theirs in zip(result.history, plain.history, strict=True):
+        assert (ours.energy, ours.terms, ours.error) == (theirs.energy, theirs.terms, theirs.error)
+    assert (result.status, result.evaluations) == (plain.status, plain.evaluations)
+    for part in ("vertices", "source", "facet_start", "tail", "twin"):
+        np.testing.assert_array_equal(getattr(result.hull, part), getattr(plain.hull, part))
+
+
+def test_hulls_are_counted() -> None:
+    """Two for each evaluation that bounds a solid, and two for the start."""
+    result = designed("2d6")
+    hulls = result.hulls_built + result.hulls_reused
+    assert 2 * len(result.history) <= hulls <= 2 * result.evaluations + 2
+
+
+def test_each_evaluation_makes_one_hull_of_the_shape_and_one_polar_hull() -> None:
+    start = repulsion(9, 0)
+    for kind, polars in ((FacetCoordinates, 6), (VertexCoordinates, 0)):
+        coordinates, parameters = kind.of(start.points, np.zeros(3))
+        objective = Objective(coordinates, fair(9).probabilities, EnergyWeights(), None)
+        for step in range(6):
+            objective.evaluate(parameters * (1.0 + 1e-6 * step), start.directions)
+        shapes = objective.shapes
+        assert (shapes.built, shapes.reused) == (1, 5)
+        assert objective.polars.built + objective.polars.reused == polars
+        assert objective.polars.reused == max(polars - 1, 0)
+
+
+def test_values_and_gradients_with_a_memory_are_those_without() -> None:
+    start = repulsion(8, 3)
+    coordinates, parameters = FacetCoordinates.of(start.points, np.zeros(3))
+    polars, shapes = HullMemory(), HullMemory()
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        parameters = parameters + 1e-4 * rng.normal(size=parameters.shape)
+        results = []
+        for polar_of, shape_of in ((polars.hull, shapes.hull), (convex_hull, convex_hull)):
+            leaf = torch.tensor(parameters, requires_grad=True)
+            rests = evaluate_rests(attached_points(coordinates, leaf, polar_of), None, shape_of)
+            (gradient,) = torch.autograd.grad((rests.probabilities**3).sum(), leaf)
+            results.append((rests.probabilities.detach().numpy(), gradient.numpy()))
+        for ours, theirs in zip(*results, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+    assert polars.reused > 5
+    assert shapes.reused > 5

@@ -1,0 +1,218 @@
+"""Starting shapes for any odds, the looks at their rests, the pool that sorts them, and needles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.optimize.starts.half_space_odds import resting_half_spaces, start_with_odds
+from dicedesign.optimize.starts.needles import needle_near
+from dicedesign.optimize.starts.search import (
+    DRAWN,
+    EVEN_SHAPES,
+    PROPOSED,
+    nearest_first,
+    shapes_near,
+)
+from dicedesign.optimize.starts.start import Start
+from dicedesign.optimize.targets import binomial, sum_of_dice
+from dicedesign.rest.poses import rest_poses
+
+TARGETS = {
+    "a coin": np.array([0.5, 0.5]),
+    "a bent coin": np.array([0.1, 0.9]),
+    "two coins": binomial(2).probabilities,
+    "hardly anything else": np.array([0.01, 0.97, 0.01, 0.01]),
+    "one in a thousand": np.array([0.999, 0.0005, 0.0005]),
+    "hardly ever": np.array([0.6, 0.3999, 1e-4]),
+    "two in the lead": np.array([0.45, 0.45, 0.04, 0.03, 0.03]),
+    "two dice": sum_of_dice([6, 6]).probabilities,
+    "three dice": sum_of_dice([6, 6, 6]).probabilities,
+}
+
+
+def random_half_spaces(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Some of which, as a rule, cut nothing, or leave a direction open."""
+    count = int(rng.integers(5, 16))
+    normals = rng.normal(size=(count, 3)) * np.exp(rng.normal(size=(count, 1)))
+    return normals, np.exp(0.3 * rng.normal(size=count)) * np.linalg.norm(normals, axis=1)
+
+
+def shapes(target: np.ndarray, seed: int) -> Iterator[Start]:
+    """Starts alone, without the turns that found nothing."""
+    return (start for start in shapes_near(target, seed) if start is not None)
+
+
+def outcome_odds(start: Start) -> np.ndarray:
+    """(k,) odds of the outcomes by the forward model, of a start with one rest for each and no
+    other."""
+    poses = rest_poses(start.points)
+    outcome = np.argmax(poses.normals @ start.directions.T, axis=1)
+    assert np.array_equal(np.sort(outcome), np.arange(len(start.directions)))
+    assert (poses.normals * start.directions[outcome]).sum(-1) == pytest.approx(1.0, abs=1e-9)
+    return poses.probabilities[np.argsort(outcome)]
+
+
+def test_rests_of_half_spaces_are_those_of_the_forward_model() -> None:
+    rng, solids, unbounded = np.random.default_rng(0), 0, 0
+    while solids < 60:
+        normals, distances = random_half_spaces(rng)
+        rests = resting_half_spaces(normals, distances)
+        if not _bounded(normals):
+            unbounded += 1
+            assert len(rests) == 0
+            continue
+        solids += 1
+        poses = rest_poses(polyhedron_corners(normals, distances))
+        units = normals / np.linalg.norm(normals, axis=1)[:, None]
+        expected = np.argmax(poses.normals @ units.T, axis=1)
+        assert rests.tolist() == sorted(expected.tolist())
+    assert unbounded > 5
+
+
+def _bounded(normals: np.ndarray) -> bool:
+    """Whether directions point to all sides: the hull of them has the origin inside."""
+    return bool((convex_hull(normals).heights(np.zeros(3)) > 0.0).all())
+
+
+def test_half_spaces_in_one_plane_bound_no_solid() -> None:
+    turn = 2.0 * np.pi * np.arange(6) / 6.0
+    around = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(6)])
+    assert len(resting_half_spaces(around, np.ones(6))) == 0
+
+
+def test_starts_of_half_spaces_have_their_odds_in_the_order_of_the_rests() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        normals, distances = random_half_spaces(rng)
+        rests = rng.permutation(resting_half_spaces(normals, distances))
+        if len(rests) < 2:
+            continue
+        found = start_with_odds(normals, distances, rests)
+        assert found is not None
+        start, odds = found
+        np.testing.assert_allclose(outcome_odds(start), odds, atol=1e-12)
+        units = normals[rests] / np.linalg.norm(normals[rests], axis=1)[:, None]
+        np.testing.assert_allclose(start.directions, units, atol=1e-9)
+        assert start_with_odds(normals, distances, rests[1:]) is None
+        assert start_with_odds(normals, distances, np.append(rests, rests[0])) is None
+
+
+def test_half_spaces_that_are_open_make_no_start() -> None:
+    normals = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 2, 1]])
+    assert start_with_odds(normals, np.ones(5), np.arange(2)) is None
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_needles_have_the_odds_wanted(name: str) -> None:
+    target = TARGETS[name]
+    rng = np.random.default_rng(0)
+    starts = [needle_near(target, rng) for _ in range(6)]
+    found = [start for start in starts if start is not None]
+    assert found
+    for start in found:
+        odds = outcome_odds(start)
+        assert np.abs(odds - target).max() < 1e-3
+        assert (np.abs(odds - target) < 0.2 * target).all()
+        # Slanted ends put the center of mass on the axis, from where the section was drawn.
+        center = convex_hull(start.points).centroid * start.scale + start.origin
+        assert np.abs(center / start.scale).max() < 1e-9
+        extents = np.ptp(start.points, axis=0)
+        assert extents[0] > extents[1:].max()
+
+
+def test_odds_that_no_needle_comes_near_give_none() -> None:
+    assert needle_near(np.array([0.5, 0.5 - 1e-14, 1e-14]), np.random.default_rng(0)) is None
+
+
+def test_a_needle_is_proposed_after_the_nearest_polyhedra() -> None:
+    target = np.array([0.85, 0.05, 0.05, 0.05])
+    near = [np.abs(outcome_odds(s) - target).max() for s in islice(shapes(target, 0), 2)]
+    assert min(near) < 1e-3
+    for start in islice(shapes(target, 0), 2 + PROPOSED):
+        outcome_odds(start)
+
+
+def test_even_shapes_come_first_where_they_are_near() -> None:
+    fair = next(shapes(np.full(6, 1 / 6), 0))
+    hull = convex_hull(fair.points * fair.scale + fair.origin)
+    assert hull.heights(np.zeros(3)) == pytest.approx(1.0, abs=1e-9)
+    assert len(hull.normals) == 6
+    uneven = np.array([0.9, 0.02, 0.02, 0.02, 0.02, 0.02])
+    assert outcome_odds(next(shapes(uneven, 0)))[0] > 0.4
+
+
+def test_polyhedra_are_proposed_where_nothing_is_near() -> None:
+    target = np.array([1.0 - 2e-14, 1e-14, 1e-14])
+    odds = [outcome_odds(start) for start in islice(shapes(target, 0), 3)]
+    assert all(p[0] == p.max() for p in odds)
+
+
+def test_a_seed_proposes_the_same_shapes_again() -> None:
+    target = np.array([0.55, 0.2, 0.15, 0.1])
+    first, again, other = ([s.points for s in islice(shapes(target, n), 5)] for n in (1, 1, 2))
+    for points, same in zip(first, again, strict=True):
+        np.testing.assert_array_equal(points, same)
+    assert any(a.shape != b.shape or (a != b).any() for a, b in zip(first, other, strict=True))
+
+
+class Pool:
+    """What `nearest_first` makes of distances in odds that are drawn one after the other; the start
+    of each has it as its scale, even ones have -1 and others 0."""
+
+    uneven = np.array([0.8, 0.2])
+
+    def __init__(self, distances: list[float | None], others: list[bool]) -> None:
+        self.distances, self.others, self.drawn = iter(distances), iter(others), 0
+
+    def start(self, scale: float) -> Start:
+        return Start(np.zeros((4, 3)), np.zeros((2, 3)), scale=scale)
+
+    def draw(self) -> tuple[Start, np.ndarray] | None:
+        self.drawn += 1
+        distance = next(self.distances, None)
+        if distance is None:
+            return None
+        return self.start(distance), self.uneven + np.array([-distance, distance]) / np.sqrt(2.0)
+
+    def another(self) -> Start | None:
+        return self.start(0.0) if next(self.others, False) else None
+
+    def scales(self, target: np.ndarray, count: int) -> list[float | None]:
+        found = nearest_first(target, lambda _: self.start(-1.0), self.draw, self.another)
+        return [None if start is None else start.scale for start in islice(found, count)]
+
+
+def test_the_pool_proposes_the_nearest_of_all_that_were_drawn() -> None:
+    first: list[float | None] = [0.25, 0.1, None, 0.4, 0.2, 0.5]
+    first += [None] * (DRAWN - len(first))
+    pool = Pool([*first, 0.15, 0.45], [True, False, False, True])
+    # In the third turn nothing near is left and there is no other; in the last, nothing at all.
+    expected = [0.1, 0.2, 0.0, 0.15, 0.25, 0.4, 0.0, 0.45, 0.5, None, None]
+    assert pool.scales(Pool.uneven, len(expected)) == expected
+
+
+def test_even_shapes_are_proposed_only_for_odds_that_are_near_them() -> None:
+    assert Pool([], []).scales(np.array([0.6, 0.4]), 3) == [-1.0] * EVEN_SHAPES + [None]
+    assert Pool([], []).scales(Pool.uneven, 2) == [None, None]
+
+
+@pytest.mark.parametrize(("outcomes", "drawn"), [(2, 30), (50, 30), (200, 10), (3000, 1)])
+def test_a_turn_that_finds_nothing_draws_so_many_and_gives_none(outcomes: int, drawn: int) -> None:
+    target = np.zeros(outcomes)
+    target[0] = 1.0
+    pool = Pool([], [])
+    assert pool.scales(target, 4) == [None] * 4
+    assert pool.drawn == 4 * drawn
+
+
+def test_odds_that_nothing_is_near_give_none() -> None:
+    target = np.full(20, 1e-12)
+    target[0] = 1.0 - 19e-12
+    assert list(islice(shapes_near(target, 0), 3)) == [None] * 3
+    assert list(islice(shapes_near(np.array([0.5, 0.5]), 0), EVEN_SHAPES)) == [None] * EVEN_SHAPES

@@ -1,0 +1,268 @@
+"""Extensions from outside the package: an energy term, a preference, a start and an engine."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import yaml
+
+from dicedesign import rest_poses
+from dicedesign.errors import InputError, RecipeError
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.gradient.rest_odds import evaluate_rests
+from dicedesign.kernels import ops as kernels
+from dicedesign.optimize.energy.clusters import ClusteredRests, cluster
+from dicedesign.optimize.energy.energy import Energy
+from dicedesign.optimize.energy.term import TERMS, EnergyWeights
+from dicedesign.optimize.options import ExactOptions
+from dicedesign.optimize.preferences.preference import PREFERENCES, Preferences
+from dicedesign.optimize.solvers.descent import descend_to_target
+from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.start import STARTS, Task
+from dicedesign.optimize.starts.variations import shapes_like
+from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.results.status import Status
+from dicedesign.throws.engines.engine import ENGINES
+from dicedesign.throws.rigid_body import rigid_body
+from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.tables import table_named
+
+OUTSIDE = '''
+"""One extension of each kind."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dicedesign.optimize.energy.term import TERMS, Term, TermOption
+from dicedesign.optimize.preferences.preference import PREFERENCES, Preference
+from dicedesign.optimize.starts.start import STARTS, StartKind, normalised_start
+from dicedesign.runtime.registry import STRICT
+from dicedesign.throws.engines.engine import ENGINES, Engine
+
+TERMS.register(
+    Term(
+        name="low_peaks",
+        line="maxima of the outcomes' regions no farther than a height",
+        evaluate=lambda state, weights: (
+            (state.rests.vertices - state.rests.center).norm(dim=1) - weights.peak_height
+        ).relu().square().sum(),
+        options=(
+            TermOption(
+                name="peak_height",
+                default=0.5,
+                line="above which a vertex pays",
+                expected="a length above 0",
+                remedy="leave it out for 0.5",
+                allows=lambda height: height > 0.0,
+            ),
+        ),
+    )
+)
+
+PREFERENCES.register(
+    Preference(
+        name="flat",
+        line="facets of outcomes near the center of mass",
+        residuals=lambda die: die.rests.facet_areas[die.facets].rsqrt(),
+    )
+)
+
+
+@dataclass(frozen=True)
+class Wedge:
+    """A tetrahedron, stretched."""
+
+    __pydantic_config__ = STRICT
+
+    stretch: float = 1.0
+
+
+def wedge(options, task):
+    corners = np.array([(1.0, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
+    return normalised_start(corners * [1.0, 1.0, options.stretch], -corners / np.sqrt(3.0))
+
+
+STARTS.register(StartKind(name="wedge", line="a tetrahedron", options=Wedge, make=wedge))
+
+ENGINES.register(
+    Engine(
+        name="set_down",
+        line="as dice roll without momentum",
+        title="set down",
+        require=lambda: None,
+        throw_states=lambda body, table, states, refinement=1.0: np.zeros(len(states), np.int64),
+    )
+)
+'''
+
+
+@pytest.fixture
+def outside(tmp_path: Path) -> Iterator[None]:
+    """The extensions, as somebody else's module registers them."""
+    path = tmp_path / "outside.py"
+    path.write_text(OUTSIDE)
+    spec = importlib.util.spec_from_file_location("outside", path)
+    assert spec is not None
+    assert spec.loader is not None
+    spec.loader.exec_module(importlib.util.module_from_spec(spec))
+    names = {TERMS: "low_peaks", PREFERENCES: "flat", STARTS: "wedge", ENGINES: "set_down"}
+    yield
+    for registry, name in names.items():
+        registry.unregister(name)
+
+
+def read(tmp_path: Path, **entries: object) -> Recipe:
+    path = tmp_path / "toy.yaml"
+    path.write_text(yaml.safe_dump({"name": "toy", "target": {"fair": 4}, **entries}))
+    return read_recipe(path)
+
+
+def descent(**weights: float) -> dict[str, object]:
+    stopping = {"steps": 4, "tolerance": 1e-9}
+    return {"descent": {"coordinates": "vertices", "weights": weights, "stopping": stopping}}
+
+
+def test_nothing_of_them_is_known_without_them(tmp_path: Path) -> None:
+    for entries, text in (
+        ({"start": {"wedge": {}}}, "start.wedge: unknown key"),
+        ({"start": {"prism": {}}, "method": descent(low_peaks=1.0)}, "low_peaks: unknown key"),
+        ({"method": {"exact": {"prefer": {"flat": 1}}}}, "method.exact.prefer.flat: unknown key"),
+        (
+            {"method": {"exact": {"odds": "thrown", "refine": {"engine": "set_down"}}}},
+            "engine: expected native, mujoco, bullet, got 'set_down'; take one of them",
+        ),
+    ):
+        with pytest.raises(RecipeError, match=text):
+            read(tmp_path, **entries)
+
+
+@pytest.mark.usefixtures("outside")
+def test_a_recipe_takes_them_with_their_options(tmp_path: Path) -> None:
+    recipe = read(
+        tmp_path,
+        start={"wedge": {"stretch": 2.0}},
+        method=descent(low_peaks=0.3, peak_height=0.25),
+    )
+    weights = recipe.method.descent.weights
+    assert (weights.low_peaks, weights.peak_height, weights.coplanar) == (0.3, 0.25, 0.1)
+    assert list(weights.of_terms)[-1] == "low_peaks"
+    start = recipe.start.made(Task(4))
+    assert np.ptp(start.points, axis=0).tolist() == [1.0, 1.0, 2.0]
+    assert read(tmp_path, **recipe.resolved()) == recipe
+    exact = read(tmp_path, method={"exact": {"prefer": {"flat": 0.5}}}).method.exact
+    assert exact.prefer == Preferences(flat=0.5)
+    thrown = {"odds": "thrown", "refine": {"engine": "set_down"}}
+    assert read(tmp_path, method={"exact": thrown}).method.exact.refine.engine == "set_down"
+
+
+@pytest.mark.usefixtures("outside")
+def test_what_is_wrong_with_them_is_explained(tmp_path: Path) -> None:
+    for entries, text in (
+        ({"start": {"wedge": {"strech": 1}}}, "start.wedge.strech: unknown key; did you mean 's"),
+        ({"start": {"wedge": {"stretch": "x"}}}, "start.wedge.stretch: .*number, got 'x'"),
+        ({"start": {"wegde": {}}}, "start.wegde: unknown key; did you mean 'wedge'"),
+        (
+            {"start": {"wedge": {}}, "method": descent(peak_heigth=1)},
+            "weights.peak_heigth: unknown key; did you mean 'peak_height'",
+        ),
+        (
+            {"start": {"wedge": {}}, "method": descent(peak_height=-1)},
+            "weights.peak_height: expected a length above 0, got -1; leave it out for 0.5",
+        ),
+    ):
+        with pytest.raises(RecipeError, match=text):
+            read(tmp_path, **entries)
+    with pytest.raises(InputError, match="energy term 'low_peaks': expected a name of its own"):
+        TERMS.register(TERMS["dice"].__class__(name="low_peaks", line="", evaluate=len))
+
+
+@pytest.mark.usefixtures("outside")
+@pytest.mark.parametrize("compiled", [True, False], ids=["kernels", "no kernels"])
+def test_a_term_without_a_kernel_is_added(
+    random_points, monkeypatch: pytest.MonkeyPatch, compiled: bool
+) -> None:
+    """Value and gradient of the sum, the latter against finite differences."""
+    if not compiled:
+        monkeypatch.setattr(kernels, "compiled", None)
+    points = random_points(3, 10, (1.0, 0.9, 1.15))
+    directions = rest_poses(points).normals[:3]
+    weights = EnergyWeights(low_peaks=0.7, neighbor_radius=0.9, stability_margin=0.4)
+
+    def energy(vertices: np.ndarray, weights: EnergyWeights = weights) -> Energy:
+        rests = evaluate_rests(torch.tensor(vertices, requires_grad=True))
+        clusters = cluster(rests.hull.normals[rests.paths.rests], directions)
+        return Energy(ClusteredRests(rests, clusters, np.full(3, 1 / 3)), weights)
+
+    whole, without = energy(points), energy(points, weights.changed(low_peaks=0.0))
+    assert list(whole.terms) == [*without.terms, "low_peaks"]
+    radii = np.linalg.norm(points - rest_poses(points).center_of_mass, axis=1)
+    expected = 0.7 * (np.maximum(radii - 0.5, 0.0) ** 2).sum()
+    assert whole.terms["low_peaks"] == pytest.approx(expected)
+    step, hull = 1e-6, whole.state.hull
+    for vertex, axis in ((0, 0), (2, 1), (5, 2)):
+        moved = [points.copy() for _ in range(2)]
+        moved[0][hull.source[vertex], axis] += step
+        moved[1][hull.source[vertex], axis] -= step
+        up, down = (sum(energy(vertices).terms.values()) for vertices in moved)
+        assert whole.gradient[vertex, axis] == pytest.approx((up - down) / (2 * step), rel=1e-5)
+    assert np.abs(whole.gradient - without.gradient).max() > 0.1
+
+
+@pytest.mark.usefixtures("outside")
+def test_a_descent_lowers_it(tmp_path: Path) -> None:
+    recipe = read(tmp_path, start={"wedge": {"stretch": 1.4}}, method=descent(low_peaks=3.0))
+    result = descend_to_target(
+        recipe.start.made(Task(4)), recipe.target.target().probabilities, recipe.method.descent
+    )
+    first, last = result.history[0], result.history[-1]
+    assert last.terms["low_peaks"] < first.terms["low_peaks"]
+    assert result.terms["low_peaks"] == pytest.approx(last.terms["low_peaks"])
+
+
+@pytest.mark.usefixtures("outside")
+def test_the_exact_method_prefers_it() -> None:
+    target = np.full(6, 1 / 6)
+
+    def smallest_area(prefer: Preferences) -> float:
+        starts = shapes_like(repulsion(6, 3), 1)
+        next(starts)
+        result = solve_exactly(starts, target, ExactOptions(prefer=prefer, tolerance=1e-10))
+        assert result.status is Status.CONVERGED
+        hull = result.hull.vertices / result.hull.diameter
+        rests = evaluate_rests(torch.tensor(hull))
+        return float(rests.facet_areas[rests.paths.rests].min())
+
+    assert smallest_area(Preferences(flat=1.0)) > smallest_area(Preferences())
+
+
+@pytest.mark.usefixtures("outside")
+def test_an_engine_throws() -> None:
+    cube = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    body = rigid_body(make_body(cube), rest_poses(cube))
+    throws = simulate(body, table_named("carpet"), 20, engine="set_down")
+    assert throws.counts.tolist() == [20, 0, 0, 0, 0, 0]
+    with pytest.raises(InputError, match=r"engine: expected native, .*set_down, got 'other'; take"):
+        simulate(body, table_named("carpet"), 20, engine="other")
+
+
+def test_reading_a_recipe_loads_no_torch_and_no_scipy(repository: Path) -> None:
+    code = (
+        "import sys; from pathlib import Path; "
+        "from dicedesign.recipe.schema.reading import read_recipe; "
+        "[read_recipe(path) for path in Path('recipes').glob('*.yaml')]; "
+        "print({'torch', 'scipy', 'matplotlib', 'manifold3d', 'mujoco'} & set(sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=repository
+    )
+    assert (done.stdout, done.stderr) == ("set()\n", "")

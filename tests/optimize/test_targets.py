@@ -1,0 +1,124 @@
+"""Target distributions against enumeration of all throws."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections import Counter
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from dicedesign.errors import InputError
+from dicedesign.optimize.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
+
+
+def enumerated(outcomes: list[int]) -> tuple[tuple[str, ...], list[float]]:
+    count = Counter(outcomes)
+    values = sorted(count)
+    odds = [float(Fraction(count[value], len(outcomes))) for value in values]
+    return tuple(str(value) for value in values), odds
+
+
+@pytest.mark.parametrize("flips", range(1, 9))
+def test_binomial_counts_heads(flips: int) -> None:
+    labels, odds = enumerated([sum(coins) for coins in itertools.product((0, 1), repeat=flips)])
+    target = binomial(flips)
+    assert target.labels == labels
+    np.testing.assert_array_equal(target.probabilities, odds)
+
+
+@pytest.mark.parametrize("sides", [[6, 6], [6], [2, 2, 2], [4, 6, 8], [6, 6, 6], [20, 2]])
+def test_sum_of_dice_counts_totals(sides: list[int]) -> None:
+    throws = itertools.product(*(range(1, count + 1) for count in sides))
+    labels, odds = enumerated([sum(throw) for throw in throws])
+    target = sum_of_dice(sides)
+    assert target.labels == labels
+    np.testing.assert_allclose(target.probabilities, odds, rtol=1e-14)
+
+
+def test_two_six_sided_dice_are_equation_22() -> None:
+    expected = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1]) / 36.0
+    np.testing.assert_allclose(sum_of_dice([6, 6]).probabilities, expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize("outcomes", [2, 3, 7, 100])
+def test_fair_counts_each_face_once(outcomes: int) -> None:
+    labels, odds = enumerated(list(range(1, outcomes + 1)))
+    target = fair(outcomes)
+    assert target.labels == labels
+    np.testing.assert_array_equal(target.probabilities, odds)
+
+
+def test_large_distributions_stay_normalised() -> None:
+    for target in (binomial(199), sum_of_dice([6] * 30), fair(200)):
+        assert target.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
+        assert len(set(target.labels)) == len(target.probabilities)
+        assert (target.probabilities >= 0.0).all()
+
+
+def test_listed_keeps_values() -> None:
+    target = listed([0.5, 0.25, 0.25])
+    assert target.labels == ("1", "2", "3")
+    np.testing.assert_array_equal(target.probabilities, [0.5, 0.25, 0.25])
+    assert listed([1 / 3] * 3).probabilities.dtype == np.float64
+
+
+def test_relabelled_keeps_the_distribution() -> None:
+    target = fair(3)
+    assert relabelled(target, None) is target
+    renamed = relabelled(target, ["a", "b", "c"])
+    assert isinstance(renamed, Target)
+    assert renamed.labels == ("a", "b", "c")
+    np.testing.assert_array_equal(renamed.probabilities, target.probabilities)
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: binomial(0), "binomial: expected a whole number of at least 1, got 0"),
+        (lambda: fair(1), "fair: expected a whole number of at least 2, got 1"),
+        (lambda: sum_of_dice([]), "sum_of_dice: expected at least one number of sides, got none"),
+        (
+            lambda: sum_of_dice([6, 1]),
+            "sum_of_dice: expected a whole number of at least 2, got 1",
+        ),
+        (lambda: listed([1.0]), "probabilities: expected at least two, got [1.0]"),
+        (
+            lambda: listed([0.0, 1.0]),
+            "probabilities: expected numbers between 0 and 1, got 0; leave out outcomes that "
+            "never happen",
+        ),
+        (lambda: listed([-0.5, 0.75, 0.75]), "expected numbers between 0 and 1, got -0.5"),
+        (lambda: listed([float("nan"), 0.5]), "expected numbers between 0 and 1, got nan"),
+        (lambda: listed([float("inf"), 0.5]), "expected numbers between 0 and 1, got inf"),
+        (
+            lambda: listed([0.3, 0.3, 0.3]),
+            "probabilities: expected a sum of 1, got 0.9; write fractions such as 1/3",
+        ),
+        (lambda: listed([0.333, 0.333, 0.333]), "expected a sum of 1, got 0.999"),
+        (
+            lambda: relabelled(fair(2), ["a"]),
+            "labels: expected 2, one for each outcome, got 1",
+        ),
+        (
+            lambda: relabelled(fair(3), ["a", "b", "a"]),
+            "labels: expected distinct labels, got 'a' more than once",
+        ),
+    ],
+)
+def test_bad_targets_are_refused_in_words(make, text: str) -> None:
+    with pytest.raises(InputError, match=re.escape(text)):
+        make()
+
+
+def test_more_outcomes_than_anybody_can_read_are_refused_at_once() -> None:
+    for make in (
+        lambda: binomial(10**9),
+        lambda: sum_of_dice([10**9]),
+        lambda: fair(10**11),
+        lambda: listed([1 / 300] * 300),
+    ):
+        with pytest.raises(InputError, match="expected at most 200 outcomes, got"):
+            make()
