@@ -6,11 +6,8 @@ that a query of a mesh never loads torch.
 
 import ast
 from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
-
-__version__ = version("dicedesign")
 
 _HOME = {
     name.name: statement.module
@@ -23,6 +20,10 @@ __all__ = [*_HOME, "__version__"]
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("dicedesign")
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(str(_HOME[name])), name)

@@ -10,20 +10,34 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from importlib.metadata import version
+from importlib import import_module
+from typing import Any, Final
 
 from dicedesign.errors import DiceError
 
 __all__ = ["main"]
 
-LIST_OPTIONS = ("--com", "--down", "--inertia", "--target", "--labels")
+COMMANDS: Final = (
+    "run",
+    "design",
+    "search",
+    "rest",
+    "drop",
+    "throw",
+    "rolls",
+    "table",
+    "bench",
+)
+"""Each is a module of this folder, with its parser and what it does."""
+
+LIST_OPTIONS: Final = ("--com", "--down", "--inertia", "--target", "--labels")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a subcommand and return its exit code."""
     try:
         given = list(sys.argv[1:] if arguments is None else arguments)
-        options = _parser().parse_args(_joined(given))
+        options = _parser(given[0] if given else None).parse_args(_joined(given))
         code: int = options.command(options)
         sys.stdout.flush()
         return code
@@ -40,21 +54,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
-def _parser() -> argparse.ArgumentParser:
-    # Imported here, so that an interrupt during the import ends as plainly as any other.
-    from dicedesign.cli import bench, design, drop, rest, rolls, run, search, table, throw
-
+def _parser(command: str | None) -> argparse.ArgumentParser:
+    """The parser of a command, or of all where none is known: each loads only what it needs."""
     parser = argparse.ArgumentParser(
         prog="dicedesign",
         description="Design solid objects by the odds with which they come to rest.",
     )
-    parser.add_argument(
-        "--version", action="version", version=f"dicedesign {version('dicedesign')}"
-    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for module in (run, design, search, rest, drop, throw, rolls, table, bench):
-        module.add_parser(commands)
+    for name in (command,) if command in COMMANDS else COMMANDS:
+        # Imported here, so that an interrupt during the import ends as plainly as any other.
+        import_module(f"dicedesign.cli.{name}").add_parser(commands)
     return parser
+
+
+class _Version(argparse.Action):
+    """Finds the version out only where it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from importlib.metadata import version
+
+        print(f"dicedesign {version('dicedesign')}")
+        parser.exit()
 
 
 def _joined(arguments: list[str]) -> list[str]:

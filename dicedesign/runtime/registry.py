@@ -15,7 +15,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from typing import Final, Generic, TypeVar
 
 from dicedesign.errors import InputError
@@ -124,5 +123,7 @@ class Registry(Generic[Kind]):
 @cache
 def _load_entry_points() -> None:
     """Import what installed packages register, once for all registries."""
+    from importlib.metadata import entry_points
+
     for point in entry_points(group=ENTRY_POINTS):
         point.load()
