@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 import torch
-from scipy.optimize import linprog
 from torch import Tensor
 
 from dicedesign.geometry.sphere import norms
@@ -118,6 +117,9 @@ def _by_linear_programs(
     edges: FacetEdges, middle: Floats, frame: Floats, lines: Floats, distances: Floats
 ) -> tuple[Floats, Floats]:
     """The same where facets have too many edges to try all triples."""
+    # Imported where it is needed: it takes longer than most dice.
+    from scipy.optimize import linprog
+
     moved, multipliers = np.zeros((len(middle), 2)), np.zeros(len(edges.owner))
     for facet in range(len(middle)):
         own = edges.owner == facet

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
+from typing import Final
 
 import numpy as np
-from scipy.optimize import linprog
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
@@ -13,6 +14,15 @@ from dicedesign.geometry.sphere import rotation_between
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["facet_inradius", "inscribed_circle", "signed_area"]
+
+MOST_TRIPLED: Final = 24
+"""Constraints up to which all triples of them are tried."""
+
+PARALLEL: Final = 1e-12
+"""Determinant of three unit constraints below which they meet in no point."""
+
+MET: Final = 1e-12
+"""By how much a constraint may be missed, relative to the root of the polygon's area."""
 
 
 def signed_area(polygon: Floats) -> float:
@@ -75,25 +85,45 @@ def inscribed_circle(polygon: Floats, slack: float = 0.0) -> tuple[Floats, float
     outward = np.sign(area) * np.column_stack([edges[:, 1], -edges[:, 0]]) / lengths[:, None]
     offsets = np.einsum("ij,ij->i", outward, corners)
 
-    widest = linprog(
-        (0, 0, -1),
-        A_ub=np.column_stack([outward, np.ones(len(outward))]),
-        b_ub=offsets,
-        bounds=[(None, None), (None, None), (0, None)],
-    )
-    if not widest.success or widest.x[2] <= 0:
+    widest = _least_third(-1.0, np.column_stack([outward, np.ones(len(outward))]), offsets)
+    if widest is None or widest[2] <= 0:
         raise InputError(
             f"polygon: expected {len(polygon)} corners that run around a convex one, got none that "
             "a circle fits in; pass them in order"
         )
     # Between parallel edges the center is free to slide, and in a long facet nearly so.
     reach = np.array([(1, 0, -1), (-1, 0, -1), (0, 1, -1), (0, -1, -1)])
-    nearest = linprog(
-        (0, 0, 1),
-        A_ub=np.vstack([np.column_stack([outward, np.zeros(len(outward))]), reach]),
-        b_ub=np.concatenate([offsets - (1.0 - slack) * widest.x[2], np.zeros(4)]),
-        bounds=[(None, None), (None, None), (0, None)],
+    nearest = _least_third(
+        1.0,
+        np.vstack([np.column_stack([outward, np.zeros(len(outward))]), reach]),
+        np.concatenate([offsets - (1.0 - slack) * widest[2], np.zeros(4)]),
     )
-    center = nearest.x[:2] if nearest.success else widest.x[:2]
+    center = widest[:2] if nearest is None else nearest[:2]
     radius = float((offsets - outward @ center).min())
     return middle + scale * center, scale * radius
+
+
+def _least_third(sign: float, rows: Floats, bounds: Floats) -> Floats | None:
+    """The point (3,) of a polyhedron `rows @ x <= bounds` whose third coordinate times a sign is
+    least, where there is one: it is a corner, in which three constraints are met exactly."""
+    if len(rows) > MOST_TRIPLED:
+        return _by_linear_program(sign, rows, bounds)
+    triples = np.array(list(combinations(range(len(rows)), 3)))
+    regular = np.abs(np.linalg.det(rows[triples])) > PARALLEL
+    triples = triples[regular]
+    corners = np.linalg.solve(rows[triples], bounds[triples][..., None])[..., 0]
+    corners = corners[(corners @ rows.T <= bounds + MET).all(axis=1)]
+    if len(corners) == 0:
+        return None
+    least: Floats = corners[np.argmin(sign * corners[:, 2])]
+    return least
+
+
+def _by_linear_program(sign: float, rows: Floats, bounds: Floats) -> Floats | None:
+    """The same where there are too many constraints to try all triples."""
+    # Imported where it is needed: it takes longer than most dice.
+    from scipy.optimize import linprog
+
+    free = [(None, None), (None, None), (0, None)]
+    answer = linprog((0, 0, sign), A_ub=rows, b_ub=bounds, bounds=free)
+    return answer.x if answer.success else None
