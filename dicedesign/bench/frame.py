@@ -89,7 +89,7 @@ class Bench(Extension):
     results: Path | None = None
 
 
-BENCHES: Final = Registry[Bench]("bench", "dicedesign.bench.benches")
+BENCHES: Final = Registry[Bench]("bench", "dicedesign.bench.benches", Bench)
 """All benches."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.run import finish
 from dicedesign.recipe.schema.reading import checked_recipe
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.schema.recipe import NAME, Recipe
 
 if TYPE_CHECKING:
     from dicedesign.results.record import Result, Step
@@ -27,7 +28,8 @@ class Die:
     """A designed die, with the verdict on the file that it makes.
 
     Lengths are in millimetres, with the center of mass at the origin. Odds are those without
-    momentum, of the solid as a file holds it, in the order of the labels.
+    momentum, of the solid without its labels as a file holds it, in the order of the labels; with
+    the labels cut in they are `die.result.engraved_probabilities`.
     """
 
     def __init__(self, work: Work) -> None:
@@ -134,14 +136,17 @@ class Die:
     def report(self, folder: Path | str) -> Result:
         """Write what `run` leaves: the solids, result.json, recipe, figures and report.html.
 
-        folder: made if missing. Raises OutputError where it cannot be written.
+        folder: made if missing; the die is called like it. Raises OutputError where it cannot be
+        written.
         """
         from dicedesign.runtime.files import make_writable_folder
 
         folder = Path(folder)
         make_writable_folder(folder)
         self._work.folder = folder
-        plan(self._work, after="engrave")
+        if re.fullmatch(NAME, folder.name):
+            self._work.recipe = self.recipe.model_copy(update={"name": folder.name})
+        plan(self._work, after="throws")
         return finish(self._work)
 
 

@@ -225,6 +225,7 @@ class Result:
         number of the attempt that led to this one.
     thrown: what the die does on the recipe's table.
     notes: what was repaired or assumed, one sentence each.
+    extra: what stages from outside the package found, by names of their own.
     files: names of the files of the folder by what they are.
     stages: what the stages took; peak_since: "stage", or "start" where the system can only tell the
         most memory since the process started.
@@ -267,6 +268,7 @@ class Result:
     search_seconds: float | None = None
     attempt: int | None = None
     thrown: ThrownOdds | None = None
+    extra: dict[str, Any] = dataclasses.field(default_factory=dict)
     files: dict[str, str] = dataclasses.field(default_factory=dict)
     stages: tuple[StageTime, ...] = ()
     peak_since: str = "start"
@@ -299,6 +301,8 @@ class Result:
 def _plain(result: Result) -> dict[str, Any]:
     known = {name: value for name, value in dataclasses.asdict(result).items() if value is not None}
     known.pop("folder", None)
+    if not known["extra"]:
+        del known["extra"]
     if "thrown" in known and known["thrown"]["simulated"] is None:
         del known["thrown"]["simulated"]
     return known

@@ -11,6 +11,7 @@ options and lines of documentation cost nothing.
 from __future__ import annotations
 
 import pkgutil
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -55,17 +56,28 @@ class Registry(Generic[Kind]):
     ----------
     kind: what they are, for messages, in the singular.
     folder: package whose modules are imported on first use, each of which registers one.
+    type: their class.
     """
 
-    def __init__(self, kind: str, folder: str) -> None:
+    def __init__(self, kind: str, folder: str, type: type[Kind]) -> None:
         self.kind = kind
         self.folder = folder
+        self.type = type
         self._entries: dict[str, Kind] = {}
         self._ordered: tuple[Kind, ...] | None = None
-        self._is_read = False
+        self._folder_is_read = False
 
     def register(self, entry: Kind) -> Kind:
-        """Add an extension and return it. Raises InputError where its name is taken."""
+        """Add an extension and return it. Raises InputError where its name is taken, or it is of
+        another kind."""
+        if not isinstance(entry, self.type):
+            raise InputError(
+                f"{self.kind}: expected a {self.type.__name__}, got {entry!r}; register it with "
+                "the others of its kind"
+            )
+        # Those of the folder come first, whoever registers one beside them.
+        if not sys._getframe(1).f_globals.get("__name__", "").startswith(f"{self.folder}."):
+            self._read_folder()
         known = self._entries.get(entry.name)
         if known is not None and known != entry:
             raise InputError(
@@ -112,18 +124,29 @@ class Registry(Generic[Kind]):
         return self._entries[name]
 
     def _read(self) -> None:
-        if self._is_read:
+        self._read_folder()
+        _load_entry_points()
+
+    def _read_folder(self) -> None:
+        if self._folder_is_read:
             return
-        self._is_read = True
+        self._folder_is_read = True
         for module in pkgutil.iter_modules(import_module(self.folder).__path__):
             import_module(f"{self.folder}.{module.name}")
-        _load_entry_points()
 
 
 @cache
 def _load_entry_points() -> None:
-    """Import what installed packages register, once for all registries."""
+    """Import what installed packages register, once for all registries. Raises InputError where
+    one cannot be imported."""
     from importlib.metadata import entry_points
 
     for point in entry_points(group=ENTRY_POINTS):
-        point.load()
+        try:
+            point.load()
+        except (ImportError, AttributeError, InputError) as error:
+            package = "of an installed package" if point.dist is None else f"of {point.dist.name}"
+            raise InputError(
+                f"extension {point.name!r} {package}: expected a module that can be imported, but "
+                f"{error}; mend or uninstall it"
+            ) from error

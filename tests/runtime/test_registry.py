@@ -25,7 +25,10 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Registry[Extension]
     (tmp_path / "box/__init__.py").touch()
     for name, rank in (("ball", 2), ("kite", 1)):
         (tmp_path / f"box/{name}.py").write_text(FILE.format(name=name, rank=rank))
-    text = "from dicedesign.runtime.registry import Registry\nTOYS = Registry('toy', 'box')\n"
+    text = (
+        "from dicedesign.runtime.registry import Extension, Registry\n"
+        "TOYS = Registry('toy', 'box', Extension)\n"
+    )
     (tmp_path / "toys.py").write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
     for name in ("toys", "box", "box.ball", "box.kite"):
@@ -48,6 +51,19 @@ def test_one_from_outside_is_like_the_others(toys: Registry[Extension]) -> None:
     assert toys["top"] is top
     toys.unregister("top")
     assert "top" not in toys
+
+
+def test_those_of_the_folder_come_first(toys: Registry[Extension]) -> None:
+    """Whoever takes one of their names is told so at once, and nothing is lost."""
+    with pytest.raises(InputError, match="toy 'kite': expected a name of its own"):
+        toys.register(Extension(name="kite", line="Mine."))
+    assert toys.names == ("kite", "ball")
+    assert toys["kite"].line == "A toy."
+
+
+def test_another_kind_is_refused(toys: Registry[Extension]) -> None:
+    with pytest.raises(InputError, match="toy: expected a Extension, got 'kite'"):
+        toys.register("kite")  # type: ignore[arg-type]
 
 
 def test_unknown_and_taken_names(toys: Registry[Extension]) -> None:

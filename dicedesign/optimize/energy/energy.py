@@ -15,12 +15,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dicedesign.errors import InputError
 from dicedesign.kernels import ops as kernels
 from dicedesign.optimize.energy.clusters import ClusteredRests
 from dicedesign.optimize.energy.term import (
     LARGEST_SQUARED_DISTANCE,
     SMALLEST_MEAN,
     EnergyWeights,
+    Term,
 )
 from dicedesign.runtime.arrays import Floats
 
@@ -32,7 +34,19 @@ KERNELS: Final = 4
 
 def energy_terms(state: ClusteredRests, weights: EnergyWeights) -> dict[str, Tensor]:
     """The weighted terms by name, by operations of torch; those without weight are left out."""
-    return {term.name: weight * term.evaluate(state, weights) for term, weight in weights.active}
+    return {term.name: weight * _evaluated(term, state, weights) for term, weight in weights.active}
+
+
+def _evaluated(term: Term, state: ClusteredRests, weights: EnergyWeights) -> Tensor:
+    """A term without its weight. Raises InputError where it is no scalar tensor."""
+    value = term.evaluate(state, weights)
+    if not isinstance(value, Tensor) or value.ndim > 0:
+        raise InputError(
+            f"energy term {term.name!r}: expected a tensor of torch with one number and no "
+            f"dimension, got {type(value).__name__} of shape {tuple(np.shape(value))}; sum it up, "
+            "by operations of torch"
+        )
+    return value
 
 
 @dataclass(frozen=True)
@@ -88,7 +102,7 @@ class Energy:
         if self._compiled is None:
             return energy_terms(self.state, self.weights)
         return {
-            term.name: weight * term.evaluate(self.state, self.weights)
+            term.name: weight * _evaluated(term, self.state, self.weights)
             for term, weight in self.weights.active
             if term.kernel is None and term.of_depths is None
         }

@@ -14,8 +14,9 @@ from dicedesign.runtime.registry import Extension, Registry
 if TYPE_CHECKING:
     from torch import Tensor
 
+    from dicedesign.errors import InputError
     from dicedesign.optimize.energy.clusters import ClusteredRests
-    from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats
 
 __all__ = [
     "LARGEST_SQUARED_DISTANCE",
@@ -76,7 +77,7 @@ class Term(Extension):
     of_depths: Callable[[ClusteredRests, EnergyWeights], tuple[float, Floats]] | None = None
 
 
-TERMS: Final = Registry[Term]("energy term", "dicedesign.optimize.energy.terms")
+TERMS: Final = Registry[Term]("energy term", "dicedesign.optimize.energy.terms", Term)
 
 
 class EnergyWeights(Numbers):
@@ -95,8 +96,9 @@ class EnergyWeights(Numbers):
         """Weight and options of each term but those that are always there."""
         declared: dict[str, Number] = {}
         for term in TERMS:
+            numbers: list[Number] = list(term.options)
             if term.weight is not None:
-                declared[term.name] = Number(
+                weight = Number(
                     name=term.name,
                     default=term.weight,
                     line=term.line,
@@ -104,7 +106,14 @@ class EnergyWeights(Numbers):
                     remedy="0 leaves the term out",
                     allows=lambda value: 0.0 <= value < np.inf,
                 )
-            declared |= {option.name: option for option in term.options}
+                numbers.insert(0, weight)
+            for number in numbers:
+                if number.name in declared:
+                    raise InputError(
+                        f"energy term {term.name!r}: expected names of its own for its weight and "
+                        f"its options, got {number.name!r}, which is taken; choose another"
+                    )
+                declared[number.name] = number
         return declared
 
     @property

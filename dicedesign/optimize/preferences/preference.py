@@ -55,7 +55,9 @@ class Preference(Extension):
     residuals: Callable[[BearingFacets], Tensor | None]
 
 
-PREFERENCES: Final = Registry[Preference]("preference", "dicedesign.optimize.preferences")
+PREFERENCES: Final = Registry[Preference](
+    "preference", "dicedesign.optimize.preferences", Preference
+)
 
 
 class Preferences(Numbers):

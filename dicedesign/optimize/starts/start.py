@@ -115,7 +115,7 @@ class StartKind(Extension):
     surface: Callable[[Any], tuple[Surface, tuple[str, ...]]] | None = None
 
 
-STARTS: Final = Registry[StartKind]("start", "dicedesign.optimize.starts.kinds")
+STARTS: Final = Registry[StartKind]("start", "dicedesign.optimize.starts.kinds", StartKind)
 
 
 def check_sides(outcomes: int) -> None:

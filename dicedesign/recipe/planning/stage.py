@@ -26,7 +26,7 @@ class Stage(Extension):
     run: Callable[[Work], None]
 
 
-STAGES: Final[Registry[Stage]] = Registry("stage", "dicedesign.recipe.stages")
+STAGES: Final[Registry[Stage]] = Registry("stage", "dicedesign.recipe.stages", Stage)
 
 
 def plan(work: Work, *, after: str | None = None, last: str | None = None) -> None:

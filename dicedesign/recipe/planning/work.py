@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -66,7 +67,8 @@ class Work:
     thrown: what the die does on its table.
     status: of the die; remarks: about it, phrases of the message; notes: what was repaired or
         assumed, sentences.
-    details: keys of result.json that stages found beside what is here.
+    details: fields of `Result` that stages found beside what is here; other names go into its
+        `extra`, as plain data.
     images: figures by name, PNG or GIF; files: contents by the name of the file.
     """
 
@@ -104,6 +106,9 @@ class Work:
         from dicedesign.results.record import Result, StageTime
 
         verdict, die, target = self.plain, self.die, self.target
+        fields = {field.name for field in dataclasses.fields(Result)}
+        extra = {name: value for name, value in self.details.items() if name not in fields}
+        known = {name: value for name, value in self.details.items() if name in fields}
         return Result(
             name=self.recipe.name,
             status=self.status.name.lower(),
@@ -125,8 +130,9 @@ class Work:
             stages=tuple(StageTime(**stage) for stage in self.clock.stages),
             peak_since=self.clock.peak_since,
             folder=self.folder,
+            extra=extra,
             **verdict.odds(),
-            **self.details,
+            **known,
         )
 
     def _files_by_kind(self) -> dict[str, str]:

@@ -20,7 +20,10 @@ from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts
 from dicedesign.recipe.schema.entries import Label, StartRecipe, Strict, TargetRecipe, one_of
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["MOST_MM", "Recipe"]
+__all__ = ["MOST_MM", "NAME", "Recipe"]
+
+NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$"
+"""Of a die, and of the folder of its results."""
 
 MOST_MM: Final = 1000.0
 """Largest size of a die."""
@@ -111,7 +114,7 @@ class Recipe(Strict):
     figures: whether pictures are drawn. report: whether the page is made.
     """
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
+    name: Annotated[str, Field(pattern=NAME)]
     target: TargetRecipe
     start: StartRecipe = Field(default_factory=lambda: StartRecipe("search", SearchOptions()))
     seed: Annotated[int, Field(ge=0)] = 0

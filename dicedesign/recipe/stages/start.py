@@ -68,6 +68,13 @@ def _make_shape(work: Work) -> None:
     start = recipe.start.made(Task(len(work.target.labels), recipe.seed, center))
     if start is None:
         return
+    directions = getattr(start, "directions", None)
+    if np.shape(directions) != (len(work.target.labels), 3):
+        raise InputError(
+            f"start.{recipe.start.name}: expected a Start with a direction for each of the "
+            f"{len(work.target.labels)} outcomes, got {type(start).__name__} with directions of "
+            f"shape {np.shape(directions)}; correct the extension"
+        )
     if recipe.symmetry is not None:
         # Every symmetry of a body keeps its centroid where it is.
         start = start.about_centroid()

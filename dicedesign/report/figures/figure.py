@@ -35,7 +35,7 @@ class Figure(Extension):
     instead_of: str = ""
 
 
-FIGURES: Final = Registry[Figure]("figure", "dicedesign.report.figures")
+FIGURES: Final = Registry[Figure]("figure", "dicedesign.report.figures", Figure)
 """All figures of dice, in the order of the page."""
 
 

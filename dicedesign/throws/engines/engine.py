@@ -45,7 +45,7 @@ class Engine(Extension):
     throw_states: ThrowStates
 
 
-ENGINES: Final = Registry[Engine]("engine", "dicedesign.throws.engines")
+ENGINES: Final = Registry[Engine]("engine", "dicedesign.throws.engines", Engine)
 
 
 def require_engine(name: str) -> Engine:

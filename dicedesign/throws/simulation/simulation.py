@@ -186,4 +186,16 @@ def throw_task(
     `DROPS_PER_TASK`; -1 for those that found none."""
     rng = np.random.default_rng([seed, first // DROPS_PER_TASK])
     states = released(body, table, np.arange(first, first + count), orientations, rng)
-    return ENGINES[engine].throw_states(body, table, states, refinement)
+    outcomes = np.asarray(ENGINES[engine].throw_states(body, table, states, refinement))
+    rests = len(body.rest_heights)
+    if outcomes.shape != (count,) or outcomes.dtype.kind != "i":
+        raise InputError(
+            f"engine {engine!r}: expected whole numbers of shape ({count},), a rest for each "
+            f"throw, got {outcomes.dtype} of shape {outcomes.shape}; correct it"
+        )
+    if not ((outcomes >= -1) & (outcomes < rests)).all():
+        raise InputError(
+            f"engine {engine!r}: expected rests from -1, for none, to {rests - 1}, got "
+            f"{outcomes.min()} to {outcomes.max()}; correct it"
+        )
+    return outcomes
