@@ -70,7 +70,7 @@ def checked_recipe(data: Mapping[str, Any]) -> Recipe:
     except (TypeError, ValueError, RecursionError) as error:
         raise RecipeError(
             f"expected texts as keys and entries that do not contain themselves, but {error}; "
-            "write them as in the README's table"
+            "write them as in docs/recipes.md"
         ) from error
     try:
         return Recipe.model_validate_json(plain)
@@ -140,6 +140,10 @@ def _explain(error: ValidationError) -> str:
     if first["type"] == "missing":
         return f"{key}: expected this key, but it is missing; add it"
     if isinstance(cause, ValueError):
+        parent, _, last = key.rpartition(".")
+        if str(cause).startswith(f"{last}."):
+            # It names the entry from the last key on.
+            return f"{parent}.{cause}".lstrip(".")
         return f"{key + ': ' if key else ''}{cause}"
     message = first["msg"][0].lower() + first["msg"][1:]
     return f"{key}: {message}, got {first['input']!r}; correct it"
