@@ -24,17 +24,16 @@ def row(result: dict) -> str:
     seconds = {stage["name"]: stage["seconds"] for stage in result["stages"]}
     # Unknown for a given center of mass; not there without engraving.
     engraved = result.get("engraved_max_abs_error")
-    designed = result.get("design_max_abs_error", result["max_abs_error"])
     cells = [
         f"`{result['name']}`",
         str(len(result["labels"])),
         f"{len(facets)} + {len(result['facets']) - len(facets)}",
-        f"{designed:.1e}",
+        f"{result['design_max_abs_error']:.1e}",
+        f"{result['max_abs_error']:.1e}",
         f"{engraved:.1e}" if engraved is not None else "unknown",
         f"{2.0 * min(facet['inradius_mm'] for facet in facets):.1f}",
         f"{min(facet['margin_deg'] for facet in facets):.0f}",
         f"{seconds['design']:.1f}",
-        f"{sum(seconds.values()):.1f}",
     ]
     return "| " + " | ".join(cells) + " |"
 
@@ -101,7 +100,8 @@ def save(picture: Image.Image, path: Path, colors: int = 96) -> None:
 if __name__ == "__main__":
     root = Path(sys.argv[1])
     results = [json.loads(path.read_text()) for path in sorted(root.glob("*/result.json"))]
-    resting = [result for result in results if "elsewhere" not in result and "thrown" not in result]
+    concave = [result for result in results if "displacement" in result]
+    resting = [result for result in results if result not in concave and "thrown" not in result]
     print("\n".join(map(row, resting)))
-    print("\n".join(concave_row(result) for result in results if "elsewhere" in result))
+    print("\n".join(map(concave_row, concave)))
     gallery(root, root / "gallery")

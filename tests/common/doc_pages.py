@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
+import json
 import os
 import re
 import subprocess
 import sys
-from importlib import import_module
-from importlib.util import find_spec
+from collections.abc import Mapping
 from pathlib import Path
 
-import dicedesign
 from common.paths import ROOT
 
 PAGES = [
@@ -34,50 +31,36 @@ def commands(page: Path) -> list[str]:
     return [line for block in blocks(page, "sh") for line in block.splitlines()]
 
 
-def run_python(code: str, folder: Path) -> str:
-    """What code prints that runs in a process of its own, warnings being errors."""
+RUN_PARTS = """
+import contextlib, io, json, sys, traceback
+
+told = {}
+for name, code in json.load(sys.stdin).items():
+    shown = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(shown), contextlib.redirect_stderr(io.StringIO()):
+            exec(compile(code, name, "exec"), {"__name__": "__main__"})
+        told[name] = shown.getvalue()
+    except BaseException:
+        told[name] = None
+        sys.stderr.write(f"\\n{name}:\\n{traceback.format_exc()}")
+json.dump(told, sys.stdout)
+"""
+
+
+def run_parts(parts: Mapping[str, str], folder: Path) -> dict[str, str]:
+    """What pieces of Python print that run one after the other in one new process, which imports
+    torch once; warnings are errors."""
+    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code],
+        [sys.executable, "-W", "error", "-c", RUN_PARTS],
+        input=json.dumps(dict(parts)),
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
         capture_output=True,
         text=True,
         check=False,
     )
     assert (done.returncode, done.stderr) == (0, ""), done.stderr
-    return done.stdout
-
-
-def not_there_yet(code: str) -> list[str]:
-    """Names of the package that code uses and that are not there."""
-    missing = []
-    if ".save(" in code and find_spec("dicedesign.fabricate.files") is None:
-        missing.append("Die.save")
-    for node in ast.walk(ast.parse(code)):
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-            if node.value.id == "dd" and not is_public(node.attr):
-                missing.append(f"dd.{node.attr}")
-        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("dicedesign."):
-            try:
-                module = import_module(node.module or "")
-            except ModuleNotFoundError:
-                missing.append(node.module or "")
-            else:
-                missing += [
-                    entry.name
-                    for entry in node.names
-                    if not hasattr(module, entry.name)
-                    or (entry.name == "ENGINES" and not hasattr(module.ENGINES, "register"))
-                ]
-    return sorted(set(missing))
-
-
-def is_public(name: str) -> bool:
-    """Whether the package has a name, as these pages tell of it."""
-    if name == "roll":
-        return next(iter(inspect.signature(dicedesign.roll).parameters)) != "equilibria"
-    if name == "design":
-        # Also the name of a folder of the package.
-        import_module("dicedesign.optimize.targets")
-        return callable(dicedesign.design)
-    return name in dicedesign.__all__
+    told: dict[str, str] = json.loads(done.stdout)
+    return told

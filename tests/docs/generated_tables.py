@@ -1,5 +1,5 @@
-"""Tables of the documentation that are made from the code: recipe keys, and what each registry
-has.
+"""Tables of the documentation that are made from the code: recipe keys, public names, statuses,
+and what each registry has.
 
     python tests/docs/generated_tables.py
 
@@ -28,6 +28,11 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import to_jsonable_python
 
+import dicedesign
+from dicedesign.optimize.starts.start import STARTS
+from dicedesign.recipe.schema.entries import StartRecipe
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.results.status import Status
 from dicedesign.runtime.registry import Registry
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,25 +51,43 @@ REGISTRIES = {
 COMMANDS = {"benches": "dicedesign bench "}
 """What is written before the names of a table's entries."""
 
+SUBJECTS = {
+    "recipe.design_die": "dice",
+    "results": "dice",
+    "recipe.planning": "recipes and stages of a run",
+    "recipe": "recipes and stages of a run",
+    "optimize.targets": "targets",
+    "geometry.meshes": "bodies",
+    "rest": "rests",
+    "gradient": "gradients",
+    "optimize.starts": "starting shapes",
+    "optimize.coordinates": "coordinates",
+    "optimize.energy": "energies",
+    "optimize.preferences": "preferences",
+    "optimize.options": "methods and their options",
+    "optimize.solvers": "methods and their options",
+    "throws": "throws",
+    "report.figures": "figures",
+    "runtime": "extensions",
+    "errors": "errors",
+}
+"""Subject of the public names of a part of the package, in the order of the table."""
+
 BLOCK = re.compile(r"(<!-- table: ([\w ]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 
 
 def tables() -> dict[str, Callable[[], str]]:
     """Makers of all tables by name."""
-    makers: dict[str, Callable[[], str]] = {"recipe keys": recipe_table}
-    for name, place in REGISTRIES.items():
-        if is_there(place):
-            makers[name] = partial(registry_table, place, COMMANDS.get(name, ""))
-    return makers
-
-
-def is_there(place: str) -> bool:
-    """Whether a registry can be imported."""
-    module, _, attribute = place.partition(":")
-    try:
-        return isinstance(getattr(import_module(module), attribute, None), Registry)
-    except ModuleNotFoundError:
-        return False
+    registries = {
+        name: partial(registry_table, place, COMMANDS.get(name, ""))
+        for name, place in REGISTRIES.items()
+    }
+    return {
+        "recipe keys": recipe_table,
+        "public names": names_table,
+        "statuses": status_table,
+        **registries,
+    }
 
 
 def pages() -> list[Path]:
@@ -77,12 +100,9 @@ def blocks(page: Path) -> dict[str, str]:
     return {match[2]: match[3] for match in BLOCK.finditer(page.read_text(encoding="utf-8"))}
 
 
-def rewritten(text: str, only: dict[str, Callable[[], str]]) -> str:
+def rewritten(text: str, makers: dict[str, Callable[[], str]]) -> str:
     """The text of a page with its tables made anew."""
-    return BLOCK.sub(
-        lambda match: match[1] + (only[match[2]]() if match[2] in only else match[3]) + match[4],
-        text,
-    )
+    return BLOCK.sub(lambda match: match[1] + makers[match[2]]() + match[4], text)
 
 
 def markdown(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
@@ -103,10 +123,49 @@ def registry_table(place: str, command: str) -> str:
     )
 
 
+def status_table() -> str:
+    """Name and message of each status."""
+    return markdown(
+        ("status", "message"), [(f"`{status.name.lower()}`", status.value) for status in Status]
+    )
+
+
+def names_table() -> str:
+    """Public names by subject, with what their docstrings say first."""
+    by_subject: dict[str, list[tuple[str, str]]] = {subject: [] for subject in SUBJECTS.values()}
+    for module, name in public_names():
+        place = next(part for part in SUBJECTS if f"{module}.".startswith(f"dicedesign.{part}."))
+        value = getattr(dicedesign, name)
+        meaning = (
+            f"every {value.kind} that there is, by name; `register` adds one"
+            if isinstance(value, Registry)
+            else first_sentence(value)
+        )
+        by_subject[SUBJECTS[place]].append((f"`{name}`", meaning))
+    rows = [
+        (subject if number == 0 else "", *entry)
+        for subject, entries in by_subject.items()
+        for number, entry in enumerate(entries)
+    ]
+    return markdown(("subject", "name", "meaning"), rows)
+
+
+def public_names() -> Iterator[tuple[str, str]]:
+    """Module and name of everything public, from the file that lists it."""
+    stub = (ROOT / "dicedesign" / "__init__.pyi").read_text(encoding="utf-8")
+    for node in ast.parse(stub).body:
+        if isinstance(node, ast.ImportFrom):
+            yield from ((node.module or "", alias.name) for alias in node.names)
+
+
+def first_sentence(value: object) -> str:
+    """What a docstring says first."""
+    paragraph = " ".join((inspect.getdoc(value) or "").split("\n\n")[0].split())
+    return tidy(re.split(r"\. (?=[A-Z])", paragraph)[0])
+
+
 def recipe_table() -> str:
     """Dotted key, default and meaning of each entry of a recipe."""
-    from dicedesign.recipe.schema.recipe import Recipe
-
     return markdown(("key", "default", "meaning"), list(recipe_rows(Recipe)))
 
 
@@ -122,9 +181,7 @@ def recipe_rows(
             default = getattr(instance, number.name, number.default)
             yield f"`{parent}{number.name}`", written(default), number.line
         return
-    if schema.__name__ == "StartRecipe" and is_there(REGISTRIES["starting shapes"]):
-        from dicedesign.optimize.starts.start import STARTS
-
+    if schema is StartRecipe:
         for kind in STARTS:
             nested = nested_type(kind.options)
             yield f"`{parent}{kind.name}`", "", kind.line
@@ -238,7 +295,8 @@ def with_numbers(meaning: str, schema: type) -> str:
 
 def tidy(text: str) -> str:
     """One line, which ends without a full stop."""
-    return " ".join(text.split()).rstrip(".").replace("``", "`")
+    line = " ".join(text.split()).replace("``", "`")
+    return line if line.endswith("...") else line.removesuffix(".")
 
 
 def main() -> int:

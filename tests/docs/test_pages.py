@@ -14,6 +14,10 @@ from test_architecture import FLOORS
 from dicedesign.recipe.schema.recipe import Recipe
 
 
+MADE_UP = {"dicedesign/bench/benches/cubes.py"}
+"""The bench of an example."""
+
+
 def anchors(page: Path) -> set[str]:
     """What a link to a heading of a page is called."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
@@ -39,6 +43,24 @@ def test_links_lead_somewhere(page: Path) -> None:
         place = (page.parent / path).resolve() if path else page
         assert place.exists(), target
         assert not anchor or anchor in anchors(place), target
+
+
+IN_BACKTICKS = re.compile(r"`([^`\n]+)`")
+
+
+def named_files(page: Path) -> set[str]:
+    """Files and folders of the package, the tests and the examples that a page names as code."""
+    text = page.read_text(encoding="utf-8")
+    names = set(IN_BACKTICKS.findall(re.sub(r"^```.*?^```", "", text, flags=re.S | re.M)))
+    folders = "|".join(path.name for path in (ROOT / "dicedesign").iterdir() if path.is_dir())
+    within = re.compile(rf"(dicedesign|tests|examples|docs|recipes|{folders})/[\w./]*")
+    return {name for name in names if within.fullmatch(name)}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_files_that_are_named_are_there(page: Path) -> None:
+    for name in named_files(page) - MADE_UP:
+        assert (ROOT / name).exists() or (ROOT / "dicedesign" / name).exists(), name
 
 
 def test_every_page_is_linked_from_the_readme() -> None:
@@ -90,8 +112,7 @@ def test_dice_makers_read_of_every_key() -> None:
 def test_tables_are_what_the_code_has(page: Path) -> None:
     makers = generated_tables.tables()
     for name, text in generated_tables.blocks(page).items():
-        if name in makers:
-            assert text == makers[name](), f"{name}: run python tests/docs/generated_tables.py"
+        assert text == makers[name](), f"{name}: run python tests/docs/generated_tables.py"
 
 
 def test_every_table_has_a_page() -> None:

@@ -75,7 +75,16 @@ def one_of(model: BaseModel, *names: str) -> str:
 
 
 class TargetRecipe(Strict):
-    """`target`: one distribution, perhaps with labels of one's own."""
+    """`target`: one distribution, perhaps with labels of one's own.
+
+    Attributes
+    ----------
+    binomial: heads among so many fair coins, at least 1.
+    sum_of_dice: the total of fair dice with these numbers of sides, each at least 2.
+    fair: so many equally probable outcomes, at least 2.
+    probabilities: of the outcomes, above 0 and summing to 1; numbers or fractions such as 1/36.
+    labels: of the outcomes, 1 to 12 characters each; the distribution's own unless given.
+    """
 
     binomial: int | None = None
     sum_of_dice: list[int] | None = None

@@ -100,7 +100,8 @@ class Recipe(Strict):
     ----------
     name: folder name of the results.
     seed: of everything random.
-    target, start: what is wanted, and what to begin with: shapes that are searched, unless given.
+    target: the outcomes and their odds.
+    start: a shape to begin with; shapes are searched, unless given.
     assignment: labels in the order of the start's directions; None for the order of the target;
         empty, "any" in a file, for one order after the other, at random, until one leads there.
     center_of_mass: (3,) fixed, in the start's own coordinates (see
