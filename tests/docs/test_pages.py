@@ -13,9 +13,8 @@ from test_architecture import FLOORS
 
 from dicedesign.recipe.schema.recipe import Recipe
 
-
-MADE_UP = {"dicedesign/bench/benches/cubes.py"}
-"""The bench of an example."""
+MADE_UP = {"dicedesign/bench/benches/cubes.py", "recipes/NAME.yaml"}
+"""The bench of an example, and what stands for any recipe."""
 
 
 def anchors(page: Path) -> set[str]:
@@ -51,10 +50,10 @@ IN_BACKTICKS = re.compile(r"`([^`\n]+)`")
 def named_files(page: Path) -> set[str]:
     """Files and folders of the package, the tests and the examples that a page names as code."""
     text = page.read_text(encoding="utf-8")
-    names = set(IN_BACKTICKS.findall(re.sub(r"^```.*?^```", "", text, flags=re.S | re.M)))
+    code = IN_BACKTICKS.findall(re.sub(r"^```.*?^```", "", text, flags=re.S | re.M))
     folders = "|".join(path.name for path in (ROOT / "dicedesign").iterdir() if path.is_dir())
     within = re.compile(rf"(dicedesign|tests|examples|docs|recipes|{folders})/[\w./]*")
-    return {name for name in names if within.fullmatch(name)}
+    return {word for span in code for word in span.split() if within.fullmatch(word)}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

@@ -8,23 +8,10 @@ from pathlib import Path
 
 from common.doc_pages import commands
 
+from dicedesign.bench.frame import BENCHES
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.tolerances import FILE_ODDS
-
-BENCHES = {
-    "stability",
-    "gradients",
-    "accuracy",
-    "design",
-    "exact",
-    "lean",
-    "speed",
-    "concave",
-    "table",
-    "momentum",
-    "thrown",
-}
 
 MOST_LINES = 180
 """Of a page that is read in three minutes."""
@@ -54,7 +41,7 @@ def test_every_bench_is_among_the_numbers(repository: Path) -> None:
     # The script that checks a change runs them as they stand.
     lines = commands(repository / "docs" / "numbers.md")
     benches = [line.split()[2] for line in lines if line.startswith("dicedesign bench ")]
-    assert set(benches) == BENCHES
+    assert set(benches) == set(BENCHES.names)
 
 
 def test_every_recipe_is_in_the_table_within_its_tolerance(repository: Path) -> None:
