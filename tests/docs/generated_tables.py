@@ -207,13 +207,13 @@ def defaults(schema: type, instance: object) -> Iterator[tuple[str, object]]:
             own = MISSING if entry.is_required() else entry.get_default(call_default_factory=True)
             yield name, getattr(instance, name, own)
     else:
-        for entry in dataclasses.fields(schema):
-            own = entry.default
-            if own is dataclasses.MISSING and entry.default_factory is not dataclasses.MISSING:
-                own = entry.default_factory()
+        for field in dataclasses.fields(schema):
+            own = field.default
+            if own is dataclasses.MISSING and field.default_factory is not dataclasses.MISSING:
+                own = field.default_factory()
             yield (
-                entry.name,
-                getattr(instance, entry.name, MISSING if own is dataclasses.MISSING else own),
+                field.name,
+                getattr(instance, field.name, MISSING if own is dataclasses.MISSING else own),
             )
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import shutil
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,6 @@ from common.doc_pages import PAGES, blocks, commands, run_parts
 from common.paths import ROOT
 
 from dicedesign.bench.frame import BENCHES, add_options
-from dicedesign.cli.main import _parser as command_line
 from dicedesign.recipe.schema.reading import read_recipe
 
 LONG = (
@@ -81,12 +81,15 @@ def test_commands_examples_and_code_run(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("line", [line for line in TYPED if line.startswith("dicedesign ")])
 def test_a_command_is_understood(line: str) -> None:
-    given = command_line().parse_args(shlex.split(arguments(line)))
-    if "bench " in line:
-        name, *rest = given.arguments
-        bench = argparse.ArgumentParser()
-        add_options(bench, BENCHES[name])
-        bench.parse_args(rest)
+    command, *given = shlex.split(arguments(line))
+    parser = argparse.ArgumentParser()
+    if command == "bench":
+        name, *given = given
+        add_options(parser, BENCHES[name])
+    else:
+        import_module(f"dicedesign.cli.{command}").add_parser(parser.add_subparsers())
+        given = [command, *given]
+    parser.parse_args(given)
     for word in shlex.split(line):
         if word.startswith("recipes/"):
             assert list(ROOT.glob(word)), word
