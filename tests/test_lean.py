@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse.linalg
 import torch
 import trimesh
 from common.blade import blade
@@ -28,7 +29,6 @@ from dicedesign.optimize.energy.objective import Evaluation, Objective
 from dicedesign.optimize.energy.term import TERMS, EnergyWeights
 from dicedesign.optimize.options import DescentOptions, SobolevOptions, Stopping
 from dicedesign.optimize.result import DesignResult
-from dicedesign.optimize.solvers import sobolev
 from dicedesign.optimize.solvers.descent import descend_to_target
 from dicedesign.optimize.solvers.line_search import LineSearch
 from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
@@ -305,8 +305,8 @@ def test_a_fixed_center_of_mass_takes_no_mass_gradient(monkeypatch: pytest.Monke
 def test_without_sobolev_there_is_no_laplacian_and_no_factor(
     monkeypatch: pytest.MonkeyPatch, coordinates: str
 ) -> None:
-    for name in ("csc_array", "splu"):
-        monkeypatch.setattr(sobolev, name, forbidden)
+    for name in ("scipy.sparse.csc_array", "scipy.sparse.linalg.splu"):
+        monkeypatch.setattr(name, forbidden)
     assert len(descend(coordinates=coordinates).history) == 5
     with pytest.raises(AssertionError, match="not asked for"):
         descend(coordinates="vertices", sobolev=SobolevOptions())
@@ -315,7 +315,7 @@ def test_without_sobolev_there_is_no_laplacian_and_no_factor(
 def test_the_sobolev_factor_lasts_as_long_as_the_edges(
     counted: Callable[[Any, str], list[tuple[Any, ...]]],
 ) -> None:
-    factors = counted(sobolev, "splu")
+    factors = counted(scipy.sparse.linalg, "splu")
     searches = counted(LineSearch, "search")
     points = large(30).points
     start = Start(points, rest_poses(points).normals[:4])

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csc_array, diags_array, eye_array
-from scipy.sparse.linalg import SuperLU, splu
 
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.optimize.options import SobolevOptions
 from dicedesign.runtime.arrays import Floats, Integers
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import SuperLU
 
 __all__ = [
     "SobolevSolver",
@@ -27,6 +30,9 @@ def graph_laplacian(hull: ConvexHull) -> csc_array:
 
 def edge_laplacian(tails: Integers, heads: Integers, size: int) -> csc_array:
     """(size, size) the same of any graph, whose edges (h,) are given in both directions."""
+    # It takes longer to load than most dice to design, which need none.
+    from scipy.sparse import csc_array, diags_array
+
     adjacency = csc_array((np.ones(len(tails)), (tails, heads)), shape=(size, size))
     return csc_array(diags_array(np.asarray(adjacency.sum(axis=0)).ravel()) - adjacency)
 
@@ -46,6 +52,9 @@ class SobolevSolver:
 
     @cached_property
     def _factor(self) -> SuperLU:
+        from scipy.sparse import csc_array, eye_array
+        from scipy.sparse.linalg import splu
+
         size = self.laplacian.shape[0]
         return splu(csc_array(eye_array(size) + self.options.smoothing * self.laplacian))
 

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dicedesign.fabricate.designed_die import DesignedDie
-from dicedesign.optimize.refinement import Round
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.starts.start import Start
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.record import HullsMade, Step
 from dicedesign.runtime.arrays import Floats
+
+if TYPE_CHECKING:
+    from dicedesign.optimize.refinement import Round
 
 __all__ = ["designed_die", "normalised_center", "step_listener", "wanted_odds"]
 

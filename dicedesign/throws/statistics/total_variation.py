@@ -13,7 +13,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import betaln, ndtri, xlog1py, xlogy
 
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.statistics.intervals import jeffreys_means
@@ -83,6 +82,8 @@ def noise_floor(odds: ArrayLike, throws: float) -> float:
     Source: the mean absolute deviation of a binomial distribution by De Moivre, 1730; Diaconis and
     Zabell, Statistical Science 6(3), 1991, eq. 1.1.
     """
+    from scipy.special import betaln, xlog1py, xlogy
+
     p = np.asarray(odds, dtype=np.float64)
     n = math.floor(throws)
     above = np.floor(n * p) + 1.0
@@ -114,6 +115,8 @@ def measure_variation(counts: ArrayLike, odds: ArrayLike, confidence: float) -> 
     odds: (k,) summing to 1.
     confidence: in (0, 1).
     """
+    from scipy.special import ndtri
+
     came = np.asarray(counts, dtype=np.float64)
     throws = float(came.sum())
     value = total_variation(came / throws, odds)
