@@ -64,13 +64,14 @@ def run_batch(
         """Run tasks, so many at a time; the files of those that lost their worker."""
         lost = Task()
         for task, future in as_ended(lambda: next(tasks, None), submit, most, on_quiet):
-            error = future.exception()
-            if error is None:
-                on_entries(future.result())
-            elif is_lost_worker(error):
+            try:
+                entries = future.result()
+            except Exception as error:
+                if not is_lost_worker(error):
+                    raise
                 lost |= task
             else:
-                raise error
+                on_entries(entries)
         return lost
 
     most = min(FILES_PER_TASK, -(-len(stamps) // (FEWEST_TASKS_PER_JOB * jobs)))

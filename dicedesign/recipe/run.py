@@ -65,8 +65,11 @@ def run(
     folder = Path("outputs") / recipe.name if out is None else Path(out)
     work = Work(recipe, folder, listeners or Listeners(), enlarge, resume)
     with kept_folder(folder):
-        plan(work)
-        return finish(work)
+        try:
+            plan(work)
+            return finish(work)
+        except KeyboardInterrupt as interrupt:
+            raise KeyboardInterrupt(work.kept) from interrupt
 
 
 def finish(work: Work) -> Result:

@@ -69,12 +69,11 @@ def run_search(
         return executor.submit(run_trial, trial.recipe)
 
     for trial, future in as_ended(next_trial, submit, jobs, on_quiet):
-        error = future.exception()
-        if error is None:
-            study.tell(trial.number, future.result())
-            if on_trial is not None:
-                on_trial(future.result())
-        elif is_lost_worker(error):
+        try:
+            result = future.result()
+        except Exception as error:
+            if not is_lost_worker(error):
+                raise
             trial.losses += 1
             if trial.losses >= MOST_LOSSES:
                 raise DiceError(
@@ -84,4 +83,6 @@ def run_search(
                 ) from error
             lost.append(trial)
         else:
-            raise error
+            study.tell(trial.number, result)
+            if on_trial is not None:
+                on_trial(result)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from itertools import count
 from typing import Final
@@ -39,7 +37,6 @@ def design(work: Work) -> DesignedDie:
     ------
     InputError: the surface does not suit the target, no attempt led to a die, or there is no
         checkpoint of the same search to resume.
-    KeyboardInterrupt: with a message about the checkpoint, if there is one of this run.
     """
     recipe, surface, options = work.recipe, work.surface, concave_options(work.recipe)
     assert surface is not None
@@ -48,23 +45,24 @@ def design(work: Work) -> DesignedDie:
     progress = None
     if work.resume and path is not None:
         progress = read_checkpoint(path, search)
-    with _explained_interrupt(progress) as keep:
+    if progress is not None:
+        work.kept = _kept(progress)
 
-        def on_attempt(progress: ConcaveProgress) -> None:
-            if path is not None:
-                atomic_write(path, checkpoint_bytes(progress, search))
-                keep(progress)
+    def on_attempt(progress: ConcaveProgress) -> None:
+        if path is not None:
+            atomic_write(path, checkpoint_bytes(progress, search))
+            work.kept = _kept(progress)
 
-        numbers = count(0)
-        made = make_concave_die(
-            surface,
-            work.target.probabilities,
-            options,
-            seed=recipe.seed,
-            resume=progress,
-            on_step=lambda step: work.listeners.on_step(_step(next(numbers), step)),
-            on_attempt=on_attempt,
-        )
+    numbers = count(0)
+    made = make_concave_die(
+        surface,
+        work.target.probabilities,
+        options,
+        seed=recipe.seed,
+        resume=progress,
+        on_step=lambda step: work.listeners.on_step(_step(next(numbers), step)),
+        on_attempt=on_attempt,
+    )
     best = made.progress.best
     assert best is not None
     work.details |= {
@@ -108,25 +106,6 @@ def _search_identity(recipe: Recipe, surface: Surface) -> dict[str, str]:
         "method": json.dumps(options),
         "surface": hashlib.sha256(data).hexdigest(),
     }
-
-
-@contextmanager
-def _explained_interrupt(
-    progress: ConcaveProgress | None,
-) -> Iterator[Callable[[ConcaveProgress], None]]:
-    """Let an interrupt say what is kept. Yields what is to be told of each checkpoint."""
-    latest = progress
-
-    def keep(progress: ConcaveProgress) -> None:
-        nonlocal latest
-        latest = progress
-
-    try:
-        yield keep
-    except KeyboardInterrupt as interrupt:
-        if latest is None:
-            raise
-        raise KeyboardInterrupt(_kept(latest)) from interrupt
 
 
 def _kept(progress: ConcaveProgress) -> str:

@@ -69,6 +69,7 @@ class Work:
         assumed, sentences.
     details: fields of `Result` that stages found beside what is here; other names go into its
         `extra`, as plain data.
+    kept: what an interrupt leaves to go on from, in a sentence; empty for nothing.
     images: figures by name, PNG or GIF; files: contents by the name of the file.
     """
 
@@ -90,6 +91,7 @@ class Work:
     remarks: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     details: dict[str, Any] = field(default_factory=dict)
+    kept: str = ""
     images: dict[str, bytes] = field(default_factory=dict)
     files: dict[str, bytes] = field(default_factory=dict)
 

@@ -191,7 +191,8 @@ def test_easing_keeps_the_odds_and_takes_corners_back() -> None:
 def test_what_is_nearer_takes_less_work() -> None:
     problem, design = bumpy_problem(), bumpy_design()
     start = HullDraft.of(problem.hull.vertices + 1.02 * design.moved, design.directions)
-    if start is None or start.error(problem.target) > TOLERANCE:
+    # One that has used up its tolerance must first come back to the odds, and may go farther.
+    if start is None or start.error(problem.target) > TOLERANCE / 4.0:
         start = HullDraft.of(problem.hull.vertices + design.moved, design.directions)
     assert start is not None
     nearer = nearer_draft(problem, start, SLOPES)
