@@ -64,7 +64,8 @@ def with_torch(weight: float) -> None:
 def least_angle(points: np.ndarray) -> float:
     """In degrees, between the normal of a rest and a saddle on the border of its basin."""
     rests = dd.evaluate_rests(torch.tensor(points))
-    state = dd.ClusteredRests(rests, dd.cluster(rests.hull.normals, START.directions), TARGET)
+    clusters = dd.cluster(rests.hull.normals[rests.paths.rests], START.directions)
+    state = dd.ClusteredRests(rests, clusters, TARGET)
     normals = rests.rest_normals[torch.as_tensor(rests.paths.basins)]
     cosines = (normals * state.saddles[:, None]).sum(-1)
     return float(torch.rad2deg(torch.arccos(cosines.max())))
