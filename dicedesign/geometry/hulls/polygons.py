@@ -115,7 +115,10 @@ def _least_third(sign: float, rows: Floats, bounds: Floats) -> Floats | None:
     corners = corners[(corners @ rows.T <= bounds + MET).all(axis=1)]
     if len(corners) == 0:
         return None
-    least: Floats = corners[np.argmin(sign * corners[:, 2])]
+    values = sign * corners[:, 2]
+    # Of several, the one in the middle.
+    tied = corners[values <= values.min() + MET]
+    least: Floats = tied[np.argmin((tied[:, :2] ** 2).sum(axis=1))]
     return least
 
 
