@@ -257,3 +257,23 @@ def test_a_mesh_as_start(repository: Path, tmp_path: Path) -> None:
     energies = [step.energy for step in result.history]
     assert len(energies) == 6
     assert min(energies) < energies[0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "gone"),
+    [
+        (["figures=false"], {".png"}),
+        (["report=false"], {".html"}),
+        (["figures=false", "report=false"], {".png", ".html"}),
+    ],
+)
+def test_pictures_and_page_can_be_left_out(
+    tmp_path: Path, changes: list[str], gone: set[str]
+) -> None:
+    recipe = tmp_path / "d3.yaml"
+    recipe.write_text("name: d3\ntarget: {fair: 3}\nstart: {prism: {}}\nengrave: false\n")
+    result = run(recipe, tmp_path / "out", changes=changes)
+    assert result.converged
+    left = {path.suffix for path in (tmp_path / "out").iterdir()}
+    assert left == {".stl", ".yaml", ".json", ".png", ".html"} - gone
+    assert {Path(name).suffix for name in result.files.values()} == left
