@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from dicedesign.errors import InputError
@@ -68,7 +70,7 @@ def _make_shape(work: Work) -> None:
     start = recipe.start.made(Task(len(work.target.labels), recipe.seed, center))
     if start is None:
         return
-    directions = getattr(start, "directions", None)
+    directions: Any = getattr(start, "directions", None)
     if np.shape(directions) != (len(work.target.labels), 3):
         raise InputError(
             f"start.{recipe.start.name}: expected a Start with a direction for each of the "
