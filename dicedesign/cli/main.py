@@ -48,10 +48,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The reader of our output has gone, as in `dicedesign rest ... | head`.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except KeyboardInterrupt as interrupt:
+    except (KeyboardInterrupt, Exception) as error:
+        interrupt = _interrupt_behind(error)
+        if interrupt is None:
+            raise
         kept = str(interrupt) or "nothing half-written was left"
         print(f"dicedesign: interrupted; {kept}", file=sys.stderr)
         return 130
+
+
+def _interrupt_behind(error: BaseException | None) -> KeyboardInterrupt | None:
+    """The interrupt that a library has wrapped, as pydantic does where it calls this package."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__
+    return error
 
 
 def _parser(command: str | None) -> argparse.ArgumentParser:

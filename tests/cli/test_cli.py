@@ -247,3 +247,20 @@ def test_rest_with_a_table_adds_thrown_odds(
     assert "--table glass: expected board-game, hard-wood, carpet" in capsys.readouterr().err
     assert main(["rest", str(tmp_path), "--table", "board-game", "--out", "a.csv"]) == 2
     assert "--table: expected one mesh, got the folder" in capsys.readouterr().err
+
+
+def test_an_interrupt_that_a_library_wraps_is_an_interrupt(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """pydantic turns whatever its callers' functions raise into errors of its own."""
+
+    def interrupted(kind: object) -> None:
+        raise KeyboardInterrupt
+
+    # As by Ctrl-C while the recipe is written out again.
+    monkeypatch.setattr("dicedesign.recipe.schema.entries.TypeAdapter", interrupted)
+    recipe = tmp_path / "four.yaml"
+    recipe.write_text("name: four\ntarget: {fair: 5}\nstart: {prism: {}}\nengrave: false\n")
+    assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 130
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said == "dicedesign: interrupted; nothing half-written was left"

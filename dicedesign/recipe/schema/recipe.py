@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, Final
 
-from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.fabricate.options import EngravingOptions
@@ -257,7 +257,7 @@ class Recipe(Strict):
 
     def resolved(self) -> dict[str, Any]:
         """The recipe with every default written out, as plain data."""
-        plain: dict[str, Any] = TypeAdapter(Recipe).dump_python(self, mode="json")
+        plain: dict[str, Any] = self.model_dump(mode="json")
         plain["assignment"] = plain["assignment"] or ("any" if self.any_order else "in_order")
         plain["center_of_mass"] = plain["center_of_mass"] or "uniform"
         plain["symmetry"] = plain["symmetry"] or "none"
