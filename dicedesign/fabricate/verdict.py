@@ -13,6 +13,7 @@ import numpy as np
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.meshes.stl import parsed_stl
+from dicedesign.optimize.targets import Target
 from dicedesign.rest.asymmetry import border_margins
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_margins, outcome_odds
 from dicedesign.rest.poses import RestPoses, rest_poses
@@ -33,18 +34,18 @@ class Verdict:
     body: the solid in mm as it was read back.
     poses: its rests.
     outcomes: what they count for.
-    target: (k,) wanted odds.
+    target: what is wanted.
     """
 
     body: Body
     poses: RestPoses
     outcomes: OutcomeOdds
-    target: Floats
+    target: Target
 
     @property
     def max_abs_error(self) -> float:
         """Largest |p - q|."""
-        return self.outcomes.max_abs_error(self.target)
+        return self.outcomes.max_abs_error(self.target.probabilities)
 
     @cached_property
     def margins(self) -> Floats:
@@ -68,9 +69,11 @@ class Verdict:
         if self.margins.min() < LEAST_MARGIN:
             yield Status.UNSTEADY
 
-    def facets(self, labels: tuple[str, ...]) -> tuple[FacetOfDie, ...]:
+    @cached_property
+    def facets(self) -> tuple[FacetOfDie, ...]:
         """Each facet that the die can rest on, the most probable first; an outcome's own bears its
         label."""
+        labels = self.target.labels
         poses, of_rest = self.poses, self.outcomes.outcome_of_rest.tolist()
         own = {int(rest): labels[k] for k, rest in enumerate(self.outcomes.main) if rest >= 0}
         margins, borders = np.degrees(poses.margins), np.degrees(border_margins(poses))
@@ -98,14 +101,15 @@ class Verdict:
 
 
 def judged(
-    data: bytes, directions: Floats, target: Floats, center_of_mass: Floats | None = None
+    data: bytes, directions: Floats, target: Target, center_of_mass: Floats | None = None
 ) -> Verdict:
     """The verdict on a file.
 
     Parameters
     ----------
     data: content of the STL file.
-    directions: (k, 3) unit, down in the outcomes, in the order of the target (k,).
+    directions: (k, 3) unit, down in the outcomes, in the order of the target.
+    target: what is wanted.
     center_of_mass: (3,) in the file's coordinates, or None for that of the uniform solid.
 
     Raises

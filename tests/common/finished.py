@@ -11,6 +11,7 @@ from dicedesign.fabricate.finished_die import EngravedFile, FinishedDie
 from dicedesign.fabricate.verdict import judged
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.optimize.targets import Target
 from dicedesign.results.record import Result, StageTime, Step
 
 LABELS = ("1", "2", "3", "4", "5", "<6>")
@@ -23,17 +24,16 @@ def finished_box(**changes: Any) -> FinishedDie:
     corners = [(x, y, z) for x in (-7, 7) for y in (-8, 8) for z in (-10, 10)]
     hull = convex_hull(np.array(corners, dtype=np.float64))
     directions = np.concatenate([np.eye(3), -np.eye(3)])
-    target = np.full(6, 1.0 / 6.0)
+    target = Target(LABELS, np.full(6, 1.0 / 6.0))
     verdict = judged(stl_bytes(hull.vertices, hull.triangles), directions, target)
-    facets = verdict.facets(LABELS)
     result = Result(
         name="a < box",
         status="off_target",
         message="max |p - q| is 0.1 & more",
         labels=LABELS,
-        target=tuple(target.tolist()),
+        target=tuple(target.probabilities.tolist()),
         center_of_mass=(-1e-17, 1.5, -2.0),
-        facets=facets,
+        facets=verdict.facets,
         unstable_facets=0,
         rest_counts=(1,) * 6,
         least_angle_deg=90.0,

@@ -118,7 +118,7 @@ class Work:
             labels=target.labels,
             target=tuple(target.probabilities.tolist()),
             center_of_mass=tuple(verdict.poses.center_of_mass.tolist()),
-            facets=verdict.facets(target.labels),
+            facets=verdict.facets,
             unstable_facets=len(verdict.poses.hull.normals) - len(verdict.poses.facets),
             rest_counts=tuple(verdict.outcomes.rest_counts.tolist()),
             least_angle_deg=math.degrees(verdict.outcomes.least_angle),

@@ -27,10 +27,7 @@ def check(work: Work) -> None:
     """Read die_plain.stl back and say what it does and what is wrong with it."""
     die, solid = work.die, work.solid
     work.plain = judged(
-        work.files["die_plain.stl"],
-        die.directions,
-        work.target.probabilities,
-        solid.center_of_mass,
+        work.files["die_plain.stl"], die.directions, work.target, solid.center_of_mass
     )
     thrown = work.recipe.method.thrown
     tolerance = None if thrown else work.recipe.method.tolerance

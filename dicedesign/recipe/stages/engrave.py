@@ -107,7 +107,7 @@ def _cut(work: Work) -> None:
     work.files["die.stl"] = data
     verdict = None
     if solid.center_of_mass is None:
-        verdict = judged(data, work.die.directions, work.target.probabilities)
+        verdict = judged(data, work.die.directions, work.target)
         work.details |= verdict.odds("engraved_")
         if not work.recipe.method.thrown:
             work.remarks.append(f"{verdict.max_abs_error:.3g} with the labels cut in")
