@@ -44,6 +44,9 @@ FIRST_CARRY: Final = -3.0
 WEIGHT_DECAY: Final = 1e-4
 """Weight of the squared parameters of the networks in the loss."""
 
+SMALLEST_SHARE: Final = 1e-6
+"""Below what any rest has in throws of a training die, if it has some; keeps logarithms finite."""
+
 
 @dataclass(frozen=True)
 class TrainingDie:
@@ -96,9 +99,9 @@ def _joined(dice: Sequence[TrainingDie]) -> TrainingDie:
 
 def _divergence(die: TrainingDie, model: MomentumModel) -> Tensor:
     """Sum of the Kullback-Leibler divergences of the model's odds from the frequencies."""
-    odds = landing_odds(die.features, die.transitions, model.at(die.change), torch).clamp(min=1e-6)
-    frequencies = die.frequencies
-    divergence: Tensor = (frequencies * (frequencies.clamp(min=1e-9) / odds).log()).sum()
+    odds = landing_odds(die.features, die.transitions, model.at(die.change), torch)
+    odds, frequencies = odds.clamp(min=SMALLEST_SHARE), die.frequencies
+    divergence: Tensor = (frequencies * (frequencies.clamp(min=SMALLEST_SHARE) / odds).log()).sum()
     return divergence
 
 

@@ -25,6 +25,9 @@ Orientations = Literal["uniform", "icosahedron"]
 
 ORIENTATIONS: Final[tuple[Orientations, ...]] = get_args(Orientations)
 
+UPSIDE_DOWN: Final = 1e-12
+"""Nearer to down than this, as a part of the vertical, the shortest turn up has no certain axis."""
+
 PAPER_DIRECTIONS: Final = 1212
 """Vertices of the icosahedron whose edges are cut into `SUBDIVISIONS` parts: 10 times their square
 plus 2. Source: section 4.1."""
@@ -98,7 +101,7 @@ def _standing(up: Floats, yaw: Floats) -> Floats:
     # The shortest turn from u to z has the axis u x z; near its antipode that is any across it.
     real = 1.0 + up[:, 2]
     turn = np.stack([real, up[:, 1], -up[:, 0], np.zeros(len(up))], axis=1)
-    turn[real < 1e-12] = (0.0, 1.0, 0.0, 0.0)
+    turn[real < UPSIDE_DOWN] = (0.0, 1.0, 0.0, 0.0)
     turn /= np.linalg.norm(turn, axis=1)[:, None]
     cosine, sine = np.cos(yaw / 2.0), np.sin(yaw / 2.0)
     w, x, y, z = turn.T
