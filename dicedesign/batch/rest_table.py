@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Final
 from dicedesign.batch.formats import table_format
 from dicedesign.batch.rows import COLUMNS, Entry, csv_line, entries_of
 from dicedesign.errors import InputError, OutputError
-from dicedesign.runtime.files import atomic_write
+from dicedesign.runtime.files import atomic_write, read_file
 
 __all__ = ["RestTable"]
 
@@ -52,15 +53,9 @@ class RestTable:
         Raises InputError: the file is no such table, or as `table_format`.
         """
         decode = table_format(path).decode
-        try:
-            data = path.read_bytes()
-        except FileNotFoundError:
+        if not os.path.lexists(path):
             return {}
-        except OSError as error:
-            raise InputError(
-                f"{path}: expected a readable table, got {error.strerror!r}; check path and "
-                "permissions"
-            ) from error
+        data = read_file(path, "a table of an earlier run")
         try:
             return entries_of(decode(data))
         except (ValueError, csv.Error) as error:

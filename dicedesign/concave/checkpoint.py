@@ -13,6 +13,7 @@ import numpy as np
 
 from dicedesign.concave.result import ConcaveProgress, ConcaveStep, FilledHull
 from dicedesign.errors import InputError
+from dicedesign.runtime.files import read_file
 
 __all__ = ["checkpoint_bytes", "read_checkpoint"]
 
@@ -61,7 +62,7 @@ def read_checkpoint(path: Path, search: dict[str, str]) -> ConcaveProgress:
             "--resume to begin"
         )
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
+        with np.load(io.BytesIO(read_file(path, "a checkpoint")), allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
             theirs, best = about["search"], about["best"]
             if best is not None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.results.record import RESULT, Result
+from dicedesign.runtime.files import read_file
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
 
 __all__ = ["read_result"]
@@ -23,16 +24,16 @@ def read_result(folder: Path | str) -> Result:
 
     path = Path(folder) / RESULT
     try:
-        result = TypeAdapter(Result).validate_json(path.read_bytes())
+        result = TypeAdapter(Result).validate_json(read_file(path, "a result"))
         _check(result)
         result = dataclasses.replace(result, folder=Path(folder))
-    except (OSError, ValueError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         if isinstance(error, ValidationError):
             first = error.errors()[0]
             key = ".".join(str(part) for part in first["loc"]) or "the file"
             reason = f"{key}: {first['msg']}"
         else:
-            reason = getattr(error, "strerror", None) or str(error)
+            reason = getattr(error.__cause__, "strerror", None) or str(error)
         raise InputError(
             f"{path}: expected the result of a finished run, got {reason}; name a folder that "
             "`dicedesign run` left, or run its recipe.yaml again"

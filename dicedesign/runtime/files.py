@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and JSON as all of them have it."""
+"""Files that are read whole, files that are written whole or not at all, and JSON."""
 
 from __future__ import annotations
 
@@ -6,11 +6,77 @@ import contextlib
 import json
 import os
 import secrets
+import stat
 from pathlib import Path
+from typing import Final
 
-from dicedesign.errors import OutputError
+from dicedesign.errors import InputError, OutputError
 
-__all__ = ["atomic_write", "json_text", "make_writable_folder"]
+__all__ = ["atomic_write", "json_text", "make_writable_folder", "read_file", "read_text"]
+
+MOST_TEXT: Final = 1 << 24
+"""Bytes of a file that people write: 16 MiB."""
+
+MOST_DATA: Final = 1 << 32
+"""Bytes of a file that programs write: 4 GiB."""
+
+_KINDS: Final = {
+    stat.S_IFDIR: "a directory",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+
+
+def read_file(
+    path: Path, kind: str, *, most: int = MOST_DATA, error: type[InputError] = InputError
+) -> bytes:
+    """Content of a regular file; nothing else is waited for.
+
+    Parameters
+    ----------
+    path: the file, or a link to one.
+    kind: what it is expected to be, for messages, such as "a mesh or point file".
+    most: bytes that it may have.
+    error: what is raised, InputError or one of its subclasses: there is no such file, it cannot be
+        read, it is a directory, a pipe or a device, or it is larger.
+    """
+    try:
+        # A pipe that nobody writes to would be waited for.
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+        with open(handle, "rb") as file:
+            status = os.fstat(handle)
+            if not stat.S_ISREG(status.st_mode):
+                found = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
+                raise error(f"{path}: expected {kind}, got {found}; name a file")
+            data = file.read(most + 1)
+    except FileNotFoundError as fault:
+        raise error(f"{path}: no such file; check the path") from fault
+    except IsADirectoryError as fault:
+        raise error(f"{path}: expected {kind}, got a directory; name a file") from fault
+    except (OSError, ValueError, MemoryError) as fault:
+        if isinstance(fault, InputError):
+            raise
+        reason = getattr(fault, "strerror", None) or str(fault) or "too little memory"
+        raise error(
+            f"{path}: expected a readable file, got {reason!r}; check path and permissions"
+        ) from fault
+    if len(data) > most:
+        raise error(
+            f"{path}: expected {kind} of at most {most >> 20} MiB, got more; name another file"
+        )
+    return data
+
+
+def read_text(path: Path, kind: str, *, error: type[InputError] = InputError) -> str:
+    """Text of a regular file in UTF-8 of at most `MOST_TEXT` bytes; parameters and errors as of
+    `read_file`."""
+    data = read_file(path, kind, most=MOST_TEXT, error=error)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as fault:
+        raise error(f"{path}: expected {kind} in UTF-8, but {fault}; save it as such") from fault
 
 
 def json_text(plain: object) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from dicedesign.errors import InputError
+from dicedesign.runtime.files import read_text
 
 __all__ = [
     "LEAST_SIZE",
@@ -166,13 +167,7 @@ def _entries(name: str) -> dict[str, Any]:
     if name in TABLE_NAMES:
         text = resources.files("dicedesign.throws").joinpath(f"named/{name}.json").read_text()
     elif name.endswith(".json"):
-        try:
-            text = Path(name).read_text()
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(
-                f"--table {name}: expected a JSON file that can be read, but {error}; check the "
-                "path"
-            ) from error
+        text = read_text(Path(name), "a JSON file of a table")
     else:
         raise InputError(
             f"--table {name}: expected {', '.join(TABLE_NAMES)} or the path of a table's .json "
@@ -180,7 +175,7 @@ def _entries(name: str) -> dict[str, Any]:
         )
     try:
         entries = json.loads(text)
-    except json.JSONDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"--table {name}: expected JSON, but {error}; correct it") from error
     known = {field.name for field in fields(Table)}
     needed = known - {"size", "drag", "source"}

@@ -171,7 +171,7 @@ def test_nothing_that_could_be_analysed(
         ),
         (["--out", "t.csv", "--coplanar-tolerance", "nan"], "--coplanar-tolerance: expected a num"),
         (["--out", "gone/t.csv"], "gone/t.csv: expected to write a file in an existing"),
-        (["--out", "meshes/b.xyz/t.csv"], "meshes/b.xyz/t.csv: expected a readable table"),
+        (["--out", "meshes/b.xyz/t.csv"], "meshes/b.xyz/t.csv: expected to write a file"),
         (["--out", "t.csv", "--json"], "--json: expected one mesh, got the folder meshes"),
         (["--out", "t.csv", "--figure", "f.png"], "--figure: expected one mesh, got the folder"),
         (["--out", "t.csv", "--jobs", "0"], "--jobs: expected a whole number above 0, got 0"),

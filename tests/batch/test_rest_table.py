@@ -155,7 +155,7 @@ def test_other_files_are_no_table(tmp_path: Path, content: str, said: str) -> No
     with pytest.raises(InputError, match=f"expected a table of an earlier run .*{said}.*--out"):
         RestTable.read(path)
     (tmp_path / "d.csv").mkdir()
-    with pytest.raises(InputError, match="expected a readable table"):
+    with pytest.raises(InputError, match="got a directory"):
         RestTable.read(tmp_path / "d.csv")
 
 

@@ -1,15 +1,61 @@
-"""Files are written whole or not at all."""
+"""Files are read if they are some, and written whole or not at all."""
 
 from __future__ import annotations
 
 import errno
 import os
+import signal
+import socket
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from dicedesign.errors import OutputError
-from dicedesign.runtime.files import atomic_write, make_writable_folder
+from dicedesign.errors import InputError, MeshFileError, OutputError
+from dicedesign.runtime.files import atomic_write, make_writable_folder, read_file, read_text
+
+
+def a_socket(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(os.path.relpath(path))
+
+
+SPECIAL: dict[str, Callable[[Path], object]] = {
+    "a directory": Path.mkdir,
+    "a pipe": os.mkfifo,
+    "a device": lambda path: path.symlink_to("/dev/zero"),
+    "No such device": a_socket,
+    "Too many levels": lambda path: path.symlink_to(path),
+}
+
+
+@pytest.mark.parametrize("kind", SPECIAL)
+def test_what_is_no_regular_file_is_not_read(tmp_path: Path, kind: str) -> None:
+    """A pipe that nobody writes to, and a device that never ends, are not waited for."""
+    path = tmp_path / "special.stl"
+    SPECIAL[kind](path)
+    signal.alarm(20)
+    try:
+        with pytest.raises(MeshFileError, match=rf"special\.stl: expected .*{kind}.*; "):
+            read_file(path, "a mesh", error=MeshFileError)
+    finally:
+        signal.alarm(0)
+
+
+def test_regular_files_and_links_to_them_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_bytes("\ufeffä".encode())
+    (tmp_path / "link").symlink_to(path)
+    for one in (path, tmp_path / "link"):
+        assert read_file(one, "a text", most=5) == "\ufeffä".encode()
+        assert read_text(one, "a text") == "ä"
+    with pytest.raises(InputError, match=r"a\.txt: expected a text of at most 0 MiB, got more"):
+        read_file(path, "a text", most=4)
+    path.write_bytes(b"\xff")
+    with pytest.raises(InputError, match=r"a\.txt: expected a text in UTF-8"):
+        read_text(path, "a text")
+    with pytest.raises(InputError, match=r"expected a readable file, got 'embedded null"):
+        read_file(Path("a\0b"), "a text")
 
 
 def test_atomic_write_replaces_and_leaves_only_the_file(tmp_path: Path) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import logging
 import warnings
+import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, cast
 
@@ -14,14 +16,21 @@ import numpy as np
 from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
 from dicedesign.geometry.meshes.body import Body, is_rounded, make_body
 from dicedesign.geometry.meshes.formats import mesh_endings
-from dicedesign.geometry.meshes.stl import read_stl
+from dicedesign.geometry.meshes.stl import parsed_stl
 from dicedesign.geometry.meshes.text_formats import EXPORT_AGAIN, TEXT_READERS, Geometry
 from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.files import read_file
 
 __all__ = ["read_body"]
 
-OWN_READERS: Final[dict[str, Callable[[Path], Geometry]]] = {**TEXT_READERS, ".stl": read_stl}
+OWN_READERS: Final[dict[str, Callable[[bytes, Path], Geometry]]] = {
+    **TEXT_READERS,
+    ".stl": parsed_stl,
+}
 """The reader of each file ending, in lower case, that needs no other package."""
+
+MOST_INFLATED: Final = 1 << 31
+"""Bytes of all that an archive holds: 2 GiB."""
 
 
 def read_body(path: str | Path) -> Body:
@@ -45,12 +54,17 @@ def read_body(path: str | Path) -> Body:
     DegenerateBodyError: a coordinate is not finite, or there are fewer than 4 distinct points.
     """
     path = Path(path)
-    _check_file(path)
+    data = read_file(path, "a mesh or point file", error=MeshFileError)
+    if not data:
+        raise MeshFileError(
+            f"{path}: expected a mesh or point file, got an empty one; {EXPORT_AGAIN}"
+        )
     reader = OWN_READERS.get(path.suffix.lower())
     if reader is not None:
-        points, triangles = reader(path)
+        points, triangles = reader(data, path)
         rounded, count = is_rounded(points), 1
     else:
+        _check_archive(data, path)
         points, triangles, rounded, count = _read_scene(path)
     if len(points) == 0:
         raise MeshFileError(f"{path}: expected a mesh or points, found neither; {EXPORT_AGAIN}")
@@ -66,22 +80,15 @@ def read_body(path: str | Path) -> Body:
     return Body(body.points, body.triangles, body.name, body.single_precision, notes)
 
 
-def _check_file(path: Path) -> None:
-    if path.is_dir():
-        raise MeshFileError(f"{path}: expected a mesh or point file, got a directory; name a file")
-    try:
-        with path.open("rb") as file:
-            empty = not file.read(1)
-    except FileNotFoundError as error:
-        raise MeshFileError(f"{path}: no such file; check the path") from error
-    except OSError as error:
-        raise MeshFileError(
-            f"{path}: expected a readable file, got {error.strerror!r}; check path and permissions"
-        ) from error
-    if empty:
-        raise MeshFileError(
-            f"{path}: expected a mesh or point file, got an empty one; {EXPORT_AGAIN}"
-        )
+def _check_archive(data: bytes, path: Path) -> None:
+    """Raise MeshFileError for a ZIP file, as 3MF is, that would fill the memory."""
+    with contextlib.suppress(zipfile.BadZipFile), zipfile.ZipFile(io.BytesIO(data)) as archive:
+        total = sum(member.file_size for member in archive.infolist())
+        if total > MOST_INFLATED:
+            raise MeshFileError(
+                f"{path}: expected at most {MOST_INFLATED >> 20} MiB in an archive, got "
+                f"{total >> 20}; {EXPORT_AGAIN}"
+            )
 
 
 def _read_scene(
@@ -127,7 +134,7 @@ def _transformed(points: Floats, matrix: Floats) -> Floats:
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-@contextmanager
+@contextlib.contextmanager
 def _quiet() -> Iterator[None]:
     """Silence the log and the warnings of trimesh."""
     logger = logging.getLogger("trimesh")

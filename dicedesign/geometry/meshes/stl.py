@@ -12,7 +12,7 @@ from dicedesign.geometry.meshes.body import repeated_positions
 from dicedesign.geometry.meshes.text_formats import EXPORT_AGAIN, bad_line
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["STL_HEADER", "STL_TRIANGLE", "parsed_stl", "read_stl", "stl_bytes"]
+__all__ = ["STL_HEADER", "STL_TRIANGLE", "parsed_stl", "stl_bytes"]
 
 STL_HEADER: Final = 84
 """Bytes before the first triangle: 80 of any text, then the number of triangles."""
@@ -22,11 +22,6 @@ STL_TITLE: Final = b"dicedesign, binary STL, lengths in millimetres".ljust(STL_H
 
 STL_TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("color", "<u2")])
 """A triangle of a binary file; its last two bytes are an extension that most programs skip."""
-
-
-def read_stl(path: Path) -> tuple[Floats, Integers]:
-    """Points and triangles of an STL file, see `parsed_stl`."""
-    return parsed_stl(path.read_bytes(), path)
 
 
 def parsed_stl(data: bytes, path: Path) -> tuple[Floats, Integers]:

@@ -22,9 +22,9 @@ __all__ = [
     "TEXT_READERS",
     "Geometry",
     "bad_line",
-    "read_obj",
-    "read_off",
-    "read_xyz",
+    "parsed_obj",
+    "parsed_off",
+    "parsed_xyz",
 ]
 
 Geometry = tuple[Floats, Integers]
@@ -37,11 +37,14 @@ EXPORT_AGAIN: Final = "export it again as STL, PLY or OBJ"
 QUOTED: Final = 40
 """Characters of a wrong line that are quoted."""
 
+MOST_INDEX: Final = 2**31
+"""No mesh has so many vertices."""
+
 DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+")
 """A number with a comma for its point."""
 
 
-def read_obj(path: Path) -> Geometry:
+def parsed_obj(data: bytes, path: Path) -> Geometry:
     """Positions and fan-triangulated faces of a Wavefront OBJ file.
 
     Texture and normal indices are skipped, so seams in them do not split vertices. Groups and
@@ -49,7 +52,7 @@ def read_obj(path: Path) -> Geometry:
 
     Parameters
     ----------
-    path: an existing file.
+    data: content of the file; path: what to call it in messages.
 
     Returns
     -------
@@ -62,7 +65,7 @@ def read_obj(path: Path) -> Geometry:
     """
     points: list[float] = []
     triangles: list[int] = []
-    for number, fields in _lines(path):
+    for number, fields in _lines(data):
         if fields[0] == "v":
             points += _position(path, number, fields[1:4])
         elif fields[0] == "f":
@@ -75,12 +78,12 @@ def read_obj(path: Path) -> Geometry:
     return _arrays(points, triangles)
 
 
-def read_off(path: Path) -> Geometry:
+def parsed_off(data: bytes, path: Path) -> Geometry:
     """Positions and fan-triangulated faces of an ASCII OFF file, colored or not.
 
-    Parameters, results and errors are those of `read_obj`.
+    Parameters, results and errors are those of `parsed_obj`.
     """
-    lines = list(_lines(path))
+    lines = list(_lines(data))
     if not lines or lines[0][1][0].upper() not in {"OFF", "COFF", "NOFF", "CNOFF"}:
         raise MeshFileError(
             f"{path}: expected an ASCII OFF file, whose first line is OFF, got another first line; "
@@ -111,13 +114,13 @@ def read_off(path: Path) -> Geometry:
     return _arrays(points, triangles)
 
 
-def read_xyz(path: Path) -> Geometry:
+def parsed_xyz(data: bytes, path: Path) -> Geometry:
     """Points of a text file, the first three numbers of every line; further columns are skipped.
 
-    Parameters, results and errors are those of `read_obj`, without triangles.
+    Parameters, results and errors are those of `parsed_obj`, without triangles.
     """
     points: list[float] = []
-    for number, words in _lines(path):
+    for number, words in _lines(data):
         if len(words) >= 3 and all(DECIMAL_COMMA.fullmatch(word) for word in words[:3]):
             raise bad_line(path, number, "decimal points", " ".join(words))
         fields = " ".join(words).replace(",", " ").replace(";", " ").split()
@@ -125,17 +128,17 @@ def read_xyz(path: Path) -> Geometry:
     return _arrays(points, [])
 
 
-TEXT_READERS: Final[dict[str, Callable[[Path], Geometry]]] = {
-    ".obj": read_obj,
-    ".off": read_off,
-    ".xyz": read_xyz,
+TEXT_READERS: Final[dict[str, Callable[[bytes, Path], Geometry]]] = {
+    ".obj": parsed_obj,
+    ".off": parsed_off,
+    ".xyz": parsed_xyz,
 }
 """The reader of each file ending, in lower case."""
 
 
-def _lines(path: Path) -> Iterator[Line]:
+def _lines(data: bytes) -> Iterator[Line]:
     """Number and fields of every line that holds any, comments and continuations resolved."""
-    text = path.read_bytes().decode("utf-8-sig", errors="replace")
+    text = data.decode("utf-8-sig", errors="replace")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     pending, start = "", 0
     for number, line in enumerate(lines, start=1):
@@ -154,14 +157,22 @@ def _lines(path: Path) -> Iterator[Line]:
 def _position(path: Path, number: int, fields: Sequence[str]) -> tuple[float, float, float]:
     try:
         x, y, z = fields
-        return float(x), float(y), float(z)
+        position = float(x), float(y), float(z)
+        # float() would take "1_0" as 10.
+        if "_" in x + y + z:
+            raise ValueError
+        return position
     except ValueError as error:
         raise bad_line(path, number, "three coordinates", " ".join(fields)) from error
 
 
 def _integers(path: Path, number: int, fields: Sequence[str]) -> list[int]:
     try:
-        return list(map(int, fields))
+        numbers = list(map(int, fields))
+        # int() would take "1_0" as 10, and numbers that no array holds.
+        if "_" in "".join(fields) or max(map(abs, numbers), default=0) > MOST_INDEX:
+            raise ValueError
+        return numbers
     except ValueError as error:
         raise bad_line(path, number, "whole numbers", " ".join(fields)) from error
 

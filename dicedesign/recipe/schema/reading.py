@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from dicedesign.errors import RecipeError
 from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.runtime.files import read_text
 
 __all__ = ["checked_recipe", "read_recipe", "recipe_text"]
 
@@ -36,14 +37,7 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
     RecipeError: the file is missing or no YAML mapping, or an entry is unknown or unusable; the
         message names file, key, what was expected and what came.
     """
-    try:
-        content = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not text"
-        raise RecipeError(
-            f"{path}: expected a readable recipe file, but {reason}; check the path"
-        ) from error
-    data = _load(content, str(path))
+    data = _load(read_text(path, "a recipe", error=RecipeError), str(path))
     if not isinstance(data, dict):
         raise RecipeError(
             f"{path}: expected keys and values, got {data!r}; write name: ... and target: ..."

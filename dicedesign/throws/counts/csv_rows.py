@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import csv
+import io
 from pathlib import Path
 from typing import Final
 
 from dicedesign.errors import InputError
+from dicedesign.runtime.files import read_text
 
 __all__ = ["csv_rows", "require_equal_lengths", "whole_count"]
 
 MOST: Final = 10**9
 """No count is larger."""
+
+QUOTED: Final = 40
+"""Characters of a wrong entry that are quoted."""
 
 
 def csv_rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
@@ -20,14 +25,13 @@ def csv_rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
 
     Raises InputError: the file cannot be read.
     """
+    text = read_text(path, "a CSV file of throws")
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file)
-            rows = [(reader.line_num, [entry.strip() for entry in row]) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
+        reader = csv.reader(io.StringIO(text, newline=""))
+        rows = [(reader.line_num, [entry.strip() for entry in row]) for row in reader]
+    except csv.Error as error:
         raise InputError(
-            f"{path}: expected a CSV file of throws in UTF-8, but {reason}; name such a file"
+            f"{path}: expected a CSV file of throws, but {error}; correct it"
         ) from error
     (_, first), *others = [(line, row) for line, row in rows if any(row)] or [(1, [])]
     return first, others
@@ -47,10 +51,11 @@ def require_equal_lengths(
 
 def whole_count(path: Path, line: int, text: str) -> int:
     """A number of throws. Raises InputError: it is no whole number from 0 to `MOST`."""
-    # int() would take "1_000" as well.
-    if text.isascii() and text.isdigit() and int(text[:20]) <= MOST:
-        return int(text)
+    # int() would take "1_000" as well, and take long over thousands of digits.
+    digits = text.lstrip("0") or text
+    if text.isascii() and text.isdigit() and len(digits) <= QUOTED and int(digits) <= MOST:
+        return int(digits)
     raise InputError(
-        f"{path}, line {line}: expected a whole number from 0 to {MOST}, got {text!r}; correct the "
-        "count"
+        f"{path}, line {line}: expected a whole number from 0 to {MOST}, got {text[:QUOTED]!r}; "
+        "correct the count"
     )

@@ -155,7 +155,7 @@ def test_bad_recipes_are_errors_before_anything_runs(
 ) -> None:
     good, none, mesh = repository / "recipes" / "fair_d5.yaml", tmp_path / "none", tmp_path / "mesh"
     assert main(["bench", "exact", str(good), str(none)]) == 2
-    assert f"{none}: expected a readable recipe file" in capsys.readouterr().err
+    assert f"{none}: no such file" in capsys.readouterr().err
     mesh.write_text("{name: mesh, target: {fair: 4}, start: {mesh: {path: gone.stl}}}")
     assert main(["bench", "exact", str(good), str(mesh)]) == 2
     out, err = capsys.readouterr()

@@ -299,7 +299,7 @@ def test_quick_takes_two_recipes_and_a_round() -> None:
         (["--variation", "1"], "--variation: expected a number in (0, 1), got 1"),
         (["--engine", "dice"], "engine: expected native, mujoco, bullet, got 'dice'"),
         (["--jobs", "0"], "--jobs: expected a whole number above 0, got 0"),
-        (["nothing.yaml"], "nothing.yaml: expected a readable recipe file"),
+        (["nothing.yaml"], "nothing.yaml: no such file"),
     ],
 )
 def test_bad_input_is_said_plainly(

@@ -6,6 +6,7 @@ import logging
 import re
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from common.paths import DATA, ROOT
 from dicedesign.errors import DegenerateBodyError, MeshFileError
 from dicedesign.geometry.meshes.formats import OWN_ENDINGS
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.meshes.stl import read_stl
+from dicedesign.geometry.meshes.stl import parsed_stl
 from dicedesign.geometry.solid import is_closed, solid_properties
 
 MODELS = DATA / "models"
@@ -82,7 +83,7 @@ def test_stl_agrees_with_trimesh(tmp_path: Path, kind: str, solids: int) -> None
         content = "\n".join(mesh.export(file_type="stl_ascii") for mesh in meshes)
     path = write(tmp_path, "a.stl", content)
     other = trimesh.util.concatenate(trimesh.load(path, force="scene", process=False).dump())
-    points, triangles = read_stl(path)
+    points, triangles = parsed_stl(path.read_bytes(), path)
     np.testing.assert_array_equal(points[triangles], other.triangles)
     assert read_body(path).single_precision == (kind == "stl")  # text keeps all digits
 
@@ -320,6 +321,11 @@ GARBAGE = np.random.default_rng(0).bytes(3000)
         ("a.obj", CUBE + "f 1 2\n", "line 9: expected a face of at least 3 vertices, got 'f 1 2'"),
         ("a.obj", CUBE + "f 1 2 0\n", "line 9: expected vertex numbers other than 0,"),
         ("a.obj", CUBE + "f 1 2 b\n", "line 9: expected whole numbers, got '1 2 b'"),
+        ("a.obj", CUBE + "f 1 2 3_0\n", "line 9: expected whole numbers, got '1 2 3_0'"),
+        ("a.obj", CUBE + f"f 1 2 {10**20}\n", "line 9: expected whole numbers, got '1 2 1000"),
+        ("a.obj", CUBE + f"f 1 2 {'9' * 5000}\n", "line 9: expected whole numbers, got '1 2 999"),
+        ("a.obj", "v 1_0 0 0\n", "line 1: expected three coordinates, got '1_0 0 0'"),
+        ("a.off", f"OFF\n1 {10**20}\n0 0 0\n", "line 2: expected whole numbers"),
         ("a.obj", CUBE + "f 1 2 9\n", "points 0 to 7, got point 8 in triangle 0"),
         ("a.obj", CUBE + "f 1 2 -9\n", "points 0 to 7, got point -1 in triangle 0"),
         ("a.off", "OFF\n", "expected the numbers of vertices and faces and then as many lines"),
@@ -409,3 +415,16 @@ def test_decimal_commas_are_not_taken_for_separators(tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         read_body(path).points, [[1, 2, 3], [4, 5, 6], [7, 8, 9], [1.5, 2, 2]]
     )
+
+
+def test_an_archive_that_would_fill_the_memory_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is small itself, and nothing of it is inflated."""
+    monkeypatch.setattr("dicedesign.geometry.meshes.reading.MOST_INFLATED", 1 << 22)
+    path = tmp_path / "bomb.3mf"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("3D/3dmodel.model", bytes((1 << 22) + 1))
+    assert path.stat().st_size < 1 << 14
+    with pytest.raises(MeshFileError, match=r"bomb\.3mf: expected at most 4 MiB in an archive"):
+        read_body(path)

@@ -43,6 +43,10 @@ def test_good_files(tmp_path: Path, text: str, counts: list[int]) -> None:
         ("label\n", r"expected at least one throw, got none"),
         ("label,count\n1,10\n\n7,3\n", r"line 4: expected a label of the die \(1, 2, .*got '7'"),
         ("label\n1\nx\n", r"line 3: expected a label of the die .* got 'x'"),
+        (
+            f"label,count\n1,{'9' * 5000}\n",
+            r"line 2: expected a whole number from 0 to .*, got '999",
+        ),
         ("label,count\n1,-2\n", r"line 2: expected a whole number from 0 to 1000000000, got '-2'"),
         ("label,count\n1,2.5\n", r"got '2.5'"),
         ("label,count\n1,1_000\n", r"got '1_000'"),
@@ -62,7 +66,7 @@ def test_bad_files(tmp_path: Path, text: str | bytes, message: str) -> None:
 
 
 def test_no_file(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none.csv: expected a CSV file .* No such file"):
+    with pytest.raises(InputError, match=r"none.csv: no such file"):
         read_counts(tmp_path / "none.csv", LABELS)
     with pytest.raises(InputError, match="directory"):
         read_counts(tmp_path, LABELS)

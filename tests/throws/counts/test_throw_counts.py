@@ -182,5 +182,5 @@ def test_unknown_die_and_unreadable_file(box: Path, tmp_path: Path) -> None:
     path = written(tmp_path, HEADER + "b,box.obj,1,2,0.4\n")
     with pytest.raises(InputError, match="expected a die 'c', got b; take one of them"):
         read_throw_counts(path, ["c"])
-    with pytest.raises(InputError, match="expected a CSV file of throws in UTF-8, but No such"):
+    with pytest.raises(InputError, match=r"none\.csv: no such file"):
         read_throw_counts(tmp_path / "none.csv")
