@@ -1,12 +1,15 @@
 """The command line: parsing, exit codes and plain errors.
 
-Data go to stdout, progress and notes to stderr. Exit codes: 0 done, 1 not converged, 2 bad input,
-130 interrupted.
+Data go to stdout, progress and notes to stderr. Exit codes: 0 done, 1 not converged, 2 bad input
+or an output that cannot be written, 3 an error that nobody foresaw, 130 interrupted.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import errno
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -30,31 +33,86 @@ COMMANDS: Final = (
 )
 """Each is a module of this folder, with its parser and what it does."""
 
+DEBUG: Final = "--debug"
+
+UNFORESEEN: Final = 3
+"""Exit code of an error that is none of the user's."""
+
+_NOT_WRITTEN: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+"""What the system says where a stream is full or gone; files of this package have errors of their
+own."""
+
 LIST_OPTIONS: Final = ("--com", "--down", "--inertia", "--target", "--labels")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a subcommand and return its exit code."""
+    _mend_streams()
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    words = [word for word in given if word != DEBUG]
     try:
-        given = list(sys.argv[1:] if arguments is None else arguments)
-        options = _parser(given[0] if given else None).parse_args(_joined(given))
+        options = _parser(words[0] if words else None).parse_args(_joined(words))
         code: int = options.command(options)
         sys.stdout.flush()
         return code
-    except DiceError as error:
-        print(f"dicedesign: {error}", file=sys.stderr)
-        return 2
-    except BrokenPipeError:
-        # The reader of our output has gone, as in `dicedesign rest ... | head`.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     except (KeyboardInterrupt, Exception) as error:
-        interrupt = _interrupt_behind(error)
-        if interrupt is None:
+        code, said = _ending(error)
+        if code == UNFORESEEN and len(words) < len(given):
             raise
-        kept = str(interrupt) or "nothing half-written was left"
-        print(f"dicedesign: interrupted; {kept}", file=sys.stderr)
-        return 130
+        _say(said)
+        return code
+
+
+def _ending(error: BaseException) -> tuple[int, str]:
+    """The exit code after an error, and what is said of it, if anything."""
+    _drop_unwritten()
+    interrupt = _interrupt_behind(error)
+    if interrupt is not None:
+        return 130, f"interrupted; {str(interrupt) or 'nothing half-written was left'}"
+    if isinstance(error, DiceError):
+        return 2, str(error)
+    if isinstance(error, BrokenPipeError):
+        # The reader of our output has gone, as in `dicedesign rest ... | head`.
+        return 0, ""
+    if isinstance(error, OSError) and error.filename is None and error.errno in _NOT_WRITTEN:
+        return 2, (
+            f"stdout: expected an output that takes what is printed, got {error.strerror!r}; make "
+            "room or send it elsewhere"
+        )
+    if isinstance(error, MemoryError):
+        return 2, "memory: expected enough for this input, got too little; take a smaller one"
+    return UNFORESEEN, (
+        f"an error that nobody foresaw, {type(error).__name__}: {error}; please report it to those "
+        f"you have dicedesign from, with your command and what it says with {DEBUG}"
+    )
+
+
+def _say(text: str) -> None:
+    """One line on stderr, whatever names it quotes; nothing for no text."""
+    line = "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
+    if line:
+        with contextlib.suppress(OSError):
+            print(f"dicedesign: {line}", file=sys.stderr, flush=True)
+
+
+def _mend_streams() -> None:
+    """Let streams that are closed lead nowhere, instead of into the next file that is opened, and
+    write what the encoding of others has no letter for as an escape."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        stream = getattr(sys, name)
+        if stream is None:
+            nowhere = open(os.devnull, mode, encoding="utf-8")  # noqa: SIM115
+            setattr(sys, name, nowhere)
+        elif mode == "w" and isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _drop_unwritten() -> None:
+    """Drop what stdout holds if it takes nothing more: Python itself would try again at its end."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _interrupt_behind(error: BaseException | None) -> KeyboardInterrupt | None:
@@ -71,6 +129,7 @@ def _parser(command: str | None) -> argparse.ArgumentParser:
         description="Design solid objects by the odds with which they come to rest.",
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    parser.add_argument(DEBUG, action="store_true", help="show where an unforeseen error came from")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name in (command,) if command in COMMANDS else COMMANDS:
         # Imported here, so that an interrupt during the import ends as plainly as any other.
