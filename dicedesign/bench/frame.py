@@ -164,10 +164,9 @@ def add_options(parser: argparse.ArgumentParser, bench: Bench) -> None:
     parser.add_argument(
         "--out",
         type=Path,
-        default=bench.results,
         metavar="DIR",
         help=f"folder for {'' if bench.figure is None else f'{bench.name}.png and '}"
-        f"{bench.name}.json (default: {bench.results or 'write none'})",
+        f"{bench.name}.json (default: {bench.results or 'write none'}; quick: write none)",
     )
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
 
@@ -188,6 +187,8 @@ def execute(bench: Bench, options: argparse.Namespace, executor: Executor | None
     from dicedesign.runtime.files import json_text, make_writable_folder
     from dicedesign.runtime.workers import progress_bar
 
+    if options.out is None and not options.quick:
+        options.out = bench.results
     given = vars(options)
     run = Run(_extent(bench, given), executor, **given)
     if bench.figure is not None:

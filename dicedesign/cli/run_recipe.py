@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dicedesign.runtime.text_table import text_table
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -74,7 +76,6 @@ def _print(result: Result) -> None:
     print(f"{result.name}: {result.status} ({result.message})")
     _print_odds(result)
     if result.displacement is not None:
-        print(f"other  {0.0:<#10.5g}  {result.elsewhere:#.5g}")
         moved = result.displacement
         print(
             f"displacement: mean {100.0 * moved.mean:.3g} %, largest "
@@ -86,13 +87,15 @@ def _print(result: Result) -> None:
 
 
 def _print_odds(result: Result) -> None:
-    """Target and odds by label; of a thrown die those that it was designed for and seen with."""
-    columns: dict[str, Sequence[float]] = {"achieved": result.probabilities}
+    """Target and odds by label; of a thrown die those that it was designed for and seen with, of
+    one that keeps the shape of a surface those of all other rests too."""
+    odds: dict[str, Sequence[float]] = {"achieved": result.probabilities}
     if result.thrown is not None:
-        columns = {"set down": result.probabilities, "model": result.thrown.momentum}
+        odds = {"set down": result.probabilities, "model": result.thrown.momentum}
         if result.thrown.simulated is not None:
-            columns["thrown"] = result.thrown.simulated.frequencies
-    print("label  target      " + "".join(f"{name:<12s}" for name in columns).rstrip())
-    for label, wanted, *odds in zip(result.labels, result.target, *columns.values(), strict=True):
-        cells = "".join(f"{value:<#12.5g}" for value in odds).rstrip()
-        print(f"{label:>5s}  {wanted:<#10.5g}  {cells}")
+            odds["thrown"] = result.thrown.simulated.frequencies
+    rows = list(zip(result.labels, result.target, *odds.values(), strict=True))
+    if result.displacement is not None:
+        rows.append(("other", 0.0, result.elsewhere))
+    columns = [("label", ">"), *((name, "#.5g") for name in ("target", *odds))]
+    print("\n".join(text_table(columns, rows)))

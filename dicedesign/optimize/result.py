@@ -31,6 +31,7 @@ class DesignResult:
     status: why it stopped.
     hull: the designed shape.
     directions: (k, 3) where the outcomes are.
+    error: its largest |p - q|, by the odds that the method is about.
     terms: the energy's terms of the hull, with their full weights.
     history: every accepted step, the first being the start.
     evaluations: dice tried, rejected ones and those after pruning included.
@@ -42,14 +43,10 @@ class DesignResult:
     status: Status
     hull: ConvexHull
     directions: Floats
+    error: float
     terms: dict[str, float]
     history: tuple[DesignStep, ...]
     evaluations: int
     hulls_built: int
     hulls_reused: int
     starts: int = 1
-
-    @property
-    def error(self) -> float:
-        """Largest |p - q| at the end, by the odds that the method is about."""
-        return self.history[-1].error

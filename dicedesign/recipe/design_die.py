@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dicedesign.errors import InputError
+from dicedesign.errors import EngravingError, InputError
 from dicedesign.optimize.targets import Target
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.run import finish
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.recipe.schema.recipe import NAME, Recipe
+from dicedesign.results.status import Status
 
 if TYPE_CHECKING:
     from dicedesign.results.record import Result, Step
@@ -32,8 +33,16 @@ class Die:
     the labels cut in they are `die.result.engraved_probabilities`.
     """
 
-    def __init__(self, work: Work) -> None:
-        self._work = work
+    def __init__(self, checked: Work) -> None:
+        self._checked = checked
+        self._work = self._finished(checked.recipe)
+
+    def _finished(self, recipe: Recipe) -> Work:
+        """The work up to the throws, of a recipe that differs in what comes after the check."""
+        work = self._checked.copy()
+        work.recipe = recipe
+        plan(work, after="check", last="throws")
+        return work
 
     def __repr__(self) -> str:
         return f"<Die of {len(self.labels)} outcomes, {self.status}: {self.message}>"
@@ -56,7 +65,7 @@ class Die:
     @property
     def converged(self) -> bool:
         """Whether the die meets its target to within the tolerance."""
-        return self.result.converged
+        return self._work.status is Status.CONVERGED
 
     @property
     def message(self) -> str:
@@ -118,10 +127,12 @@ class Die:
         Raises InputError for options that cannot be used, and EngravingError where a label does not
         fit.
         """
-        from dicedesign.recipe.stages.engrave import cut_labels
-
-        recipe = checked_recipe({**self.recipe.resolved(), "engrave": options or True})
-        cut_labels(self._work, recipe)
+        work = self._finished(
+            checked_recipe({**self.recipe.resolved(), "engrave": options or True})
+        )
+        if work.engraved is None:
+            raise EngravingError(work.remarks[-1])
+        self._work = work
         return self
 
     def save(self, path: Path | str) -> None:
@@ -139,15 +150,17 @@ class Die:
         folder: made if missing; the die is called like it. Raises OutputError where it cannot be
         written.
         """
+        from dicedesign.results.folder import kept_folder
         from dicedesign.runtime.files import make_writable_folder
 
-        folder = Path(folder)
-        make_writable_folder(folder)
-        self._work.folder = folder
+        work, folder = self._work.copy(), Path(folder)
+        work.folder = folder
         if re.fullmatch(NAME, folder.name):
-            self._work.recipe = self.recipe.model_copy(update={"name": folder.name})
-        plan(self._work, after="throws")
-        return finish(self._work)
+            work.recipe = self.recipe.model_copy(update={"name": folder.name})
+        with kept_folder(folder):
+            make_writable_folder(folder)
+            plan(work, after="throws")
+            return finish(work)
 
 
 def design(
@@ -203,7 +216,7 @@ def design(
     if symmetry is not None:
         entries["symmetry"] = symmetry
     listeners = Listeners() if on_step is None else Listeners(on_step=on_step)
-    return Die(design_recipe(checked_recipe(entries), listeners))
+    return Die(design_recipe(checked_recipe(entries), listeners, last="check"))
 
 
 def design_recipe(recipe: Recipe, listeners: Listeners | None = None, last: str = "throws") -> Work:

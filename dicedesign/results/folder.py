@@ -58,7 +58,7 @@ def kept_folder(folder: Path) -> Iterator[None]:
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         yield
-    except DiceError:
+    except (DiceError, KeyboardInterrupt):
         for path in missing:
             # It may not have been made yet, or hold a checkpoint.
             with contextlib.suppress(OSError):

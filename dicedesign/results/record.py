@@ -8,15 +8,16 @@ in degrees.
 from __future__ import annotations
 
 import dataclasses
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from dicedesign.errors import InputError
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.files import json_text
 
 __all__ = [
     "RESULT",
@@ -129,7 +130,7 @@ class RoundOfThrows:
     drops: throws. deviation: total variation of the frequencies from the target; noise_floor: what
         a perfect die shows.
     changed: the same on changed tables.
-    asked: odds that the next design was asked for. frequencies: of the outcomes.
+    asked: odds that the design of this round was asked for. frequencies: of the outcomes.
     """
 
     drops: int
@@ -290,12 +291,17 @@ class Result:
 
     @property
     def plain_file(self) -> Path:
-        """The solid without labels."""
+        """The solid without labels. Raises InputError: nothing was written."""
+        if "die_plain" not in self.files:
+            raise InputError(
+                f"{self.name}: expected a die that was written to a folder, got one that was only "
+                "designed; write it with its report(folder)"
+            )
         return (self.folder or Path()) / self.files["die_plain"]
 
     def json_text(self) -> str:
         """The content of result.json."""
-        return json.dumps(_plain(self), indent=1, allow_nan=False) + "\n"
+        return json_text(_plain(self))
 
 
 def _plain(result: Result) -> dict[str, Any]:

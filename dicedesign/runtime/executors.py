@@ -243,11 +243,11 @@ def in_order(
     Raises DiceError: workers are lost again and again, or the executor cannot go on.
     """
     futures = [workers.submit(task) for task in tasks]
-    for task, first in zip(tasks, futures, strict=True):
-        future, losses = first, 0
+    for place in range(len(tasks)):
+        losses = 0
         while True:
             try:
-                result = future.result(QUIET)
+                result = futures[place].result(QUIET)
             except TimeoutError:
                 if on_quiet is not None:
                     on_quiet()
@@ -260,7 +260,19 @@ def in_order(
                         f"workers: expected some that stay, but {losses} were lost while one task "
                         "ran; see whether memory suffices or take fewer --jobs"
                     ) from error
-                future = workers.submit(task)
+                # A local worker that is lost fails all that was submitted.
+                for k in range(place, len(tasks)):
+                    if _has_lost_worker(futures[k]):
+                        futures[k] = workers.submit(tasks[k])
             else:
                 yield result
                 break
+
+
+def _has_lost_worker(future: Future[Any]) -> bool:
+    if not future.done():
+        return False
+    if future.cancelled():
+        return True
+    error = future.exception()
+    return error is not None and is_lost_worker(error)

@@ -49,8 +49,15 @@ class Numbers:
     """Of names in messages."""
 
     def __init__(self, **given: float) -> None:
-        """Raises InputError for a name that nothing declares, or a number that is not allowed."""
+        """Raises InputError for a name that nothing declares, a number that is not allowed, and a
+        declared name that the class needs for itself."""
         declared = self.declared()
+        for name in declared:
+            if hasattr(type(self), name):
+                raise InputError(
+                    f"{self.prefix}{name}: expected another name, got one that numbers need for "
+                    "themselves; choose another"
+                )
         for name, value in given.items():
             number = declared.get(name)
             if number is None:

@@ -130,9 +130,14 @@ class Registry(Generic[Kind]):
     def _read_folder(self) -> None:
         if self._folder_is_read:
             return
+        # Those that are imported here ask for what is registered.
         self._folder_is_read = True
-        for module in pkgutil.iter_modules(import_module(self.folder).__path__):
-            import_module(f"{self.folder}.{module.name}")
+        try:
+            for module in pkgutil.iter_modules(import_module(self.folder).__path__):
+                import_module(f"{self.folder}.{module.name}")
+        except BaseException:
+            self._folder_is_read = False
+            raise
 
 
 @cache

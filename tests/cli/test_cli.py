@@ -203,10 +203,10 @@ def test_tiny_odds_are_printed_with_all_their_digits(
     monkeypatch.setattr("dicedesign.recipe.run.run", lambda *a, **k: result)
     assert main(["run", str(recipe)]) == 0
     assert capsys.readouterr().out.splitlines()[1:5] == [
-        "label  target      achieved",
+        "label      target    achieved",
         "    1  1.0000e-06  0.00038471",
-        "   22  0.083000    1.0000",
-        "    3  0.91700     0.0000",
+        "   22    0.083000      1.0000",
+        "    3     0.91700      0.0000",
     ]
 
 

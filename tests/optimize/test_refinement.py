@@ -21,7 +21,7 @@ CUBE = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T.astype(
 
 def die_with(odds: np.ndarray) -> DesignResult:
     """A stand-in that carries its odds in the model where a die has its directions."""
-    return DesignResult(Status.CONVERGED, convex_hull(CUBE), odds, {}, (), 0, 0, 0)
+    return DesignResult(Status.CONVERGED, convex_hull(CUBE), odds, 0.0, {}, (), 0, 0, 0)
 
 
 def tilted(odds: np.ndarray, change: float) -> np.ndarray:

@@ -81,9 +81,32 @@ def test_engraved_saved_and_read_back(coin: Die, tmp_path: Path) -> None:
 
 def test_a_report_is_what_a_run_leaves(tmp_path: Path) -> None:
     die = design({"fair": 3}, engrave=True)
-    result = die.report(tmp_path / "new")
-    assert result.folder == tmp_path / "new"
-    assert check(tmp_path / "new")["status"] == "converged"
+    with pytest.raises(InputError, match="die: expected a die that was written to a folder"):
+        len(str(die.result.plain_file))
+    for name in ("new", "again"):
+        result = die.report(tmp_path / name)
+        assert result.folder == tmp_path / name
+        assert result.plain_file.is_file()
+        assert check(tmp_path / name)["status"] == "converged"
+        assert [stage.name for stage in result.stages].count("report") == 1
+    assert die.result.folder is None
+
+
+def test_what_is_engraved_again_is_told_once() -> None:
+    die = design({"fair": 3}, size_mm=40.0)
+    plain = die.message
+    first = die.engrave(depth_mm=0.4).message
+    assert first.startswith(plain)
+    assert die.engrave(depth_mm=0.6).message != first
+    assert die.message.count("with the labels cut in") == 1
+    assert die.engrave(depth_mm=0.4).message == first
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    die = design({"fair": np.int64(3)}, seed=np.int64(3), size_mm=np.float32(40.0))
+    assert (die.recipe.seed, die.recipe.size_mm) == (3, 40.0)
+    with pytest.raises(InputError, match=r"target\.labels"):
+        design({"fair": 3, "labels": [10**400, 1, 2]})
 
 
 def test_what_cannot_be_used() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
 from dicedesign.gradient.thrown_odds import ThrownOdds
@@ -18,6 +19,7 @@ from dicedesign.optimize.refinement import Round
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.search import shapes_near
+from dicedesign.recipe.methods.convex import designed_die, wanted_odds
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.schema.reading import checked_recipe
@@ -99,7 +101,8 @@ def test_rounds_throw_onto_the_tables_of_robust_dice(monkeypatch: pytest.MonkeyP
     restitutions = sorted({value for value, _ in tables})
     assert restitutions == pytest.approx([0.8 * usual, usual, 1.2 * usual])
     assert len({seed for _, seed in tables}) == len(tables)
-    assert rounds == list(work.die.rounds)
+    assert [r.drops for r in rounds] == [r.drops for r in work.die.rounds]
+    assert [r.deviation for r in rounds] == [r.deviation for r in work.die.rounds]
     assert len(rounds[0].changed) == 2
     assert all(len(one.changed) == 0 for one in rounds[1:])
     assert work.result().thrown.simulated.drops == 300
@@ -109,3 +112,24 @@ def test_rounds_throw_onto_the_tables_of_robust_dice(monkeypatch: pytest.MonkeyP
 def test_where_nothing_bounces_nothing_swings(table: str) -> None:
     assert not model_of(table).is_known
     assert model_of("board-game").is_known
+
+
+def test_a_die_has_all_of_its_outcomes_in_the_order_of_the_labels() -> None:
+    """The solvers have them in the order of the start's directions."""
+    recipe = checked_recipe(
+        {
+            "name": "d",
+            "target": {"sum_of_dice": [6, 6]},
+            "start": {"hendecahedron": "circus"},
+            "assignment": [2, 3, 4, 5, 6, 7, 8, 10, 9, 12, 11],
+        }
+    )
+    wanted, target = wanted_odds(recipe), recipe.target.target().probabilities
+    assert (wanted != target).any()
+    directions = np.outer(wanted, [0.0, 0.0, 1.0])
+    hull = convex_hull(np.random.default_rng(0).normal(size=(8, 3)))
+    result = DesignResult(Status.CONVERGED, hull, directions, 0.0, {}, (), 0, 0, 0)
+    die = designed_die(Work(recipe), result, (Round(wanted, 100, wanted, 0.0, 0.0),))
+    np.testing.assert_array_equal(die.directions[:, 2], target)
+    np.testing.assert_array_equal(die.rounds[0].asked, target)
+    np.testing.assert_array_equal(die.rounds[0].frequencies, target)

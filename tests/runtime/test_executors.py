@@ -65,6 +65,14 @@ def test_results_come_in_order_though_workers_are_lost() -> None:
         list(in_order(tasks, Lossy(lambda count: count > 3)))
 
 
+def test_all_that_a_lost_worker_took_along_runs_side_by_side_again() -> None:
+    lossy = Lossy(lambda count: count <= 6)
+    results = in_order([partial(pow, number, 2) for number in range(6)], lossy)
+    assert next(results) == 0
+    assert len(lossy.submitted) == 12
+    assert list(results) == [1, 4, 9, 16, 25]
+
+
 def test_an_error_of_a_task_is_none_of_its_worker() -> None:
     assert is_lost_worker(BrokenProcessPool())
     assert not is_lost_worker(RuntimeError())

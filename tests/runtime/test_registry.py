@@ -45,6 +45,19 @@ def test_a_file_in_the_folder_is_an_extension(toys: Registry[Extension]) -> None
     assert "ball" in toys
 
 
+def test_a_reading_that_was_broken_off_begins_again(
+    toys: Registry[Extension], tmp_path: Path
+) -> None:
+    """As by Ctrl-C in a notebook, which goes on."""
+    kite = tmp_path / "box/kite.py"
+    text = kite.read_text()
+    kite.write_text("raise KeyboardInterrupt")
+    with pytest.raises(KeyboardInterrupt):
+        len(toys.names)
+    kite.write_text(text + "\n# whole again")
+    assert toys.names == ("kite", "ball")
+
+
 def test_one_from_outside_is_like_the_others(toys: Registry[Extension]) -> None:
     top = toys.register(Extension(name="top", line="It spins.", rank=0))
     assert toys.names == ("top", "kite", "ball")

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from dicedesign.errors import InputError
 from dicedesign.runtime.numbers import Number, Numbers
 from dicedesign.runtime.registry import Extension, Registry
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from dicedesign.errors import InputError
     from dicedesign.optimize.energy.clusters import ClusteredRests
-from dicedesign.runtime.arrays import Floats
+    from dicedesign.runtime.arrays import Floats
 
 __all__ = [
     "LARGEST_SQUARED_DISTANCE",

@@ -122,6 +122,7 @@ class _Descent:
             status,
             self.current.rests.hull,
             self.current.directions,
+            self.current.error,
             self.current.under(full).values,
             tuple(self.history),
             self.evaluations + self.line_search.evaluations,

@@ -245,6 +245,7 @@ class _Search:
             status,
             best.rests.hull,
             best.directions,
+            best.error(self.target),
             self.best.terms,
             tuple(self.history),
             self.maker.evaluations,

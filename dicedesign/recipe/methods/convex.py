@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,10 +43,11 @@ def step_listener(work: Work) -> Callable[[DesignStep], None]:
 def designed_die(work: Work, result: DesignResult, rounds: tuple[Round, ...] = ()) -> DesignedDie:
     """The die of a solver's result."""
     recipe = work.recipe
+    order = np.argsort(recipe.outcome_of_direction())
     return DesignedDie(
         status=result.status,
         hull=result.hull,
-        directions=result.directions[np.argsort(recipe.outcome_of_direction())],
+        directions=result.directions[order],
         error=result.error,
         steps=tuple(map(_step, result.history)),
         center_of_mass=normalised_center(recipe, work.start),
@@ -53,7 +55,10 @@ def designed_die(work: Work, result: DesignResult, rounds: tuple[Round, ...] = (
         starts=result.starts,
         evaluations=result.evaluations,
         hulls=HullsMade(result.hulls_built, result.hulls_reused),
-        rounds=rounds,
+        rounds=tuple(
+            replace(done, asked=done.asked[order], frequencies=done.frequencies[order])
+            for done in rounds
+        ),
     )
 
 

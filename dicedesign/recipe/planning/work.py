@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 from collections.abc import Callable
@@ -97,6 +98,14 @@ class Work:
 
     def __post_init__(self) -> None:
         self.clock = Clock(on_stage=self.listeners.on_stage)
+
+    def copy(self) -> Work:
+        """The same so far; what stages do to one from here on the other does not see."""
+        twin = copy.copy(self)
+        twin.clock = dataclasses.replace(self.clock, stages=list(self.clock.stages))
+        for name in ("remarks", "notes", "details", "images", "files"):
+            setattr(twin, name, copy.copy(getattr(self, name)))
+        return twin
 
     @property
     def target(self) -> Target:

@@ -48,7 +48,8 @@ def _text(value: object) -> object:
             f"expected a text, got {value}, which is how YAML reads words such as yes, no, on, off "
             "and null; put it in quotes"
         )
-    text = str(value) if isinstance(value, int | float) and math.isfinite(value) else value
+    is_number = isinstance(value, int) or (isinstance(value, float) and math.isfinite(value))
+    text = str(value) if is_number else value
     if isinstance(text, str) and not 1 <= len(text) <= LONGEST_LABEL:
         raise ValueError(f"expected 1 to {LONGEST_LABEL} characters, got {text!r}; rewrite it")
     return text

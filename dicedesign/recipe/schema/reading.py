@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import yaml
 from pydantic import ValidationError
 
@@ -60,7 +61,7 @@ def checked_recipe(data: Mapping[str, Any]) -> Recipe:
     """
     try:
         # Through JSON: strict validation then takes mappings for options and lists for tuples.
-        plain = json.dumps(data, default=str)
+        plain = json.dumps(data, default=_plain)
     except (TypeError, ValueError, RecursionError) as error:
         raise RecipeError(
             f"expected texts as keys and entries that do not contain themselves, but {error}; "
@@ -70,6 +71,11 @@ def checked_recipe(data: Mapping[str, Any]) -> Recipe:
         return Recipe.model_validate_json(plain)
     except ValidationError as error:
         raise RecipeError(_explain(error)) from error
+
+
+def _plain(value: Any) -> Any:
+    """A number of NumPy as one of Python, and anything else, such as a path, as text."""
+    return value.item() if isinstance(value, np.generic) else str(value)
 
 
 def recipe_text(recipe: Recipe) -> str:

@@ -37,7 +37,7 @@ def check(work: Work) -> None:
         flaws += _surface_flaws(work)
     if die.status is not Status.CONVERGED:
         # Its odds are off, as was to be expected.
-        flaws = [die.status, *({Status.CROWDED, Status.UNSTEADY} & set(flaws))]
+        flaws = [die.status, *(f for f in flaws if f in (Status.CROWDED, Status.UNSTEADY))]
     work.status = flaws[0] if flaws else Status.CONVERGED
     work.details["design_max_abs_error"] = designed
     work.details["asymmetry"] = asymmetry(work.plain.poses)

@@ -12,28 +12,15 @@ from dicedesign.fabricate.designed_die import SizedDie
 from dicedesign.fabricate.options import EngravingOptions
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
-from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.status import Status
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.layout import Placement
 
-__all__ = ["cut_labels", "engrave", "place_on_facets"]
+__all__ = ["engrave", "place_on_facets"]
 
 CHANGED: Final = 0.05
 """Relative change of an outcome's odds by engraving that is told."""
-
-
-def cut_labels(work: Work, recipe: Recipe) -> None:
-    """Cut the labels into a finished die once more, as another recipe says that differs in its
-    `engrave` alone. Raises EngravingError where a label has no place."""
-    before = work.recipe
-    work.recipe = recipe
-    try:
-        _cut(work)
-    except EngravingError:
-        work.recipe = before
-        raise
 
 
 def engrave(work: Work) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from dicedesign.report.render.raster import Camera
 from dicedesign.report.render.renderer import Surface, render
 from dicedesign.report.render.scene import surfaces_before_and_after
 from dicedesign.runtime.arrays import Floats, Integers
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["displacement_colors", "displacement_figure"]
 

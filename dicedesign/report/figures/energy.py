@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING
 
 from dicedesign.errors import InputError
 from dicedesign.report.charts.chart import Chart, draw_legend, sheet
@@ -14,9 +13,6 @@ from dicedesign.report.charts.run_chart import run_chart
 from dicedesign.report.charts.series import Band
 from dicedesign.report.figures.figure import FIGURES, Figure
 from dicedesign.results.record import Step
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["energy_charts", "energy_figure"]
 

@@ -21,7 +21,7 @@ from dicedesign.optimize.energy.clusters import (
     updated_directions,
 )
 from dicedesign.optimize.energy.energy import Energy, energy_terms
-from dicedesign.optimize.energy.term import TERMS, EnergyWeights
+from dicedesign.optimize.energy.term import TERMS, EnergyWeights, Term, TermOption
 from dicedesign.optimize.starts.kinds.prism import prism
 from dicedesign.optimize.starts.repulsion import repulsion
 
@@ -376,3 +376,29 @@ def test_relaxed_weights_lose_two_terms_only() -> None:
 def test_bad_weights_are_refused_in_words(options: dict[str, float], text: str) -> None:
     with pytest.raises(InputError, match=re.escape(text)):
         EnergyWeights(**options)
+
+
+@pytest.mark.parametrize("name", ["neighbor", "active", "changed"])
+def test_names_of_options_that_are_taken_are_refused(name: str) -> None:
+    """By another term, or by what weights need for themselves."""
+    option = TermOption(
+        name=name,
+        default=1.0,
+        line="A number.",
+        expected="any",
+        remedy="leave it out",
+        allows=lambda value: True,
+    )
+    toy = Term(
+        name="toy",
+        line="A toy.",
+        options=(option,),
+        evaluate=lambda rests, weights: torch.zeros(()),
+    )
+    TERMS.register(toy)
+    try:
+        with pytest.raises(InputError, match=r"expected (names of its own|another name)"):
+            EnergyWeights()
+    finally:
+        TERMS.unregister("toy")
+    EnergyWeights()

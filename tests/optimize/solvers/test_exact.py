@@ -137,6 +137,7 @@ def test_what_is_not_met_ends_with_the_best_found() -> None:
     poses = rest_poses(result.hull.vertices)
     assert len(poses.normals) == 3
     assert max(poses.probabilities) == pytest.approx(OUT_OF_REACH[0] - best, abs=1e-9)
+    assert result.error == best
     # One start is tried, however short the time.
     for seconds in (0.05, 1e-9):
         assert solved(OUT_OF_REACH, seconds=seconds).status is Status.TIME_LIMIT
