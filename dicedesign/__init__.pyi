@@ -42,7 +42,6 @@ from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron as hend
 from dicedesign.optimize.starts.kinds.mesh import mesh_start as mesh_start
 from dicedesign.optimize.starts.kinds.prism import prism as prism
 from dicedesign.optimize.starts.repulsion import repulsion as repulsion
-from dicedesign.optimize.starts.start import STARTS as STARTS
 from dicedesign.optimize.starts.start import Start as Start
 from dicedesign.optimize.starts.start import StartKind as StartKind
 from dicedesign.optimize.starts.start import Task as Task
@@ -59,6 +58,7 @@ from dicedesign.recipe.planning.stage import Stage as Stage
 from dicedesign.recipe.planning.work import Listeners as Listeners
 from dicedesign.recipe.planning.work import Work as Work
 from dicedesign.recipe.run import run as run
+from dicedesign.recipe.schema.entries import STARTS as STARTS
 from dicedesign.recipe.schema.reading import checked_recipe as checked_recipe
 from dicedesign.recipe.schema.reading import read_recipe as read_recipe
 from dicedesign.recipe.schema.recipe import Recipe as Recipe

@@ -34,7 +34,7 @@ def add_parser(commands: Any) -> None:
         "--table",
         metavar="NAME|FILE.json",
         help="of a mesh: also the odds when it is thrown onto a table, by the momentum model: "
-        "board-game, or a file made by `dicedesign table learn`",
+        "board-game, hard-wood, paper, carpet, or a file that `dicedesign table learn` made",
     )
     parser.add_argument(
         "--figure", type=Path, metavar="FILE.png", help="draw the Morse-Smale complex"

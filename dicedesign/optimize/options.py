@@ -108,7 +108,7 @@ class DescentOptions:
         progress stalls, in (0, 1); they shape the die first and then give way to the probabilities.
     perturbation: standard deviation of the seeded noise on the starting parameters, which breaks
         the ties of symmetric shapes; not negative. Where the start balances such that its odds
-        cannot be told, it is at least `dicedesign.optimize.solvers.descent.SHAKE`.
+        cannot be told, it is at least 1e-6.
     """
 
     __pydantic_config__ = STRICT

@@ -197,8 +197,9 @@ def design(
     Raises
     ------
     InputError: something cannot be used, the start does not suit the target, or a label does not
-        fit on a die that converged. A design that does not converge raises nothing: see
+        fit on a die that converged. A die that is not as wanted is returned all the same: see
         `Die.status`.
+    NoStartError: no shape has a rest for each outcome, so that there is no die.
     """
     entries: dict[str, Any] = {
         "name": "die",

@@ -21,7 +21,7 @@ def _surface(name: str) -> tuple[Surface, tuple[str, ...]]:
 STARTS.register(
     StartKind(
         name="shape",
-        line="a surface that the package builds, for method concave",
+        line="a surface built in, `duck`, `gear`, `kitten` or `knot`, for method concave",
         rank=4,
         # The keys of `SHAPES`, whose builders take long to import.
         options=Literal["duck", "gear", "kitten", "knot"],

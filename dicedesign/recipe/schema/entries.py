@@ -23,7 +23,7 @@ import dicedesign.concave.shapes.start  # noqa: F401
 from dicedesign.optimize.starts.start import STARTS, Start, StartKind, Task, made_start
 from dicedesign.optimize.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
 
-__all__ = ["Label", "StartRecipe", "Strict", "TargetRecipe", "one_of"]
+__all__ = ["STARTS", "Label", "StartRecipe", "Strict", "TargetRecipe", "one_of"]
 
 LONGEST_LABEL: Final = 12
 """Characters that a facet may bear."""

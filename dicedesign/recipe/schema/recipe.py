@@ -102,12 +102,13 @@ class Recipe(Strict):
     seed: of everything random.
     target: the outcomes and their odds.
     start: a shape to begin with; shapes are searched, unless given.
-    assignment: labels in the order of the start's directions; None for the order of the target;
-        empty, "any" in a file, for one order after the other, at random, until one leads there.
-    center_of_mass: (3,) fixed, in the start's own coordinates (see
-        `dicedesign.optimize.starts`); None for the uniform solid.
-    symmetry: name of the point group that the die has (see `dicedesign.geometry.point_groups`),
-        about the centroid of the start, along its own axes; None if it need not have any.
+    assignment: labels in the order of the start's directions; None, "in_order" in a file, for the
+        order of the target; empty, "any" in a file, for one order after the other, at random, until
+        one leads there.
+    center_of_mass: (3,) fixed, in the coordinates that a given start is made or read in; None,
+        "uniform" in a file, for that of the solid.
+    symmetry: name of the point group that the die has, such as C2, Cs, D3h, Td, Oh or Ih, about the
+        centroid of the start, along its own axes; None, "none" in a file, if it need not have any.
     size_mm: largest vertex-to-vertex distance of the printed die.
     min_inradius_mm: radius of a circle that the facet of each outcome has room for.
     engrave: engraving options, or None for a plain die, which a concave one is unless the recipe

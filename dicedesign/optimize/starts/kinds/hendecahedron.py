@@ -23,7 +23,7 @@ FACETS: Final = 11
 
 
 def hendecahedron(kind: str) -> Start:
-    """An 11-faced polyhedron for the total of two dice; `kind` is a key of `HENDECAHEDRA`.
+    """An 11-faced polyhedron for the total of two dice; `kind` is "bisymmetric" or "circus".
 
     Raises InputError for another kind.
     """
@@ -103,7 +103,7 @@ HENDECAHEDRA: Final[dict[str, Callable[[], Start]]] = {
 STARTS.register(
     StartKind(
         name="hendecahedron",
-        line="one of two bodies of eleven facets, for the total of two dice",
+        line="a body of eleven facets, `bisymmetric` or `circus`, for the total of two dice",
         rank=1,
         options=Literal["bisymmetric", "circus"],
         check=_check,
