@@ -47,9 +47,9 @@ def test_a_recipe_becomes_a_checked_die(repository: Path, tmp_path: Path) -> Non
     assert read_result(result.folder) == result
     assert steps == list(range(len(steps)))
     assert [stage.name for stage in result.stages] == stages
-    assert stages == ["start", "design", "export", "check", "engrave", "figures", "report"]
+    assert stages == ["start", "load", "design", "export", "check", "engrave", "figures", "report"]
     assert all(stage.seconds >= 0.0 for stage in result.stages)
-    assert result.stages[1].seconds >= result.history[-1].seconds
+    assert result.stages[2].seconds >= result.history[-1].seconds
     first, last = result.history[0], result.history[-1]
     assert first.seconds < last.seconds
     assert first.max_abs_error > last.max_abs_error

@@ -39,7 +39,7 @@ def weighing() -> Iterator[Stage]:
 def test_a_stage_from_outside_has_its_turn(weighing: Stage) -> None:
     work = design_recipe(checked_recipe(RECIPE))
     names = [stage["name"] for stage in work.clock.stages]
-    assert names == ["start", "design", "export", "check", "weigh"]
+    assert names == ["start", "load", "design", "export", "check", "weigh"]
     assert work.result().notes[-1].startswith("it weighs ")
 
 

@@ -194,10 +194,8 @@ class ConvexHull(kernels.Handled):
     @cached_property
     def diameter(self) -> float:
         """Largest vertex-to-vertex distance; infinite where it is no float."""
-        from scipy.spatial.distance import cdist
-
         points = self._unit_vertices
-        longest = max(float(cdist(x[None], points).max()) for x in points)
+        longest = max(float(norms(points - x).max()) for x in points)
         with np.errstate(over="ignore"):
             return float(np.ldexp(longest, self._exponent))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,10 +11,12 @@ from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.reuse import HullMaker
 from dicedesign.geometry.sphere import norms
-from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.kernels import ops as kernels
 from dicedesign.optimize.coordinates.shape import Shape
 from dicedesign.runtime.arrays import Floats, Integers
+
+if TYPE_CHECKING:
+    from dicedesign.gradient.rest_odds import RestEvaluation
 
 __all__ = ["FacetCoordinates"]
 

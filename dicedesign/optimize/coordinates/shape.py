@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.reuse import HullMaker
-from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.runtime.arrays import Floats, Integers
+
+if TYPE_CHECKING:
+    from dicedesign.gradient.rest_odds import RestEvaluation
 
 __all__ = ["Coordinates", "Shape"]
 

@@ -7,6 +7,7 @@ other. A facet on a mirror plane or an axis of the group has its normal there.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,11 +16,13 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hulls.reuse import HullMaker
 from dicedesign.geometry.point_groups import fixed_space
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.coordinates.shape import Shape
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SYMMETRY_TOLERANCE
+
+if TYPE_CHECKING:
+    from dicedesign.gradient.rest_odds import RestEvaluation
 
 __all__ = ["SymmetricCoordinates", "images_of_directions", "orbits_of_directions"]
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.reuse import HullMaker
-from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.optimize.coordinates.shape import Shape
 from dicedesign.runtime.arrays import Floats
+
+if TYPE_CHECKING:
+    from dicedesign.gradient.rest_odds import RestEvaluation
 
 __all__ = ["VertexCoordinates"]
 

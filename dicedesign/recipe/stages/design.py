@@ -1,8 +1,9 @@
-"""Stage design: the recipe's method makes a die."""
+"""Stages load and design: the recipe's method makes a die."""
 
 from __future__ import annotations
 
 from importlib import import_module
+from typing import Any
 
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
@@ -20,10 +21,26 @@ def run_method(work: Work) -> None:
     """
     if work.folder is not None:
         make_writable_folder(work.folder)
+    with one_tensor_thread():
+        work.die = _method(work).design(work)
+
+
+def _method(work: Work) -> Any:
+    """The module of the recipe's method, which brings torch along."""
     method = work.recipe.method
     name = "thrown" if method.thrown else method.name
-    with one_tensor_thread():
-        work.die = import_module(f"dicedesign.recipe.methods.{name}").design(work)
+    return import_module(f"dicedesign.recipe.methods.{name}")
+
+
+STAGES.register(
+    Stage(
+        name="load",
+        line="loads the solver of the recipe's method, and torch with it, if that is not there yet",
+        rank=15,
+        wanted=lambda work: True,
+        run=_method,
+    )
+)
 
 
 STAGES.register(

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import betaincinv
 
 from dicedesign.runtime.arrays import Floats
 
@@ -41,6 +40,8 @@ def exact_intervals(counts: ArrayLike, throws: float, confidence: float) -> Floa
 
     Source: Clopper and Pearson, Biometrika 26(4), 1934.
     """
+    from scipy.special import betaincinv
+
     came = np.asarray(counts, dtype=np.float64)
     tail = (1.0 - confidence) / 2.0
     # At the ends, where the beta distribution has no second parameter, the limit is 0 or 1.
@@ -66,6 +67,8 @@ def jeffreys_posterior(counts: ArrayLike, confidence: float) -> Posterior:
     """
     weights = np.asarray(counts, dtype=np.float64) + 0.5
     others = weights.sum() - weights
+    from scipy.special import betaincinv
+
     # What lies above, too, by its own small part: 1 less a very small one is rounded to 1.
     tail = (1.0 - confidence) / 2.0
     limits = [betaincinv(weights, others, tail), 1.0 - betaincinv(others, weights, tail)]
