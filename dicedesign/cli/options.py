@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.checks import check_whole
@@ -28,6 +28,9 @@ __all__ = [
     "workers_of",
     "write_table",
 ]
+
+MOST_JOBS: Final = 4096
+"""More processes than any machine bears."""
 
 
 def add_worker_options(parser: argparse.ArgumentParser, jobs_help: str, where: str = "") -> None:
@@ -57,7 +60,7 @@ def add_engine_option(parser: argparse.ArgumentParser) -> None:
 def check_worker_options(options: argparse.Namespace) -> None:
     """Raise InputError for a number of jobs or an address that cannot be meant."""
     if options.jobs is not None:
-        check_whole("--jobs", options.jobs)
+        check_whole("--jobs", options.jobs, most=MOST_JOBS)
     if options.scheduler is not None and "://" not in options.scheduler:
         raise InputError(
             "--scheduler: expected an address such as tcp://10.0.0.5:8786, got "

@@ -21,7 +21,7 @@ from dicedesign.learning.random_throws import (
     throw_random_dice,
     training_die,
 )
-from dicedesign.runtime.checks import check_whole
+from dicedesign.runtime.checks import MOST_SEED, check_whole
 from dicedesign.throws.momentum.momentum_model import model_of, plain_model
 from dicedesign.throws.tables import MOST_RESTITUTION, Table
 
@@ -56,7 +56,7 @@ def check_learning(dice: int, drops: int, seed: int, steps: int) -> None:
     """Raise InputError for fewer than `HELD_OUT` dice, no drop, no step, or a seed below 0."""
     check_whole("dice", dice, HELD_OUT)
     check_whole("drops", drops)
-    check_whole("seed", seed, least=0)
+    check_whole("seed", seed, least=0, most=MOST_SEED)
     check_whole("steps", steps)
 
 

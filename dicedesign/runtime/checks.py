@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from dicedesign.errors import InputError
 
-__all__ = ["check_whole"]
+__all__ = ["MOST_SEED", "check_whole"]
+
+MOST: Final = 10**9
+"""More of anything takes longer than anybody waits."""
+
+MOST_SEED: Final = 2**96
+"""Recipes have seeds below 2^64; each of their series of throws has one of its own."""
 
 
-def check_whole(name: str, value: int, least: int = 1) -> None:
-    """Raise InputError, naming what the number is, where it is below the least that is allowed."""
+def check_whole(name: str, value: int, least: int = 1, most: int = MOST) -> None:
+    """Raise InputError, naming what the number is, where it is out of the range that is allowed."""
     if value < least:
         wanted = "above 0" if least == 1 else f"of at least {least}"
         raise InputError(f"{name}: expected a whole number {wanted}, got {value}; raise it")
+    if value > most:
+        raise InputError(f"{name}: expected a whole number up to {most}, got {value}; lower it")

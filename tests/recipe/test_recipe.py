@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -286,6 +287,52 @@ def test_files_that_are_no_recipes(tmp_path: Path, content: bytes, message: str)
     path.write_bytes(content)
     with pytest.raises(RecipeError, match=message):
         read_recipe(path)
+
+
+BOMB = "a0: &a0 [x, x]\n" + "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" for k in range(1, 60))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (BOMB, "expected at most 10000 entries"),
+        (BOMB.replace("a59: ", "target: "), "expected at most 10000 entries"),
+        ("- " + BOMB.replace("\n", "\n  "), "expected keys and values"),
+        ("target: &a [*a]\n", "expected entries at most 30 within each other"),
+        ("target: " + 200 * "[" + 200 * "]", "expected entries at most 30 within each other"),
+        ("target: " + 100_000 * "[", "expected YAML, but"),
+        ("name: a\ntarget: {fair: 3}\nseed: 1" + 5000 * "0", "expected YAML, but .*digits"),
+        (
+            "name: a\ntarget: {fair: 3}\nseed: 18446744073709551616",
+            "seed: input should be less than 1844",
+        ),
+    ],
+)
+def test_a_small_file_that_stands_for_much_is_refused_at_once(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    path = tmp_path / "bomb.yaml"
+    path.write_text(text)
+    signal.alarm(30)
+    try:
+        with pytest.raises(RecipeError, match=message) as caught:
+            read_recipe(path)
+    finally:
+        signal.alarm(0)
+    assert len(str(caught.value)) < 1000
+
+
+def test_yaml_runs_no_code(tmp_path: Path) -> None:
+    path = tmp_path / "code.yaml"
+    made = tmp_path / "made"
+    for tag in ("apply:pathlib.Path.touch", "new:os.system", "name:os.system", "module:os"):
+        path.write_text(f"target: !!python/object/{tag} ['{made}']\n")
+        with pytest.raises(RecipeError, match="could not determine a constructor for the tag"):
+            read_recipe(path)
+        path.write_text(f"target: !!python/{tag} ['{made}']\n")
+        with pytest.raises(RecipeError, match="could not determine a constructor for the tag"):
+            read_recipe(path)
+    assert not made.exists()
 
 
 def test_a_missing_file(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 import re
+import reprlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -18,6 +19,11 @@ from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.runtime.files import read_text
 
 __all__ = ["checked_recipe", "read_recipe", "recipe_text"]
+
+MOST_DEPTH: Final = 30
+
+MOST_ENTRIES: Final = 10_000
+"""Of a recipe; more than any needs."""
 
 BAD_YAML: Final = (TypeError, ValueError, LookupError, AttributeError, RecursionError)
 """What PyYAML raises, besides its own errors, for values that are not what their tag says, such as
@@ -41,7 +47,8 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
     data = _load(read_text(path, "a recipe", error=RecipeError), str(path))
     if not isinstance(data, dict):
         raise RecipeError(
-            f"{path}: expected keys and values, got {data!r}; write name: ... and target: ..."
+            f"{path}: expected keys and values, got {reprlib.repr(data)}; write name: ... and "
+            "target: ..."
         )
     _resolve_mesh_path(data, path.parent)
     for change in changes:
@@ -54,11 +61,39 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
         raise RecipeError(f"{path}: {error}") from error
 
 
+def _check_size(data: object) -> None:
+    """Raise RecipeError for data that are more than anybody writes once they are written out: a
+    kilobyte of YAML whose aliases stand for lists of aliases can stand for more than any memory
+    holds, or for itself."""
+    sizes: dict[int, int] = {}
+
+    def size(part: object, depth: int) -> int:
+        if not isinstance(part, Mapping | list | tuple):
+            return 1
+        if depth > MOST_DEPTH:
+            raise RecipeError(
+                f"expected entries at most {MOST_DEPTH} within each other, got more; write them as "
+                "in docs/recipes.md"
+            )
+        known = sizes.get(id(part))
+        if known is None:
+            inner = part.values() if isinstance(part, Mapping) else part
+            known = sizes[id(part)] = 1 + sum(size(each, depth + 1) for each in inner)
+        return known
+
+    if size(data, 0) > MOST_ENTRIES:
+        raise RecipeError(
+            f"expected at most {MOST_ENTRIES} entries, got more once aliases are written out; "
+            "leave some out"
+        )
+
+
 def checked_recipe(data: Mapping[str, Any]) -> Recipe:
     """The recipe of plain data, as YAML would give them.
 
     Raises RecipeError if an entry is unknown or unusable; the message begins with its dotted key.
     """
+    _check_size(data)
     try:
         # Through JSON: strict validation then takes mappings for options and lists for tuples.
         plain = json.dumps(data, default=_plain)
@@ -146,7 +181,7 @@ def _explain(error: ValidationError) -> str:
             return f"{parent}.{cause}".lstrip(".")
         return f"{key + ': ' if key else ''}{cause}"
     message = first["msg"][0].lower() + first["msg"][1:]
-    return f"{key}: {message}, got {first['input']!r}; correct it"
+    return f"{key}: {message}, got {reprlib.repr(first['input'])}; correct it"
 
 
 def _hint(key: str) -> str:

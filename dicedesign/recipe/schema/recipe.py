@@ -99,7 +99,7 @@ class Recipe(Strict):
     Attributes
     ----------
     name: folder name of the results.
-    seed: of everything random.
+    seed: of everything random, below 2^64.
     target: the outcomes and their odds.
     start: a shape to begin with; shapes are searched, unless given.
     assignment: labels in the order of the start's directions; None, "in_order" in a file, for the
@@ -119,7 +119,7 @@ class Recipe(Strict):
     name: Annotated[str, Field(pattern=NAME)]
     target: TargetRecipe
     start: StartRecipe = Field(default_factory=lambda: StartRecipe("search", SearchOptions()))
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
     assignment: Annotated[list[Label] | None, _word("in_order", None), _word("any", [])] = None
     center_of_mass: Annotated[
         tuple[float, float, float] | None,

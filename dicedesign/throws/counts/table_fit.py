@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.runtime.checks import check_whole
+from dicedesign.runtime.checks import MOST_SEED, check_whole
 from dicedesign.runtime.executors import in_order
 from dicedesign.throws.counts.odds_surrogate import OddsSurrogate
 from dicedesign.throws.counts.throw_counts import CountedDie
@@ -119,7 +119,7 @@ def check_effort(evaluations: int, drops: int, seed: int) -> None:
     """Raise InputError for fewer than `FEWEST_EVALUATIONS`, no drop, or a seed below 0."""
     check_whole("evaluations", evaluations, FEWEST_EVALUATIONS)
     check_whole("drops", drops)
-    check_whole("seed", seed, least=0)
+    check_whole("seed", seed, least=0, most=MOST_SEED)
 
 
 def fit_table(

@@ -12,7 +12,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.runtime.checks import check_whole
+from dicedesign.runtime.checks import MOST_SEED, check_whole
 from dicedesign.runtime.executors import in_order
 from dicedesign.throws.engines.engine import ENGINES
 from dicedesign.throws.release import (
@@ -89,7 +89,7 @@ def check_throws(drops: int, seed: int, engine: str, orientations: str) -> None:
     """Raise InputError for a number of drops or a seed that cannot be used, or an engine or kind of
     orientations that there is not."""
     check_whole("drops", drops)
-    check_whole("seed", seed, least=0)
+    check_whole("seed", seed, least=0, most=MOST_SEED)
     # Raises where there is no such engine.
     ENGINES[engine]
     if orientations not in ORIENTATIONS:
