@@ -86,7 +86,10 @@ def json_text(plain: object) -> str:
 
 
 def atomic_write(path: Path, data: bytes) -> None:
-    """Write a file so that its path holds the old content or all of the new.
+    """Write a file so that its path holds the old content or all of the new, even after a crash.
+
+    Where the path is a link, the file that it leads to is written; a device or a pipe takes the
+    data as they come.
 
     Parameters
     ----------
@@ -97,20 +100,44 @@ def atomic_write(path: Path, data: bytes) -> None:
     ------
     OutputError: the file cannot be written; nothing is left behind.
     """
-    path = Path(path)
-    partial = path.with_name(f".{secrets.token_hex(8)}.part")
     try:
-        with partial.open("xb") as file:
-            file.write(data)
-        os.replace(partial, path)
+        if _is_stream(path):
+            Path(path).write_bytes(data)
+        else:
+            _replace(Path(os.path.realpath(path)), data)
     except OSError as error:
         raise OutputError(
             f"{path}: expected to write a file in an existing, writable folder with space left, "
             f"got {str(error.strerror or error)!r}; create the folder or choose another path"
         ) from error
+
+
+def _is_stream(path: Path) -> bool:
+    try:
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        return False
+    return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
+
+
+def _replace(path: Path, data: bytes) -> None:
+    partial = path.with_name(f".{secrets.token_hex(8)}.part")
+    try:
+        with partial.open("xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, path)
     finally:
         with contextlib.suppress(OSError):
             partial.unlink()
+    # The new name is kept over a power failure where the system can sync a folder.
+    with contextlib.suppress(OSError):
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
 
 
 def make_writable_folder(folder: Path) -> None:

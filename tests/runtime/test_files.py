@@ -6,6 +6,8 @@ import errno
 import os
 import signal
 import socket
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -70,6 +72,64 @@ def test_atomic_write_gives_the_usual_permissions(tmp_path: Path) -> None:
     (tmp_path / "usual").write_bytes(b"")
     atomic_write(tmp_path / "written", b"")
     assert (tmp_path / "written").stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+def test_what_a_link_leads_to_is_written(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    file, link, loop = (tmp_path / name for name in ("there/file", "link", "loop"))
+    link.symlink_to(file)
+    for data in (b"new", b"old"):
+        atomic_write(link, data)
+        assert (link.is_symlink(), file.read_bytes()) == (True, data)
+    loop.symlink_to(loop)
+    with pytest.raises(OutputError, match="Too many levels"):
+        atomic_write(loop, b"")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "loop", "there"]
+
+
+def test_devices_and_pipes_take_what_comes(tmp_path: Path) -> None:
+    null = tmp_path / "null"
+    null.symlink_to("/dev/null")
+    atomic_write(null, b"data")
+    assert null.is_symlink()
+    assert Path("/dev/null").is_char_device()
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    atomic_write(pipe, b"data")
+    assert os.read(reader, 9) == b"data"
+    os.close(reader)
+    assert pipe.is_fifo()
+    full = tmp_path / "full"
+    full.symlink_to("/dev/full")
+    with pytest.raises(OutputError, match="No space left"):
+        atomic_write(full, b"data")
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from dicedesign.runtime.files import atomic_write
+step = {step}
+def kill(*a, **k):
+    os.kill(os.getpid(), signal.SIGKILL)
+setattr(os, step, kill)
+atomic_write(Path(sys.argv[1]), b"new" * 100_000)
+"""
+
+
+@pytest.mark.parametrize("step", ["fsync", "replace"])
+def test_a_crash_in_the_middle_leaves_the_old_content(tmp_path: Path, step: str) -> None:
+    """And a reader sees all of it until the new is whole."""
+    path = tmp_path / "result.json"
+    path.write_bytes(b"old")
+    with path.open("rb") as reader:
+        command = [sys.executable, "-c", KILLED.format(step=repr(step)), str(path)]
+        assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
+        assert path.read_bytes() == b"old"
+        atomic_write(path, b"new")
+        assert reader.read() == b"old"
+    assert path.read_bytes() == b"new"
 
 
 def test_a_failed_write_names_the_path_and_leaves_nothing(tmp_path: Path) -> None:
