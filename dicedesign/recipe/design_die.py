@@ -150,15 +150,13 @@ class Die:
         folder: made if missing; the die is called like it. Raises OutputError where it cannot be
         written.
         """
-        from dicedesign.results.folder import kept_folder
-        from dicedesign.runtime.files import make_writable_folder
+        from dicedesign.results.folder import folder_of_results
 
         work, folder = self._work.copy(), Path(folder)
         work.folder = folder
         if re.fullmatch(NAME, folder.name):
             work.recipe = self.recipe.model_copy(update={"name": folder.name})
-        with kept_folder(folder):
-            make_writable_folder(folder)
+        with folder_of_results(folder):
             plan(work, after="throws")
             return finish(work)
 

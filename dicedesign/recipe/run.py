@@ -36,8 +36,7 @@ def run(
     Parameters
     ----------
     recipe: a checked one, plain data as in a recipe file, or the path of one.
-    out: folder of the results, made if missing once the start is known to be usable; None for
-        outputs/NAME.
+    out: folder of the results, made if missing; None for outputs/NAME.
     changes: texts "dotted.key=value" that change a file's entries.
     enlarge: where the labels do not fit at the recipe's size, take the smallest whole number of
         millimetres at which they do; the recipe that is written says so.
@@ -48,10 +47,10 @@ def run(
     ------
     InputError: the recipe cannot be used, the start does not suit the target, there is nothing to
         resume, or the design converged and a label does not fit.
-    OutputError: the folder cannot be written.
+    OutputError: the folder cannot be written. InputError too: another run is writing into it.
     KeyboardInterrupt: with a message about the checkpoint, if there is one.
     """
-    from dicedesign.results.folder import kept_folder
+    from dicedesign.results.folder import folder_of_results
 
     if isinstance(recipe, str | Path):
         recipe = read_recipe(Path(recipe), changes)
@@ -64,7 +63,7 @@ def run(
         )
     folder = Path("outputs") / recipe.name if out is None else Path(out)
     work = Work(recipe, folder, listeners or Listeners(), enlarge, resume)
-    with kept_folder(folder):
+    with folder_of_results(folder):
         try:
             plan(work)
             return finish(work)

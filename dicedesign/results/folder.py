@@ -10,9 +10,10 @@ from typing import Final
 
 from dicedesign.errors import DiceError, OutputError
 from dicedesign.results.record import RESULT, Result
-from dicedesign.runtime.files import atomic_write
+from dicedesign.runtime.files import atomic_write, make_writable_folder
+from dicedesign.runtime.folder_lock import locked_folder
 
-__all__ = ["CHECKPOINT", "PAGE", "RECIPE", "kept_folder", "write_results"]
+__all__ = ["CHECKPOINT", "PAGE", "RECIPE", "folder_of_results", "write_results"]
 
 CHECKPOINT: Final = "checkpoint.npz"
 """State of a search that can be resumed; gone once the search is finished."""
@@ -53,11 +54,20 @@ def write_results(
 
 
 @contextmanager
-def kept_folder(folder: Path) -> Iterator[None]:
-    """Take away folders that were made on the way where an error left nothing in them."""
+def folder_of_results(folder: Path) -> Iterator[None]:
+    """Have a folder alone that can be written, made if missing; folders in which an error leaves
+    nothing go again.
+
+    Raises
+    ------
+    InputError: another process is writing into it. OutputError: it cannot be written.
+    """
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
-        yield
+        # Nobody waits for a die that cannot be kept.
+        make_writable_folder(folder)
+        with locked_folder(folder):
+            yield
     except (DiceError, KeyboardInterrupt):
         for path in missing:
             # It may not have been made yet, or hold a checkpoint.

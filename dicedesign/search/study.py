@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,6 +15,7 @@ from dicedesign.errors import DiceError, InputError, OutputError, missing_extra
 from dicedesign.recipe.schema.reading import read_recipe, recipe_text
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.runtime.files import atomic_write, make_writable_folder
+from dicedesign.runtime.folder_lock import locked_folder
 from dicedesign.search.space import search_space, varied_recipe
 
 if TYPE_CHECKING:
@@ -31,9 +31,6 @@ JOURNAL: Final = "trials.journal"
 
 PLACE: Final = "place"
 """Attribute of a trial: its place in the sequence of seeds."""
-
-LOCK: Final = "search.lock"
-"""Locked while a search runs in the folder."""
 
 
 class SearchStudy:
@@ -134,7 +131,7 @@ def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
     except ImportError as error:
         raise missing_extra("search", "search", error) from error
     make_writable_folder(folder)
-    with _locked(folder):
+    with locked_folder(folder):
         _check_recipe(folder, recipe)
         _prepare_journal(folder / JOURNAL)
         with _quiet(optuna):
@@ -146,7 +143,8 @@ def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
 
 
 class _AlreadyLocked:
-    """A lock for Optuna, whose own would outlive a process that is killed: `_locked` does."""
+    """A lock for Optuna, whose own would outlive a process that is killed; that of the folder does
+    not."""
 
     def acquire(self) -> bool:
         return True
@@ -241,30 +239,3 @@ def _quiet(optuna: Any) -> Iterator[None]:
             yield
     finally:
         optuna.logging.set_verbosity(level)
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Nobody else searches in the folder; the system drops the lock of a process that ends."""
-    with contextlib.ExitStack() as stack:
-        try:
-            file = stack.enter_context((folder / LOCK).open("ab"))
-        except OSError as error:
-            raise OutputError(
-                f"{folder / LOCK}: expected a file that can be written, got {error.strerror!r}; "
-                "choose another folder with --out"
-            ) from error
-        try:
-            import fcntl
-        except ImportError:
-            # Windows.
-            yield
-            return
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise InputError(
-                f"{folder}: expected no other search in this folder, but one is running; wait for "
-                "it, or choose another folder with --out"
-            ) from error
-        yield

@@ -190,7 +190,7 @@ def test_a_journal_that_is_gone_is_an_error(tmp_path: Path, recipe: Recipe) -> N
 def test_two_searches_do_not_share_a_folder(tmp_path: Path, recipe: Recipe) -> None:
     with open_study(tmp_path, recipe) as study:
         with (
-            pytest.raises(InputError, match="expected no other search in this folder"),
+            pytest.raises(InputError, match="expected a folder that nobody else writes into"),
             open_study(tmp_path, recipe),
         ):
             pass

@@ -7,20 +7,14 @@ from typing import Any
 
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
-from dicedesign.runtime.files import make_writable_folder
 from dicedesign.runtime.threads import one_tensor_thread
 
 __all__ = ["run_method"]
 
 
 def run_method(work: Work) -> None:
-    """Design the die of a recipe, in the file of its method in `dicedesign.recipe.methods`.
-
-    The folder of the results is made first: nobody waits for a die that cannot be kept. Raises as
-    the method, or OutputError.
-    """
-    if work.folder is not None:
-        make_writable_folder(work.folder)
+    """Design the die of a recipe, in the file of its method in `dicedesign.recipe.methods`. Raises
+    as the method."""
     with one_tensor_thread():
         work.die = _method(work).design(work)
 
