@@ -408,7 +408,8 @@ def test_the_command_line_prints_the_odds_and_what_was_moved(
     assert captured.err == ""
     lines = captured.out.splitlines()
     assert lines[0].startswith("cube: converged (reached the tolerance; max |p - q| is ")
-    assert lines[1:3] == ["label  target      achieved", "    1  0.16667     0.16667"]
+    assert lines[1].split() == ["label", "target", "achieved"]
+    assert lines[2].split() == ["1", "0.16667", "0.16667"]
     assert lines[8].split() == ["other", "0.0000", "0.0000"]
     assert lines[9] == "displacement: mean 0.371 %, largest 0.866 % of the diagonal"
     search.change = lambda points: points * [1.0, 1.1, 1.25]
