@@ -215,7 +215,7 @@ class Result:
     engraved_probabilities, engraved_elsewhere, engraved_max_abs_error: the same odds by die.stl as
         it was read back, with what the marks take away; None where it is not engraved, or where the
         center of mass was given: then nobody knows how marks move it.
-    history: every accepted step.
+    history: every accepted step; after rounds of throws those of the last design.
     energy: terms of the energy at the end, by name. starts: starting shapes that were tried;
         evaluations: dice that were tried; hulls: computed for them.
     probabilities_before, elsewhere_before: of the surface that a concave die was made from.

@@ -130,7 +130,7 @@ class _ClusterWorkers(Executor):
 @contextmanager
 def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
     """The workers of a Dask cluster, and how many tasks they can run at a time. Those that join
-    later help; while there are none, tasks wait.
+    later take tasks that wait; while there are none, tasks wait.
 
     address: of its scheduler, such as tcp://10.0.0.5:8786.
 

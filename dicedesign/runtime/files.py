@@ -20,6 +20,9 @@ MOST_TEXT: Final = 1 << 24
 MOST_DATA: Final = 1 << 32
 """Bytes of a file that programs write: 4 GiB."""
 
+_FLAGS: Final = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+"""Each system has one of the last two."""
+
 _KINDS: Final = {
     stat.S_IFDIR: "a directory",
     stat.S_IFIFO: "a pipe",
@@ -44,13 +47,18 @@ def read_file(
     """
     try:
         # A pipe that nobody writes to would be waited for.
-        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+        handle = os.open(path, _FLAGS)
         with open(handle, "rb") as file:
             status = os.fstat(handle)
             if not stat.S_ISREG(status.st_mode):
                 found = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
                 raise error(f"{path}: expected {kind}, got {found}; name a file")
-            data = file.read(most + 1)
+            if status.st_size > most:
+                raise error(
+                    f"{path}: expected {kind} of at most {most >> 20} MiB, got "
+                    f"{status.st_size >> 20}; name another file"
+                )
+            data = file.read()
     except FileNotFoundError as fault:
         raise error(f"{path}: no such file; check the path") from fault
     except IsADirectoryError as fault:
@@ -62,10 +70,6 @@ def read_file(
         raise error(
             f"{path}: expected a readable file, got {reason!r}; check path and permissions"
         ) from fault
-    if len(data) > most:
-        raise error(
-            f"{path}: expected {kind} of at most {most >> 20} MiB, got more; name another file"
-        )
     return data
 
 

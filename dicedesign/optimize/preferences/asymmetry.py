@@ -16,8 +16,8 @@ USUAL_INEQUALITY: Final = 0.4
 
 
 def asymmetry_residuals(die: BearingFacets) -> Tensor:
-    """2 phi - 1 of each saddle, with the sign that makes it smooth, by the root of its weight in
-    rho."""
+    """2 phi - 1 of every saddle, with the sign that makes it smooth, by the root of its weight in
+    rho, which counts the lowest saddle of each border alone."""
     import torch
 
     rests, basins = die.rests, die.rests.paths.basins
