@@ -128,7 +128,12 @@ def _parser(command: str | None) -> argparse.ArgumentParser:
         prog="dicedesign",
         description="Design solid objects by the odds with which they come to rest.",
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    parser.add_argument(
+        "--version",
+        action=_Version,
+        nargs=0,
+        help="print the version, and whether there are compiled kernels, and exit",
+    )
     parser.add_argument(DEBUG, action="store_true", help="show where an unforeseen error came from")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name in (command,) if command in COMMANDS else COMMANDS:
@@ -143,7 +148,10 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
         from importlib.metadata import version
 
-        print(f"dicedesign {version('dicedesign')}")
+        from dicedesign.kernels import ops as kernels
+
+        how = "with compiled kernels" if kernels.available() else "without compiled kernels, slower"
+        print(f"dicedesign {version('dicedesign')}, {how}")
         parser.exit()
 
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 from common.finished_run import box_file
+from common.kernels import without_kernels
 
 from dicedesign.cli.main import main
+from dicedesign.kernels import ops as kernels
 
 
 def said_by(command: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[bytes]:
@@ -80,3 +83,12 @@ def test_too_little_memory_is_told(
     monkeypatch.setattr("dicedesign.rest.poses.rest_poses", full)
     assert main(["rest", str(box_file(tmp_path, name="box.stl"))]) == 2
     assert capsys.readouterr().err.startswith("dicedesign: memory: expected enough")
+
+
+def test_the_version_says_whether_there_are_kernels(capsys: pytest.CaptureFixture[str]) -> None:
+    for way, said in ((nullcontext, "with compiled"), (without_kernels, "without compiled")):
+        expected = said if kernels.available() else "without compiled"
+        with way(), pytest.raises(SystemExit) as ended:
+            main(["--version"])
+        assert ended.value.code == 0
+        assert f", {expected} kernels" in capsys.readouterr().out

@@ -39,6 +39,9 @@ th, td { padding: .25rem .75rem; border-bottom: 1px solid #e4e9ee; text-align: r
 th:first-child, td:first-child { text-align: left; padding-left: 0; }
 """
 
+_POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+"""A page runs no script and loads nothing, whatever a name or a label in it says."""
+
 _PEAK_SINCE: Final = {
     "stage": "during the stage",
     "start": "from its start to the end of the stage",
@@ -107,6 +110,7 @@ def page(title: str, parts: Sequence[str]) -> str:
     """A whole document that opens offline."""
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(title)}</title><style>{_STYLE}</style></head><body>\n"
         + "\n".join(parts)

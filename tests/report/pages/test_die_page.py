@@ -188,3 +188,12 @@ def test_memory_since_the_start_is_said_so() -> None:
 def test_figures_that_are_absent_leave_their_section_out(name: str) -> None:
     assert FIGURES[name].caption in page_of({name: PNG}).text
     assert FIGURES[name].caption not in page_of().text
+
+
+def test_a_page_runs_no_script_and_loads_nothing() -> None:
+    """Its policy stands before anything that could."""
+    page = die_page(result(), {})
+    policy = page.index("Content-Security-Policy")
+    assert policy < page.index("<title>")
+    assert "default-src 'none'" in page[policy:]
+    assert "<script" not in page
