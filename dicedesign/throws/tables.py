@@ -147,13 +147,13 @@ def _check_model(name: str, model: object, parameters: dict[str, float]) -> None
     known = model.get("table") if isinstance(model, dict) else None
     if not isinstance(known, dict) or set(known) != set(parameters):
         raise InputError(
-            f"--table {name}: expected a momentum model with the parameters of the table that it "
+            f"table {name}: expected a momentum model with the parameters of the table that it "
             "was learned on, got one without; make it again with `dicedesign table learn`"
         )
     for key, value in parameters.items():
         if known[key] != value:
             raise InputError(
-                f"--table {name}: expected the {key} that its momentum model was learned with, "
+                f"table {name}: expected the {key} that its momentum model was learned with, "
                 f"{known[key]}, got {value}; make the model again with `dicedesign table learn`, "
                 "or take momentum out of the file"
             )
@@ -170,19 +170,19 @@ def _entries(name: str) -> dict[str, Any]:
         text = read_text(Path(name), "a JSON file of a table")
     else:
         raise InputError(
-            f"--table {name}: expected {', '.join(TABLE_NAMES)} or the path of a table's .json "
+            f"table {name}: expected {', '.join(TABLE_NAMES)} or the path of a table's .json "
             "file; take one of them"
         )
     try:
         entries = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"--table {name}: expected JSON, but {error}; correct it") from error
+        raise InputError(f"table {name}: expected JSON, but {error}; correct it") from error
     known = {field.name for field in fields(Table)}
     needed = known - {"size", "drag", "source"}
     if not isinstance(entries, dict) or not needed <= set(entries) <= known | {"momentum"}:
         got = ", ".join(entries) if isinstance(entries, dict) else type(entries).__name__
         raise InputError(
-            f"--table {name}: expected an object with {', '.join(sorted(needed))} and at most size,"
+            f"table {name}: expected an object with {', '.join(sorted(needed))} and at most size,"
             f" drag, source and momentum, got {got}; correct it"
         )
     return entries

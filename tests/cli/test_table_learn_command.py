@@ -75,7 +75,7 @@ def test_the_table_is_written_here_by_its_name(
         (["board-game", "--jobs", "0"], "--jobs: expected a whole number above 0, got 0"),
         (["board-game", "--out", "a.txt"], "--out: expected a path that ends in .json, got a.txt"),
         (["carpet"], "table carpet: expected one without drag"),
-        (["velvet"], "--table velvet: expected board-game, hard-wood"),
+        (["velvet"], "table velvet: expected board-game, hard-wood"),
     ],
 )
 def test_bad_input(capsys: pytest.CaptureFixture[str], arguments: list[str], message: str) -> None:

@@ -60,7 +60,7 @@ def test_gradients_are_those_of_differences(given: bool) -> None:
 
 
 def test_an_unknown_table_is_an_error() -> None:
-    with pytest.raises(InputError, match="--table glass: expected board-game"):
+    with pytest.raises(InputError, match="table glass: expected board-game"):
         differentiable_rest(torch.tensor(POINTS), table="glass")
 
 

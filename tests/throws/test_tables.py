@@ -84,7 +84,7 @@ def test_files_that_are_no_tables(tmp_path: Path, text: str, message: str) -> No
 
 
 def test_tables_that_are_not_there(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="--table felt: expected board-game, hard-wood, carpet"):
+    with pytest.raises(InputError, match="table felt: expected board-game, hard-wood, carpet"):
         table_named("felt")
     with pytest.raises(InputError, match=r"no\.json: no such file"):
         table_named(str(tmp_path / "no.json"))

@@ -195,13 +195,13 @@ def momentum_model(table: str) -> MomentumModel | None:
     entries = table_entries(table)
     if "momentum" not in entries:
         raise InputError(
-            f"--table {table}: expected a table with a momentum model, got one without; make one "
+            f"table {table}: expected a table with a momentum model, got one without; make one "
             "with `dicedesign table learn`"
         )
     try:
         return model_of(entries["momentum"])
     except InputError as error:
-        raise InputError(f"--table {table}: {error}") from error
+        raise InputError(f"table {table}: {error}") from error
 
 
 def model_of(plain: dict[str, Any]) -> MomentumModel:

@@ -128,7 +128,7 @@ def test_the_command_prints_tables_and_json(
     [
         (["--engine", "hand"], "engine: expected native, mujoco, bullet, got 'hand'"),
         (["--table", "carpet"], "--table carpet: expected a table on which dice have momentum"),
-        (["--table", "velvet"], "--table velvet: expected board-game"),
+        (["--table", "velvet"], "table velvet: expected board-game"),
         (["--printed", "box"], "--printed box: expected the file of their throws beside it"),
         (["--throws", "none.csv"], "none.csv: no such file"),
         (["--jobs", "0"], "--jobs: expected a whole number above 0, got 0"),
