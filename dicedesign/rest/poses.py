@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, as_numbers, is_rounded, make_body
 from dicedesign.geometry.meshes.center_of_mass import resolve_center_of_mass
@@ -202,7 +203,11 @@ def rest_poses(
     else:
         body = make_body(points_or_mesh)
     started = time.perf_counter()
-    hull = convex_hull(body.points, coplanar_tolerance, single_precision=body.single_precision)
+    try:
+        hull = convex_hull(body.points, coplanar_tolerance, single_precision=body.single_precision)
+    except DegenerateBodyError as error:
+        said = str(error).removeprefix("points: ")
+        raise DegenerateBodyError(f"{body.name}: {said}") from error
     hull_seconds = time.perf_counter() - started
     center, source, notes = resolve_center_of_mass(body, hull.centroid, center_of_mass)
     return analyse(hull, center, source, (*body.notes, *notes), hull_seconds)

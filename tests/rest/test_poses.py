@@ -12,7 +12,7 @@ import trimesh
 from dicedesign.bench.bodies.extremes import weighted_sphere
 from dicedesign.bench.bodies.monostatic import conway_guy
 from dicedesign.bench.bodies.problem import Problem
-from dicedesign.errors import InputError
+from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.sphere import angle_between
@@ -193,3 +193,12 @@ def test_an_stl_file_has_the_same_rests_by_any_reader(tmp_path: Path) -> None:
     trimesh.creation.box((1.0, 2.0, 3.0), turn).export(tmp_path / "box.stl")
     for body in (read_body(tmp_path / "box.stl"), trimesh.load(tmp_path / "box.stl")):
         assert len(rest_poses(body).probabilities) == 6
+
+
+def test_a_flat_body_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "flat.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n")
+    with pytest.raises(DegenerateBodyError, match=r"flat\.obj: expected points that span a solid"):
+        rest_poses(read_body(path))
+    with pytest.raises(DegenerateBodyError, match=r"^points: expected points that span a solid"):
+        rest_poses([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
