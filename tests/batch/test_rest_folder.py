@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 from common.inline_executor import Inline
 from common.long_run import FILES, begun, shorten
+from common.signals import heed_interrupts
 
 from dicedesign.batch import file_batches as running
 from dicedesign.batch.analyse import analyse_files
@@ -233,7 +234,7 @@ def test_an_interrupt_keeps_what_was_done(
 ) -> None:
     """As by Ctrl-C, which every process of the terminal's group gets."""
     out = tmp_path / "t.csv"
-    process, rest = begun(meshes, out, process_group=0)
+    process, rest = begun(meshes, out, process_group=0, preexec_fn=heed_interrupts)
     os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=30.0)
     assert process.returncode == 130

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from common.inline_executor import Inline, Lossy
+from common.signals import heed_interrupts
 
 from dicedesign.cli.main import main
 from dicedesign.errors import DiceError
@@ -55,7 +56,9 @@ def test_an_error_of_a_trial_is_none_of_the_worker(tmp_path: Path, recipe: Recip
 
 def begun(command: list[str], folder: Path, trials: int) -> subprocess.Popen[str]:
     """A search that has so many trials."""
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, process_group=0)
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, process_group=0, preexec_fn=heed_interrupts
+    )
     deadline = time.monotonic() + 60.0
     while journal_size(folder) < trials:
         assert time.monotonic() < deadline
