@@ -8,6 +8,9 @@ one more remark on it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 __all__ = [
     "DegenerateBodyError",
     "DiceError",
@@ -20,6 +23,7 @@ __all__ = [
     "OutsideHullError",
     "RecipeError",
     "missing_extra",
+    "named",
 ]
 
 
@@ -70,6 +74,15 @@ class LabelRoomError(EngravingError):
 
 class OutputError(DiceError, OSError):
     """A result cannot be written where it was asked for."""
+
+
+@contextmanager
+def named(key: str) -> Iterator[None]:
+    """Puts the option or the recipe's key that brought an input before what is said of it."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{key}: {error}") from error
 
 
 def missing_extra(extra: str, wanted: str, error: ImportError) -> InputError:

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from common.paths import DATA, MISSING_DATA, ROOT
 
 # Small tensors and matrices: threads only get into each other's way.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
-
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests"))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -24,11 +22,42 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="as on a machine where the compiled kernels could not be built",
     )
+    parser.addoption(
+        "--require-public-data",
+        action="store_true",
+        help="tests fail that are otherwise skipped where public data are missing",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
     if config.getoption("--without-kernels"):
         sys.modules["dicedesign_kernels"] = None  # type: ignore[assignment]
+
+
+def lacks_data(report: pytest.TestReport) -> bool:
+    """True if a test was skipped because public data are missing."""
+    return (
+        report.skipped
+        and isinstance(report.longrepr, tuple | list)
+        and (MISSING_DATA in report.longrepr[2])
+    )
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport]:
+    report = yield
+    if item.config.getoption("--require-public-data") and lacks_data(report):
+        report.outcome = "failed"
+    return report
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Count and name the tests that public data were missing for."""
+    skipped = sorted(r.nodeid for r in terminalreporter.stats.get("skipped", []) if lacks_data(r))
+    if skipped:
+        terminalreporter.section(f"{len(skipped)} skipped: no public data in {DATA}")
+        for name in skipped:
+            terminalreporter.line(name)
 
 
 @pytest.fixture(scope="session")

@@ -26,12 +26,10 @@ class TableFormat:
     encode: the content of the file for the table as CSV, beginning with the names of its columns.
     decode: the rows in the content of a file, their values as they are in CSV, without the names.
         Raises ValueError or csv.Error where it is no such table.
-    any_name: whether it takes names of files that are not UTF-8.
     """
 
     encode: Callable[[str], bytes]
     decode: Callable[[bytes], Rows]
-    any_name: bool
 
 
 def table_format(path: Path | None) -> TableFormat:
@@ -53,12 +51,8 @@ def table_format(path: Path | None) -> TableFormat:
     return _FORMATS[ending]
 
 
-def _csv_bytes(text: str) -> bytes:
-    return text.encode("utf-8", "surrogateescape")
-
-
 def _csv_rows(data: bytes) -> Rows:
-    text = io.StringIO(data.decode("utf-8", "surrogateescape"), newline="")
+    text = io.StringIO(data.decode("utf-8"), newline="")
     rows = csv.reader(text, strict=True)
     if next(rows, []) != list(COLUMNS):
         raise ValueError("its columns are others")
@@ -110,7 +104,7 @@ _ARROW: Final[dict[ColumnType, str]] = {"text": "string", "whole": "int64", "rea
 """Arrow's names of types."""
 
 _FORMATS: Final = {
-    ".csv": TableFormat(_csv_bytes, _csv_rows, any_name=True),
-    ".parquet": TableFormat(_parquet_bytes, _parquet_rows, any_name=False),
+    ".csv": TableFormat(str.encode, _csv_rows),
+    ".parquet": TableFormat(_parquet_bytes, _parquet_rows),
 }
 """By the ending of a path, in lower case."""

@@ -4,24 +4,17 @@ from __future__ import annotations
 
 import csv
 import os
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Final
 
 from dicedesign.batch.formats import table_format
 from dicedesign.batch.rows import COLUMNS, Entry, csv_line, entries_of
-from dicedesign.errors import InputError, OutputError
-from dicedesign.runtime.files import atomic_write, read_file
+from dicedesign.errors import InputError
+from dicedesign.runtime.files import read_file
+from dicedesign.runtime.kept_file import KeptFile
 
 __all__ = ["RestTable"]
-
-INTERVAL: Final = 5.0
-"""Seconds after which what is new is written."""
-
-SHARE: Final = 0.02
-"""Of the time, at most so much goes into writing the table before the end."""
 
 
 class RestTable:
@@ -41,10 +34,8 @@ class RestTable:
         self.path = path
         self.entries = dict(entries)
         self._format = table_format(path)
-        self._written = _state(path)
-        self._new = True
-        self._due = 0.0
-        self.save()
+        self._file = KeptFile(path, "a table", self._content)
+        self._file.change()
 
     @staticmethod
     def read(path: Path) -> dict[str, Entry]:
@@ -67,30 +58,18 @@ class RestTable:
     def add(self, entries: Mapping[str, Entry]) -> None:
         """Take entries in, and write the table if that is due. Raises OutputError."""
         self.entries.update(entries)
-        self._new = True
-        if time.monotonic() >= self._due:
-            self.save()
+        self._file.change()
 
     def save(self) -> None:
         """Write the table if there is anything new.
 
         Raises OutputError: that cannot be done, or another run has written the table meanwhile.
         """
-        if not self._new:
-            return
-        started = time.monotonic()
+        self._file.save()
+
+    def _content(self) -> bytes:
         texts = [self.entries[file].text for file in sorted(self.entries)]
-        data = self._format.encode("".join([csv_line(COLUMNS), *texts]))
-        if _state(self.path) not in (None, self._written):
-            raise OutputError(
-                f"{self.path}: expected a table that only this run writes, but another one has "
-                "written it meanwhile; let that one end, then run the same command to go on"
-            )
-        atomic_write(self.path, data)
-        self._written = _state(self.path)
-        ended = time.monotonic()
-        self._new = False
-        self._due = ended + max(INTERVAL, (ended - started) / SHARE)
+        return self._format.encode("".join([csv_line(COLUMNS), *texts]))
 
     def __enter__(self) -> RestTable:
         return self
@@ -102,12 +81,3 @@ class RestTable:
         traceback: TracebackType | None,
     ) -> None:
         self.save()
-
-
-def _state(path: Path) -> tuple[int, int] | None:
-    """Size and time of the last change of a file; None where there is none."""
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return status.st_size, status.st_mtime_ns

@@ -99,7 +99,7 @@ def analysed_entry(file: str, stamp: Stamp, poses: RestPoses, seconds: float) ->
     """The rows of a file's rests; `seconds` were spent on reading and analysing it."""
     count = len(poses.probabilities)
     # What the rows have in common becomes text once.
-    name = csv_line([file])[:-1]
+    name = csv_line([escaped_name(file)])[:-1]
     end = csv_line(
         [
             count,
@@ -133,7 +133,7 @@ def analysed_entry(file: str, stamp: Stamp, poses: RestPoses, seconds: float) ->
 def broken_entry(file: str, stamp: Stamp, error: str, seconds: float = 0.0) -> Entry:
     """The row of a file that could not be analysed, with the reason in one line."""
     row: dict[str, object] = dict.fromkeys(COLUMNS, "")
-    row |= {"file": file, "rests": 0, "seconds": round(seconds, 6)}
+    row |= {"file": escaped_name(file), "rests": 0, "seconds": round(seconds, 6)}
     row |= {"error": " ".join(error.split())}
     row |= zip(STAMPED, _stamped(stamp), strict=True)
     return Entry(stamp, csv_line(row.values()), 0)
@@ -147,13 +147,41 @@ def csv_line(fields: Iterable[object]) -> str:
     """Fields as a line of CSV with its line feed.
 
     Unlike that of Python, a carriage return is quoted too, which would end the row for its reader.
+    What is not UTF-8 is an escape, such as `\\udcff`.
     """
-    texts = [str(field) for field in fields]
+    texts = [str(field).encode("utf-8", "backslashreplace").decode() for field in fields]
     quoted = ['"' + t.replace('"', '""') + '"' if _SPECIAL.search(t) else t for t in texts]
     return ",".join(quoted) + "\n"
 
 
 _SPECIAL: Final = re.compile('[,"\r\n]')
+
+_ESCAPED: Final = re.compile(r"(\\+)(udc[89a-f][0-9a-f])")
+
+_TO_ESCAPE: Final = re.compile(r"(\\*)(udc[89a-f][0-9a-f]|[\udc80-\udcff])")
+
+
+def escaped_name(name: str) -> str:
+    """The name of a file as a table has it: a byte that is not UTF-8 is an escape, such as
+    `\\udcff`, and backslashes before one, or before letters that would look like one, are
+    doubled."""
+
+    def escape(match: re.Match[str]) -> str:
+        slashes, rest = match.groups()
+        return 2 * slashes + (rest if len(rest) > 1 else f"\\u{ord(rest):x}")
+
+    return _TO_ESCAPE.sub(escape, name)
+
+
+def _own_name(escaped: str) -> str:
+    """The name that `escaped_name` has made this from."""
+
+    def unescape(match: re.Match[str]) -> str:
+        slashes, rest = match.groups()
+        byte = chr(int(rest[1:], 16)) if len(slashes) % 2 else rest
+        return slashes[: len(slashes) // 2] + byte
+
+    return _ESCAPED.sub(unescape, escaped)
 
 
 def entries_of(rows: Iterable[Sequence[str]]) -> dict[str, Entry]:
@@ -163,7 +191,7 @@ def entries_of(rows: Iterable[Sequence[str]]) -> dict[str, Entry]:
     """
     of_file: dict[str, list[Sequence[str]]] = {}
     for row in rows:
-        of_file.setdefault(row[0], []).append(row)
+        of_file.setdefault(_own_name(row[0]), []).append(row)
     entries = {}
     for file, own in of_file.items():
         last = dict(zip(COLUMNS, own[-1], strict=True))

@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import Any, Final
 
 from dicedesign.errors import DiceError
+from dicedesign.runtime.printable import printable
 
 __all__ = ["main"]
 
@@ -89,10 +90,9 @@ def _ending(error: BaseException) -> tuple[int, str]:
 
 def _say(text: str) -> None:
     """One line on stderr, whatever names it quotes; nothing for no text."""
-    line = "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
-    if line:
+    if text:
         with contextlib.suppress(OSError):
-            print(f"dicedesign: {line}", file=sys.stderr, flush=True)
+            print(f"dicedesign: {printable(text)}", file=sys.stderr, flush=True)
 
 
 def _mend_streams() -> None:

@@ -4,23 +4,32 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import sys
-from collections.abc import Iterable
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager, suppress
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.checks import check_whole
 from dicedesign.runtime.files import atomic_write, json_text
+from dicedesign.runtime.printable import printable
 from dicedesign.runtime.workers import Workers, open_workers
 
+if TYPE_CHECKING:
+    from dicedesign.runtime.checkpoint import Checkpoint
+
 __all__ = [
+    "MISSING_KERNELS",
     "add_engine_option",
     "add_worker_options",
     "check_worker_options",
+    "checkpoint_beside",
     "direction",
     "json_path",
+    "note_missing_kernels",
     "numbers",
     "percent_interval",
     "print_json",
@@ -28,6 +37,11 @@ __all__ = [
     "workers_of",
     "write_table",
 ]
+
+MISSING_KERNELS: Final = (
+    "note: without the compiled kernels this takes many times as long; install the package where "
+    "there is a C++ compiler"
+)
 
 MOST_JOBS: Final = 4096
 """More processes than any machine bears."""
@@ -39,8 +53,8 @@ def add_worker_options(parser: argparse.ArgumentParser, jobs_help: str, where: s
     parser.add_argument(
         "--scheduler",
         metavar="tcp://HOST:PORT",
-        help=f"{where}run on the Dask cluster of this address; needs the extra 'cluster' (default: "
-        "on this machine)",
+        help=f"{where}run on the Dask cluster of this address, tls://HOST:PORT if encrypted; needs "
+        "the extra 'cluster' (default: on this machine)",
     )
 
 
@@ -71,8 +85,20 @@ def check_worker_options(options: argparse.Namespace) -> None:
 def workers_of(
     options: argparse.Namespace, unit: str, total: int, done: int = 0
 ) -> AbstractContextManager[Workers]:
-    """The workers that the options ask for; unit, total, done: as of `open_workers`."""
+    """The workers that the options ask for; unit, total, done: as of `open_workers`. Says whether
+    those of this machine are slow."""
+    if options.scheduler is None:
+        note_missing_kernels()
     return open_workers(unit, total, done, jobs=options.jobs, scheduler=options.scheduler)
+
+
+def note_missing_kernels() -> None:
+    """Say on stderr that a command takes long as there are no kernels, if so."""
+    from dicedesign.kernels import ops as kernels
+
+    if not kernels.available():
+        with suppress(OSError):
+            print(MISSING_KERNELS, file=sys.stderr)
 
 
 def json_path(path: Path) -> Path:
@@ -83,10 +109,27 @@ def json_path(path: Path) -> Path:
     return path
 
 
+def checkpoint_beside(out: Path | None, work: Mapping[str, str]) -> Checkpoint:
+    """The checkpoint of work whose result will be written, with a note if there is one already;
+    without a result to be written, one that keeps no file.
+
+    work: as of `Checkpoint`. Raises InputError: the one there is of other work.
+    """
+    from dicedesign.runtime.checkpoint import Checkpoint
+
+    if out is None:
+        return Checkpoint()
+    path = out.with_suffix(".checkpoint.npz")
+    checkpoint = Checkpoint(path, {**work, "version of dicedesign": version("dicedesign")})
+    if os.path.exists(path):
+        print(f"note: goes on from {printable(path)}", file=sys.stderr)
+    return checkpoint
+
+
 def write_table(path: Path, entries: dict[str, Any]) -> None:
     """Write the file of a table of throw parameters, and say so."""
     atomic_write(path, json_text(entries).encode())
-    print(f"note: wrote {path}", file=sys.stderr)
+    print(f"note: wrote {printable(path)}", file=sys.stderr)
 
 
 def direction(vector: Iterable[float]) -> str:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dicedesign.cli.body import add_body_options, center_of_mass, read_poses
 from dicedesign.cli.options import direction, print_json
 from dicedesign.cli.rest_folder import add_folder_options, refuse_folder_options, rest_folder
+from dicedesign.errors import named
+from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
@@ -65,16 +68,20 @@ def rest_summary(poses: RestPoses, thrown: Floats | None = None) -> dict[str, An
 
 
 def _rest(options: argparse.Namespace) -> int:
-    if options.mesh.is_dir():
+    if os.path.isdir(options.mesh):
         return rest_folder(options, center_of_mass(options.com))
     refuse_folder_options(options)
     center = center_of_mass(options.com)
     body, poses = read_poses(options.mesh, center, options.coplanar_tolerance)
     thrown = None
     if options.table is not None:
-        from dicedesign.throws.momentum.momentum_odds import thrown_odds
+        from dicedesign.throws.momentum.momentum_model import momentum_model
+        from dicedesign.throws.momentum.momentum_odds import momentum_odds
+        from dicedesign.throws.rigid_body import rigid_body
 
-        thrown = thrown_odds(body, poses, options.table)
+        with named("--table"):
+            model = momentum_model(options.table)
+        thrown = momentum_odds(poses, rigid_body(body, poses), model)
     if options.figure is not None:
         _draw(poses, options.figure)
     if options.json:
@@ -108,7 +115,7 @@ def _table(options: argparse.Namespace, poses: RestPoses, thrown: Floats | None)
             row.insert(2, f"{100 * odds:.5f} %")
     return "\n".join(
         [
-            f"{options.mesh}: {len(poses.probabilities)} resting poses, hull of "
+            f"{printable(options.mesh)}: {len(poses.probabilities)} resting poses, hull of "
             f"{len(poses.hull.vertices)} vertices and {len(poses.hull.normals)} facets, "
             f"{milliseconds:.1f} ms",
             f"center of mass ({center}), {poses.center_of_mass_source}",

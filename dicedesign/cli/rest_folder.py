@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dicedesign.cli.options import add_worker_options, check_worker_options, workers_of
 from dicedesign.errors import InputError
+from dicedesign.runtime.printable import printable
 
 if TYPE_CHECKING:
     from dicedesign.batch.analyse import Center
@@ -62,10 +61,9 @@ def rest_folder(options: argparse.Namespace, center_of_mass: Center) -> int:
         )
     _check(options)
     folder, path, tolerance = options.mesh, options.out, options.coplanar_tolerance
-    any_name = table_format(path).any_name
+    # Better known before the work than after.
+    table_format(path)
     files = list_folder(folder)
-    if not any_name:
-        _check_names(path, files.meshes)
     com = (
         ",".join(map(repr, center_of_mass)) if isinstance(center_of_mass, tuple) else center_of_mass
     )
@@ -81,7 +79,7 @@ def rest_folder(options: argparse.Namespace, center_of_mass: Center) -> int:
         (len(before.keys() - stamps.keys()), f"files of {path} are gone, and so are their rows"),
     ):
         if count:
-            print(f"note: {count} {what}", file=sys.stderr)
+            print(f"note: {count} {printable(what)}", file=sys.stderr)
     with RestTable(path, kept) as table:
         pending = {file: stamp for file, stamp in stamps.items() if file not in kept}
         if pending:
@@ -103,18 +101,6 @@ def _check(options: argparse.Namespace) -> None:
             "the default"
         )
     check_worker_options(options)
-
-
-def _check_names(path: Path, files: Iterable[str]) -> None:
-    """Raises InputError where a name is not UTF-8."""
-    for file in files:
-        try:
-            file.encode("utf-8")
-        except UnicodeEncodeError as error:
-            raise InputError(
-                f"{path}: expected names of files in UTF-8, got {os.fsencode(file)!r}; rename it, "
-                "or take a table that ends in .csv"
-            ) from error
 
 
 def _check_table(
@@ -166,7 +152,7 @@ def _run(
 def _summary(table: RestTable) -> int:
     counts = [entry.rests for entry in table.entries.values()]
     analysed, broken = sum(count > 0 for count in counts), counts.count(0)
-    print(f"{table.path}: {analysed} files with {sum(counts)} resting poses")
+    print(f"{printable(table.path)}: {analysed} files with {sum(counts)} resting poses")
     if broken:
         print(
             f"note: {broken} files could not be analysed; see the column 'error'", file=sys.stderr

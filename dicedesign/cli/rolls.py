@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from dicedesign.cli.body import read_poses
 from dicedesign.cli.options import percent_interval, print_json
 from dicedesign.errors import InputError
+from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
@@ -76,7 +78,7 @@ def _rolls(options: argparse.Namespace) -> int:
             f"--confidence: expected at least {LEAST_CONFIDENCE:g} and less than 1, got "
             f"{options.confidence:g}; 0.95 is usual"
         )
-    die = _finished(options.die) if options.die.is_dir() else _mesh(options.die)
+    die = _finished(options.die) if os.path.isdir(options.die) else _mesh(options.die)
     if len(die.labels) < 2:
         raise InputError(
             f"{options.die}: expected a die with at least 2 outcomes, got {len(die.labels)}; "
@@ -89,7 +91,7 @@ def _rolls(options: argparse.Namespace) -> int:
         summary = {"odds_source": die.source, **rolls_summary(die.labels, verdict)}
         print_json(summary)
     else:
-        print(f"{options.die}: {verdict.throws} throws, tested for the {die.source}\n")
+        print(f"{printable(options.die)}: {verdict.throws} throws, tested for the {die.source}\n")
         print("\n".join([*_table(die.labels, verdict), *_sentences(verdict)]))
     return 0
 
@@ -100,7 +102,10 @@ def _finished(folder: Path) -> _Die:
 
     die = read_result(folder)
     if not die.converged:
-        print(f"note: {folder}: this die does not meet its target ({die.status})", file=sys.stderr)
+        print(
+            f"note: {printable(folder)}: this die does not meet its target ({die.status})",
+            file=sys.stderr,
+        )
     return _Die(list(die.labels), list(die.target), "target of its design")
 
 

@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dicedesign.cli.options import note_missing_kernels
+from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
@@ -20,20 +22,28 @@ __all__ = ["add_result_options", "run_and_print", "with_result_options"]
 
 
 def add_result_options(parser: Any) -> None:
-    """Add `--out` and `--no-figures` to an argparse parser."""
+    """Add `--out`, `--no-figures` and `--no-clock` to an argparse parser."""
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for the results (default: outputs/NAME)"
     )
     parser.add_argument(
         "--no-figures", action="store_true", help="leave out the pictures and the page"
     )
+    parser.add_argument(
+        "--no-clock",
+        action="store_true",
+        help="leave out run times and memory, so that two runs can be compared byte by byte",
+    )
 
 
 def with_result_options(recipe: Recipe, options: argparse.Namespace) -> Recipe:
     """The recipe as the options change it."""
-    if not options.no_figures:
-        return recipe
-    return recipe.model_copy(update={"figures": False, "report": False})
+    changes: dict[str, bool] = {}
+    if options.no_figures:
+        changes |= {"figures": False, "report": False}
+    if options.no_clock:
+        changes |= {"clock": False}
+    return recipe.model_copy(update=changes)
 
 
 def run_and_print(
@@ -49,6 +59,7 @@ def run_and_print(
     from dicedesign.recipe.planning.work import Listeners
     from dicedesign.recipe.run import run
 
+    note_missing_kernels()
     concave = recipe.method.concave
     with tqdm(file=sys.stderr, disable=not sys.stderr.isatty(), unit=" steps") as bar:
 
@@ -83,7 +94,7 @@ def _print(result: Result) -> None:
         )
     if result.engraved_max_abs_error is not None and result.thrown is None:
         print(f"engraved: max |p - q| {result.engraved_max_abs_error:.2e}")
-    print(f"files in {result.folder}: {', '.join(result.files.values())}")
+    print(f"files in {printable(result.folder)}: {', '.join(result.files.values())}")
 
 
 def _print_odds(result: Result) -> None:

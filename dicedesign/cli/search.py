@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from dicedesign.cli.options import add_worker_options, check_worker_options, workers_of
 from dicedesign.errors import InputError
 from dicedesign.runtime.checks import check_whole
+from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
@@ -27,8 +28,8 @@ def add_parser(commands: Any) -> None:
         help="search for a die that prints and rolls better",
         description="Design many dice of one recipe, with other seeds, assignments of labels and "
         "weights of preferences, and rank them by the smallest circle in a labelled facet and the "
-        "momentum margin. The same command goes on where an earlier one ended. Needs the extra "
-        "'search'; --scheduler needs 'cluster'.",
+        "momentum margin. The same command goes on where an earlier one ended or was killed. Needs "
+        "the extra 'search'; --scheduler needs 'cluster'.",
     )
     parser.add_argument("recipe", type=Path, metavar="RECIPE", help="YAML file")
     parser.add_argument(
@@ -81,7 +82,7 @@ def _search(options: argparse.Namespace) -> int:
         finished = study.finished()
         board = write_results(folder, recipe, finished)
     if before:
-        print(f"note: {before} trials were already in {folder}", file=sys.stderr)
+        print(f"note: {before} trials were already in {printable(folder)}", file=sys.stderr)
     _print(recipe, folder, finished, board)
     return 0 if board else 1
 
@@ -125,4 +126,4 @@ def _print(
     written = ["leaderboard.html", "leaderboard.json", "leaderboard.csv", "pareto.png"]
     if board:
         written += ["best.yaml", "trial_N.yaml of those above"]
-    print(f"files in {folder}: {', '.join(written)}")
+    print(f"files in {printable(folder)}: {', '.join(written)}")

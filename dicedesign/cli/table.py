@@ -11,11 +11,13 @@ from dicedesign.cli import table_learn
 from dicedesign.cli.options import (
     add_worker_options,
     check_worker_options,
+    checkpoint_beside,
     json_path,
     print_json,
     workers_of,
     write_table,
 )
+from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
@@ -49,7 +51,9 @@ def add_parser(commands: Any) -> None:
         "fit",
         help="fit throw parameters to counts of real dice",
         description="Fit one set of restitution, friction, drop height, speed and spin to what "
-        "came up with several real dice, and test each die against it with fresh drops.",
+        "came up with several real dice, and test each die against it with fresh drops. With "
+        "--out, what was simulated is kept beside the table until that is there: the same command "
+        "goes on where an earlier one was interrupted or killed.",
     )
     fit.add_argument(
         "--throws",
@@ -96,10 +100,12 @@ def _fit(options: argparse.Namespace) -> int:
     from dicedesign.runtime.files import make_writable_folder
     from dicedesign.throws.counts.table_check import check_table
     from dicedesign.throws.counts.table_fit import check_effort, fit_table
-    from dicedesign.throws.counts.throw_counts import read_throw_counts
+    from dicedesign.throws.counts.throw_counts import read_throw_counts, throws_digest
+    from dicedesign.throws.engines.engine import require_engine
     from dicedesign.throws.tables import Table
 
     check_worker_options(options)
+    require_engine("native")
     check_effort(options.evaluations, options.drops, options.seed)
     out = None if options.out is None else json_path(options.out)
     wanted = options.dice and [name.strip() for name in options.dice.split(",")]
@@ -108,10 +114,19 @@ def _fit(options: argparse.Namespace) -> int:
         # Better known before the simulations than after.
         make_writable_folder(out.parent)
     source = "fitted to " + ", ".join(f"{die.counts.sum()} throws of {die.name}" for die in dice)
-    name = "fitted" if out is None else out.stem
+    name = "fitted" if out is None else printable(out.stem)
     start = Table(name, 0.5, 0.3, 0.5, 0.0, 0.0, source=source)
     total = (options.evaluations + CHECKED) * options.drops * len(dice)
-    with workers_of(options, "drops", total) as workers:
+    work = {
+        "set of throws": throws_digest(dice),
+        "number of evaluations": str(options.evaluations),
+        "number of drops": str(options.drops),
+        "seed": str(options.seed),
+    }
+    with (
+        checkpoint_beside(out, work) as checkpoint,
+        workers_of(options, "drops", total) as workers,
+    ):
         fit = fit_table(
             dice,
             start,
@@ -119,6 +134,7 @@ def _fit(options: argparse.Namespace) -> int:
             options.drops,
             options.seed,
             workers=workers.executor,
+            checkpoint=checkpoint,
             progress=workers.advance,
         )
         # A seed that no evaluation had.
@@ -130,8 +146,8 @@ def _fit(options: argparse.Namespace) -> int:
             workers=workers.executor,
             progress=workers.advance,
         )
-    if out is not None:
-        write_table(out, fit.table.as_dict())
+        if out is not None:
+            write_table(out, fit.table.as_dict())
     if options.json:
         print_json(_plain(fit, checks))
     else:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dicedesign.cli.options import (
     add_worker_options,
     check_worker_options,
+    checkpoint_beside,
     json_path,
     workers_of,
     write_table,
@@ -37,7 +39,8 @@ def add_action(actions: Any) -> None:
         "the throws is onto the table, the others onto tables of a restitution a fifth lower and "
         "higher, so that the model knows what that does. Dice held out are thrown onto the table "
         "only, four times as often, and only show how good the model is. With the defaults it "
-        "takes half an hour to an hour on two cores.",
+        "takes half an hour to an hour on two cores. What was done is kept beside the result until "
+        "that is there: the same command goes on where an earlier one was interrupted or killed.",
     )
     learn.add_argument(
         "table",
@@ -79,9 +82,11 @@ def add_action(actions: Any) -> None:
 def _learn(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.learning.table_learning import check_learning, learn_momentum
+    from dicedesign.throws.engines.engine import require_engine
     from dicedesign.throws.tables import learned_on, table_named
 
     check_worker_options(options)
+    require_engine("native")
     check_learning(options.dice, options.drops, options.seed, options.steps)
     table = table_named(options.table)
     _require_momentum(table)
@@ -98,7 +103,16 @@ def _learn(options: argparse.Namespace) -> int:
         bar.set_postfix_str(f"loss {loss:.5f}", refresh=False)
         bar.update()
 
-    with workers_of(options, "dice", options.dice) as workers:
+    work = {
+        "table": json.dumps(table.as_dict()),
+        "number of dice": str(options.dice),
+        "number of drops": str(options.drops),
+        "seed": str(options.seed),
+    }
+    with (
+        checkpoint_beside(out, work) as checkpoint,
+        workers_of(options, "dice", options.dice) as workers,
+    ):
         learned = learn_momentum(
             table,
             options.dice,
@@ -106,13 +120,14 @@ def _learn(options: argparse.Namespace) -> int:
             options.seed,
             options.steps,
             workers=workers.executor,
+            checkpoint=checkpoint,
             on_die=workers.advance,
             on_loss=on_loss,
         )
-    if bar is not None:
-        bar.close()
-    entries = {**table.as_dict(), "momentum": {"table": learned_on(table), **learned.plain}}
-    write_table(out, entries)
+        if bar is not None:
+            bar.close()
+        momentum = {"table": learned_on(table), **learned.plain}
+        write_table(out, {**table.as_dict(), "momentum": momentum})
     print("\n".join(_lines(learned)))
     return 0
 

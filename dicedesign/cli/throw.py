@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,6 +21,8 @@ from dicedesign.cli.options import (
     print_json,
     workers_of,
 )
+from dicedesign.errors import named
+from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
@@ -118,7 +121,11 @@ def _throw(options: argparse.Namespace) -> int:
     from dicedesign.throws.tables import table_entries, table_named
 
     size = None if options.size is None else options.size / MM_PER_METRE
-    table = table_named(options.table).sized(size)
+    with named("--table"):
+        table = table_named(options.table)
+        has_momentum = "momentum" in table_entries(options.table)
+        model = momentum_model(options.table) if has_momentum else None
+    table = table.sized(size)
     orientations = options.orientations
     if orientations is None:
         orientations = "icosahedron" if options.table == "paper" else "uniform"
@@ -127,7 +134,7 @@ def _throw(options: argparse.Namespace) -> int:
         drops = PAPER_DIRECTIONS if orientations == "icosahedron" else DROPS
     check_throws(drops, options.seed, options.engine, orientations)
     check_worker_options(options)
-    is_finished = options.die.is_dir()
+    is_finished = os.path.isdir(options.die)
     if is_finished:
         die = _finished(options)
     else:
@@ -138,8 +145,8 @@ def _throw(options: argparse.Namespace) -> int:
         table = table.sized(2.0 * body.radius / MM_PER_METRE)
     started = time.perf_counter()
     momentum = None
-    if "momentum" in table_entries(options.table):
-        momentum = momentum_odds(die.poses, body, momentum_model(options.table))
+    if has_momentum:
+        momentum = momentum_odds(die.poses, body, model)
     with workers_of(options, "drops", drops) as workers:
         throws = simulate(
             body,
@@ -268,8 +275,8 @@ def _text(die: Path, summary: dict[str, Any]) -> list[str]:
         for row, rest in zip(rows, rests, strict=True):
             row.insert(-1, 100 * rest["momentum"])
     lines = [
-        f"{die}: {summary['drops']} drops on {table['name']}, {1e3 * table['size']:g} mm, engine "
-        f"{summary['engine']}, {summary['seconds']:.1f} s",
+        f"{printable(die)}: {summary['drops']} drops on {table['name']}, "
+        f"{1e3 * table['size']:g} mm, engine {summary['engine']}, {summary['seconds']:.1f} s",
         "",
         *text_table(columns, rows),
         "",

@@ -2,35 +2,29 @@
 
 from __future__ import annotations
 
-import io
-import json
-import zipfile
+import os
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Final
-
-import numpy as np
+from typing import Any, Final
 
 from dicedesign.concave.result import ConcaveProgress, ConcaveStep, FilledHull
 from dicedesign.errors import InputError
-from dicedesign.runtime.files import read_file
+from dicedesign.runtime import checkpoint
+from dicedesign.runtime.checkpoint import Arrays
 
 __all__ = ["checkpoint_bytes", "read_checkpoint"]
 
 _ARRAYS: Final = ("points", "hull_points", "directions")
 """Of `FilledHull`; all else is text in JSON."""
 
-_DAMAGED: Final = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
-"""Errors of NumPy, JSON and the classes about a file that is not such a state."""
 
-
-def checkpoint_bytes(progress: ConcaveProgress, search: dict[str, str]) -> bytes:
-    """The content of a checkpoint: arrays and a JSON text in NumPy's format, nothing pickled.
+def checkpoint_bytes(progress: ConcaveProgress, search: Mapping[str, str]) -> bytes:
+    """The content of a checkpoint.
 
     search: what the progress belongs to, by kind, as in `read_checkpoint`.
     """
-    about = {
-        "search": search,
+    state: dict[str, Any] = {
         "attempts": progress.attempts,
         "seconds": progress.seconds,
         "best": None,
@@ -40,13 +34,11 @@ def checkpoint_bytes(progress: ConcaveProgress, search: dict[str, str]) -> bytes
     if progress.best is not None:
         best = dict(vars(progress.best))
         arrays = {name: best.pop(name) for name in _ARRAYS}
-        about["best"] = best
-    file = io.BytesIO()
-    np.savez(file, about=np.array(json.dumps(about)), **arrays)
-    return file.getvalue()
+        state["best"] = best
+    return checkpoint.checkpoint_bytes(search, state, arrays)
 
 
-def read_checkpoint(path: Path, search: dict[str, str]) -> ConcaveProgress:
+def read_checkpoint(path: Path, search: Mapping[str, str]) -> ConcaveProgress:
     """The progress in a file that `checkpoint_bytes` made.
 
     search: texts that must be those it was written with, by kind, such as "recipe".
@@ -56,32 +48,27 @@ def read_checkpoint(path: Path, search: dict[str, str]) -> ConcaveProgress:
     InputError: the file is missing or damaged, or belongs to another search; the message names the
         kind that differs.
     """
-    if not path.exists():
+    if not os.path.exists(path):
         raise InputError(
             f"{path}: expected the checkpoint of a run that was interrupted, got none; run without "
             "--resume to begin"
         )
-    try:
-        with np.load(io.BytesIO(read_file(path, "a checkpoint")), allow_pickle=False) as file:
-            about = json.loads(str(file["about"]))
-            theirs, best = about["search"], about["best"]
-            if best is not None:
-                best = FilledHull(**best, **{name: file[name] for name in _ARRAYS})
-        progress = ConcaveProgress(
-            attempts=about["attempts"],
-            seconds=about["seconds"],
-            best=best,
-            history=tuple(ConcaveStep(**step) for step in about["history"]),
-        )
-    except _DAMAGED as error:
-        raise InputError(
-            f"{path}: expected a checkpoint, got a file that cannot be read as one; run without "
-            "--resume to begin anew"
-        ) from error
-    for kind, text in search.items():
-        if theirs.get(kind) != text:
-            raise InputError(
-                f"{path}: expected a checkpoint of this {kind}, got one of another; run without "
-                "--resume to begin anew, or choose another folder with --out"
-            )
-    return progress
+    return checkpoint.read_checkpoint(
+        path,
+        search,
+        _progress,
+        anew="run without --resume to begin anew",
+        elsewhere="choose another folder with --out",
+    )
+
+
+def _progress(state: dict[str, Any], arrays: Arrays) -> ConcaveProgress:
+    best = state["best"]
+    if best is not None:
+        best = FilledHull(**{**best, **{name: arrays[name] for name in _ARRAYS}})
+    return ConcaveProgress(
+        attempts=state["attempts"],
+        seconds=state["seconds"],
+        best=best,
+        history=tuple(ConcaveStep(**step) for step in state["history"]),
+    )

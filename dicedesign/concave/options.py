@@ -32,8 +32,10 @@ class ConcaveOptions:
     attempts: most ways to a hull that are tried, at least 1; the best is kept.
     displacement: mean displacement over the diagonal from which on no better one is sought,
         positive.
-    seconds: wall-clock time after which a die that is as wanted is not brought nearer to the
-        original, positive.
+    enough: attempts after which a die that is as wanted is not brought nearer to the original, at
+        least 1.
+    seconds: wall-clock time after which it is not either, positive; None for no limit. With one the
+        result depends on the speed of the machine.
     """
 
     __pydantic_config__ = STRICT
@@ -44,7 +46,8 @@ class ConcaveOptions:
     points: int | None = None
     attempts: int = 40
     displacement: float = 0.05
-    seconds: float = 20.0
+    enough: int = 8
+    seconds: float | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1.0:
@@ -63,13 +66,14 @@ class ConcaveOptions:
                 f"points: expected at least {FEWEST_POINTS}, got {self.points}; raise it, or leave "
                 "it out to keep the surface as it is"
             )
-        if self.attempts < 1:
-            raise InputError(
-                f"attempts: expected a whole number above 0, got {self.attempts}; leave it out for "
-                "40"
-            )
+        for name, most, default in (("attempts", self.attempts, 40), ("enough", self.enough, 8)):
+            if most < 1:
+                raise InputError(
+                    f"{name}: expected a whole number above 0, got {most}; leave it out for "
+                    f"{default}"
+                )
         for name, number in (("displacement", self.displacement), ("seconds", self.seconds)):
-            if not 0.0 < number < np.inf:
+            if number is not None and not 0.0 < number < np.inf:
                 raise InputError(
                     f"{name}: expected a positive number, got {number:g}; leave it out"
                 )

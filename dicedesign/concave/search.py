@@ -127,7 +127,7 @@ class _Search:
         """The progress once all attempts are made."""
         self.started -= progress.seconds
         choices = outcome_choices(self.problem.hull, self.target)
-        while progress.attempts < self.options.attempts and not self.good_enough(progress.best):
+        while progress.attempts < self.options.attempts and not self.good_enough(progress):
             number = progress.attempts + 1
             self.steps = []
             best, filled = progress.best, self.attempt(number, choices)
@@ -144,12 +144,15 @@ class _Search:
         """Wall-clock time, over all sessions."""
         return time.perf_counter() - self.started
 
-    def good_enough(self, best: FilledHull | None) -> bool:
-        """True if a die is as wanted, and near the original or all that the time allows."""
-        if best is None or best.error > self.options.tolerance or best.intersections > 0:
+    def good_enough(self, progress: ConcaveProgress) -> bool:
+        """True if a die is as wanted, and near the original or all that the limits allow."""
+        best, options = progress.best, self.options
+        if best is None or best.error > options.tolerance or best.intersections > 0:
             return False
         return (
-            best.displacement <= self.options.displacement or self.seconds >= self.options.seconds
+            best.displacement <= options.displacement
+            or progress.attempts >= options.enough
+            or (options.seconds is not None and self.seconds >= options.seconds)
         )
 
     def rank(self, filled: FilledHull) -> tuple[float, int, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Final
@@ -10,10 +11,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dicedesign.runtime.arrays import Integers
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.throws.momentum.momentum_model import (
     CARRY_OUTPUTS,
     IMPACTS,
+    LEAST_DEVIATION,
     TRANSITION_OUTPUTS,
     MomentumModel,
     Network,
@@ -46,6 +49,9 @@ WEIGHT_DECAY: Final = 1e-4
 
 SMALLEST_SHARE: Final = 1e-6
 """Below what any rest has in throws of a training die, if it has some; keeps logarithms finite."""
+
+EVALUATIONS: Final = "evaluations"
+"""Rows of a checkpoint: losses with their gradients."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +113,7 @@ def _divergence(die: TrainingDie, model: MomentumModel) -> Tensor:
 
 def train(
     dice: Sequence[TrainingDie],
+    checkpoint: Checkpoint | None = None,
     *,
     steps: int,
     seed: int = 0,
@@ -114,8 +121,9 @@ def train(
 ) -> MomentumModel:
     """The model, in torch, that fits dice best by its mean Kullback-Leibler divergence.
 
-    steps: most iterations of L-BFGS; seed: of the hidden layers at first; on_step: called with the
-    loss of each evaluation.
+    checkpoint: of the same dice and seed; evaluations that were made before are taken from it, and
+    others are added. steps: most iterations of L-BFGS; seed: of the hidden layers at first;
+    on_step: called with the loss of each evaluation.
     """
     unions = [
         _joined([die for die in dice if die.change == change])
@@ -153,11 +161,25 @@ def train(
         line_search_fn="strong_wolfe",
     )
 
-    def closure() -> Tensor:
+    kept = checkpoint or Checkpoint()
+    known = deque(kept.rows(EVALUATIONS))
+    size = 1 + sum(parameter.numel() for parameter in parameters)
+    kept.require(all(len(row) == size for row in known))
+
+    def loss_with_gradient() -> Tensor:
         optimizer.zero_grad()
         loss = torch.stack([_divergence(union, model) for union in unions]).sum() / len(dice)
         loss = loss + WEIGHT_DECAY * sum((weight**2).sum() for weight in weights if weight.ndim > 1)
         loss.backward()
+        return loss
+
+    def closure() -> Tensor:
+        # The optimizer goes the same way again where it is told the same.
+        if known:
+            loss = _recall(known.popleft(), parameters)
+        else:
+            loss = loss_with_gradient()
+            kept.add(EVALUATIONS, [_flat(loss, parameters)])
         if on_step is not None:
             on_step(float(loss.detach()))
         return loss
@@ -166,6 +188,22 @@ def train(
     for parameter in parameters:
         parameter.requires_grad_(False)
     return model
+
+
+def _flat(loss: Tensor, parameters: Sequence[Tensor]) -> Floats:
+    """(1 + n,) a loss and its gradient by n numbers."""
+    gradients = [torch.zeros_like(p) if p.grad is None else p.grad for p in parameters]
+    flat: Floats = torch.cat([loss.detach().view(1), *(g.reshape(-1) for g in gradients)]).numpy()
+    return flat
+
+
+def _recall(row: Floats, parameters: Sequence[Tensor]) -> Tensor:
+    """The loss of which `_flat` made a row; the parameters get their gradient."""
+    numbers = torch.tensor(row, dtype=torch.float64)
+    parts = numbers[1:].split([parameter.numel() for parameter in parameters])
+    for parameter, part in zip(parameters, parts, strict=True):
+        parameter.grad = part.reshape(parameter.shape).clone()
+    return numbers[0]
 
 
 def _network(
@@ -183,7 +221,7 @@ def _network(
     return Network(
         table.mean(0),
         # What few dice all have in common tells nothing.
-        torch.where(deviation > 0.0, deviation, 1.0),
+        torch.where(deviation > LEAST_DEVIATION, deviation, 1.0),
         torch.zeros((columns, outputs), dtype=torch.float64),
         first,
         spread(columns, hidden, 1.0),

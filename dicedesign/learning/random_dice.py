@@ -70,9 +70,6 @@ STARTS: Final = 4
 ACCURACY: Final = 1e-6
 """Largest deviation of a designed die's odds: far finer than thousands of throws tell."""
 
-UNLIMITED: Final = 1e9
-"""Seconds. A clock would make one die on a fast machine and another on a slow one."""
-
 DICE_KINDS: Final = (*KINDS, "designed", "designed with symmetry")
 
 
@@ -143,7 +140,7 @@ def _designed(
     shapes = (
         shapes_near(target, seed) if group is None else symmetric_shapes_near(target, group, seed)
     )
-    options = ExactOptions(tolerance=ACCURACY, starts=STARTS, seconds=UNLIMITED)
+    options = ExactOptions(tolerance=ACCURACY, starts=STARTS)
     result = solve_exactly(islice(shapes, TURNS), target, options, group=group)
     if result.status is not Status.CONVERGED:
         return None

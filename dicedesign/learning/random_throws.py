@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
+from itertools import zip_longest
 
 import numpy as np
 import torch
@@ -28,6 +29,7 @@ __all__ = [
     "Deviations",
     "ThrownRandomDie",
     "deviation",
+    "flat_counts",
     "mean_deviations",
     "throw_random_dice",
     "throw_random_die",
@@ -88,16 +90,17 @@ def throw_random_dice(
     seed: int,
     workers: Executor,
     *,
+    known: Sequence[Integers] = (),
     rests: tuple[int, int] = RESTS,
     engine: str = "native",
 ) -> Iterator[tuple[ThrownRandomDie, ...]]:
     """`throw_random_die` of the numbers from 0 on, in order.
 
-    throws: of each die.
+    throws: of each die; known: of the first dice.
     """
     tasks = [
-        partial(throw_random_die, number, seed, of_die, rests, engine)
-        for number, of_die in enumerate(throws)
+        partial(throw_random_die, number, seed, of_die, rests, engine, came)
+        for number, (of_die, came) in enumerate(zip_longest(throws, known))
     ]
     return in_order(tasks, workers)
 
@@ -108,23 +111,33 @@ def throw_random_die(
     throws: Sequence[tuple[Table, int]],
     rests: tuple[int, int] = RESTS,
     engine: str = "native",
+    known: Integers | None = None,
 ) -> tuple[ThrownRandomDie, ...]:
     """Make a random die and throw it; the same, whoever does.
 
     number, seed, rests: as in `random_die`; no two dice of a seed share random numbers, but as many
     throws of one die onto several tables do. throws: tables, and how often it is thrown onto each.
+    known: `flat_counts` of these throws, which are then not simulated again.
 
     Raises InputError: no drop came to rest, or as `simulate`.
     """
     # Dice are made side by side, one on each core.
     torch.set_num_threads(1)
     die, thrown = random_die(number, seed, rests), []
+    if known is not None:
+        rows = known.reshape(len(throws), -1)
+        return tuple(ThrownRandomDie(number, die, row[1:], int(row[0])) for row in rows)
     for table, drops in throws:
         own = int(np.random.SeedSequence([seed, number, drops]).generate_state(1)[0])
         outcome = simulate(die.body, table, drops, own, engine=engine)
         outcome.require_rest()
         thrown.append(ThrownRandomDie(number, die, outcome.counts, outcome.unresolved))
     return tuple(thrown)
+
+
+def flat_counts(thrown: Sequence[ThrownRandomDie]) -> Integers:
+    """(t (1 + k),) unresolved drops and counts of one die that was thrown onto t tables."""
+    return np.concatenate([[one.unresolved, *one.counts] for one in thrown]).astype(np.int64)
 
 
 def training_die(thrown: ThrownRandomDie, change: float = 0.0) -> TrainingDie:

@@ -17,10 +17,12 @@ from dicedesign.learning.random_throws import (
     Deviations,
     ThrownRandomDie,
     deviation,
+    flat_counts,
     mean_deviations,
     throw_random_dice,
     training_die,
 )
+from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.runtime.checks import MOST_SEED, check_whole
 from dicedesign.throws.momentum.momentum_model import model_of, plain_model
 from dicedesign.throws.tables import MOST_RESTITUTION, Table
@@ -33,6 +35,9 @@ HELD_OUT: Final = 8
 HELD_OUT_DROPS: Final = 4
 """Drops of a die that is held out over those, on all tables, of one that is not: fewer would hide
 the model's own error behind that of sampling."""
+
+THROWS: Final = "throws"
+"""Rows of a checkpoint: what came up with each die, as of `flat_counts`."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +88,7 @@ def learn_momentum(
     steps: int,
     *,
     workers: Executor,
+    checkpoint: Checkpoint | None = None,
     on_die: Callable[[int], None] | None = None,
     on_loss: Callable[[float], None] | None = None,
 ) -> LearnedModel:
@@ -96,6 +102,8 @@ def learn_momentum(
         the table itself and on the changed ones together, the seed of everything random, and
         iterations of training at most.
     workers: throw dice side by side.
+    checkpoint: of the same table, dice, drops and seed; dice that were thrown and evaluations that
+        were made before are taken from it, and others are added.
     on_die: called with 1 for each die that was thrown.
     on_loss: called with the loss at each evaluation in training.
 
@@ -104,9 +112,17 @@ def learn_momentum(
     check_learning(dice, drops, seed, steps)
     plan = [throws_of_die(table, number, drops) for number in range(dice)]
     throws = [[(table.livelier(change), count) for change, count in of_die] for of_die in plan]
+    kept = checkpoint or Checkpoint()
+    known = list(kept.rows(THROWS))
+    fit = (len(row) % len(of_die) == 0 for row, of_die in zip(known, plan, strict=False))
+    kept.require(len(known) <= dice and all(fit))
     # With the changes that each die was thrown at.
     thrown: list[tuple[ThrownRandomDie, float]] = []
-    for of_die, thrown_die in zip(plan, throw_random_dice(throws, seed, workers), strict=True):
+    dice_thrown = throw_random_dice(throws, seed, workers, known=known)
+    for number, (of_die, thrown_die) in enumerate(zip(plan, dice_thrown, strict=True)):
+        if number >= len(known):
+            kept.add(THROWS, [flat_counts(thrown_die)])
+        kept.require(all(len(one.counts) == len(one.die.poses.normals) for one in thrown_die))
         thrown += [(one, change) for one, (change, _) in zip(thrown_die, of_die, strict=True)]
         if on_die is not None:
             on_die(1)
@@ -114,7 +130,7 @@ def learn_momentum(
     dice_to_fit = [
         training_die(one, change) for one, change in thrown if not _is_held_out(one.number)
     ]
-    plain = plain_model(train(dice_to_fit, steps=steps, seed=seed, on_step=on_loss))
+    plain = plain_model(train(dice_to_fit, kept, steps=steps, seed=seed, on_step=on_loss))
     model = model_of(plain)
     fitted, held_out = (
         mean_deviations(

@@ -18,6 +18,7 @@ from dicedesign.throws.engines.engine import ENGINES
 __all__ = [
     "MOST_DROPS",
     "MOST_ROUNDS",
+    "SHAKE",
     "DescentOptions",
     "ExactOptions",
     "RefineOptions",
@@ -30,6 +31,13 @@ LARGEST_SMOOTHING: Final = 1e6
 
 FINEST_TOLERANCE: Final = 1e-15
 """Rounding alone leaves errors of a few 1e-16."""
+
+SHAKE: Final = 1e-6
+"""Least perturbation of a start that balances exactly, so that its basins cannot be told."""
+
+MOST_WORK: Final = 250_000
+"""Dice that are computed, times outcomes, in a design by the exact method unless a recipe says
+otherwise."""
 
 MOST_DROPS: Final = 10_000_000
 
@@ -68,14 +76,15 @@ class Stopping:
     tolerance: largest |p - q| wanted, above 0 and below 1. The design ends where the energy first
         comes to rest within it, not at the first step that meets it.
     steps: largest number of accepted steps, at least 0.
-    seconds: largest wall-clock time, positive.
+    seconds: largest wall-clock time, positive; None for no limit. With one the result depends on
+        the speed of the machine.
     """
 
     __pydantic_config__ = STRICT
 
     tolerance: float = 1e-3
     steps: int = 3000
-    seconds: float = 60.0
+    seconds: float | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1.0:
@@ -88,7 +97,7 @@ class Stopping:
         """The limit that has been reached, if any."""
         if step >= self.steps:
             return Status.STEP_LIMIT
-        if seconds >= self.seconds:
+        if self.seconds is not None and seconds >= self.seconds:
             return Status.TIME_LIMIT
         return None
 
@@ -108,7 +117,7 @@ class DescentOptions:
         progress stalls, in (0, 1); they shape the die first and then give way to the probabilities.
     perturbation: standard deviation of the seeded noise on the starting parameters, which breaks
         the ties of symmetric shapes; not negative. Where the start balances such that its odds
-        cannot be told, it is at least 1e-6.
+        cannot be told, it is at least `SHAKE`.
     """
 
     __pydantic_config__ = STRICT
@@ -189,9 +198,13 @@ class ExactOptions:
         the momentum model.
     table: of thrown dice, by name or as the path of a .json file.
     refine: corrects the momentum model by simulated throws, or None to trust it; with thrown odds.
-    starts: most starting shapes that are tried, at least 1.
-    seconds: wall-clock time after which nothing more is tried, positive; the first shape with the
-        wanted rests still is.
+    starts: most starting shapes that are tried, at least 1; fewer where a dozen lead to the odds,
+        but to circles below the recipe's `min_inradius_mm`.
+    evaluations: most dice that are computed on the way, at least 1; the first shape with the wanted
+        rests is tried in any case. None for `MOST_WORK` over the number of outcomes, about a
+        minute's.
+    seconds: wall-clock time after which the same holds, positive. None for no limit: with one the
+        result depends on the speed of the machine.
     """
 
     __pydantic_config__ = STRICT
@@ -204,7 +217,8 @@ class ExactOptions:
     table: str = "board-game"
     refine: RefineOptions | None = None
     starts: int = 60
-    seconds: float = 60.0
+    evaluations: int | None = None
+    seconds: float | None = None
 
     def __post_init__(self) -> None:
         if not FINEST_TOLERANCE <= self.tolerance < 1.0:
@@ -218,6 +232,9 @@ class ExactOptions:
             )
         if self.starts < 1:
             raise _refused("starts", "a whole number above 0", self.starts, "60")
+        if self.evaluations is not None and self.evaluations < 1:
+            default = f"{MOST_WORK} over the number of outcomes"
+            raise _refused("evaluations", "a whole number above 0", self.evaluations, default)
         _check_seconds(self.seconds)
 
 
@@ -236,9 +253,9 @@ def _check_coordinates(coordinates: str, sobolev: SobolevOptions | None) -> None
         )
 
 
-def _check_seconds(seconds: float) -> None:
-    if not 0.0 < seconds < np.inf:
-        raise _refused("seconds", "a positive number", seconds, "60")
+def _check_seconds(seconds: float | None) -> None:
+    if seconds is not None and not 0.0 < seconds < np.inf:
+        raise _refused("seconds", "a positive number", seconds, "no limit")
 
 
 def _refused(name: str, expected: str, got: float, default: str) -> InputError:

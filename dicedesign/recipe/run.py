@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,7 +50,8 @@ def run(
     InputError: the recipe cannot be used, the start does not suit the target, there is nothing to
         resume, or the design converged and a label does not fit.
     OutputError: the folder cannot be written. InputError too: another run is writing into it.
-    KeyboardInterrupt: with a message about the checkpoint, if there is one.
+    KeyboardInterrupt: with a message about the checkpoint, if there is one, or that the results
+        were complete.
     """
     from dicedesign.results.folder import folder_of_results
 
@@ -68,7 +71,7 @@ def run(
             plan(work)
             return finish(work)
         except KeyboardInterrupt as interrupt:
-            raise KeyboardInterrupt(work.kept) from interrupt
+            raise KeyboardInterrupt(str(interrupt) or work.kept) from interrupt
 
 
 def finish(work: Work) -> Result:
@@ -78,7 +81,8 @@ def finish(work: Work) -> Result:
 
     assert work.folder is not None
     work.files[RECIPE] = recipe_text(work.recipe).encode("utf-8")
-    result = work.result()
+    checksums = {name: hashlib.sha256(data).hexdigest() for name, data in work.files.items()}
+    result = dataclasses.replace(work.result(), sha256=checksums)
     names = [f"{figure.name}{figure.suffix}" for figure in FIGURES]
     write_results(work.folder, work.files, result, names)
     return result

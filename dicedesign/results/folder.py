@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from dicedesign.errors import DiceError, OutputError
+from dicedesign.errors import OutputError
 from dicedesign.results.record import RESULT, Result
-from dicedesign.runtime.files import atomic_write, make_writable_folder
+from dicedesign.runtime.files import atomic_write, make_writable_folder, remove_partial_files
 from dicedesign.runtime.folder_lock import locked_folder
+from dicedesign.runtime.interrupts import interrupts_held
 
 __all__ = ["CHECKPOINT", "PAGE", "RECIPE", "folder_of_results", "write_results"]
 
@@ -33,7 +35,8 @@ def write_results(
 ) -> None:
     """Write the files of a finished run, and remove those that an earlier run left.
 
-    Each file appears whole or not at all, and `RESULT` last: a folder that has it is complete.
+    Each file appears whole or not at all, and `RESULT` last: a folder that has it is complete. An
+    interrupt waits until then.
 
     Parameters
     ----------
@@ -46,32 +49,35 @@ def write_results(
     OutputError: a file cannot be removed or written.
     """
     owned = dict.fromkeys([*SOLIDS, RECIPE, PAGE, *figures])
-    _remove(folder, [RESULT, *(name for name in owned if name not in files)])
-    for name, data in files.items():
-        atomic_write(folder / name, data)
-    atomic_write(folder / RESULT, result.json_text().encode("utf-8"))
-    _remove(folder, [CHECKPOINT])
+    told = result.json_text().encode("utf-8")
+    with interrupts_held("the results were complete by then"):
+        _remove(folder, [RESULT, *(name for name in owned if name not in files)])
+        for name, data in files.items():
+            atomic_write(folder / name, data)
+        atomic_write(folder / RESULT, told)
+        _remove(folder, [CHECKPOINT])
 
 
 @contextmanager
 def folder_of_results(folder: Path) -> Iterator[None]:
-    """Have a folder alone that can be written, made if missing; folders in which an error leaves
-    nothing go again.
+    """Have a folder alone that can be written, made if missing; what a killed process left half
+    written is removed, and folders in which an error leaves nothing go again.
 
     Raises
     ------
     InputError: another process is writing into it. OutputError: it cannot be written.
     """
-    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    missing = [path for path in (folder, *folder.parents) if not os.path.exists(path)]
     try:
         # Nobody waits for a die that cannot be kept.
         make_writable_folder(folder)
         with locked_folder(folder):
+            remove_partial_files(folder)
             yield
-    except (DiceError, KeyboardInterrupt):
+    except BaseException:
         for path in missing:
             # It may not have been made yet, or hold a checkpoint.
-            with contextlib.suppress(OSError):
+            with contextlib.suppress(OSError, ValueError):
                 path.rmdir()
         raise
 

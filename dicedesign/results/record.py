@@ -71,7 +71,7 @@ class Step:
 
     Attributes
     ----------
-    step: its number, from 0, the start, on. seconds: since the design began.
+    step: its number, from 0, the start, on. seconds: since the design began; None without a clock.
     energy: what is minimised; terms: its weighted terms, by name.
     max_abs_error: largest |p - q|, or None where the step does not know.
     stage, attempt: of a concave die "hull", "fill" or "balance", each with an energy of its own,
@@ -79,7 +79,7 @@ class Step:
     """
 
     step: int
-    seconds: float
+    seconds: float | None
     energy: float
     max_abs_error: float | None
     terms: dict[str, float] = dataclasses.field(default_factory=dict)
@@ -222,14 +222,15 @@ class Result:
     displacement, hull, surface, quality, surface_quality, file_self_intersections: of a concave
         die, how far its points were moved, its hull, its size, defects and distortion as sentences
         and as numbers, and the pairs of triangles of its file that meet and should not.
-    attempts, search_seconds, attempt: of the search for a concave die, over all sessions, and the
-        number of the attempt that led to this one.
+    attempts, search_seconds, attempt: of the search for a concave die, over all sessions, the
+        seconds not without a clock, and the number of the attempt that led to this one.
     thrown: what the die does on the recipe's table.
     notes: what was repaired or assumed, one sentence each.
     extra: what stages from outside the package found, by names of their own.
-    files: names of the files of the folder by what they are.
-    stages: what the stages took; peak_since: "stage", or "start" where the system can only tell the
-        most memory since the process started.
+    files: names of the files of the folder by what they are; sha256: the checksum of each but
+        result.json, by name, in hexadecimal digits.
+    stages: what the stages took, none without a clock; peak_since: "stage", or "start" where the
+        system can only tell the most memory since the process started.
     folder: where the files are, or None for a die that was not written; not in result.json.
     """
 
@@ -271,6 +272,7 @@ class Result:
     thrown: ThrownOdds | None = None
     extra: dict[str, Any] = dataclasses.field(default_factory=dict)
     files: dict[str, str] = dataclasses.field(default_factory=dict)
+    sha256: dict[str, str] = dataclasses.field(default_factory=dict)
     stages: tuple[StageTime, ...] = ()
     peak_since: str = "start"
     folder: Path | None = dataclasses.field(default=None, compare=False)
@@ -298,6 +300,14 @@ class Result:
                 "designed; write it with its report(folder)"
             )
         return (self.folder or Path()) / self.files["die_plain"]
+
+    def without_clock(self) -> Result:
+        """The same without what a clock or the system's memory told: runs that found out the same
+        are equal then."""
+        history = tuple(dataclasses.replace(step, seconds=None) for step in self.history)
+        return dataclasses.replace(
+            self, history=history, search_seconds=None, stages=(), peak_since="start"
+        )
 
     def json_text(self) -> str:
         """The content of result.json."""

@@ -19,7 +19,7 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from typing import Any, Final, TypeVar
 
@@ -46,6 +46,11 @@ QUIET: Final = 10.0
 
 MOST_LOSSES: Final = 5
 """Losses of workers while one task runs after which it is given up."""
+
+UNFIT_CERTIFICATES: Final = (FileNotFoundError, PermissionError, TypeError, RuntimeError)
+"""What Dask raises, beside errors of ssl, where certificates cannot be read, where there are none
+for an address that begins with tls://, and where its configuration demands these and the address
+has none."""
 
 Task = TypeVar("Task")
 
@@ -132,14 +137,17 @@ def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
     """The workers of a Dask cluster, and how many tasks they can run at a time. Those that join
     later take tasks that wait; while there are none, tasks wait.
 
-    address: of its scheduler, such as tcp://10.0.0.5:8786.
+    address: of its scheduler, such as tcp://10.0.0.5:8786, or tls://10.0.0.5:8786 with the
+        certificates that the configuration of distributed names.
 
     Raises
     ------
-    InputError: distributed is not installed here, no scheduler or worker answers, or the workers
-        have another version of this package, or none.
+    InputError: distributed is not installed here, its certificates are missing or broken, no
+        scheduler or worker answers, or the workers have another version of this package, or none.
     DiceError: by `submit`, when the scheduler has gone.
     """
+    import ssl
+
     try:
         from distributed import Client
     except ImportError as error:
@@ -151,21 +159,43 @@ def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
     client = None
     try:
         try:
-            client = Client(address, timeout=PATIENCE, set_as_default=False)
+            try:
+                client = Client(address, timeout=PATIENCE, set_as_default=False)
+            except AssertionError:
+                # Dask's, where the first messages of a busy scheduler come together.
+                client = Client(address, timeout=PATIENCE, set_as_default=False)
             client.wait_for_workers(1, timeout=PATIENCE)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, TypeError, RuntimeError) as error:
+            if isinstance(error, (ssl.SSLError, *UNFIT_CERTIFICATES)) and _is_encrypted(address):
+                raise InputError(
+                    f"--scheduler {address}: expected certificates for tls:// in Dask's "
+                    f"configuration, as under distributed.comm.tls, got: {error}; see "
+                    "docs/researchers.md"
+                ) from error
+            if not isinstance(error, OSError | ValueError):
+                raise
             missing = "a Dask scheduler" if client is None else "at least one worker"
             raise InputError(
                 f"--scheduler {address}: expected {missing} that answers within {PATIENCE:g} "
                 f"seconds, got none; start it with `dask {missing.split()[-1]}`"
+                f"{' and certificates that fit those here' * address.startswith('tls://')}"
             ) from error
         _check_versions(client, address)
         yield _ClusterWorkers(client, address), sum(client.nthreads().values())
     finally:
         if client is not None:
-            # Nobody wants what still runs there then.
-            client.close(timeout=PATIENCE)
+            # Nobody wants what still runs there then, or that Dask finds it not closed in time.
+            with suppress(AssertionError):
+                client.close(timeout=PATIENCE)
         log.setLevel(level)
+
+
+def _is_encrypted(address: str) -> bool:
+    """Whether certificates matter for a scheduler."""
+    import dask
+
+    required = dask.config.get("distributed.comm.require-encryption", default=False)
+    return address.startswith("tls://") or bool(required)
 
 
 def _check_versions(client: Any, address: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import secrets
 import stat
 from pathlib import Path
@@ -12,7 +13,14 @@ from typing import Final
 
 from dicedesign.errors import InputError, OutputError
 
-__all__ = ["atomic_write", "json_text", "make_writable_folder", "read_file", "read_text"]
+__all__ = [
+    "atomic_write",
+    "json_text",
+    "make_writable_folder",
+    "read_file",
+    "read_text",
+    "remove_partial_files",
+]
 
 MOST_TEXT: Final = 1 << 24
 """Bytes of a file that people write: 16 MiB."""
@@ -49,28 +57,37 @@ def read_file(
         # A pipe that nobody writes to would be waited for.
         handle = os.open(path, _FLAGS)
         with open(handle, "rb") as file:
-            status = os.fstat(handle)
-            if not stat.S_ISREG(status.st_mode):
-                found = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
-                raise error(f"{path}: expected {kind}, got {found}; name a file")
-            if status.st_size > most:
-                raise error(
-                    f"{path}: expected {kind} of at most {most >> 20} MiB, got "
-                    f"{status.st_size >> 20}; name another file"
-                )
-            data = file.read()
+            wrong = _wrong(os.fstat(handle), kind, most)
+            data = b"" if wrong else file.read()
     except FileNotFoundError as fault:
         raise error(f"{path}: no such file; check the path") from fault
     except IsADirectoryError as fault:
         raise error(f"{path}: expected {kind}, got a directory; name a file") from fault
     except (OSError, ValueError, MemoryError) as fault:
-        if isinstance(fault, InputError):
-            raise
-        reason = getattr(fault, "strerror", None) or str(fault) or "too little memory"
         raise error(
-            f"{path}: expected a readable file, got {reason!r}; check path and permissions"
+            f"{path}: expected a readable file, got {_reason(fault)!r}; check path and permissions"
         ) from fault
+    if wrong:
+        raise error(f"{path}: {wrong}")
     return data
+
+
+def _wrong(status: os.stat_result, kind: str, most: int) -> str:
+    """What is wrong with a file, if anything, before it is read."""
+    if not stat.S_ISREG(status.st_mode):
+        found = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
+        return f"expected {kind}, got {found}; name a file"
+    if status.st_size > most:
+        return (
+            f"expected {kind} of at most {most >> 20} MiB, got {status.st_size >> 20}; name "
+            "another file"
+        )
+    return ""
+
+
+def _reason(fault: Exception) -> str:
+    """What the system says; Python itself refuses names that no file can have."""
+    return getattr(fault, "strerror", None) or str(fault) or "too little memory"
 
 
 def read_text(path: Path, kind: str, *, error: type[InputError] = InputError) -> str:
@@ -109,10 +126,10 @@ def atomic_write(path: Path, data: bytes) -> None:
             Path(path).write_bytes(data)
         else:
             _replace(Path(os.path.realpath(path)), data)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise OutputError(
             f"{path}: expected to write a file in an existing, writable folder with space left, "
-            f"got {str(error.strerror or error)!r}; create the folder or choose another path"
+            f"got {_reason(error)!r}; create the folder or choose another path"
         ) from error
 
 
@@ -125,7 +142,7 @@ def _is_stream(path: Path) -> bool:
 
 
 def _replace(path: Path, data: bytes) -> None:
-    partial = path.with_name(f".{secrets.token_hex(8)}.part")
+    partial = _partial_file(path)
     try:
         with partial.open("xb") as file:
             file.write(data)
@@ -144,6 +161,28 @@ def _replace(path: Path, data: bytes) -> None:
             os.close(folder)
 
 
+def _partial_file(path: Path) -> Path:
+    """Another name for a file, while it is not whole yet."""
+    return path.with_name(f".{path.name[:_MOST_OF_NAME]}.{secrets.token_hex(8)}.part")
+
+
+_MOST_OF_NAME: Final = 40
+"""Characters of a file's name in that of its partial file, which must not become too long."""
+
+
+def remove_partial_files(folder: Path, name: str | None = None) -> None:
+    """Remove what processes left that were killed while they wrote into a folder.
+
+    name: of the one file that they wrote; None for any. Nobody else may write it meanwhile.
+    """
+    stem = ".*" if name is None else re.escape(name[:_MOST_OF_NAME])
+    pattern = re.compile(rf"\.{stem}\.[0-9a-f]{{16}}\.part", re.DOTALL)
+    with contextlib.suppress(OSError, ValueError):
+        for entry in list(os.scandir(folder)):
+            if pattern.fullmatch(entry.name):
+                os.unlink(entry.path)
+
+
 def make_writable_folder(folder: Path) -> None:
     """Make a folder for results if it is missing, and try whether files can be made in it.
 
@@ -151,13 +190,14 @@ def make_writable_folder(folder: Path) -> None:
     ------
     OutputError: it cannot be made or written.
     """
-    probe = folder / f".{secrets.token_hex(8)}.part"
+    probe = _partial_file(folder / "probe")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe.touch(exist_ok=False)
-        probe.unlink()
-    except OSError as error:
+        # Whoever has the folder alone may have removed it.
+        probe.unlink(missing_ok=True)
+    except (OSError, ValueError) as error:
         raise OutputError(
-            f"{folder}: expected a folder that can be written, got {error.strerror!r}; choose "
+            f"{folder}: expected a folder that can be written, got {_reason(error)!r}; choose "
             "another with --out"
         ) from error

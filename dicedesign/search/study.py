@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,7 +15,7 @@ import numpy as np
 from dicedesign.errors import DiceError, InputError, OutputError, missing_extra
 from dicedesign.recipe.schema.reading import read_recipe, recipe_text
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.runtime.files import atomic_write, make_writable_folder
+from dicedesign.runtime.files import atomic_write, make_writable_folder, remove_partial_files
 from dicedesign.runtime.folder_lock import locked_folder
 from dicedesign.search.space import search_space, varied_recipe
 
@@ -30,7 +31,11 @@ JOURNAL: Final = "trials.journal"
 """Optuna's log of everything asked and told."""
 
 PLACE: Final = "place"
-"""Attribute of a trial: its place in the sequence of seeds."""
+"""Attribute of a trial of Optuna's: its number in the search, which is that of the trial that was
+cut off before if there was one."""
+
+GIVEN_UP: Final = "given_up"
+"""Attribute of a trial that is not run again."""
 
 
 class SearchStudy:
@@ -51,40 +56,44 @@ class SearchStudy:
     def finished(self) -> list[dict[str, Any]]:
         """Of each trial with a result, in order, its "number", its "recipe" as plain data, and what
         `dicedesign.search.trial.run_trial` returned."""
-        return [
+        finished = [
             {
-                "number": trial.number,
+                "number": trial.user_attrs[PLACE],
                 "recipe": trial.user_attrs["recipe"],
                 **trial.user_attrs["result"],
             }
             for trial in self._study.get_trials(deepcopy=False)
             if trial.state.name == "COMPLETE"
         ]
+        return sorted(finished, key=lambda trial: trial["number"])
 
     def propose(self) -> tuple[int, dict[str, Any]]:
-        """Number and recipe of a new trial.
+        """Number and recipe of the next trial, counted from 0 on.
 
-        The first is the recipe as it was given; again, where an interrupt has cut it off. What is
-        proposed depends on the recipe, the number, and the trials finished or running by then, and
-        not on when the search was interrupted.
+        The first is the recipe as it was given. A trial that was cut off comes again, as it was.
+        What is proposed anew depends on the recipe, the number, and the trials finished or running
+        by then, and not on whether the search was interrupted before.
         """
         from optuna.distributions import FloatDistribution
 
-        place = self._free_place()
-        if place == 0:
-            self._study.enqueue_trial({name: entry.own for name, entry in self._space.items()})
-        self._study.sampler = self._sampler(len(self._study.get_trials(deepcopy=False)))
+        trials = self._study.get_trials(deepcopy=False)
+        number = _first_free(trials)
+        own = {name: entry.own for name, entry in self._space.items()}
+        known = _cut_off(trials, number) or (own if number == 0 else None)
+        if known is not None:
+            self._study.enqueue_trial(known)
+        self._study.sampler = self._sampler(number)
         trial = self._study.ask(
             {
                 name: FloatDistribution(entry.low, entry.high, log=entry.logarithmic)
                 for name, entry in self._space.items()
             }
         )
-        entries = varied_recipe(self._recipe, place, trial.params).resolved()
-        trial.set_user_attr(PLACE, place)
+        entries = varied_recipe(self._recipe, number, trial.params).resolved()
+        trial.set_user_attr(PLACE, number)
         trial.set_user_attr("recipe", entries)
-        self._asked[trial.number] = trial
-        return trial.number, entries
+        self._asked[number] = trial
+        return number, entries
 
     def tell(self, number: int, result: Mapping[str, Any]) -> None:
         """Record the result of a trial that was proposed."""
@@ -97,14 +106,13 @@ class SearchStudy:
         trial.set_constraint("error", unreached)
         self._study.tell(trial, [result["inradius_mm"] or 0.0, result["margin_deg"] or 0.0])
 
-    def _free_place(self) -> int:
-        """The first place in the sequence of seeds that no trial has, but for failed ones."""
-        taken = {
-            trial.user_attrs.get(PLACE)
-            for trial in self._study.get_trials(deepcopy=False)
-            if trial.state.name != "FAIL"
-        }
-        return next(place for place in count() if place not in taken)
+    def give_up(self, number: int) -> None:
+        """Leave a trial that was proposed without a result; it does not come again."""
+        from optuna.trial import TrialState
+
+        trial = self._asked.pop(number)
+        trial.set_user_attr(GIVEN_UP, True)
+        self._study.tell(trial, state=TrialState.FAIL)
 
     def _sampler(self, number: int) -> optuna.samplers.BaseSampler:
         """For one trial: a sampler made when the search goes on would else repeat itself."""
@@ -114,11 +122,29 @@ class SearchStudy:
         return TPESampler(seed=int(seed))
 
 
+def _first_free(trials: Sequence[optuna.trial.FrozenTrial]) -> int:
+    """The first number that has no trial, but for those cut off."""
+    taken = {
+        trial.user_attrs.get(PLACE)
+        for trial in trials
+        if trial.state.name != "FAIL" or GIVEN_UP in trial.user_attrs
+    }
+    return next(number for number in count() if number not in taken)
+
+
+def _cut_off(trials: Sequence[optuna.trial.FrozenTrial], number: int) -> dict[str, Any] | None:
+    """What was proposed for a trial that was cut off; None where that was not all of it."""
+    for trial in trials:
+        if trial.user_attrs.get(PLACE) == number and "recipe" in trial.user_attrs:
+            return trial.params
+    return None
+
+
 @contextmanager
 def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
     """The study in a folder, begun if there is none.
 
-    Trials that were running when an earlier search ended are marked as failed.
+    Trials that were running when an earlier search ended are marked as failed, and come again.
 
     Raises
     ------
@@ -132,14 +158,22 @@ def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
         raise missing_extra("search", "search", error) from error
     make_writable_folder(folder)
     with locked_folder(folder):
+        remove_partial_files(folder)
         _check_recipe(folder, recipe)
         _prepare_journal(folder / JOURNAL)
         with _quiet(optuna):
             study = _load(optuna, folder)
-            for trial in study.get_trials(deepcopy=False):
-                if trial.state.name == "RUNNING":
-                    study.tell(trial.number, state=optuna.trial.TrialState.FAIL)
+            _fail_unfinished(study, optuna.trial.TrialState.FAIL)
             yield SearchStudy(study, recipe)
+
+
+def _fail_unfinished(study: optuna.Study, failed: optuna.trial.TrialState) -> None:
+    """Mark trials as failed that were running, or set to be asked for next."""
+    for trial in study.get_trials(deepcopy=False):
+        if trial.state.name == "RUNNING":
+            study.tell(trial.number, state=failed)
+        elif trial.state.name == "WAITING":
+            study.tell(study.ask(), state=failed)
 
 
 class _AlreadyLocked:
@@ -200,8 +234,8 @@ def _load(optuna: Any, folder: Path) -> optuna.Study:
 
 def _check_recipe(folder: Path, recipe: Recipe) -> None:
     path = folder / RECIPE
-    if not path.exists():
-        if (folder / JOURNAL).exists():
+    if not os.path.exists(path):
+        if os.path.exists(folder / JOURNAL):
             raise InputError(
                 f"{folder}: expected {RECIPE} beside {JOURNAL}, got none; choose another folder "
                 "with --out"

@@ -36,8 +36,9 @@ def run_search(
 ) -> None:
     """Go on until so many trials of a study are finished.
 
-    Each result is kept before the next trial begins. A trial whose worker was lost runs again. With
-    one job the same recipe gives the same trials; with several it matters which end first.
+    Each result is kept before the next trial begins. A trial whose worker was lost, or that was cut
+    off when the search ended, runs again. With one job the same recipe gives the same trials, ended
+    and begun again wherever it may be; with several it matters which end first.
 
     Parameters
     ----------
@@ -50,7 +51,9 @@ def run_search(
 
     Raises
     ------
-    DiceError: a trial cannot be run, or workers are lost again and again while it runs.
+    DiceError: a trial cannot be run, and comes again in the next search; or workers are lost again
+        and again while it runs: that one is given up, as is one that fails for a reason that nobody
+        foresaw.
     OutputError: a result cannot be kept.
     """
     begun = len(study.finished())
@@ -71,11 +74,15 @@ def run_search(
     for trial, future in as_ended(next_trial, submit, jobs, on_quiet):
         try:
             result = future.result()
+        except DiceError:
+            raise
         except Exception as error:
             if not is_lost_worker(error):
+                study.give_up(trial.number)
                 raise
             trial.losses += 1
             if trial.losses >= MOST_LOSSES:
+                study.give_up(trial.number)
                 raise DiceError(
                     f"trial {trial.number}: expected workers that stay, but it was running when "
                     f"workers were lost {trial.losses} times; see whether memory suffices or take "

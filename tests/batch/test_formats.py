@@ -132,15 +132,32 @@ def test_other_files_are_no_table(tmp_path: Path, content: bytes | None, said: s
         RestTable.read(path)
 
 
-def test_names_that_are_not_utf8_need_csv(
-    meshes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("name", ["t.csv", "t.parquet"])
+def test_names_that_are_not_utf8_are_written_as_escapes(
+    meshes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
-    (meshes / os.fsdecode(b"caf\xe9.stl")).write_bytes(b"")
-    out = tmp_path / "t.parquet"
-    assert main(["rest", str(meshes), "--out", str(out)]) == 2
-    said = f"{out}: expected names of files in UTF-8, got b'caf\\xe9.stl'; rename it"
-    assert said in capsys.readouterr().err
-    assert not out.exists()
+    box = (meshes / "b" / "box.obj").read_bytes()
+    (meshes / os.fsdecode(b"caf\xe9.obj")).write_bytes(box)
+    (meshes / os.fsdecode(b"\xff, broken\n.stl")).write_bytes(b"")
+    out = tmp_path / name
+    rest = ["rest", str(meshes), "--out", str(out), "--jobs", "1"]
+    assert main(rest) == 0
+    rows = rows_of(out)
+    assert {r"caf\udce9.obj", "\\udcff, broken\n.stl"} <= {row["file"] for row in rows}
+    (broken,) = (row for row in rows if "broken" in row["file"])
+    assert broken["error"].startswith("\\udcff, broken .stl: expected")
+    # They are found again, and names that look like escapes are others.
+    (meshes / r"caf\udce9.obj").write_bytes(box)
+    (meshes / r"caf\\udce9.obj").write_bytes(box)
+    assert main(rest) == 0
+    rows = rows_of(out)
+    assert len({row["file"] for row in rows}) == len(list_folder(meshes).meshes)
+    capsys.readouterr()
+    assert main(rest) == 0
+    assert (
+        f"note: {len(list_folder(meshes).meshes)} files were already in" in capsys.readouterr().err
+    )
+    assert rows_of(out) == rows
 
 
 def test_a_missing_extra_is_named(

@@ -16,11 +16,13 @@ from typing import Any
 
 import pytest
 from common.inline_executor import Inline
+from common.killed import kill_at_write
 from common.long_run import FILES, begun, shorten
 from common.signals import heed_interrupts
 
 from dicedesign.batch import file_batches as running
 from dicedesign.batch.analyse import analyse_files
+from dicedesign.batch.rest_table import RestTable
 from dicedesign.cli.main import main
 from dicedesign.runtime import executors
 
@@ -251,6 +253,23 @@ def test_an_interrupt_keeps_what_was_done(
     assert len({row["file"] for row in whole}) == 106
     assert len(kept) >= 64 * 6
     assert all(row in whole for row in kept if row["file"] < "0100")
+
+
+def test_a_table_made_in_spite_of_kills_is_the_same(
+    meshes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """While tables with some rows are written."""
+    whole, parts = tmp_path / "whole.csv", tmp_path / "parts.csv"
+    rest = ["rest", str(meshes), "--jobs", "1", "--out"]
+    assert main([*rest, str(whole)]) == 0
+    for left, kept in ((3, 1), (4, 3)):
+        kill_at_write([*rest, str(parts)], left)
+        assert len(RestTable.read(parts)) == kept
+    capsys.readouterr()
+    assert main([*rest, str(parts)]) == 0
+    assert f"note: 3 files were already in {parts}\n" in capsys.readouterr().err
+    assert without_seconds(parts) == without_seconds(whole)
+    assert not list(tmp_path.glob(".*.part"))
 
 
 def test_workers_load_nothing_heavy(meshes: Path) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import csv
 import os
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dicedesign.batch import rest_table as table
 from dicedesign.batch.analyse import analyse_files
 from dicedesign.batch.folder import list_folder
 from dicedesign.batch.rest_table import RestTable
@@ -18,6 +18,7 @@ from dicedesign.errors import InputError, OutputError
 from dicedesign.geometry.meshes import reading as mesh_file
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import rest_poses
+from dicedesign.runtime.kept_file import INTERVAL
 
 FILES = ["a.stl", "b.xyz", "b/box.obj", "b/hull.PLY", "c.off", "open, as it is.obj"]
 
@@ -163,7 +164,7 @@ def test_the_table_is_written_at_once_at_intervals_and_at_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, now = tmp_path / "t.csv", [100.0]
-    monkeypatch.setattr(table.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
     entries = [{f"{i}.stl": broken_entry(f"{i}.stl", Stamp(1, 1), "x")} for i in range(4)]
 
     def saved() -> int:
@@ -173,7 +174,7 @@ def test_the_table_is_written_at_once_at_intervals_and_at_the_end(
         assert path.read_text() == ",".join(COLUMNS) + "\n"
         kept.add(entries[2])
         assert saved() == 0
-        now[0] += table.INTERVAL
+        now[0] += INTERVAL
         kept.add(entries[1])
         assert saved() == 2
         kept.add(entries[0])

@@ -21,7 +21,7 @@ from dicedesign.errors import InputError, OutputError
 from dicedesign.results.status import Status
 
 NAMES = (
-    "accuracy", "concave", "design", "exact", "gradients", "lean", "momentum", "speed",
+    "accuracy", "concave", "design", "endurance", "exact", "gradients", "lean", "momentum", "speed",
     "stability", "table", "thrown",
 )  # fmt: skip
 

@@ -244,7 +244,7 @@ def test_rest_with_a_table_adds_thrown_odds(
     heading = "rest probability thrown facet normal"
     assert heading in " ".join(capsys.readouterr().out.split())
     assert main(["rest", str(mesh), "--table", "glass"]) == 2
-    assert "table glass: expected board-game, hard-wood, carpet" in capsys.readouterr().err
+    assert "--table: table glass: expected board-game, hard-wood, carpet" in capsys.readouterr().err
     assert main(["rest", str(tmp_path), "--table", "board-game", "--out", "a.csv"]) == 2
     assert "--table: expected one mesh, got the folder" in capsys.readouterr().err
 

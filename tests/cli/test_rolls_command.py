@@ -11,13 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from common.finished_run import box_file, finished_run
-from common.paths import DATA
+from common.paths import public_data
 
 from dicedesign.cli.main import main
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import rest_poses
-
-PUBLISHED = DATA / "published"
 
 
 @pytest.fixture
@@ -120,9 +118,7 @@ def test_published_throws_of_a_published_mesh(
 ) -> None:
     """Throws of the two outcomes of a pair cannot be told apart, so that only their sums are
     certain; the test rejects the geometric odds as these do, and those of three coins not."""
-    if not PUBLISHED.exists():
-        pytest.skip("no published throws")
-    with (PUBLISHED / "throws.csv").open() as file:
+    with public_data("published/throws.csv").open() as file:
         rows = list(csv.DictReader(file))
     for name, rejected in (("2d6_hendecahedron", True), ("binomial2", False)):
         mine = [row for row in rows if row["die"] == name]

@@ -13,6 +13,7 @@ from common.finished_run import box_file
 from common.kernels import without_kernels
 
 from dicedesign.cli.main import main
+from dicedesign.cli.options import MISSING_KERNELS
 from dicedesign.kernels import ops as kernels
 
 
@@ -92,3 +93,22 @@ def test_the_version_says_whether_there_are_kernels(capsys: pytest.CaptureFixtur
             main(["--version"])
         assert ended.value.code == 0
         assert f", {expected} kernels" in capsys.readouterr().out
+
+
+def test_a_long_command_says_once_that_kernels_are_missing(tmp_path: Path) -> None:
+    (tmp_path / "without").mkdir()
+    (tmp_path / "without" / "dicedesign_kernels.py").write_text("INTERFACE = 0\n")
+    path = os.pathsep.join([str(tmp_path / "without"), *filter(None, sys.path)])
+    (tmp_path / "meshes").mkdir()
+    for name in ("a.stl", "b.stl"):
+        box_file(tmp_path / "meshes", name=name)
+    rest = "$DICE rest meshes --jobs 2 --out"
+    ended = said_by(f"{rest} t.csv", tmp_path, PYTHONPATH=path)
+    assert ended.returncode == 0
+    assert ended.stderr.decode() == f"{MISSING_KERNELS}\n"
+    # What takes no time, says nothing, nor does it where nobody listens.
+    ended = said_by("$DICE rest meshes/a.stl && $DICE --version", tmp_path, PYTHONPATH=path)
+    assert (ended.returncode, ended.stderr) == (0, b"")
+    for closed in ("2>&-", "2>/dev/full"):
+        ended = said_by(f"{rest} u{closed[-1]}.csv {closed}", tmp_path, PYTHONPATH=path)
+        assert (ended.returncode, ended.stderr) == (0, b"")

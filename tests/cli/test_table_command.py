@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from common.finished_run import box_file
 from common.kernels import compiled_only
+from common.killed import kill_at_write
 
 from dicedesign.cli.main import main
 from dicedesign.geometry.meshes.reading import read_body
@@ -97,3 +98,28 @@ def test_bad_input(
 def test_a_missing_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["table", "fit", "--throws", "none.csv"]) == 2
     assert "none.csv: no such file" in capsys.readouterr().err
+
+
+@compiled_only
+def test_a_fit_in_spite_of_kills_is_the_same(
+    throws: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Among the sets of parameters of a later round."""
+    (tmp_path / "other").mkdir()
+    whole, parts = tmp_path / "mine.json", tmp_path / "other" / "mine.json"
+    assert fit("--throws", throws, "--out", whole) == 0
+    told = capsys.readouterr().out
+    command = ["table", "fit", "--evaluations", "32", "--drops", "10", "--throws", str(throws)]
+    kill_at_write([*command, "--out", str(parts), "--jobs=1"], 20)
+    assert fit("--throws", throws, "--out", parts, "--seed", "1") == 2
+    assert "expected a checkpoint of this seed, got one of another" in capsys.readouterr().err
+    throws.write_text(throws.read_text().replace(",60,", ",61,"))
+    assert fit("--throws", throws, "--out", parts) == 2
+    assert "expected a checkpoint of this set of throws, got" in capsys.readouterr().err
+    throws.write_text(throws.read_text().replace(",61,", ",60,"))
+    assert fit("--throws", throws, "--out", parts) == 0
+    captured = capsys.readouterr()
+    assert captured.out == told
+    assert captured.err.startswith("note: goes on from ")
+    assert parts.read_bytes() == whole.read_bytes()
+    assert not list(tmp_path.glob("**/*.npz"))

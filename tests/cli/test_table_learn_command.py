@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from common.inline_executor import Inline
 from common.kernels import compiled_only
+from common.killed import kill_at_write
 from common.thrown import random_body
 
 from dicedesign.cli.main import main
@@ -63,6 +64,30 @@ def test_the_table_is_written_here_by_its_name(
     effort = ["--dice", "8", "--drops", "20", "--steps", "1"]
     assert main(["table", "learn", "hard-wood", *effort]) == 0
     assert momentum_model("hard-wood.json") is not None
+
+
+@compiled_only
+def test_a_table_learned_in_spite_of_kills_is_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """While an evaluation is kept."""
+    whole, parts = tmp_path / "a" / "mine.json", tmp_path / "b" / "mine.json"
+    learn = ["table", "learn", "board-game", "--dice", "8", "--drops", "20", "--steps", "3"]
+    assert main([*learn, "--out", str(whole)]) == 0
+    command = [*learn, "--out", str(parts)]
+    kill_at_write(command, 10)
+    assert not parts.exists()
+    capsys.readouterr()
+    checkpoint = parts.with_name("mine.checkpoint.npz")
+    assert main([*learn[:-1], "2", *command[-2:], "--seed", "1"]) == 2
+    assert capsys.readouterr().err == (
+        f"dicedesign: {checkpoint}: expected a checkpoint of this seed, got one of another; remove "
+        "it to begin anew, or choose another with --out\n"
+    )
+    assert main(command) == 0
+    assert capsys.readouterr().err.startswith(f"note: goes on from {checkpoint}\n")
+    assert parts.read_bytes() == whole.read_bytes()
+    assert not checkpoint.exists()
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,15 @@ from contextlib import contextmanager
 
 import pytest
 
+from dicedesign.cli.options import MISSING_KERNELS
 from dicedesign.kernels import ops
 
 compiled_only = pytest.mark.skipif(not ops.available(), reason="no compiled kernels")
+
+
+def usual_notes() -> str:
+    """What a long command says on stderr that has nothing to say."""
+    return "" if ops.available() else f"{MISSING_KERNELS}\n"
 
 
 @contextmanager

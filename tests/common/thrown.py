@@ -5,23 +5,14 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-import pytest
 from numpy.typing import ArrayLike
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from common.paths import DATA
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
-
-DIE = DATA / "published/final/2d6_hendecahedron.obj"
-
-published_only = pytest.mark.skipif(
-    not DIE.exists(), reason="the published dice are not beside this checkout"
-)
 
 
 def thrown(points: ArrayLike, center: ArrayLike | None = None) -> tuple[RigidBody, RestPoses]:
@@ -50,12 +41,6 @@ def random_body(seed: int) -> tuple[RigidBody, RestPoses]:
     hull = convex_hull(points)
     somewhere = np.random.default_rng(seed).dirichlet(np.ones(len(points))) @ points
     return thrown(points, 0.6 * hull.centroid + 0.4 * somewhere)
-
-
-def published_die() -> tuple[RigidBody, RestPoses]:
-    body = read_body(DIE)
-    poses = rest_poses(body)
-    return rigid_body(body, poses), poses
 
 
 def turn_down(direction: ArrayLike) -> np.ndarray:

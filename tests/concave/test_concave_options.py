@@ -21,6 +21,7 @@ from dicedesign.errors import InputError
         ({"fill": ""}, "fill: expected correspondence or quadratic, got ''; choose one"),
         ({"points": 49}, "points: expected at least 50, got 49; raise it, or leave it out to keep"),
         ({"attempts": 0}, "attempts: expected a whole number above 0, got 0; leave it out for 40"),
+        ({"enough": 0}, "enough: expected a whole number above 0, got 0; leave it out for 8"),
         ({"displacement": 0.0}, "displacement: expected a positive number, got 0; leave it out"),
         ({"displacement": math.inf}, "displacement: expected a positive number, got inf"),
         ({"seconds": -1.0}, "seconds: expected a positive number, got -1; leave it out"),

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 from common.bumpy import bent_capsule, bumpy_sphere
-from common.paths import DATA
+from common.paths import public_data
+from common.slow_machine import slow_machine
 
 from dicedesign import rest_poses
 from dicedesign.concave.checkpoint import checkpoint_bytes
@@ -27,8 +28,6 @@ from dicedesign.geometry.surfaces.self_intersections import intersecting_triangl
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.runtime.arrays import Floats, Integers
-
-SPOT = DATA / "models" / "spot.obj"
 
 HALVES = np.array([0.5, 0.5])
 
@@ -188,17 +187,35 @@ def test_where_nothing_comes_about() -> None:
     assert [progress.best for progress in attempts] == [None]
 
 
-def test_time_limits_only_the_way_to_a_nearer_die() -> None:
+@cache
+def first_as_wanted() -> int:
+    """Number of the first attempt that led to a die as wanted."""
     _, attempts = uninterrupted()
-    first = next(
+    return next(
         progress.attempts
         for progress in attempts
         if progress.best is not None
         and progress.best.error <= 0.005
         and progress.best.intersections == 0
     )
-    options = ConcaveOptions(attempts=4, displacement=1e-6, seconds=1e-9)
-    assert make_concave_die(small(), HALVES, options, seed=3).progress.attempts == first
+
+
+@pytest.mark.parametrize("limit", [{"seconds": 1e-9}, {"enough": 1}])
+def test_limits_are_only_on_the_way_to_a_nearer_die(limit: dict[str, Any]) -> None:
+    options = ConcaveOptions(attempts=4, displacement=1e-6, **limit)
+    made = make_concave_die(small(), HALVES, options, seed=3)
+    assert made.progress.attempts == first_as_wanted()
+
+
+def test_attempts_are_made_until_they_are_enough_also_on_a_slow_machine() -> None:
+    told: list[ConcaveProgress] = []
+    enough = first_as_wanted() + 1
+    options = ConcaveOptions(attempts=4, displacement=1e-6, enough=enough)
+    with slow_machine():
+        make_concave_die(small(), HALVES, options, seed=3, on_attempt=told.append)
+    usual = uninterrupted()[1][:enough]
+    assert list(map(without_seconds, told)) == list(map(without_seconds, usual))
+    assert told[-1].seconds > 1e6
 
 
 def test_more_outcomes_than_the_hull_carries() -> None:
@@ -233,9 +250,8 @@ def test_the_ways_of_the_paper(options: dict[str, Any], stages: set[str]) -> Non
     assert max(np.abs(odds - 0.5).max(), elsewhere) == pytest.approx(best.error, abs=1e-4)
 
 
-@pytest.mark.skipif(not SPOT.exists(), reason="the public models are not beside this checkout")
 def test_spot_becomes_a_fair_three_sided_die(tmp_path: Path) -> None:
-    surface, notes = make_surface(read_body(SPOT))
+    surface, notes = make_surface(read_body(public_data("models/spot.obj")))
     assert notes == ()
     target = np.full(3, 1.0 / 3.0)
     die = make_concave_die(surface, target, ConcaveOptions())

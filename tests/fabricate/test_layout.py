@@ -56,6 +56,19 @@ def test_a_label_touches_the_circle_that_the_margin_leaves():
     assert np.linalg.norm(high - low) == pytest.approx(2 * 0.8 * 3.0)
 
 
+@pytest.mark.parametrize("scale", [1.0, 0.01])
+def test_the_longest_edge_is_below_wherever_the_facet_is(scale):
+    """Of a triangle, which has no second one like it, beside the origin; however small."""
+    corners = scale * np.array([(10, 0, 5), (16, 0, 5), (10, 8, 5)], dtype=float)
+    options = EngravingOptions(min_height_mm=1e-3)
+    (placement,) = place_labels(["7"], [corners], [np.array([0, 0, 1.0])], [0], options, 17 * scale)
+    np.testing.assert_allclose(placement.frame[:3, 0], [-0.6, 0.8, 0.0], atol=1e-12)
+    # It is in the incircle, of radius (6 + 8 - 10) / 2, or near to it.
+    middle = on_body(placement)
+    middle = (middle.min(axis=0) + middle.max(axis=0)) / 2.0 / scale
+    assert np.linalg.norm(middle - [12, 2, 5]) < 0.7
+
+
 def test_digits_stop_at_the_largest_height():
     square = 50 * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], dtype=float)
     (placement,) = place_labels(["5"], [square], [np.array([0, 0, 1.0])], [0], OPTIONS, 150.0)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from dicedesign.bench.bodies import solids
 from dicedesign.fabricate.verdict import Verdict, judged
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.stl import stl_bytes
@@ -25,7 +27,7 @@ def roofed(degrees: float) -> np.ndarray:
 
 def verdict_on(corners: np.ndarray, directions: np.ndarray, target: np.ndarray) -> Verdict:
     hull = convex_hull(corners)
-    wanted = Target(tuple("abcdefg"[: len(target)]), target)
+    wanted = Target(tuple("abcdefghijkl"[: len(target)]), target)
     return judged(stl_bytes(hull.vertices, hull.triangles), directions, wanted)
 
 
@@ -42,6 +44,25 @@ def test_a_cube_is_a_fair_die_in_its_file() -> None:
         assert facet.label == facet.outcome
         assert facet.polygon_area_mm2 == pytest.approx(400.0, rel=1e-6)
         assert facet.inradius_mm == pytest.approx(10.0, rel=1e-6)
+
+
+def test_angles_of_facets_are_those_of_the_box_in_degrees() -> None:
+    """It is tipped over the nearer edge; an edge's own direction is where two basins meet."""
+    half = np.array([10.0, 9.0, 7.0])
+    for facet in verdict_on(CUBE * half / 10.0, AXES, np.full(6, 1 / 6)).facets:
+        across = np.abs(facet.normal).argmax()
+        nearest = np.degrees(np.arctan(np.delete(half, across).min() / half[across]))
+        assert facet.margin_deg == pytest.approx(nearest, abs=1e-4)
+        assert facet.border_deg == pytest.approx(nearest, abs=1e-4)
+
+
+def test_facets_are_whole_though_the_file_rounds_their_corners() -> None:
+    corners = solids.platonic("dodecahedron").points @ Rotation.random(random_state=1).as_matrix()
+    verdict = verdict_on(corners, convex_hull(corners).normals, np.full(12, 1 / 12))
+    assert verdict.outcomes.rest_counts.tolist() == [1] * 12
+    areas = [facet.polygon_area_mm2 for facet in verdict.facets]
+    np.testing.assert_allclose(areas, convex_hull(corners).areas, rtol=1e-5)
+    assert list(verdict.flaws(None)) == []
 
 
 def test_a_facet_in_two_parts_is_one_outcome() -> None:
@@ -97,6 +118,11 @@ def test_rests_of_no_outcome_are_elsewhere() -> None:
     verdict = verdict_on(CUBE, AXES[:4], np.array([1 / 6, 1 / 6, 1 / 6, 0.5]))
     assert verdict.outcomes.elsewhere == pytest.approx(1 / 3, abs=1e-7)
     assert verdict.max_abs_error == pytest.approx(1 / 3, abs=1e-7)
+    assert [facet.outcome for facet in verdict.facets].count(None) == 2
+    for facet in verdict.facets:
+        # The directions of the four outcomes are the first of the axes.
+        along = int(np.argmax(AXES @ facet.normal))
+        assert facet.outcome == facet.label == (None if along >= 4 else "abcd"[along])
     assert list(verdict.flaws(0.1)) == [Status.OFF_TARGET, Status.STRAY]
     assert list(verdict.flaws(None)) == []
 

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 import trimesh
 from common.bumpy import bent_capsule, bumpy_sphere
-from common.paths import DATA
+from common.paths import public_data
 from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.meshes.orientation import consistent_winding
 from dicedesign.geometry.solid import is_closed, solid_properties, stretch_matrix
-
-MODELS = DATA / "models"
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
@@ -197,9 +195,7 @@ def test_no_volume_has_no_centroid() -> None:
 
 @pytest.mark.parametrize("name", ["spot", "bunny", "koala", "penguin", "armadillo"])
 def test_models_agree_with_trimesh(name: str) -> None:
-    path = MODELS / f"{name}.obj"
-    if not path.exists():
-        pytest.skip(f"model file {path} is not here")
+    path = public_data(f"models/{name}.obj")
     mesh = trimesh.load_mesh(path, process=False)
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     volume, centroid = solid_properties(np.asarray(mesh.vertices), np.asarray(mesh.faces))

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
+from functools import cache
+from itertools import count
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +15,7 @@ from common.inline_executor import Inline
 from common.kernels import compiled_only
 
 from dicedesign.errors import InputError
-from dicedesign.learning import random_throws
+from dicedesign.learning import momentum_training, random_throws
 from dicedesign.learning.random_dice import random_die
 from dicedesign.learning.random_throws import (
     ThrownRandomDie,
@@ -22,7 +26,9 @@ from dicedesign.learning.random_throws import (
     training_die,
 )
 from dicedesign.learning.table_learning import learn_momentum, throws_of_die
+from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.runtime.executors import local_workers
+from dicedesign.runtime.kept_file import KeptFile
 from dicedesign.throws.momentum.momentum_model import MomentumModel, Network, Slopes, model_of
 from dicedesign.throws.momentum.momentum_odds import landing_odds, momentum_odds
 from dicedesign.throws.momentum.transition_features import CARRY_FEATURES, TRANSITION_FEATURES
@@ -103,6 +109,64 @@ def test_a_world_that_is_the_model_is_learned(known_world: None) -> None:
     assert found.fitted.momentum < 0.004
     assert found.held_out.momentum < 0.006
     assert found.held_out.geometric > 0.08
+
+
+def test_learning_that_is_killed_goes_on_and_does_nothing_twice(
+    known_world: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Killed again and again: after dice, after evaluations, and when all was done."""
+    monkeypatch.setattr(KeptFile, "is_due", True)
+    monkeypatch.setattr(random_throws, "random_die", cache(random_throws.random_die))
+    simulated, evaluated = Calls(random_throws.simulate), Calls(momentum_training.landing_odds)
+    monkeypatch.setattr(random_throws, "simulate", simulated)
+    monkeypatch.setattr(momentum_training, "landing_odds", evaluated)
+
+    def learned(checkpoint: Checkpoint, stop: int | None = None) -> tuple[object, int]:
+        numbers = count(1)
+
+        def told(_: object) -> None:
+            if next(numbers) == stop:
+                raise Killed
+
+        found = learn_momentum(
+            TABLE, 8, 1000, 0, 6, workers=Inline(), checkpoint=checkpoint, on_die=told, on_loss=told
+        )
+        return found, next(numbers) - 1
+
+    whole, calls = learned(Checkpoint())
+    assert calls > 8 + 6
+    evaluations, evaluated.count = evaluated.count, 0
+    for stop in (1, 6, 8, 9, 12, calls):
+        if stop == 9:
+            simulated.count = 0
+        with pytest.raises(Killed):
+            learned(Checkpoint(tmp_path / "c.npz", {"seed": "0"}), stop)
+    assert learned(Checkpoint(tmp_path / "c.npz", {"seed": "0"})) == (whole, calls)
+    assert (simulated.count, evaluated.count) == (0, evaluations)
+
+
+class Killed(BaseException):
+    """Nothing that anybody takes care of."""
+
+
+class Calls:
+    """A function, and how often it was called."""
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        self.function = function
+        self.count = 0
+
+    def __call__(self, *arguments: object, **options: object) -> object:
+        self.count += 1
+        return self.function(*arguments, **options)
+
+
+def test_rows_of_other_dice_are_refused(known_world: None, tmp_path: Path) -> None:
+    for kind, length in (("throws", 6), ("throws", 7), ("evaluations", 3)):
+        kept = Checkpoint()
+        kept.add(kind, [np.zeros(length, dtype=np.int64)])
+        with pytest.raises(InputError, match="expected a checkpoint of this work"):
+            learn_momentum(TABLE, 8, 30, 0, 1, workers=Inline(), checkpoint=kept)
 
 
 @compiled_only

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import re
 from pathlib import Path
@@ -58,25 +59,28 @@ def test_a_recipe_becomes_a_checked_die(repository: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("name", ["fair_d3_descent", "fair_d7"])
-def test_the_same_seed_gives_the_same_bytes(name: str, repository: Path, tmp_path: Path) -> None:
-    recipe = read_recipe(repository / "recipes" / f"{name}.yaml")
-    folders = [tmp_path / "a", tmp_path / "b"]
-    results = [summary(run(recipe, folder)) for folder in folders]
-    for name in (
-        "die.stl",
-        "die_plain.stl",
-        "gauss_map.png",
-        "views.png",
-        "labels.png",
-        "bars.png",
-    ):
-        assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes(), name
-    for result in results:
-        for reading in (*result["stages"], *result["history"]):
-            del reading["seconds"]
-            reading.pop("peak_mb", None)
-    assert results[0] == results[1]
-    assert results[0]["max_abs_error"] <= 1e-6
+def test_without_a_clock_the_same_seed_gives_the_same_bytes(
+    name: str, repository: Path, tmp_path: Path
+) -> None:
+    recipe = read_recipe(repository / "recipes" / f"{name}.yaml", ["clock=false"])
+    results = [run(recipe, tmp_path / folder) for folder in "ab"]
+    first, second = (
+        {path.name: path.read_bytes() for path in (tmp_path / folder).iterdir()} for folder in "ab"
+    )
+    assert {"result.json", "report.html", "convergence.png", "die.stl"} <= first.keys()
+    assert [file for file in first if first[file] != second[file]] == []
+    assert results[0].max_abs_error <= 1e-6
+    assert read_result(tmp_path / "a") == results[0]
+
+
+def test_a_result_holds_the_checksums_of_its_files(repository: Path, tmp_path: Path) -> None:
+    changes = ["method.descent.stopping.steps=3", "figures=false"]
+    result = run(read_recipe(repository / "recipes" / "2d6_descent.yaml", changes), tmp_path)
+    written = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    del written["result.json"]
+    checksums = {name: hashlib.sha256(data).hexdigest() for name, data in written.items()}
+    assert {"die.stl", "report.html", "recipe.yaml"} <= checksums.keys()
+    assert summary(result)["sha256"] == checksums
 
 
 def test_what_is_not_asked_for_is_not_done(repository: Path, tmp_path: Path) -> None:

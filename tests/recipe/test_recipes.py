@@ -25,8 +25,8 @@ LARGEST_ERROR = {"fair_d3_descent": 1e-6, "2d6_descent": 1e-3, "binomial_4_desce
 EXACT = 1e-12
 SINGLE, DOUBLE = 1e-5, 1e-11
 """What rounding to the float32 of an STL file, and reading a float64 OBJ file, may add."""
-LARGEST_SECONDS = 60.0
-
+MOST_EVALUATIONS, MOST_ATTEMPTS = 20_000, 20
+"""Dice that are tried on the way to one, convex or concave."""
 
 CONCAVE = [path for path in RECIPES if "concave" in path.read_text()]
 THROWN = [path for path in RECIPES if "thrown" in path.read_text()]
@@ -36,7 +36,7 @@ LARGEST_DISPLACEMENT = 0.05
 
 
 @pytest.mark.parametrize("path", CONVEX, ids=lambda path: path.stem)
-def test_a_recipe_gives_its_die_in_time(path: Path, tmp_path: Path) -> None:
+def test_a_recipe_gives_its_die_with_little_work(path: Path, tmp_path: Path) -> None:
     recipe = read_recipe(path)
     work = design_recipe(recipe, last="check")
     solid, target = work.solid, work.target.probabilities
@@ -46,7 +46,7 @@ def test_a_recipe_gives_its_die_in_time(path: Path, tmp_path: Path) -> None:
     assert sorted(solid.outcomes.outcome_of_rest) == list(range(len(target)))
     assert work.plain.max_abs_error <= allowed + SINGLE
     assert work.plain.outcomes.elsewhere == 0.0
-    assert work.die.steps[-1].seconds <= LARGEST_SECONDS
+    assert work.die.evaluations <= MOST_EVALUATIONS
     stl, obj = tmp_path / "die.stl", tmp_path / "die.obj"
     stl.write_bytes(stl_bytes(solid.points, solid.triangles))
     obj.write_text(obj_text(solid.points, solid.triangles))
@@ -54,8 +54,18 @@ def test_a_recipe_gives_its_die_in_time(path: Path, tmp_path: Path) -> None:
     assert error_of_file(obj, work) <= allowed + DOUBLE
 
 
-FEW = {"drops": 2000, "rounds": 3, "verdict": 5000, "within": 0.04}
+FEW = {"drops": 2000, "rounds": 3, "verdict": 5000, "within": 0.1}
 """Throws of a test; the recipes' own take minutes."""
+
+
+def chance(target: np.ndarray, learned: int, judged: int) -> float:
+    """The total variation that one die in a hundred shows in some throws, if all that is wrong with
+    it is what chance did to the throws that it was corrected by."""
+    rng = np.random.default_rng(0)
+    seen = rng.multinomial(learned, target, 10_000) + 0.5
+    odds = target / seen * target
+    counts = rng.multinomial(judged, odds / odds.sum(axis=1, keepdims=True))
+    return float(np.quantile(np.abs(counts / judged - target).sum(axis=1) / 2.0, 0.99))
 
 
 @pytest.mark.parametrize("path", THROWN, ids=lambda path: path.stem)
@@ -67,14 +77,18 @@ def test_a_recipe_gives_its_die_for_the_table(path: Path) -> None:
     assert work.status is Status.CONVERGED
     assert sorted(work.plain.outcomes.outcome_of_rest) == list(range(len(target)))
     assert total_variation(work.thrown.momentum, target) < 0.1
+    measured = work.thrown.measured(target)
+    assert measured.drops == FEW["verdict"]
+    learned = work.die.rounds[-1].drops
+    assert measured.total_variation <= chance(target, learned, measured.drops)
 
 
 @pytest.mark.parametrize("path", CONCAVE, ids=lambda path: path.stem)
-def test_a_recipe_gives_its_concave_die_in_time(path: Path, tmp_path: Path) -> None:
+def test_a_recipe_gives_its_concave_die_in_few_attempts(path: Path, tmp_path: Path) -> None:
     recipe = read_recipe(path)
     result = run(recipe, tmp_path)
     assert result.status == "converged", result.message
-    assert result.search_seconds <= LARGEST_SECONDS
+    assert result.attempts <= MOST_ATTEMPTS
     summary = check(tmp_path)
     assert summary["max_abs_error"] <= recipe.method.tolerance
     assert summary["elsewhere"] <= recipe.method.tolerance

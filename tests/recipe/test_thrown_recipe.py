@@ -109,4 +109,4 @@ def test_an_unknown_table_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixt
     recipe = tmp_path / "recipe.yaml"
     recipe.write_text(RECIPE.replace("odds: thrown", "odds: thrown, table: marble"))
     assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 2
-    assert "table marble: expected board-game, hard-wood" in capsys.readouterr().err
+    assert "method.exact.table: table marble: expected board-game" in capsys.readouterr().err

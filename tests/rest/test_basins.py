@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from common.flow_oracle import flow_frequencies
-from common.paths import DATA
+from common.paths import public_data
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -20,8 +20,6 @@ from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.morse import border_areas, separatrices, separatrix_points, wraps
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
 from dicedesign.rest.roll import roll_steps
-
-REFERENCE = DATA / "reference_rest.json"
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 GOLDEN = (1 + np.sqrt(5)) / 2
@@ -104,11 +102,10 @@ def test_a_box_has_its_solid_angles(sides: tuple[float, float, float], seed: int
 
 @pytest.mark.parametrize("number", range(15))
 def test_public_meshes_agree_with_the_reference(number: int) -> None:
-    if not REFERENCE.exists():
-        pytest.skip(f"reference file {REFERENCE} is not here")
-    name, expected = list(json.loads(REFERENCE.read_text()).items())[number]
+    reference = json.loads(public_data("reference_rest.json").read_text())
+    name, expected = list(reference.items())[number]
     center = np.array(expected["center_of_mass"])
-    rests = rest_poses(read_body(DATA / name), center)
+    rests = rest_poses(read_body(public_data(name)), center)
     normals = np.array([rest["normal"] for rest in expected["rests"]])
     probabilities = np.array([rest["probability"] for rest in expected["rests"]])
     assert len(rests.normals) == len(normals)

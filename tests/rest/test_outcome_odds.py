@@ -8,7 +8,7 @@ from common.dented_cube import CORNERS, NORMALS
 from numpy.typing import NDArray
 
 from dicedesign import rest_poses
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import gathered, outcome_margins, outcome_odds
 
 Floats = NDArray[np.float64]
 
@@ -55,6 +55,33 @@ def test_rests_within_five_degrees_are_one_outcome(degrees: float, together: boo
     assert found.odds[5] == pytest.approx(both if together else both / 2.0, rel=1e-9)
     assert found.elsewhere == pytest.approx(0.0 if together else both / 2.0, abs=1e-12)
     assert found.odds.sum() + found.elsewhere == pytest.approx(1.0, rel=1e-12)
+
+
+def test_margins_are_the_angles_at_which_a_box_tips() -> None:
+    """Over its nearer edge onto another outcome, or onto none; not onto a side of its own."""
+    half = np.array([1.0, 0.9, 0.7])
+    poses = rest_poses(CORNERS * half)
+    upright = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+    margins = outcome_margins(poses, outcome_odds(poses, upright))
+    np.testing.assert_allclose(margins, np.arctan([0.9 / 0.7, 0.9 / 0.7, 0.7 / 1.0]), rtol=1e-12)
+    split = rest_poses(roof(3.0))
+    below = np.array([[0.0, 0.0, -1.0]])
+    assert outcome_margins(split, outcome_odds(split, below))[0] > 0.7
+
+
+def test_the_least_angle_is_between_two_outcomes() -> None:
+    poses = rest_poses(roof(20.0))
+    below = poses.normals[poses.normals[:, 2] < -0.5]
+    assert outcome_odds(poses, below).least_angle == pytest.approx(np.radians(20.0), rel=1e-12)
+    assert outcome_odds(poses, below[:1]).least_angle == np.pi
+
+
+def test_without_a_rest_nothing_is_shown() -> None:
+    found = gathered(NORMALS[:1], np.array([1.0]), NORMALS[:2])
+    assert found.odds.tolist() == [1.0, 0.0]
+    assert found.main.tolist() == [0, -1]
+    assert found.rest_counts.tolist() == [1, 0]
+    assert found.rest_counts.dtype.kind == "i"
 
 
 def test_an_outcome_without_a_rest_near_it_counts_the_nearest() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise, product
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 from dicedesign.errors import InputError, OutsideHullError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.sphere import angle_between
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.poses import rest_poses
 from dicedesign.rest.roll import RollStep, roll, roll_steps
@@ -53,6 +55,15 @@ def test_the_body_moves_rigidly_on_the_table(seed: int, max_angle: float | None)
             names = {1: "vertex", 2: "edge"}
             assert step.contact == names.get(len(step.vertices), "facet")
         np.testing.assert_allclose(placed(steps[0], equilibria.center_of_mass)[:2], 0.0, atol=1e-12)
+
+
+def test_turns_are_cut_into_as_few_pieces_as_do() -> None:
+    for (_, whole), (_, cut) in zip(rolls(2, None), rolls(2, 0.3), strict=True):
+        turns = [angle_between(before.down, after.down) for before, after in pairwise(whole)]
+        assert len(cut) == 1 + sum(max(1, math.ceil(turn / 0.3)) for turn in turns)
+        # Whole turns go from one contact to the next.
+        contacts = [step.vertices for step in whole]
+        assert all(before != after for before, after in pairwise(contacts))
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -203,6 +203,24 @@ def test_a_tie_that_matters_is_told() -> None:
     assert TIED in rest_poses(np.concatenate([half, -half])).notes
 
 
+def test_a_tie_that_changes_no_odds_is_not_told() -> None:
+    points = np.array(
+        [
+            [-2, -2, 2],
+            [-2, 0, -2],
+            [-2, 0, -1],
+            [-1, 1, -1],
+            [1, 2, 1],
+            [2, -2, 0],
+            [2, -1, -2],
+        ]
+    )
+    poses = rest_poses(points, np.zeros(3))
+    one, other = poses.basins
+    np.testing.assert_allclose(one.areas, other.areas, rtol=1e-9)
+    assert TIED not in poses.notes
+
+
 @pytest.mark.parametrize("half", HALVES)
 def test_what_could_fall_both_ways_falls_both_ways_equally_often(half: list[list[int]]) -> None:
     """Every direction and its opposite fare alike on a centrally symmetric body."""

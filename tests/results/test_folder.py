@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from common.finished_run import finished_result
 
 from dicedesign.errors import InputError
 from dicedesign.recipe.run import run
-from dicedesign.results.folder import folder_of_results
+from dicedesign.results.folder import folder_of_results, write_results
 
 
 def broken_off(folder: Path, fault: BaseException, *names: str) -> None:
@@ -20,7 +24,7 @@ def broken_off(folder: Path, fault: BaseException, *names: str) -> None:
         raise fault
 
 
-@pytest.mark.parametrize("fault", [InputError("no"), KeyboardInterrupt()])
+@pytest.mark.parametrize("fault", [InputError("no"), KeyboardInterrupt(), ValueError("wrapped")])
 def test_folders_in_which_nothing_was_written_go_again(
     tmp_path: Path, fault: BaseException
 ) -> None:
@@ -31,6 +35,29 @@ def test_folders_in_which_nothing_was_written_go_again(
     with pytest.raises(type(fault)):
         broken_off(folder, fault, "checkpoint.npz")
     assert (folder / "checkpoint.npz").exists()
+
+
+class Interrupting(dict[str, bytes]):
+    """Files of which the second comes with an interrupt from the keyboard."""
+
+    def items(self) -> Any:
+        for number, item in enumerate(super().items()):
+            if number == 1:
+                os.kill(os.getpid(), signal.SIGINT)
+            yield item
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no signals to oneself")
+def test_an_interrupt_waits_until_results_are_complete(tmp_path: Path) -> None:
+    files = Interrupting({"die_plain.stl": b"solid", "recipe.yaml": b"name: box"})
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt, match="complete"):
+            write_results(tmp_path, files, finished_result(["a"], [1.0]), ())
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert {path.name for path in tmp_path.iterdir()} == {*files, "result.json"}
 
 
 HOLDER = """
@@ -60,3 +87,27 @@ def test_two_do_not_write_into_one_folder(tmp_path: Path) -> None:
     assert (folder / ".lock").exists()
     assert run(recipe, folder).converged
     assert not (folder / ".lock").exists()
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from dicedesign.results.folder import folder_of_results
+from dicedesign.runtime.files import atomic_write
+os.replace = lambda *paths: os.kill(os.getpid(), signal.SIGKILL)
+folder = Path(sys.argv[1])
+with folder_of_results(folder):
+    atomic_write(folder / "die.stl", b"whole")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such locks")
+def test_what_a_killed_process_left_half_written_goes(tmp_path: Path) -> None:
+    mine = tmp_path / ".mine.part"
+    mine.touch()
+    done = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], check=False)
+    assert done.returncode < 0
+    (partial,) = set(tmp_path.glob(".*.part")) - {mine}
+    assert partial.read_bytes() == b"whole"
+    with folder_of_results(tmp_path):
+        assert list(tmp_path.glob(".*.part")) == [mine]

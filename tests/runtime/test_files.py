@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import signal
 import socket
+import stat
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,7 +16,13 @@ from pathlib import Path
 import pytest
 
 from dicedesign.errors import InputError, MeshFileError, OutputError
-from dicedesign.runtime.files import atomic_write, make_writable_folder, read_file, read_text
+from dicedesign.runtime.files import (
+    atomic_write,
+    json_text,
+    make_writable_folder,
+    read_file,
+    read_text,
+)
 
 
 def a_socket(path: Path) -> None:
@@ -38,10 +46,12 @@ def test_what_is_no_regular_file_is_not_read(tmp_path: Path, kind: str) -> None:
     SPECIAL[kind](path)
     signal.alarm(20)
     try:
-        with pytest.raises(MeshFileError, match=rf"special\.stl: expected .*{kind}.*; "):
+        with pytest.raises(MeshFileError, match=rf"special\.stl: expected .*{kind}.*; ") as caught:
             read_file(path, "a mesh", error=MeshFileError)
     finally:
         signal.alarm(0)
+    # One error, not one within another.
+    assert str(caught.value).count("special.stl") == 1
 
 
 def test_regular_files_and_links_to_them_are_read(tmp_path: Path) -> None:
@@ -56,8 +66,27 @@ def test_regular_files_and_links_to_them_are_read(tmp_path: Path) -> None:
     path.write_bytes(b"\xff")
     with pytest.raises(InputError, match=r"a\.txt: expected a text in UTF-8"):
         read_text(path, "a text")
-    with pytest.raises(InputError, match=r"expected a readable file, got 'embedded null"):
+    with pytest.raises(InputError, match=r"expected a readable file, got '(open: )?embedded null"):
         read_file(Path("a\0b"), "a text")
+
+
+def test_texts_have_a_size_that_people_write(tmp_path: Path) -> None:
+    path = tmp_path / "long.csv"
+    path.touch()
+    os.truncate(path, 1 << 24)
+    assert len(read_text(path, "a table")) == 1 << 24
+    os.truncate(path, (1 << 24) + 1)
+    with pytest.raises(MeshFileError, match=r"long\.csv: expected a table of at most 16 MiB"):
+        read_text(path, "a table", error=MeshFileError)
+
+
+def test_json_is_for_people_and_has_numbers_only() -> None:
+    assert json.loads(json_text({"a": [1.5, None]})) == {"a": [1.5, None]}
+    lines = json_text({"a": 1, "b": 2}).split("\n")
+    assert [line.strip() for line in lines] == ["{", '"a": 1,', '"b": 2', "}", ""]
+    for number in (float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="not JSON compliant"):
+            json_text({"a": number})
 
 
 def test_atomic_write_replaces_and_leaves_only_the_file(tmp_path: Path) -> None:
@@ -87,12 +116,27 @@ def test_what_a_link_leads_to_is_written(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "loop", "there"]
 
 
+def device(path: Path, name: str) -> Path:
+    """One of the system's devices that a test may write to: a fault that replaces files would take
+    the system's own, were root to run it. So root makes one like it, and others, who can replace
+    nothing there, name it."""
+    own = Path("/dev") / name
+    if os.geteuid() != 0:
+        return own
+    try:
+        os.mknod(path, stat.S_IFCHR | 0o666, own.stat().st_rdev)
+        path.open("wb").close()
+    except PermissionError:
+        pytest.skip("root may make no devices here")
+    return path
+
+
 def test_devices_and_pipes_take_what_comes(tmp_path: Path) -> None:
-    null = tmp_path / "null"
-    null.symlink_to("/dev/null")
-    atomic_write(null, b"data")
-    assert null.is_symlink()
-    assert Path("/dev/null").is_char_device()
+    null, link = device(tmp_path / "null", "null"), tmp_path / "link"
+    link.symlink_to(null)
+    atomic_write(link, b"data")
+    assert link.is_symlink()
+    assert null.is_char_device()
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
@@ -100,10 +144,8 @@ def test_devices_and_pipes_take_what_comes(tmp_path: Path) -> None:
     assert os.read(reader, 9) == b"data"
     os.close(reader)
     assert pipe.is_fifo()
-    full = tmp_path / "full"
-    full.symlink_to("/dev/full")
     with pytest.raises(OutputError, match="No space left"):
-        atomic_write(full, b"data")
+        atomic_write(device(tmp_path / "full", "full"), b"data")
 
 
 KILLED = """
@@ -130,6 +172,36 @@ def test_a_crash_in_the_middle_leaves_the_old_content(tmp_path: Path, step: str)
         atomic_write(path, b"new")
         assert reader.read() == b"old"
     assert path.read_bytes() == b"new"
+
+
+def test_a_file_is_on_the_disk_before_it_has_its_name_and_the_name_is_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "result.json"
+    synced: list[tuple[bool, int, bool]] = []
+
+    def told(handle: int) -> None:
+        status = os.fstat(handle)
+        is_file = stat.S_ISREG(status.st_mode)
+        synced.append((is_file, status.st_size if is_file else 0, path.exists()))
+
+    monkeypatch.setattr(os, "fsync", told)
+    handles = len(os.listdir("/proc/self/fd"))
+    atomic_write(path, b"data")
+    assert synced == [(True, 4, False), (False, 0, True)]
+    assert len(os.listdir("/proc/self/fd")) == handles
+
+
+def test_a_disk_that_is_full_leaves_no_new_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(handle: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OutputError, match="No space left"):
+        atomic_write(tmp_path / "new.stl", b"data")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_failed_write_names_the_path_and_leaves_nothing(tmp_path: Path) -> None:

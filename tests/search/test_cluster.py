@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
+import dask
 import pytest
 from common.inline_executor import Inline
 from distributed import Client
@@ -28,8 +31,13 @@ from dicedesign.search.trial_scheduler import run_search
 
 PATIENCE = 60.0
 
+TLS = "distributed.comm.tls"
+"""Where the configuration of Dask has its certificates."""
 
-def started(stack: ExitStack, folder: Path, *arguments: str) -> subprocess.Popen[bytes]:
+
+def started(
+    stack: ExitStack, folder: Path, environment: Mapping[str, str], *arguments: str
+) -> subprocess.Popen[bytes]:
     """A process of Dask that ends with the stack."""
     log = stack.enter_context((folder / f"{arguments[0]}.log").open("ab"))
     process = subprocess.Popen(
@@ -38,40 +46,49 @@ def started(stack: ExitStack, folder: Path, *arguments: str) -> subprocess.Popen
         stdout=log,
         stderr=log,
         # A task whose worker dies fails at once: running it again is left to the search.
-        env={**os.environ, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"},
+        env={**os.environ, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0", **environment},
     )
     stack.callback(process.wait, PATIENCE)
     stack.callback(process.kill)
     return process
 
 
+def started_cluster(
+    stack: ExitStack,
+    folder: Path,
+    count: int,
+    environment: Mapping[str, str] = MappingProxyType({}),
+    protocol: str = "tcp",
+) -> tuple[str, list[subprocess.Popen[bytes]]]:
+    """Its address, and its processes: so many workers of one thread each, and the scheduler."""
+    local = ("--protocol", protocol, "--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
+    place = folder / "scheduler.json"
+    file = ("--scheduler-file", str(place))
+    scheduler = started(stack, folder, environment, "scheduler", *local, "--port", "0", *file)
+    options = ("--nthreads", "1", "--no-nanny", "--local-directory", str(folder))
+    workers = [
+        started(stack, folder, environment, "worker", *local, *file, *options) for _ in range(count)
+    ]
+    deadline, address = time.monotonic() + PATIENCE, None
+    while address is None:
+        assert time.monotonic() < deadline, (folder / "scheduler.log").read_text()
+        time.sleep(0.05)
+        # Missing at first, and then perhaps half-written.
+        with suppress(FileNotFoundError, json.JSONDecodeError):
+            address = json.loads(place.read_text())["address"]
+    return address, [*workers, scheduler]
+
+
 @pytest.fixture(scope="module")
 def cluster(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Its address, and its processes: two workers of one thread each, and the scheduler. The first
-    test leaves one worker, the second nothing."""
-    tmp_path = tmp_path_factory.mktemp("cluster")
-    local = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
-    place = tmp_path / "scheduler.json"
+    """A cluster of two workers. The first test leaves one, the second nothing."""
     with ExitStack() as stack:
-        file = ("--port", "0", "--scheduler-file", str(place))
-        scheduler = started(stack, tmp_path, "scheduler", *local, *file)
-        options = ("--nthreads", "1", "--no-nanny", "--local-directory", str(tmp_path))
-        workers = [
-            started(stack, tmp_path, "worker", *local, "--scheduler-file", str(place), *options)
-            for _ in range(2)
-        ]
-        deadline, address = time.monotonic() + PATIENCE, None
-        while address is None:
-            assert time.monotonic() < deadline, (tmp_path / "scheduler.log").read_text()
-            time.sleep(0.05)
-            # Missing at first, and then perhaps half-written.
-            with suppress(FileNotFoundError, json.JSONDecodeError):
-                address = json.loads(place.read_text())["address"]
+        address, processes = started_cluster(stack, tmp_path_factory.mktemp("cluster"), 2)
         with Client(address, timeout=PATIENCE, set_as_default=False) as client:
             client.wait_for_workers(2, timeout=PATIENCE)
-        yield address, [*workers, scheduler]
+        yield address, processes
 
 
 def test_no_trial_is_lost_with_a_worker(
@@ -164,6 +181,65 @@ def test_nobody_at_the_address(
     )
     assert len(captured.err.splitlines()) == 1
     assert main([*search, "--scheduler", "nowhere://"]) == 2
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl to make certificates with")
+def test_an_encrypted_cluster(
+    tmp_path: Path, recipe_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a certificate that is its own authority. Who has none does not get in."""
+    key, certificate = tmp_path / "key.pem", tmp_path / "certificate.pem"
+    command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=cluster"]
+    files = ["-keyout", str(key), "-out", str(certificate)]
+    subprocess.run([*command, *files], check=True, capture_output=True)
+    configured = {f"{TLS}.ca-file": str(certificate)}
+    for role in ("scheduler", "worker", "client"):
+        configured |= {f"{TLS}.{role}.cert": str(certificate), f"{TLS}.{role}.key": str(key)}
+    environment = {
+        f"DASK_{name.upper().replace('.', '__').replace('-', '_')}": value
+        for name, value in configured.items()
+    }
+    search = ["search", str(recipe_path), "--trials", "1", "--out", str(tmp_path / "out")]
+    with ExitStack() as stack:
+        address, _ = started_cluster(stack, tmp_path, 1, environment, "tls")
+        assert address.startswith("tls://")
+        with dask.config.set(configured):
+            assert main([*search, "--scheduler", address]) == 0
+        assert (tmp_path / "out" / "best.yaml").exists()
+        monkeypatch.setattr(executors, "PATIENCE", 0.5)
+        with (
+            pytest.raises(InputError, match="expected a Dask scheduler that answers"),
+            cluster_workers(address.replace("tls:", "tcp:")),
+        ):
+            pass
+
+
+@pytest.mark.parametrize(
+    ("scheme", "configured"),
+    [
+        ("tls", {}),
+        ("tls", {f"{TLS}.ca-file": "broken.pem", f"{TLS}.client.cert": "broken.pem"}),
+        ("tls", {f"{TLS}.ca-file": "missing.pem", f"{TLS}.client.cert": "missing.pem"}),
+        ("tcp", {"distributed.comm.require-encryption": True}),
+    ],
+    ids=["none", "broken", "missing", "demanded"],
+)
+def test_certificates_that_do_not_fit(
+    scheme: str,
+    configured: dict[str, Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    recipe_path: Path,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("broken.pem").write_text("no certificate")
+    search = ["search", str(recipe_path), "--trials", "1", "--out", str(tmp_path / "out")]
+    with dask.config.set(configured):
+        assert main([*search, "--scheduler", f"{scheme}://127.0.0.1:1"]) == 2
+    told = capsys.readouterr().err
+    assert len(told.splitlines()) == 1
+    assert "expected certificates" in told
 
 
 @pytest.mark.parametrize(

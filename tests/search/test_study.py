@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from common.inline_executor import Inline
+from common.made_up_trial import made_up_trial
 
 from dicedesign.errors import InputError, OutputError
 from dicedesign.recipe.schema.reading import checked_recipe
@@ -84,20 +85,66 @@ def test_trials_that_missed_are_finished_and_avoided(tmp_path: Path, varied: Rec
         assert len(study.finished()) == 3
 
 
-def test_what_was_running_is_tried_no_more(tmp_path: Path, recipe: Recipe) -> None:
-    with open_study(tmp_path, recipe) as study:
+def test_wherever_a_search_is_killed_it_goes_on_as_if_it_had_not_been(
+    tmp_path: Path, varied: Recipe
+) -> None:
+    """What it leaves is a part of the journal from its beginning: here some that end in the first
+    trial, in one that is drawn at random and in one that depends on those before."""
+    whole = searched(tmp_path / "whole", varied, 12)
+    lines = (tmp_path / "whole" / JOURNAL).read_bytes().splitlines(keepends=True)
+    begun = [place for place, line in enumerate(lines) if b'"op_code":4,' in line]
+    assert len(begun) == 12
+    first, last = range(begun[1] + 1), range(begun[10], begun[11] + 1)
+    ends = [*first[:4], first[-4], begun[4] + 3, *last[:4], *last[-5:]]
+    for end in ends:
+        folder = tmp_path / str(end)
+        folder.mkdir()
+        (folder / RECIPE).write_bytes((tmp_path / "whole" / RECIPE).read_bytes())
+        half = lines[end][: len(lines[end]) // 2]
+        (folder / JOURNAL).write_bytes(b"".join([*lines[:end], half]))
+        # Killed once more soon after.
+        with open_study(folder, varied) as study:
+            study.propose()
+        assert searched(folder, varied, 12) == whole
+
+
+def test_trials_that_ran_side_by_side_come_again(tmp_path: Path, varied: Recipe) -> None:
+    """As they were, though others beside them have ended meanwhile."""
+    with open_study(tmp_path, varied) as study:
+        asked = dict(study.propose() for _ in range(14))
+        for number in (9, 0, 3, 2, 1, 4, 6, 7, 8, 11, 10):
+            study.tell(number, made_up_trial(asked[number]))
+    with open_study(tmp_path, varied) as study:
+        again = dict(study.propose() for _ in range(3))
+        assert again == {number: asked[number] for number in (5, 12, 13)}
+        number, _ = study.propose()
+        assert number == 14
+        for number, entries in again.items():
+            study.tell(number, made_up_trial(entries))
+        assert [trial["number"] for trial in study.finished()] == list(range(14))
+        assert {trial["number"]: trial["recipe"] for trial in study.finished()} == asked
+
+
+def test_what_was_set_for_one_trial_is_not_taken_by_another(
+    tmp_path: Path, varied: Recipe, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where a search is killed again as a trial that was cut off is about to come again."""
+    with open_study(tmp_path, varied) as study:
+        asked = dict(study.propose() for _ in range(4))
+        for number in (1, 2):
+            study.tell(number, made_up_trial(asked[number]))
+    with open_study(tmp_path, varied) as study, monkeypatch.context() as context:
         assert study.propose()[0] == 0
-    finished = searched(tmp_path, recipe, 2)
-    assert [trial["number"] for trial in finished] == [1, 2]
-    # The recipe as it was given is not lost.
-    assert [trial["recipe"]["seed"] for trial in finished] == [3, 4]
-    assert finished[0]["recipe"] == recipe.resolved()
-    with open_study(tmp_path, recipe) as study:
-        assert [trial.state.name for trial in study._study.get_trials()] == [
-            "FAIL",
-            "COMPLETE",
-            "COMPLETE",
-        ]
+
+        def killed(*arguments: object) -> None:
+            raise KeyboardInterrupt
+
+        context.setattr(study._study, "ask", killed)
+        with pytest.raises(KeyboardInterrupt):
+            study.propose()
+    with open_study(tmp_path, varied) as study:
+        again = dict(study.propose() for _ in range(2))
+    assert again == {number: asked[number] for number in (0, 3)}
 
 
 def test_half_a_line_is_cut_off(tmp_path: Path, recipe: Recipe) -> None:
@@ -177,7 +224,7 @@ def test_a_full_disk_is_an_error_after_which_one_can_go_on(
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     found = searched(tmp_path, recipe, 3)
     assert found[:2] == first
-    assert found[2]["number"] == 3
+    assert found[2]["number"] == 2
 
 
 def test_a_journal_that_is_gone_is_an_error(tmp_path: Path, recipe: Recipe) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 from dicedesign.bench.frame import BENCHES, Bench, Items, Run
 from dicedesign.bench.options import Option, meshes
 from dicedesign.bench.rows import Row, column, hidden, percent
+from dicedesign.concave.options import ConcaveOptions
 from dicedesign.errors import DiceError, InputError, RecipeError
 
 if TYPE_CHECKING:
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 __all__ = ["ConcaveCase", "ConcaveRow", "Extent", "attempt_concave", "concave_cases", "verdict"]
 
 FILLS: Final = ("correspondence", "quadratic")
+
+MOST_ATTEMPTS: Final = ConcaveOptions().attempts
+"""The clock alone ends a search before that."""
 
 KEY: Final = """
 |p - q|: the largest over clusters of rests within 5 degrees; elsewhere: odds of all other rests.
@@ -156,7 +160,7 @@ def _recipe(
 ) -> Recipe:
     from dicedesign.recipe.schema.reading import checked_recipe
 
-    method = {"concave": {"fill": fill, "seconds": seconds}}
+    method = {"concave": {"fill": fill, "enough": MOST_ATTEMPTS, "seconds": seconds}}
     try:
         return checked_recipe({"name": "die", "target": target, "start": start, "method": method})
     except RecipeError as error:

@@ -168,7 +168,7 @@ def run_method(
     work = begun(method.set_up(recipe, seconds), on_step)
     designed(work)
     result = checked(work)
-    times = tuple(step.seconds for step in result.history)
+    times = tuple(step.seconds or 0.0 for step in result.history)
     errors = tuple(float(step.max_abs_error or 0.0) for step in result.history)
     energies = tuple(step.terms["dice"] for step in result.history)
     early, later = (smallest_until(times, errors, limit) for limit in EARLY)

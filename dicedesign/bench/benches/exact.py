@@ -130,7 +130,7 @@ class RecipeRow(Row):
         )
         if die is None:
             return row
-        met = (s.seconds for s in die.history if (s.max_abs_error or 0.0) <= tolerance)
+        met = (s.seconds or 0.0 for s in die.history if (s.max_abs_error or 0.0) <= tolerance)
         row = replace(
             row,
             verdict=die.status.replace("_", " "),

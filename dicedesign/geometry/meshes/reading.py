@@ -60,12 +60,14 @@ def read_body(path: str | Path) -> Body:
             f"{path}: expected a mesh or point file, got an empty one; {EXPORT_AGAIN}"
         )
     reader = OWN_READERS.get(path.suffix.lower())
-    if reader is not None:
-        points, triangles = reader(data, path)
-        rounded, count = is_rounded(points), 1
-    else:
-        _check_archive(data, path)
-        points, triangles, rounded, count = _read_scene(path)
+    # What is no number is told in words, below.
+    with np.errstate(all="ignore"):
+        if reader is not None:
+            points, triangles = reader(data, path)
+            rounded, count = is_rounded(points), 1
+        else:
+            _check_archive(data, path)
+            points, triangles, rounded, count = _read_scene(path)
     if len(points) == 0:
         raise MeshFileError(f"{path}: expected a mesh or points, found neither; {EXPORT_AGAIN}")
     try:

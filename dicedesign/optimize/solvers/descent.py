@@ -17,7 +17,7 @@ from dicedesign.optimize.coordinates.shape import Coordinates
 from dicedesign.optimize.coordinates.vertices import VertexCoordinates
 from dicedesign.optimize.energy.objective import Evaluation, Objective
 from dicedesign.optimize.energy.schedule import Schedule
-from dicedesign.optimize.options import DescentOptions
+from dicedesign.optimize.options import SHAKE, DescentOptions
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.solvers.line_search import LineSearch, has_slope
 from dicedesign.optimize.solvers.sobolev import SobolevSolver, graph_laplacian
@@ -27,9 +27,6 @@ from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["descend_to_target"]
-
-SHAKE: Final = 1e-6
-"""Least perturbation of a start that balances exactly, so that its basins cannot be told."""
 
 NEAR_BOUNDARY: Final = 0.1
 """A given center of mass nearer to a facet than this part of the centroid's distance is a poor

@@ -20,7 +20,7 @@ from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.coordinates.shape import Coordinates
 from dicedesign.optimize.coordinates.symmetric import SymmetricCoordinates
 from dicedesign.optimize.coordinates.vertices import VertexCoordinates
-from dicedesign.optimize.options import ExactOptions
+from dicedesign.optimize.options import MOST_WORK, ExactOptions
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
@@ -34,6 +34,13 @@ __all__ = ["solve_exactly"]
 
 MOST_IMPROVEMENTS: Final = 100
 """Steps by preference, once the odds are met."""
+
+MOST_TOO_SMALL: Final = 12
+"""Starts that lead to the odds, but to a circle that is too small, after which no more are tried: a
+circle that large hardly fits any die of these odds."""
+
+MOST_EMPTY_TURNS: Final = 600
+"""Turns of a search for starts that may find nothing: about a minute."""
 
 
 def solve_exactly(
@@ -55,7 +62,7 @@ def solve_exactly(
     Parameters
     ----------
     starts: shapes with (k, 3) outcome directions, made one after the other as they are needed; None
-        where none was found for a while, to ask for the time.
+        where a turn found nothing, of which `MOST_EMPTY_TURNS` end the search.
     target: (k,) wanted probability of each direction.
     options: see `ExactOptions`.
     center_of_mass: (3,) fixed, in the coordinates of `Start.points`, or None for the uniform solid.
@@ -84,10 +91,16 @@ def solve_exactly(
             f"two vertices, got {least_circle:g}; lower it"
         )
     search = _Search(target, options, center_of_mass, group, least_circle, sensitivity, on_step)
+    empty_turns = 0
     for start in starts:
-        if start is not None and (search.solve(start) or search.starts == options.starts):
-            break
-        if search.out_of_time and (start is None or search.best is not None):
+        if start is None:
+            empty_turns += 1
+            done = empty_turns == MOST_EMPTY_TURNS or search.is_spent
+        else:
+            done = search.solve(start) or search.starts == options.starts
+            done = done or search.too_small == MOST_TOO_SMALL
+            done = done or (search.is_spent and search.best is not None)
+        if done:
             break
     return search.result()
 
@@ -116,6 +129,7 @@ class _Search:
     best: _Best | None = None
     history: list[DesignStep] = field(default_factory=list)
     starts: int = 0
+    too_small: int = 0
 
     def __post_init__(self) -> None:
         self.started = time.perf_counter()
@@ -132,7 +146,18 @@ class _Search:
 
     @property
     def out_of_time(self) -> bool:
-        return time.perf_counter() - self.started >= self.options.seconds
+        limit = self.options.seconds
+        return limit is not None and time.perf_counter() - self.started >= limit
+
+    @property
+    def out_of_work(self) -> bool:
+        limit = self.options.evaluations or MOST_WORK // len(self.target)
+        return self.maker.evaluations >= limit
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether nothing more is to be tried."""
+        return self.out_of_work or self.out_of_time
 
     def solve(self, start: Start) -> bool:
         """Go from one start to the target, and on by preference; whether nothing is left to do."""
@@ -152,7 +177,7 @@ class _Search:
             self.maker,
             options.sobolev,
             self.aim,
-            lambda: self.out_of_time,
+            lambda: self.is_spent,
             self._record,
         )
         reached = approach.solve(first)
@@ -167,10 +192,12 @@ class _Search:
             least_circle=self.least_circle,
             tolerance=self.aim,
             steps=MOST_IMPROVEMENTS,
-            out_of_time=lambda: self.out_of_time,
+            out_of_time=lambda: self.is_spent,
             on_step=self._record,
         )
-        return self.shortfall(reached) == (0.0, 0.0)
+        fits = self.shortfall(reached) == (0.0, 0.0)
+        self.too_small += not fits
+        return fits
 
     def _coordinates(self, start: Start) -> tuple[Coordinates, Floats]:
         hull = convex_hull(start.points)
@@ -226,10 +253,11 @@ class _Search:
         """The best die of all starts."""
         if self.best is None:
             remedy = "take another start"
-            if self.out_of_time:
-                remedy = "allow more with method.exact.seconds"
-                if self.group is not None:
-                    remedy += ", or take a smaller symmetry or none"
+            if self.is_spent:
+                limit = "seconds" if self.out_of_time else "evaluations"
+                remedy = f"allow more with method.exact.{limit}"
+            if self.group is not None:
+                remedy += ", or take a smaller symmetry or none"
             raise NoStartError(
                 f"start: expected a shape with one rest for each of {len(self.target)} outcomes "
                 f"and no other, got {self._first_rests()}; {remedy}"
@@ -238,8 +266,8 @@ class _Search:
         status = Status.NO_START
         if error == 0.0:
             status = Status.CONVERGED if small == 0.0 else Status.TOO_SMALL
-        elif self.out_of_time:
-            status = Status.TIME_LIMIT
+        elif self.is_spent:
+            status = Status.TIME_LIMIT if self.out_of_time else Status.STEP_LIMIT
         polars, shapes = self.maker.polars, self.maker.shapes
         return DesignResult(
             status,

@@ -23,7 +23,7 @@ from dicedesign.runtime.files import atomic_write
 
 __all__ = ["concave_options", "design"]
 
-_LIMITS: Final = ("displacement", "attempts", "seconds")
+_LIMITS: Final = ("displacement", "attempts", "enough", "seconds")
 """Options that say when a search ends, and not where it leads."""
 
 

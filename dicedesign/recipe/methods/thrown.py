@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.errors import NoStartError
+from dicedesign.errors import NoStartError, named
 from dicedesign.fabricate.designed_die import DesignedDie
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.restitution_sensitivity import CHANGES, RestitutionSensitivity
@@ -46,8 +46,9 @@ def check_table(options: ExactOptions, size_mm: float) -> None:
 
     size_mm: largest distance between two vertices of the die.
     """
-    table = table_named(options.table)
-    momentum_model(options.table)
+    with named("method.exact.table"):
+        table = table_named(options.table)
+        momentum_model(options.table)
     # The radius is at least half of that distance.
     replace(table, size=1e-3 * size_mm)
     if options.refine is not None:

@@ -120,7 +120,7 @@ class Work:
         fields = {field.name for field in dataclasses.fields(Result)}
         extra = {name: value for name, value in self.details.items() if name not in fields}
         known = {name: value for name, value in self.details.items() if name in fields}
-        return Result(
+        result = Result(
             name=self.recipe.name,
             status=self.status.name.lower(),
             message="; ".join(self.remarks),
@@ -145,6 +145,7 @@ class Work:
             **verdict.odds(),
             **known,
         )
+        return result if self.recipe.clock else result.without_clock()
 
     def _files_by_kind(self) -> dict[str, str]:
         """Names of the files that are there or will be, by what they are."""

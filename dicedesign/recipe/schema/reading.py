@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import json
+import os
 import re
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -88,12 +90,32 @@ def _check_size(data: object) -> None:
         )
 
 
+def _check_texts(data: object, key: str = "") -> None:
+    """Raise RecipeError, naming its dotted key, for a text that UTF-8 has no bytes for: the name of
+    a file in another encoding, or half of a letter."""
+    if isinstance(data, Mapping):
+        for name, entry in data.items():
+            _check_texts(str(name), key)
+            _check_texts(entry, f"{key}.{name}".lstrip("."))
+    elif isinstance(data, list | tuple):
+        for number, entry in enumerate(data):
+            _check_texts(entry, f"{key}.{number}")
+    elif isinstance(data, str | Path):
+        try:
+            str(data).encode("utf-8")
+        except UnicodeEncodeError as error:
+            raise RecipeError(
+                f"{key or 'keys'}: expected a text in UTF-8, got {str(data)!r}; rename it"
+            ) from error
+
+
 def checked_recipe(data: Mapping[str, Any]) -> Recipe:
     """The recipe of plain data, as YAML would give them.
 
     Raises RecipeError if an entry is unknown or unusable; the message begins with its dotted key.
     """
     _check_size(data)
+    _check_texts(data)
     try:
         # Through JSON: strict validation then takes mappings for options and lists for tuples.
         plain = json.dumps(data, default=_plain)
@@ -163,7 +185,9 @@ def _resolve_mesh_path(data: Mapping[str, Any], folder: Path) -> None:
     start = data.get("start")
     mesh = start.get("mesh") if isinstance(start, dict) else None
     if isinstance(mesh, dict) and isinstance(mesh.get("path"), str):
-        mesh["path"] = str((folder / mesh["path"]).resolve())
+        # Of one that cannot be a path, the mesh's reader says so.
+        with contextlib.suppress(ValueError):
+            mesh["path"] = os.path.realpath(folder / mesh["path"])
 
 
 def _explain(error: ValidationError) -> str:

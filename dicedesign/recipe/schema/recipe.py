@@ -25,8 +25,10 @@ __all__ = ["MOST_MM", "NAME", "Recipe"]
 NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$"
 """Of a die, and of the folder of its results."""
 
+LEAST_MM: Final = 1e-3
+
 MOST_MM: Final = 1000.0
-"""Largest size of a die."""
+"""Smallest and largest size of a die."""
 
 METHODS: Final = ("exact", "descent", "concave")
 """Keys of `method`."""
@@ -114,6 +116,8 @@ class Recipe(Strict):
     engrave: engraving options, or None for a plain die, which a concave one is unless the recipe
         says otherwise.
     figures: whether pictures are drawn. report: whether the page is made.
+    clock: whether run times and memory are told; without them, and where no limit of seconds is
+        reached, the same recipe gives the same bytes in every file.
     """
 
     name: Annotated[str, Field(pattern=NAME)]
@@ -128,13 +132,14 @@ class Recipe(Strict):
     ] = None
     symmetry: Annotated[str | None, AfterValidator(_known_group), _word("none", None)] = None
     method: MethodRecipe = Field(default_factory=MethodRecipe)
-    size_mm: Annotated[float, Field(gt=0.0, le=MOST_MM)] = 30.0
+    size_mm: Annotated[float, Field(ge=LEAST_MM, le=MOST_MM)] = 30.0
     min_inradius_mm: Annotated[float, Field(ge=0.0)] = 0.0
     engrave: Annotated[EngravingOptions | None, BeforeValidator(_switch)] = Field(
         default_factory=EngravingOptions
     )
     figures: bool = True
     report: bool = True
+    clock: bool = True
 
     @model_validator(mode="before")
     @classmethod

@@ -89,6 +89,8 @@ def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
         yield f"this is the best of {die.starts} starting shapes"
     if Status.TIME_LIMIT in flaws:
         yield f"allow more with {method.limits_key}.seconds"
+    if Status.STEP_LIMIT in flaws and method.exact is not None:
+        yield "method.exact.evaluations is their number"
     if Status.CROWDED in flaws:
         yield (
             f"the nearest are {np.degrees(verdict.outcomes.least_angle):.2g} degrees apart; try "

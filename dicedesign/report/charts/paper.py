@@ -62,7 +62,7 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
             f"font of figures: expected {path} in the installed package matplotlib, got no such "
             "file; reinstall matplotlib from its wheel"
         )
-    return ImageFont.truetype(path, size, layout_engine=ImageFont.Layout.BASIC)
+    return ImageFont.truetype(str(path), size, layout_engine=ImageFont.Layout.BASIC)
 
 
 def text_width(text: str, size: int) -> float:

@@ -1,19 +1,22 @@
-"""Values against the run time of one design."""
+"""Values along the course of one design."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from dicedesign.errors import InputError
 from dicedesign.report.charts.axes import Axis
 from dicedesign.report.charts.chart import Chart
 from dicedesign.report.charts.palette import ACCENT, FAINT
 from dicedesign.report.charts.paper import BODY, NOTE
 from dicedesign.report.charts.series import Curve, Note, Style
+from dicedesign.results.record import Step
 
-__all__ = ["run_chart"]
+__all__ = ["Course", "run_chart"]
 
 _MOST_MARKERS: Final = 60
 
@@ -27,26 +30,58 @@ _BOXES: Final = ((130.0, 65.0, 685.0, 485.0), (850.0, 65.0, 1410.0, 485.0))
 """Of charts beside each other."""
 
 
+@dataclass(frozen=True)
+class Course:
+    """What values of a design are drawn against: its run time, or the numbers of its steps where
+    there was no clock.
+
+    history: accepted steps in the order of time, at least one, all with a time or none.
+
+    Raises InputError: the history is empty.
+    """
+
+    history: Sequence[Step]
+
+    def __post_init__(self) -> None:
+        if not self.history:
+            raise InputError("history: expected at least one step, got none")
+
+    def place(self, step: Step) -> float:
+        """Of a step along the axis."""
+        return float(step.step) if step.seconds is None else step.seconds
+
+    @property
+    def name(self) -> str:
+        """What it is, in words."""
+        return "accepted steps" if self.history[0].seconds is None else "run time"
+
+    def axis(self) -> Axis:
+        """From the start to a little beyond the last step."""
+        unit = "" if self.history[0].seconds is None else " (s)"
+        end = max(self.place(step) for step in self.history)
+        return Axis(0.0, 1.03 * max(end, 1e-3), f"{self.name}{unit}")
+
+
 def run_chart(
     column: int,
     parts: Sequence[Sequence[tuple[float, float]]],
-    end: float,
+    course: Course,
     name: str,
     *,
     title: str,
     log: bool = True,
     levels: Mapping[str, float] | None = None,
 ) -> Chart:
-    """Values against the run time of one design.
+    """Values along the course of one design.
 
     Values of zero are drawn at the lower end of a logarithmic axis, which is then marked 0.
 
     Parameters
     ----------
     column: place of the chart on its sheet, 0 or 1.
-    parts: curves, each of n seconds and values, at least 0; those without points are left out.
-    end: last second.
-    name: of the values. title: above.
+    parts: curves, each of n places on the course and values, at least 0; those without points are
+        left out.
+    name: of the values. title: above, before "against" the course.
     log: whether the axis is logarithmic in any case; otherwise where values differ widely.
     levels: names and values of dashed lines across the chart, above 0.
     """
@@ -64,7 +99,8 @@ def run_chart(
         room = 0.05 * (largest - float(values.min())) or 0.05 * largest
         y = Axis(float(values.min()) - room, largest + room, name)
     few = sum(len(x) for x, _ in curves) <= _MOST_MARKERS
-    chart = Chart(_BOXES[column], Axis(0.0, 1.03 * max(end, 1e-3), "run time (s)"), y, title=title)
+    title = f"{title} against {course.name}"
+    chart = Chart(_BOXES[column], course.axis(), y, title=title)
     for text, level in levels.items():
         ends = [chart.x.low, chart.x.high]
         chart.series.append(Curve(ends, [level, level], Style(FAINT, "--", 2.0)))

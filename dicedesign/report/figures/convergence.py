@@ -1,13 +1,12 @@
-"""Error and energy of a design against its run time."""
+"""Error and energy of a design along its course."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-from dicedesign.errors import InputError
 from dicedesign.report.charts.chart import Chart, sheet
-from dicedesign.report.charts.run_chart import run_chart
+from dicedesign.report.charts.run_chart import Course, run_chart
 from dicedesign.report.figures.figure import FIGURES, Figure
 from dicedesign.results.record import Step
 
@@ -21,7 +20,7 @@ _PREFERENCES: Final = "preferences"
 
 
 def convergence_charts(history: Sequence[Step], tolerance: float) -> tuple[Chart, Chart]:
-    """Error and energy of a design against its run time.
+    """Error and energy of a design against its run time, or its steps without a clock.
 
     Of a design that went on by preference once its odds were met, the energy is drawn from there
     on: before, it is the error once more.
@@ -35,30 +34,21 @@ def convergence_charts(history: Sequence[Step], tolerance: float) -> tuple[Chart
     ------
     InputError: the history is empty.
     """
-    if not history:
-        raise InputError("history: expected at least one step, got none")
+    course = Course(history)
     liked = [step for step in history if _PREFERENCES in step.terms]
     name = "energy of preferences" if liked else "energy"
-    end = max(step.seconds for step in history)
-    errors = [(s.seconds, s.max_abs_error) for s in history if s.max_abs_error is not None]
-    energies = [(step.seconds, step.energy) for step in liked or history]
+    errors = [(course.place(s), s.max_abs_error) for s in history if s.max_abs_error is not None]
+    energies = [(course.place(step), step.energy) for step in liked or history]
     return (
         run_chart(
             0,
             [errors],
-            end,
+            course,
             "error, max |p − q|",
-            title="error against run time",
+            title="error",
             levels={f"tolerance {tolerance:.2g}": tolerance},
         ),
-        run_chart(
-            1,
-            [energies],
-            end,
-            name,
-            title=f"{name} against run time",
-            log=False,
-        ),
+        run_chart(1, [energies], course, name, title=name, log=False),
     )
 
 
@@ -69,9 +59,9 @@ def _draw(die: FinishedDie) -> bytes:
 FIGURES.register(
     Figure(
         name="convergence",
-        line="error and energy of the design against run time",
+        line="error and energy of the design against run time, or steps",
         rank=30,
-        title="Error against run time",
+        title="Course of the design",
         caption=(
             "Largest difference of a probability from its target, and the energy, after each step."
         ),

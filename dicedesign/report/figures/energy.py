@@ -1,15 +1,14 @@
-"""The energy of each stage of a design, over time."""
+"""The energy of each stage of a design along its course."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
 
-from dicedesign.errors import InputError
 from dicedesign.report.charts.chart import Chart, draw_legend, sheet
 from dicedesign.report.charts.palette import BASINS, repeated
 from dicedesign.report.charts.paper import Paper
-from dicedesign.report.charts.run_chart import run_chart
+from dicedesign.report.charts.run_chart import Course, run_chart
 from dicedesign.report.charts.series import Band
 from dicedesign.report.figures.figure import FIGURES, Figure
 from dicedesign.results.record import Step
@@ -18,7 +17,8 @@ __all__ = ["energy_charts", "energy_figure"]
 
 
 def energy_charts(history: Sequence[Step]) -> tuple[Chart, Chart]:
-    """Error and energy against run time, both logarithmic, with a coloured stretch per stage.
+    """Error and energy against run time, or steps without a clock, both logarithmic, with a
+    coloured stretch per stage.
 
     Each stage has an energy of its own, so the curve is broken between stages.
 
@@ -26,32 +26,18 @@ def energy_charts(history: Sequence[Step]) -> tuple[Chart, Chart]:
 
     Raises InputError: the history is empty.
     """
-    if not history:
-        raise InputError("history: expected at least one step, got none")
+    course = Course(history)
     runs = [(name or "", list(steps)) for name, steps in groupby(history, lambda s: s.stage)]
     names = list(dict.fromkeys(name for name, _ in runs))
     colors = dict(zip(names, repeated(BASINS, len(names)), strict=True))
-    end = history[-1].seconds
-    errors = [(s.seconds, s.max_abs_error) for s in history if s.max_abs_error is not None]
-    energies = [[(step.seconds, step.energy) for step in steps] for _, steps in runs]
-    error = run_chart(
-        0,
-        [errors],
-        end,
-        "error, max |p − q|",
-        title="error against run time",
-    )
-    energy = run_chart(
-        1,
-        energies,
-        end,
-        "energy",
-        title="energy of each stage against run time",
-    )
-    begins = [0.0, *(steps[-1].seconds for _, steps in runs)]
+    errors = [(course.place(s), s.max_abs_error) for s in history if s.max_abs_error is not None]
+    energies = [[(course.place(step), step.energy) for step in steps] for _, steps in runs]
+    error = run_chart(0, [errors], course, "error, max |p − q|", title="error")
+    energy = run_chart(1, energies, course, "energy", title="energy of each stage")
+    ends = [course.place(steps[-1]) for _, steps in runs]
     bands = [
-        Band(begin, steps[-1].seconds, colors[name], name)
-        for begin, (name, steps) in zip(begins, runs, strict=False)
+        Band(begin, end, colors[name], name)
+        for begin, end, (name, _) in zip([0.0, *ends], ends, runs, strict=False)
     ]
     error.series[:0] = bands
     energy.series[:0] = bands
@@ -70,9 +56,9 @@ def energy_figure(history: Sequence[Step]) -> Paper:
 FIGURES.register(
     Figure(
         name="energy",
-        line="energy and error of a design of several stages against run time",
+        line="energy and error of a design of several stages against run time, or steps",
         rank=40,
-        title="Energy over time",
+        title="Energy of each stage",
         caption=(
             "Each stage lowers an energy of its own. The error, the largest difference of a "
             "probability from its target, is drawn where it was computed."

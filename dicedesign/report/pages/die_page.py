@@ -74,7 +74,8 @@ def _sections(result: Result, images: Mapping[str, bytes]) -> Iterator[str]:
     yield from _measures(result)
     if result.notes:
         yield list_section("Notes", result.notes)
-    yield stages_section(result.stages, result.peak_since)
+    if result.stages:
+        yield stages_section(result.stages, result.peak_since)
     if result.energy is not None:
         terms = [[term, number(value, 4)] for term, value in result.energy.items()]
         yield table_section("Energy", ["term", "value"], terms)

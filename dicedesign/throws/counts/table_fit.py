@@ -6,12 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from typing import Final
 
 import numpy as np
 from scipy.stats import qmc
 
 from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.runtime.checks import MOST_SEED, check_whole
 from dicedesign.runtime.executors import in_order
 from dicedesign.throws.counts.odds_surrogate import OddsSurrogate
@@ -58,6 +60,9 @@ KEPT: Final = 2**14
 
 BELIEF: Final = 0.9
 """Posterior probability of the interval of each parameter."""
+
+COUNTS: Final = "counts"
+"""Rows of a checkpoint: what came up with each die for each set of parameters."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +135,7 @@ def fit_table(
     seed: int,
     *,
     workers: Executor,
+    checkpoint: Checkpoint | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> TableFit:
     """Fit restitution, friction, height, speed and spin to what came up.
@@ -147,23 +153,27 @@ def fit_table(
     start: has the name, and the size of dice whose size is unknown.
     evaluations: sets of parameters, at least `FEWEST_EVALUATIONS`. drops: of each die, above 0.
     seed: of the drops and of the sets.
+    checkpoint: of the same arguments; what was simulated before is taken from it, and what is
+        simulated is added.
     progress: called with the number of drops of each die that was thrown.
 
     Raises InputError: as `check_effort`.
     """
     check_effort(evaluations, drops, seed)
+    kept = checkpoint or Checkpoint()
     limits = _limits(dice, start)
     first = round(FIRST * evaluations)
     rng = np.random.default_rng(seed)
     sequence = qmc.Sobol(len(PARAMETERS), rng=rng)
     points = sequence.random_base2((first - 1).bit_length())[:first]
-    counts = _simulated(dice, start, limits, points, drops, seed, 0, workers, progress)
+    counts = _simulated(dice, start, limits, points, drops, seed, 0, workers, kept, progress)
     grid = qmc.Sobol(len(PARAMETERS), rng=rng).random_base2(GRID.bit_length() - 1)
     for batch in np.array_split(np.arange(first, evaluations), ROUNDS):
         posterior = _posterior(_surrogates(points, counts), dice, grid)
         drawn = rng.choice(len(posterior.points), len(batch), p=posterior.weights)
         more = posterior.points[drawn]
-        added = _simulated(dice, start, limits, more, drops, seed, len(points), workers, progress)
+        done = len(points)
+        added = _simulated(dice, start, limits, more, drops, seed, done, workers, kept, progress)
         points = np.concatenate([points, more])
         counts = [np.concatenate(pair) for pair in zip(counts, added, strict=True)]
     surrogates = _surrogates(points, counts)
@@ -243,6 +253,7 @@ def _simulated(
     seed: int,
     first: int,
     workers: Executor,
+    checkpoint: Checkpoint,
     progress: Callable[[int], None] | None,
 ) -> list[Integers]:
     """Counts (n, g) of each die, thrown at n points of the unit cube.
@@ -260,9 +271,15 @@ def _simulated(
             partial(outcome_counts, die, table, drops, (seed, number, i))
             for i, die in enumerate(dice)
         ]
+    begun = first * len(dice)
+    known = list(checkpoint.rows(COUNTS)[begun : begun + len(tasks)])
     counts: list[list[Integers]] = [[] for _ in dice]
-    for place, came in enumerate(in_order(tasks, workers)):
-        counts[place % len(dice)].append(came)
+    for place, came in enumerate(chain(known, in_order(tasks[len(known) :], workers))):
+        die = place % len(dice)
+        if place >= len(known):
+            checkpoint.add(COUNTS, [came])
+        checkpoint.require(len(came) == len(dice[die].labels))
+        counts[die].append(came)
         if progress is not None:
             progress(drops)
     return [np.array(rows, dtype=np.int64) for rows in counts]

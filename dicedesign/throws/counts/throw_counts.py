@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
+import hashlib
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +25,7 @@ from dicedesign.throws.counts.csv_rows import csv_rows, require_equal_lengths, w
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.tables import LEAST_SIZE, MOST_SIZE
 
-__all__ = ["CountedDie", "read_throw_counts"]
+__all__ = ["CountedDie", "read_throw_counts", "throws_digest"]
 
 NEEDED: Final = ("die", "mesh", "outcome", "throws")
 
@@ -100,6 +103,19 @@ def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[Co
     return tuple(_die(path, name, of_die[name]) for name in wanted)
 
 
+def throws_digest(dice: Sequence[CountedDie]) -> str:
+    """SHA-256 of dice and of what came up."""
+    digest = hashlib.sha256()
+    for die in dice:
+        digest.update(repr((die.name, die.size, die.labels)).encode())
+        of_body = [getattr(die.body, field.name) for field in dataclasses.fields(die.body)]
+        for array in (die.counts, die.geometric, die.group_of_rest, *of_body):
+            if isinstance(array, np.ndarray):
+                digest.update(repr((array.dtype.str, array.shape)).encode())
+                digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
 def _rows(path: Path) -> Rows:
     """The lines that are not empty as entries by column, with their numbers."""
     columns, rows = csv_rows(path)
@@ -138,7 +154,7 @@ def _die(path: Path, name: str, rows: Rows) -> CountedDie:
         raise InputError(f"{path}: expected throws of {name!r}, got none; leave the die out")
     mesh = path.parent / first["mesh"]
     size = _size(path, rows[0][0], first[SIZE]) if first.get(SIZE) else None
-    if mesh.is_dir():
+    if os.path.isdir(mesh):
         body, poses, groups = _designed(mesh, outcomes)
         size = 2e-3 * body.radius if size is None else size
     else:

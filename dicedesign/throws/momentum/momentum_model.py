@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
 
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, named
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum.transition_features import (
@@ -25,10 +25,13 @@ __all__ = [
     "CARRIES",
     "CARRY_OUTPUTS",
     "IMPACTS",
+    "LEAST_DEVIATION",
     "MOST_RATE",
     "MOST_STRETCH",
     "NO_BARRIER",
+    "RANGES",
     "TRANSITION_OUTPUTS",
+    "WEIGHTS",
     "MomentumModel",
     "Network",
     "Slopes",
@@ -66,6 +69,22 @@ TRANSITIONS_KEY: Final = "passes"
 DIGITS: Final = 6
 """Significant digits of a model in a file."""
 
+LEAST_DEVIATION: Final = 1e-9
+"""Of a feature: finer is rounding."""
+
+WEIGHTS: Final = (-1e3, 1e3)
+"""Range of a model's numbers but those of `RANGES`. The weights that training punishes are below a
+third of it, as it begins with a loss below 14."""
+
+RANGES: Final = {
+    "hot": (-20.0, 20.0),
+    "cooling": (0.0, 20.0),
+    "carry_barrier": (0.0, 100.0),
+    "deviation": (LEAST_DEVIATION, 1e3),
+}
+"""Of some of a model's numbers, by name: far beyond what any table comes to, and within it all
+odds are finite with the sum 1."""
+
 
 @dataclass(frozen=True)
 class Network:
@@ -75,7 +94,7 @@ class Network:
     Attributes
     ----------
     mean, deviation: (d,); linear: (d, o); bias: (o,); inward: (d, h); shift: (h,);
-    outward: (h, o).
+    outward: (h, o). Deviations are `LEAST_DEVIATION` to 1000, all others -1000 to 1000.
     """
 
     mean: Any
@@ -120,8 +139,8 @@ class MomentumModel(kernels.Handled):
 
     Attributes
     ----------
-    hot: logarithm of the temperature at first, in radii. cooling: logarithm of its decrease.
-    carry_barrier: weight of the second barrier of a carry.
+    hot: logarithm of the temperature at first, in radii, -20 to 20. cooling: logarithm of its
+        decrease, 0 to 20. carry_barrier: weight of the second barrier of a carry, 0 to 100.
     transitions, carries: networks of `TRANSITION_OUTPUTS` and `CARRY_OUTPUTS`.
     slopes: how all these change with the table.
     """
@@ -198,76 +217,113 @@ def momentum_model(table: str) -> MomentumModel | None:
             f"table {table}: expected a table with a momentum model, got one without; make one "
             "with `dicedesign table learn`"
         )
-    try:
+    with named(f"table {table}"):
         return model_of(entries["momentum"])
-    except InputError as error:
-        raise InputError(f"table {table}: {error}") from error
 
 
-def model_of(plain: dict[str, Any]) -> MomentumModel:
+def model_of(plain: Any) -> MomentumModel:
     """A model from plain data, as in a table's file.
 
     Raises
     ------
-    InputError: something is missing, is no finite number, or has another shape than in `Network`.
+    InputError: something is missing, is no number in its range of `RANGES`, else in `WEIGHTS`, or
+        has another shape than in `Network`.
     """
-    try:
-        hot, cooling, carry = (
-            np.float64(plain[key]) for key in ("hot", "cooling", "carry_barrier")
-        )
-        if not np.isfinite([hot, cooling, carry]).all():
-            raise ValueError("not all numbers are finite")
-        transitions = _network(plain[TRANSITIONS_KEY], len(TRANSITION_FEATURES), TRANSITION_OUTPUTS)
-        carries = _network(plain["carries"], len(CARRY_FEATURES), CARRY_OUTPUTS)
-        slopes = Slopes(**_arrays(plain["slopes"]))
-        shapes = [(1 + len(part.linear), len(part.bias)) for part in (transitions, carries)]
-        _check_arrays(slopes, [(3,), *shapes])
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    if not isinstance(plain, dict):
         raise InputError(
-            f"momentum model: expected what `dicedesign table learn` writes, but {error!r}; make "
-            "the table's model again"
-        ) from error
-    return MomentumModel(hot, cooling, carry, transitions, carries, slopes)
+            f"momentum: expected an object with the numbers of a model, got {plain!r:.40}; "
+            "make one with `dicedesign table learn`"
+        )
+    hot, cooling, carry = (
+        np.float64(_array(plain, key, ())) for key in ("hot", "cooling", "carry_barrier")
+    )
+    transitions = _network(plain, TRANSITIONS_KEY, len(TRANSITION_FEATURES), TRANSITION_OUTPUTS)
+    carries = _network(plain, "carries", len(CARRY_FEATURES), CARRY_OUTPUTS)
+    slopes = _part(plain, "slopes", ("numbers", TRANSITIONS_KEY, "carries"))
+    return MomentumModel(
+        hot,
+        cooling,
+        carry,
+        transitions,
+        carries,
+        Slopes(
+            _array(slopes, "slopes.numbers", (3,)),
+            _array(slopes, f"slopes.{TRANSITIONS_KEY}", _slopes_shape(transitions)),
+            _array(slopes, "slopes.carries", _slopes_shape(carries)),
+        ),
+    )
 
 
-def _network(plain: dict[str, Any], columns: int, outputs: int) -> Network:
-    network = Network(**_arrays(plain))
-    units = network.shift.size
-    expected = [(columns,)] * 2 + [(columns, outputs), (outputs,), (columns, units), (units,)]
-    _check_arrays(network, [*expected, (units, outputs)])
-    return network
-
-
-def _arrays(plain: dict[str, Any]) -> dict[str, Floats]:
-    """The entries of a network or of slopes, by the names of their attributes."""
-    return {
-        "transitions" if key == TRANSITIONS_KEY else key: np.array(value, dtype=np.float64)
-        for key, value in plain.items()
+def _network(plain: dict[str, Any], key: str, columns: int, outputs: int) -> Network:
+    entries = _part(plain, key, tuple(field.name for field in fields(Network)))
+    units = _array(entries, f"{key}.shift", None).size
+    shapes: dict[str, tuple[int, ...]] = {
+        "mean": (columns,),
+        "deviation": (columns,),
+        "linear": (columns, outputs),
+        "bias": (outputs,),
+        "inward": (columns, units),
+        "shift": (units,),
+        "outward": (units, outputs),
     }
+    return Network(
+        **{name: _array(entries, f"{key}.{name}", shape) for name, shape in shapes.items()}
+    )
+
+
+def _slopes_shape(network: Network) -> tuple[int, int]:
+    return 1 + len(network.linear), len(network.bias)
+
+
+def _part(plain: dict[str, Any], key: str, names: tuple[str, ...]) -> dict[str, Any]:
+    """The entries of a network or of slopes."""
+    part = plain.get(key)
+    if not isinstance(part, dict) or set(part) != set(names):
+        got = ", ".join(part) if isinstance(part, dict) else type(part).__name__
+        raise _wrong(key, f"an object with {', '.join(names)}", got)
+    return part
+
+
+def _array(plain: dict[str, Any], path: str, shape: tuple[int, ...] | None) -> Floats:
+    """The numbers of an entry, named by its whole path, in any shape for None."""
+    name = path.rpartition(".")[-1]
+    try:
+        array = np.array(plain.get(name))
+    except ValueError:
+        raise _wrong(path, "rows of the same length", "others") from None
+    if array.dtype.kind not in "iuf":
+        raise _wrong(path, "numbers", f"{plain.get(name)!r:.60}")
+    if shape is not None and array.shape != shape:
+        raise _wrong(path, f"numbers of shape {shape}", f"{array.shape}")
+    least, most = RANGES.get(name, WEIGHTS)
+    outside = array[~((least <= array) & (array <= most))]
+    if outside.size:
+        raise _wrong(path, f"numbers from {least:g} to {most:g}", f"{outside.flat[0]:g}")
+    return array.astype(np.float64)
+
+
+def _wrong(path: str, expected: str, got: str) -> InputError:
+    return InputError(
+        f"momentum model: {path}: expected {expected}, got {got}; make the table's model again "
+        "with `dicedesign table learn`"
+    )
 
 
 def plain_model(model: MomentumModel) -> dict[str, Any]:
-    """A model as plain data for a table's file, with `DIGITS` digits; the inverse of `model_of`."""
+    """A model as plain data for a table's file, with `DIGITS` digits and every number in its range;
+    the inverse of `model_of`."""
 
-    def plain(part: Any) -> Any:
+    def plain(part: Any, name: str) -> Any:
         if isinstance(part, Network | Slopes):
             return {
-                TRANSITIONS_KEY if key == "transitions" else key: plain(array.tolist())
+                TRANSITIONS_KEY if key == "transitions" else key: plain(array.tolist(), key)
                 for key, array in vars(part).items()
             }
         if isinstance(part, list):
-            return [plain(entry) for entry in part]
-        return float(f"{float(part):.{DIGITS}g}")
+            return [plain(entry, name) for entry in part]
+        least, most = RANGES.get(name, WEIGHTS)
+        return float(f"{min(max(float(part), least), most):.{DIGITS}g}")
 
     parts = {name: getattr(model, name) for name in ("hot", "cooling", "carry_barrier")}
     parts |= {TRANSITIONS_KEY: model.transitions, "carries": model.carries, "slopes": model.slopes}
-    return {name: plain(part) for name, part in parts.items()}
-
-
-def _check_arrays(part: Network | Slopes, expected: list[tuple[int, ...]]) -> None:
-    arrays = vars(part).values()
-    shapes = [array.shape for array in arrays]
-    if shapes != expected:
-        raise ValueError(f"arrays of shapes {expected} came as {shapes}")
-    if not all(np.isfinite(array).all() for array in arrays):
-        raise ValueError("not all numbers are finite")
+    return {name: plain(part, name) for name, part in parts.items()}

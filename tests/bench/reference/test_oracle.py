@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from common.paths import DATA
+from common.paths import public_data
 
 from dicedesign.bench.bodies import monostatic, solids
 from dicedesign.bench.bodies.problem import Problem
@@ -17,8 +17,6 @@ from dicedesign.bench.reference.sixty_digits import OracleError
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.reading import read_body
-
-REFERENCE = DATA / "reference_rest.json"
 
 TETRAHEDRON = [[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]
 TETRAHEDRON_FACETS = [[1, 3, 2], [0, 2, 3], [0, 3, 1], [0, 1, 2]]
@@ -69,11 +67,9 @@ def test_facets_that_are_no_convex_body_are_noticed() -> None:
 
 
 def test_a_published_mesh() -> None:
-    if not REFERENCE.exists():
-        pytest.skip(f"reference file {REFERENCE} is not here")
     bodies = {}
-    for name, expected in json.loads(REFERENCE.read_text()).items():
-        body = read_body(DATA / name)
+    for name, expected in json.loads(public_data("reference_rest.json").read_text()).items():
+        body = read_body(public_data(name))
         bodies[len(convex_hull(body.points, single_precision=body.single_precision).normals)] = (
             body,
             expected,

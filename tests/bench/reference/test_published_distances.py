@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.paths import DATA
+from common.paths import public_data
 
 from dicedesign.bench.reference.published_distances import (
     PRINTED_CORRELATIONS,
@@ -15,13 +15,12 @@ from dicedesign.bench.reference.published_distances import (
 from dicedesign.errors import InputError
 from dicedesign.throws.statistics.correlation import correlation
 
-TABLE = DATA / "published" / "fracture_transport_distances.csv"
 HEAD = "id,weight_ratio,OT_us_IPC,OT_us_Bullet,OT_IPC_Bullet\n"
 
 
-@pytest.mark.skipif(not TABLE.exists(), reason="the published table is not beside this checkout")
 def test_the_published_correlations_come_out_again() -> None:
-    published = read_published_distances(TABLE)
+    table = public_data("published/fracture_transport_distances.csv")
+    published = read_published_distances(table)
     assert published.asymmetry.shape == (672,)
     assert published.distances.keys() == PRINTED_CORRELATIONS.keys()
     found = {

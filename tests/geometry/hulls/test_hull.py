@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from itertools import product
 from typing import Any
 
@@ -172,6 +173,20 @@ def test_the_tolerance_tells_a_bend_from_rounding() -> None:
     assert len(convex_hull(points).normals) == 9
     assert len(convex_hull(points.astype(np.float32)).normals) == 6
     assert len(convex_hull(points, coplanar_tolerance=1e-6).normals) == 6
+
+
+def test_the_tolerance_of_single_precision_is_some_roundings_wide() -> None:
+    """One rounding of a coordinate is up to 2^-24; sixteen of them are still none to speak of, a
+    hundred are a bend, which a file of single precision tells well."""
+    for lift, facets in ((2.0**-20, 6), (2.0**-17, 9)):
+        points = CUBE.astype(np.float32)
+        points[7] *= 1.0 + np.float32(lift)
+        for way in (nullcontext, without_kernels):
+            with way():
+                assert len(convex_hull(points).normals) == facets
+                assert (
+                    len(convex_hull(points.astype(float), single_precision=True).normals) == facets
+                )
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -12,15 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from common.paths import DATA, ROOT
+from common.paths import ROOT, public_data
 
 from dicedesign.errors import DegenerateBodyError, MeshFileError
 from dicedesign.geometry.meshes.formats import OWN_ENDINGS
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.meshes.stl import parsed_stl
 from dicedesign.geometry.solid import is_closed, solid_properties
-
-MODELS = DATA / "models"
 
 CUBE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
 CUBE_FACES = "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n"
@@ -108,13 +106,14 @@ def test_ascii_stl_in_any_spelling(tmp_path: Path) -> None:
         np.testing.assert_array_equal(body.triangles, expected.triangles)
 
 
-@pytest.mark.parametrize("name", ["c.ply", "c.xyz", "c.obj"])
-def test_a_point_cloud_is_read_back(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(("name", "begin"), [("c.ply", None), ("c.xyz", ""), ("c.obj", "v ")])
+def test_a_point_cloud_is_read_back(tmp_path: Path, name: str, begin: str | None) -> None:
+    """begin: of each line; None if trimesh writes the file."""
     points = np.random.default_rng(1).normal(size=(30, 3))
-    if name == "c.obj":
-        write(tmp_path, name, "".join(f"v {x} {y} {z}\n" for x, y, z in points))
-    else:
+    if begin is None:
         trimesh.PointCloud(points).export(tmp_path / name)
+    else:
+        write(tmp_path, name, "".join(f"{begin}{x} {y} {z}\n" for x, y, z in points))
     body = read_body(tmp_path / name)
     assert body.triangles is None
     np.testing.assert_allclose(body.points, points, atol=1e-6)
@@ -266,9 +265,7 @@ def test_an_open_mesh_is_read(tmp_path: Path) -> None:
     [("spot", 829), ("bunny", 3301), ("koala", 3560), ("penguin", 3362), ("armadillo", 14587)],
 )
 def test_models_with_seams_are_closed(name: str, count: int, tmp_path: Path) -> None:
-    path = MODELS / f"{name}.obj"
-    if not path.exists():
-        pytest.skip(f"model file {path} is not here")
+    path = public_data(f"models/{name}.obj")
     body = read_body(path)
     assert body.triangles is not None
     assert len(body.points) == count
@@ -388,8 +385,10 @@ def test_bodies_without_solid_are_refused_by_the_path(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["a.obj", "a.off", "a.xyz", "a.stl", "a.ply", "a.glb"])
 def test_reading_imports_no_more_than_it_needs(tmp_path: Path, name: str) -> None:
     mesh = asymmetric()
-    cloud = trimesh.PointCloud(mesh.vertices)
-    (cloud if name == "a.xyz" else mesh).export(tmp_path / name)
+    if name == "a.xyz":
+        np.savetxt(tmp_path / name, mesh.vertices)
+    else:
+        mesh.export(tmp_path / name)
     heavy = {"torch", "matplotlib"}
     if Path(name).suffix in OWN_ENDINGS:  # trimesh itself imports manifold3d where it is there
         heavy |= {"trimesh", "manifold3d"}
@@ -427,4 +426,17 @@ def test_an_archive_that_would_fill_the_memory_is_refused(
         archive.writestr("3D/3dmodel.model", bytes((1 << 22) + 1))
     assert path.stat().st_size < 1 << 14
     with pytest.raises(MeshFileError, match=r"bomb\.3mf: expected at most 4 MiB in an archive"):
+        read_body(path)
+
+
+@pytest.mark.parametrize("ending", ["stl", "ply"])
+def test_a_signalling_nan_is_told_without_a_warning(tmp_path: Path, ending: str) -> None:
+    """To convert it is an invalid operation to the processor."""
+    path = tmp_path / f"nan.{ending}"
+    trimesh.creation.box().export(path)
+    places = np.asarray([0.5], dtype="<f4").tobytes()
+    data = path.read_bytes()
+    at = data.rindex(places)
+    path.write_bytes(data[:at] + b"\x01\x00\xa0\x7f" + data[at + 4 :])
+    with pytest.raises(DegenerateBodyError, match="expected finite coordinates"):
         read_body(path)

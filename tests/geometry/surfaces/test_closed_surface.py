@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 import trimesh
 from common.bumpy import pushed_through
-from common.paths import DATA
+from common.paths import public_data
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.surfaces.closed_surface import make_surface
-
-MODELS = DATA / "models"
 
 
 def sphere(radius: float = 1.0, x: float = 0.0) -> trimesh.Trimesh:
@@ -155,8 +153,6 @@ def test_a_surface_without_volume_is_refused() -> None:
 
 @pytest.mark.parametrize("name", ["spot", "penguin", "koala", "bunny", "armadillo"])
 def test_models_are_good(name: str) -> None:
-    path = MODELS / f"{name}.obj"
-    if not path.exists():
-        pytest.skip(f"model file {path} is not here")
+    path = public_data(f"models/{name}.obj")
     surface, _ = make_surface(read_body(path))
     assert surface.volume > 0

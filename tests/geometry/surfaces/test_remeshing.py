@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 import trimesh
-from common.paths import DATA
+from common.paths import public_data
 from scipy.spatial import cKDTree
 
 from dicedesign.errors import InputError
@@ -18,8 +18,6 @@ from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.quality import surface_quality
 from dicedesign.geometry.surfaces.remeshing import decimated, refined
 from dicedesign.geometry.surfaces.surface import Surface
-
-MODELS = DATA / "models"
 
 
 def torus() -> Surface:
@@ -124,9 +122,7 @@ def test_neither_library_is_loaded_before_it_is_needed() -> None:
 @pytest.mark.parametrize(("name", "points"), [("spot", 400), ("armadillo", 2000)])
 def test_models_are_decimated(name: str, points: int) -> None:
     pytest.importorskip("fast_simplification")
-    path = MODELS / f"{name}.obj"
-    if not path.exists():
-        pytest.skip(f"model file {path} is not here")
+    path = public_data(f"models/{name}.obj")
     before, _ = make_surface(read_body(path))
     after, _ = decimated(before, points)
     assert abs(len(after.points) - points) <= 1

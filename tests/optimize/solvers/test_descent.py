@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from common.slow_machine import slow_machine
 
 from dicedesign import rest_poses
 from dicedesign.errors import DiceError, InputError, OutsideHullError
@@ -151,6 +152,16 @@ def test_the_time_limit_ends_a_design() -> None:
     result = descend_to_target(start, target.probabilities, options)
     assert result.status is Status.TIME_LIMIT
     assert len(result.history) == 1
+
+
+def test_a_slow_machine_makes_the_same_die() -> None:
+    start, target = DESIGNS["d6"]
+    with slow_machine():
+        slow = descend_to_target(start, target.probabilities, DescentOptions())
+    usual = designed("d6")
+    assert slow.hull.vertices.tobytes() == usual.hull.vertices.tobytes()
+    assert slow.status is usual.status
+    assert slow.history[-1].seconds > 1e6
 
 
 def test_a_limit_does_not_hide_that_the_tolerance_was_reached() -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import islice, repeat
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 import torch
+from common.slow_machine import slow_machine
 
 from dicedesign.bench.bodies.problem import Problem
 from dicedesign.bench.reference.measurement import OK, measure, verdict
@@ -141,6 +143,11 @@ def test_what_is_not_met_ends_with_the_best_found() -> None:
     # One start is tried, however short the time.
     for seconds in (0.05, 1e-9):
         assert solved(OUT_OF_REACH, seconds=seconds).status is Status.TIME_LIMIT
+    few = solved(OUT_OF_REACH, evaluations=40)
+    assert few.status is Status.STEP_LIMIT
+    assert 40 <= few.evaluations < 80
+    with pytest.raises(InputError, match="evaluations: expected a whole number above 0"):
+        solved(OUT_OF_REACH, evaluations=0)
 
 
 @pytest.mark.parametrize("largest", [0.6, 0.9, 0.99])
@@ -171,7 +178,33 @@ def test_starts_without_a_fixed_center_inside_are_passed_over() -> None:
 
 def test_a_search_that_finds_no_shape_ends_in_time() -> None:
     with pytest.raises(NoStartError, match=r"got none; allow more with method\.exact\.seconds"):
-        solve_exactly(repeat(None), np.array([0.5, 0.5]), ExactOptions(seconds=0.05))
+        solve_exactly(repeat(None), np.array([0.5, 0.5]), ExactOptions(seconds=1e-9))
+
+
+def test_a_search_that_finds_no_shape_ends_on_any_machine() -> None:
+    starts = Mock(side_effect=repeat(None))
+    with pytest.raises(NoStartError, match="got none; take another start"):
+        solve_exactly(iter(starts, ...), np.array([0.5, 0.5]), ExactOptions())
+    ends = starts.call_count
+    with slow_machine(), pytest.raises(NoStartError):
+        solve_exactly(iter(starts, ...), np.array([0.5, 0.5]), ExactOptions())
+    assert starts.call_count == 2 * ends
+    # Turns between shapes count as well.
+    turns = [None] * (ends - 1)
+    target = np.full(4, 0.25)
+    result = solve_exactly([*turns, repulsion(4, 0)], target, ExactOptions())
+    assert result.status is Status.CONVERGED
+
+
+@pytest.mark.parametrize("target", [TARGETS["uneven"], [1.0 - 1e-6, 5e-7, 5e-7]])
+def test_a_slow_machine_makes_the_same_die(target: list[float]) -> None:
+    """Though it takes it for months: one that has its odds, and one that never gets them."""
+    usual = solved(target, starts=3)
+    with slow_machine():
+        slow = solved(target, starts=3)
+    assert slow.hull.vertices.tobytes() == usual.hull.vertices.tobytes()
+    assert (slow.status, slow.starts) == (usual.status, usual.starts)
+    assert slow.history[-1].seconds > 1e6
 
 
 def test_bad_arguments_are_refused_in_words() -> None:

@@ -50,6 +50,15 @@ def test_error_and_energy_over_time(count: int) -> None:
     assert is_whole(sheet(charts))
 
 
+def test_without_a_clock_steps_are_counted() -> None:
+    steps = [replace(step, seconds=None) for step in history(30)]
+    for chart in (*convergence_charts(steps, TOLERANCE), *energy_charts(steps)):
+        (curve,) = drawn(chart)
+        np.testing.assert_allclose(curve.x, range(30))
+        assert "time" not in chart.title + chart.x.label
+        assert is_whole(sheet([chart]))
+
+
 @pytest.mark.parametrize("start", [0.1, 0.0])
 def test_errors_of_zero_are_drawn_on_the_border(start: float) -> None:
     steps = [Step(0, 0.0, 1.0, start), Step(1, 0.5, 0.0, 0.0)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from common.drawings import is_whole, painted
-from common.paths import DATA
+from common.paths import public_data
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -24,7 +24,6 @@ from dicedesign.report.render.raster import Camera
 from dicedesign.report.render.renderer import Shell, Surface
 from dicedesign.report.render.scene import outcome_colors, outcome_tints
 
-MODELS = DATA / "models"
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -280,10 +279,9 @@ def test_resting_views_need_matching_arguments() -> None:
         rests_figure(surface, shell, np.zeros((0, 3)), [], np.ones(0), UP)
 
 
-@pytest.mark.skipif(not MODELS.is_dir(), reason="the models are not beside the repository")
 @pytest.mark.parametrize("name", ["spot", "koala"])
 def test_a_model_fills_its_pictures(name: str) -> None:
-    body = read_body(MODELS / f"{name}.obj")
+    body = read_body(public_data(f"models/{name}.obj"))
     assert body.triangles is not None
     cameras = three_cameras(body.points, np.array([0.0, 1.0, 0.0]))
     shown = before_after_figure(body.points, body.points, body.triangles, cameras).pictures

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from common.kernels import compiled_only
-from common.paths import DATA
-from common.thrown import box, published_only, thrown
+from common.paths import public_data
+from common.thrown import box, thrown
 
 from dicedesign.throws.counts.table_check import check_table
 from dicedesign.throws.counts.throw_counts import CountedDie, read_throw_counts
@@ -14,7 +14,6 @@ from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.statistics.goodness_of_fit import chi_square, two_sample_chi_square
 from dicedesign.throws.tables import Table, table_named
 
-THROWS = DATA / "published/throws.csv"
 DEAD = Table("dead", 0.0, 0.5, 0.03, 0.0, 0.0)
 
 
@@ -44,10 +43,10 @@ def test_a_die_thrown_on_the_same_table() -> None:
 
 
 @compiled_only
-@published_only
 def test_no_published_die_rejects_the_board_game() -> None:
     """While the odds without momentum are rejected by the printed 2d6."""
-    dice = read_throw_counts(THROWS, ["binomial2", "binomial3", "2d6_hendecahedron"])
+    throws = public_data("published/throws.csv")
+    dice = read_throw_counts(throws, ["binomial2", "binomial3", "2d6_hendecahedron"])
     checks = check_table(dice, table_named("board-game"), 4000, 12)
     assert all(check.chi_square.p_value > 0.05 for check in checks)
     assert [check.geometric.p_value > 0.05 for check in checks] == [True, True, False]

@@ -8,16 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from common.finished_run import box_file, finished_run
-from common.paths import DATA
+from common.paths import public_data
 
 from dicedesign.errors import InputError
 from dicedesign.throws.counts.throw_counts import read_throw_counts
-
-PUBLISHED = DATA / "published"
-
-needs_published = pytest.mark.skipif(
-    not PUBLISHED.exists(), reason="the published dice are not beside this checkout"
-)
 
 HEADER = "die,mesh,outcome,throws,geometric\n"
 
@@ -44,10 +38,9 @@ def written(tmp_path: Path, text: str) -> Path:
     return path
 
 
-@needs_published
 def test_the_published_dice() -> None:
     names = ["binomial2", "binomial3", "2d6_hendecahedron"]
-    dice = read_throw_counts(PUBLISHED / "throws.csv", names)
+    dice = read_throw_counts(public_data("published/throws.csv"), names)
     assert [die.name for die in dice] == names
     two, three, many = dice
     # The middle outcome of the first is a facet that is broken in two by 0.7 degrees.
@@ -64,13 +57,12 @@ def test_the_published_dice() -> None:
     assert all(die.size is None for die in dice)
 
 
-@needs_published
 def test_published_dice_that_are_not_uniform(tmp_path: Path) -> None:
     """The armadillo's hull has the published odds about the published center of mass only."""
     with pytest.raises(InputError, match=r"die armadillo_d3: .* center of mass in a column com"):
-        read_throw_counts(PUBLISHED / "throws.csv", ["armadillo_d3"])
-    hull = PUBLISHED / "hulls" / "armadillo_d3_hull.obj"
-    center = (PUBLISHED / "hulls" / "armadillo_d3_com.txt").read_text().strip()
+        read_throw_counts(public_data("published/throws.csv"), ["armadillo_d3"])
+    hull = public_data("published/hulls/armadillo_d3_hull.obj")
+    center = public_data("published/hulls/armadillo_d3_com.txt").read_text().strip()
     rows = [f"a,{hull},{i + 1},{n},{p},{center}" for i, (n, p) in enumerate(ARMADILLO)]
     path = written(tmp_path, HEADER.strip() + ",com\n" + "\n".join(rows))
     (die,) = read_throw_counts(path)

@@ -12,7 +12,6 @@ from common.kernels import compiled_only, without_kernels
 from numpy.typing import NDArray
 
 from dicedesign.bench.bodies import solids
-from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.solid import solid_inertia
@@ -22,12 +21,10 @@ from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum.momentum_model import model_of
 from dicedesign.throws.momentum.momentum_odds import hull_odds, landing_odds, momentum_odds
 from dicedesign.throws.momentum.transition_features import body_features
 from dicedesign.throws.momentum.transitions import Transitions
 from dicedesign.throws.rigid_body import rigid_body
-from dicedesign.throws.tables import table_entries
 
 Floats = NDArray[np.float64]
 
@@ -275,16 +272,3 @@ def test_carries_are_pairs_of_passes_over_two_saddles() -> None:
     assert list(zip(transitions.first, transitions.second, strict=True)) == expected
     # Over the other saddle between the same two rests one comes back.
     assert transitions.is_return.max() == 1.0
-
-
-@pytest.mark.parametrize("change", ["missing", "shape", "text"])
-def test_a_model_that_is_none_is_refused(change: str) -> None:
-    plain = table_entries("board-game")["momentum"]
-    if change == "missing":
-        del plain["passes"]["bias"]
-    elif change == "shape":
-        plain["carries"]["linear"].pop()
-    else:
-        plain["hot"] = "very"
-    with pytest.raises(InputError, match="momentum model: expected what `dicedesign table learn`"):
-        model_of(plain)

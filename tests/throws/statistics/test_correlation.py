@@ -57,3 +57,8 @@ def test_each_body_has_both_measures(first: np.ndarray, second: np.ndarray) -> N
 def test_measures_are_finite_and_differ(value: float) -> None:
     with pytest.raises(InputError, match="finite values that differ between bodies"):
         correlation(FIRST, np.full(40, value))
+
+
+def test_one_value_that_is_not_finite_is_enough() -> None:
+    with pytest.raises(InputError, match="finite values that differ between bodies"):
+        correlation(FIRST, np.append(SECOND[:-1], np.inf))

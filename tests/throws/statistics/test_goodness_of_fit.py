@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from common.paths import DATA
+from common.paths import public_data
 from scipy import stats
 
 from dicedesign.throws.statistics import goodness_of_fit as module
@@ -18,15 +18,10 @@ from dicedesign.throws.statistics.goodness_of_fit import (
     two_sample_chi_square,
 )
 
-PUBLISHED = DATA / "published"
-
 
 def published(die: str, column: str) -> np.ndarray:
     """(k,) of a printed die, summed over outcomes that its symmetry cannot tell apart."""
-    path = DATA / "throws.csv"
-    if not path.exists():
-        pytest.skip("no published throws")
-    with path.open() as file:
+    with public_data("published/throws.csv").open() as file:
         values = np.array([float(row[column]) for row in csv.DictReader(file) if row["die"] == die])
     half = len(values) // 2
     pairs = values[:half] + values[::-1][:half]
@@ -74,12 +69,15 @@ def test_two_samples_as_in_scipy() -> None:
     assert (found.degrees, found.p_value) == (2, pytest.approx(expected.pvalue, rel=1e-12))
 
 
+def test_what_one_of_two_samples_never_showed_counts() -> None:
+    table = np.array([[30, 0, 12], [55, 4, 40]])
+    found, expected = two_sample_chi_square(*table), stats.chi2_contingency(table, correction=False)
+    assert (found.statistic, found.degrees) == (pytest.approx(expected.statistic, rel=1e-13), 2)
+
+
 def test_two_samples_of_the_throws_of_a_pig() -> None:
     """Do a black and a pink pig land alike, by the margins of Kern's table of pairs?"""
-    path = DATA / "kern2006_pass_the_pigs.csv"
-    if not path.exists():
-        pytest.skip("no published throws")
-    with path.open() as file:
+    with public_data("published/kern2006_pass_the_pigs.csv").open() as file:
         rows = list(csv.reader(file))[1:]
     table = np.array([[float(entry) for entry in row[1:]] for row in rows])
     black, pink = table.sum(axis=0), table.sum(axis=1)
@@ -120,6 +118,12 @@ def test_the_exact_test_by_brute_force(counts: list[int], odds: list[float]) -> 
 def test_of_two_outcomes_it_is_the_binomial_test(count: int) -> None:
     found = exact_multinomial([count, 20 - count], [0.3, 0.7])
     assert found.p_value == pytest.approx(stats.binomtest(count, 20, 0.3).pvalue, rel=1e-9)
+
+
+def test_no_p_value_is_above_one() -> None:
+    """Of the likeliest counts all others are taken together, and rounding with them."""
+    for half in range(1, 60):
+        assert 1.0 - 1e-12 < exact_multinomial([half, half], [0.5, 0.5]).p_value <= 1.0
 
 
 def test_drawn_tables_agree_with_all(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,6 +28,11 @@ def test_total_variation_is_the_largest_difference_of_any_event() -> None:
     assert total_variation([1, 0], [0, 1]) == 1.0
 
 
+def test_no_limit_is_beyond_all_of_the_mass() -> None:
+    low, high = measure_variation([0, 20], [0.999, 0.001], 0.95).interval
+    assert 0.5 < low < high == 1.0
+
+
 @pytest.mark.parametrize("throws", [1, 2, 6, 7, 36, 100])
 @pytest.mark.parametrize("odds", [TWO_DICE, np.array([0.5, 0.5]), np.array([0.999, 0.001])])
 def test_the_noise_floor_is_the_mean_over_all_counts(odds: np.ndarray, throws: int) -> None:

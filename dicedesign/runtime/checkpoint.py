@@ -1,0 +1,169 @@
+"""Files with the state of long work, from which it goes on later."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dicedesign.errors import InputError
+from dicedesign.runtime.files import read_file
+from dicedesign.runtime.kept_file import KeptFile
+
+__all__ = ["Checkpoint", "checkpoint_bytes", "read_checkpoint"]
+
+Arrays = Mapping[str, NDArray[Any]]
+
+State = TypeVar("State")
+
+_ABOUT: Final = "about"
+"""Name of the text beside the arrays."""
+
+_WORK: Final = "work"
+"""Key of the work in it, beside those of the state."""
+
+
+def checkpoint_bytes(work: Mapping[str, str], state: Mapping[str, Any], arrays: Arrays) -> bytes:
+    """The content of a checkpoint: arrays and a JSON text in NumPy's format, nothing pickled.
+
+    Parameters
+    ----------
+    work: what the state belongs to, by kind, as in `read_checkpoint`.
+    state: plain data by name. arrays: by name.
+    """
+    file = io.BytesIO()
+    about = json.dumps({_WORK: dict(work), **state})
+    held: dict[str, Any] = {_ABOUT: np.array(about), **arrays}
+    np.savez(file, **held)
+    return file.getvalue()
+
+
+def read_checkpoint(
+    path: Path,
+    work: Mapping[str, str],
+    restored: Callable[[Any, Arrays], State],
+    *,
+    anew: str,
+    elsewhere: str,
+) -> State:
+    """The state in a file that `checkpoint_bytes` made.
+
+    Parameters
+    ----------
+    work: texts that must be those it was written with, by kind, such as "seed".
+    restored: makes the state of its plain data and its arrays.
+    anew, elsewhere: how to begin anew, and how to leave the file alone, for messages.
+
+    Raises
+    ------
+    InputError: the file is damaged, or belongs to other work; the message names the kind that
+        differs.
+    """
+    data = io.BytesIO(read_file(path, "a checkpoint"))
+    try:
+        with np.load(data, allow_pickle=False) as file:
+            about = json.loads(str(file[_ABOUT]))
+            theirs = dict(about.pop(_WORK))
+            found = {kind: theirs.get(kind) for kind in work}
+            arrays = {name: file[name] for name in file.files if name != _ABOUT}
+        state = restored(about, arrays) if found == work else None
+    except Exception as error:
+        # Of NumPy, zip, JSON or the state's own class: whatever it is, the file is no such state.
+        raise InputError(
+            f"{path}: expected a checkpoint, got a file that cannot be read as one; {anew}"
+        ) from error
+    for kind, text in work.items():
+        if found[kind] != text:
+            raise InputError(
+                f"{path}: expected a checkpoint of this {kind}, got one of another; {anew}, or "
+                f"{elsewhere}"
+            )
+    assert state is not None
+    return state
+
+
+class Checkpoint:
+    """Results of pieces of work, rows of numbers by kind in the order in which they came, kept in a
+    file at intervals: work that is begun again takes those there instead of doing them.
+
+    In a context it is written when an error or an interrupt ends it, and removed when it ends well.
+    """
+
+    def __init__(self, path: Path | None = None, work: Mapping[str, str] | None = None) -> None:
+        """path: None keeps no file. work: as of `read_checkpoint`, which raises where there is a
+        file of other work."""
+        self._work = dict(work or {})
+        self._rows: dict[str, list[NDArray[Any]]] = {}
+        self._file = None if path is None else KeptFile(path, "a checkpoint", self._content)
+        if path is not None and os.path.lexists(path):
+            self._rows = read_checkpoint(
+                path,
+                self._work,
+                _rows,
+                anew="remove it to begin anew",
+                elsewhere="choose another with --out",
+            )
+
+    def rows(self, kind: str) -> Sequence[NDArray[Any]]:
+        """The results of a kind so far, arrays (n,)."""
+        return self._rows.setdefault(kind, [])
+
+    def add(self, kind: str, rows: Sequence[NDArray[Any]]) -> None:
+        """Take results in that belong together, and write the file if that is due. Raises
+        OutputError."""
+        self._rows.setdefault(kind, []).extend(rows)
+        if self._file is not None:
+            self._file.change()
+
+    def require(self, fits: bool) -> None:
+        """Raise InputError where rows are not what the work makes."""
+        if not fits:
+            path = None if self._file is None else self._file.path
+            raise InputError(
+                f"{path}: expected a checkpoint of this work, got rows of other lengths; remove it "
+                "to begin anew"
+            )
+
+    def _content(self) -> bytes:
+        lengths = {kind: [len(row) for row in rows] for kind, rows in self._rows.items() if rows}
+        arrays = {kind: np.concatenate(self._rows[kind]) for kind in lengths}
+        return checkpoint_bytes(self._work, {"rows": lengths}, arrays)
+
+    def __enter__(self) -> Checkpoint:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._file is None:
+            return
+        if error is None:
+            self._file.remove()
+            return
+        self._file.save()
+        if isinstance(error, KeyboardInterrupt) and any(self._rows.values()):
+            raise KeyboardInterrupt(
+                f"what was done is in {self._file.path}; run the same command to go on"
+            ) from error
+
+
+def _rows(state: Mapping[str, Any], arrays: Arrays) -> dict[str, list[NDArray[Any]]]:
+    """What `Checkpoint` keeps. Raises ValueError or KeyError: the lengths are not those of the
+    arrays, or these are not of numbers."""
+    rows = {}
+    for kind, of_kind in state["rows"].items():
+        array = arrays[kind]
+        if array.dtype.kind not in "if" or array.shape != (sum(of_kind),) or min(of_kind) < 0:
+            raise ValueError(f"{kind}: {array.dtype} {array.shape} for rows of {sum(of_kind)}")
+        rows[kind] = np.split(array, np.cumsum(of_kind)[:-1])
+    return rows

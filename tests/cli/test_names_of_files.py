@@ -1,0 +1,120 @@
+"""Names of files that are not UTF-8 or have line feeds, wherever they are printed or written."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from common.parsed_html import parsed
+
+from dicedesign.cli.main import main
+from dicedesign.errors import RecipeError
+from dicedesign.fabricate.files import save_mesh
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.recipe.schema.reading import checked_recipe, read_recipe
+from dicedesign.runtime.printable import printable
+
+RECIPE = "name: a\ntarget: {fair: 4}\nsize_mm: 30\nfigures: false\nstart: {mesh: {path: %s}}\n"
+
+NAMES = [os.fsdecode(b"m\xff.stl"), "m\n<b>&.stl", "\x1b[31m.stl"]
+
+
+def tetrahedron(path: Path) -> Path:
+    hull = convex_hull(np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float))
+    plain = path.with_name("plain.stl")
+    save_mesh(plain, hull.vertices, hull.triangles)
+    plain.rename(path)
+    return path
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_one_line_says_whose_rests_they_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    assert main(["rest", str(tetrahedron(tmp_path / name))]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith(f"{tmp_path}/{printable(name)}: 4 resting poses")
+    assert printable(name).isprintable()
+
+
+def test_a_recipe_from_a_folder_that_is_not_utf8(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / os.fsdecode(b"d\xff")
+    folder.mkdir()
+    tetrahedron(folder / "m.stl")
+    (folder / "r.yaml").write_text(RECIPE % "m.stl")
+    assert main(["run", str(folder / "r.yaml"), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert r"d\udcff/r.yaml: start.mesh.path: expected a text in UTF-8, got '" in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("key", ["name", "labels.1", "target.fair"])
+def test_half_a_letter_is_refused_by_its_key(key: str) -> None:
+    entries: dict[str, object] = {"name": "a", "target": {"fair": 4}, "labels": ["1", "2"]}
+    if key == "name":
+        entries["name"] = "\ud800"
+    elif key == "labels.1":
+        entries["labels"] = ["1", "\ud800"]
+    else:
+        entries["target"] = {"fair": Path("\udcff")}
+    with pytest.raises(RecipeError, match=f"^{key}: expected a text in UTF-8"):
+        checked_recipe(entries)
+
+
+def test_what_a_run_writes_can_be_read_by_all(tmp_path: Path) -> None:
+    mesh = tetrahedron(tmp_path / "m\n<b>&.stl")
+    recipe = tmp_path / "r.yaml"
+    recipe.write_text(RECIPE % json.dumps(mesh.name))
+    out = tmp_path / os.fsdecode(b"out\xff")
+    assert main(["run", str(recipe), "--out", str(out)]) == 0
+    assert read_recipe(out / "recipe.yaml").resolved()["start"] == {"mesh": {"path": str(mesh)}}
+    json.loads((out / "result.json").read_bytes().decode("utf-8"))
+    parsed((out / "report.html").read_bytes().decode("utf-8"))
+
+
+LONG = 400 * "9"
+
+
+@pytest.mark.parametrize("name", [LONG, f"{LONG}/x", "loop", "loop/x", "plain/x", "a\0b"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "rest NAME",
+        "drop NAME --down 0,0,-1",
+        "throw NAME",
+        "throw plain --table NAME.json",
+        "rolls NAME plain",
+        "rolls plain NAME",
+        "run NAME",
+        "run r.yaml --out NAME/x",
+        "run r.yaml --set start.mesh.path=NAME",
+        "design --target 1/2,1/2 --out NAME/x",
+        "search r.yaml --trials 1 --out NAME/x",
+        "rest . --out NAME/t.csv",
+        "table fit --throws NAME",
+        "table learn NAME.json",
+        "table learn board-game --dice 8 --drops 1 --out NAME/x.json",
+    ],
+)
+def test_names_that_no_file_can_have(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    command: str,
+    name: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("loop").symlink_to("loop")
+    tetrahedron(Path("m.stl")).rename("plain")
+    Path("box.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n")
+    Path("r.yaml").write_text(RECIPE % "box.xyz")
+    value = json.dumps(name) if "--set" in command else name
+    assert main([word.replace("NAME", value) for word in command.split()]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert said[-1].startswith("dicedesign: ")
+    assert all(line.startswith("note: ") for line in said[:-1])

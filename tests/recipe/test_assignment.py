@@ -1,0 +1,78 @@
+"""`assignment:` in a recipe: each label comes where it is named, with the odds of its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.optimize.refinement import Round
+from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.starts.kinds.prism import prism
+from dicedesign.recipe.design_die import design_recipe
+from dicedesign.recipe.methods.convex import designed_die, wanted_odds
+from dicedesign.recipe.planning.work import Work
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.results.status import Status
+
+ODDS = {"a": 0.22, "b": 0.24, "c": 0.26, "d": 0.28}
+ORDER = "cabd"
+"""A turn of three labels: its inverse is another order."""
+
+METHODS = {
+    "descent": {"descent": {"weights": {"stability": 0.0}, "stopping": {"tolerance": 1e-6}}},
+    "exact": {"exact": {"prefer": {}}},
+    "thrown": {"exact": {"odds": "thrown", "prefer": {}}},
+}
+
+
+def recipe(method: str) -> Recipe:
+    return checked_recipe(
+        {
+            "name": "die",
+            "target": {"probabilities": list(ODDS.values()), "labels": list(ODDS)},
+            "start": {"prism": {}},
+            "assignment": list(ORDER),
+            "method": METHODS[method],
+        }
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_labels_come_where_they_are_named(method: str) -> None:
+    """Facets move little from odds of 1/4 each."""
+    given: dict[str, Any] = {"last": "check"}
+    if method == "thrown":
+        pytest.importorskip("dicedesign_kernels")
+    work = design_recipe(recipe(method), **given)
+    directions = dict(zip(work.target.labels, work.die.directions, strict=True))
+    for label, named in zip(ORDER, prism(4).directions, strict=True):
+        assert directions[label] @ named > np.cos(np.radians(20.0))
+    if method == "thrown":
+        return
+    outcomes = work.solid.outcomes
+    np.testing.assert_allclose(outcomes.odds, [ODDS[x] for x in work.target.labels], atol=1e-5)
+    own = work.solid.poses.normals[outcomes.main]
+    assert (
+        np.argmax(own @ prism(4).directions.T, axis=1) == [ORDER.index(x) for x in "abcd"]
+    ).all()
+
+
+def test_what_a_solver_tells_by_direction_is_told_by_outcome() -> None:
+    """Also of the rounds of throws."""
+    given, start = recipe("thrown"), prism(4)
+    np.testing.assert_array_equal(wanted_odds(given), [ODDS[label] for label in ORDER])
+    asked, seen = np.array([0.1, 0.2, 0.3, 0.4]), np.array([0.15, 0.25, 0.35, 0.2])
+    result = DesignResult(
+        Status.CONVERGED, convex_hull(start.points), start.directions, 0.0, {}, (), 1, 1, 0
+    )
+    rounds = (Round(asked, 100, seen, 0.1, 0.01),)
+    die = designed_die(Work(given), result, rounds)
+    for place, label in enumerate(ORDER):
+        outcome = "abcd".index(label)
+        np.testing.assert_array_equal(die.directions[outcome], start.directions[place])
+        assert die.rounds[0].asked[outcome] == asked[place]
+        assert die.rounds[0].frequencies[outcome] == seen[place]

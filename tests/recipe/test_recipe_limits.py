@@ -1,0 +1,77 @@
+"""The ends of what a recipe may say, and that it stays as it was read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from dicedesign.errors import RecipeError
+from dicedesign.recipe.schema.reading import checked_recipe, read_recipe
+from dicedesign.recipe.schema.recipe import Recipe
+
+GOOD: dict[str, Any] = {"name": "die", "target": {"fair": 4}, "start": {"repulsion": {}}}
+
+
+def labelled(label: str) -> dict[str, Any]:
+    return {"target": {"probabilities": [0.25] * 4, "labels": ["a", "b", "c", label]}}
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"size_mm": 1000.0},
+        {"size_mm": 30.0, "min_inradius_mm": 14.999},
+        labelled("ä"),
+    ],
+)
+def test_what_is_just_within_is_taken(entries: dict[str, Any]) -> None:
+    assert isinstance(checked_recipe({**GOOD, **entries}), Recipe)
+
+
+@pytest.mark.parametrize(
+    ("entries", "key"),
+    [
+        ({"size_mm": 1000.1}, "size_mm"),
+        ({"size_mm": 30.0, "min_inradius_mm": 15.0}, "min_inradius_mm"),
+        (labelled(""), "labels"),
+        (labelled(1000 * "x"), "labels"),
+        (labelled("\ud800"), "labels"),
+        ({"start": {"repulsion": {}, "repulsions": {}}}, "start"),
+        ({"start": {"repulsions": {}}}, "start"),
+    ],
+)
+def test_what_is_just_beyond_is_refused_by_its_key(entries: dict[str, Any], key: str) -> None:
+    with pytest.raises(RecipeError, match=key):
+        checked_recipe({**GOOD, **entries})
+
+
+def test_a_recipe_does_not_change() -> None:
+    recipe = checked_recipe(GOOD)
+    with pytest.raises(ValidationError, match="frozen"):
+        recipe.seed = 3
+    with pytest.raises(AttributeError):
+        _ = recipe.start.no_such_kind
+
+
+def test_parts_of_a_recipe_make_another() -> None:
+    recipe = checked_recipe(GOOD)
+    assert Recipe(name=recipe.name, target=recipe.target, start=recipe.start) == recipe
+
+
+def test_pictures_and_page_are_made_unless_they_are_left_out() -> None:
+    recipe = checked_recipe(GOOD)
+    assert recipe.figures
+    assert recipe.report
+    assert recipe.engrave is not None
+
+
+@pytest.mark.parametrize("method", ["", "method: exact\n"])
+def test_a_change_makes_the_parts_that_it_needs(tmp_path: Path, method: str) -> None:
+    path = tmp_path / "die.yaml"
+    path.write_text("name: die\ntarget: {fair: 4}\n" + method)
+    exact = read_recipe(path, ["method.exact.starts=7"]).method.exact
+    assert exact is not None
+    assert exact.starts == 7

@@ -1,0 +1,29 @@
+"""The exception tree, and the error about what is not installed."""
+
+from __future__ import annotations
+
+import pytest
+
+from dicedesign import errors
+from dicedesign.errors import DiceError, InputError, LabelRoomError, OutputError, missing_extra
+
+
+@pytest.mark.parametrize("name", [name for name in errors.__all__ if name.endswith("Error")])
+def test_errors_are_caught_by_their_standard_kind_too(name: str) -> None:
+    kind = getattr(errors, name)
+    assert issubclass(kind, DiceError)
+    if kind is not DiceError:
+        assert issubclass(kind, OSError if kind is OutputError else ValueError)
+
+
+def test_an_extra_that_is_missing_is_named_with_the_way_to_it() -> None:
+    fault = ImportError("No module named 'pybullet'")
+    error = missing_extra("bullet", "engine bullet", fault)
+    assert isinstance(error, InputError)
+    for part in ("engine bullet: ", str(fault), "pip install 'dicedesign[bullet]'"):
+        assert part in str(error)
+
+
+def test_labels_without_room_tell_the_size_that_gives_it() -> None:
+    error = LabelRoomError("too small", 31.5)
+    assert (str(error), error.size_mm) == ("too small", 31.5)

@@ -1,0 +1,54 @@
+"""Tests that need public data: what a run says where these are missing."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+TESTS = """
+import pytest
+from common.paths import public_data
+
+@pytest.mark.parametrize("name", ["here.obj", "missing.obj"])
+def test_of_data(name):
+    assert public_data(f"models/{name}").read_text() == "v 0 0 0"
+
+def test_of_another_kind():
+    pytest.skip("no compiler")
+"""
+
+
+@pytest.fixture
+def checkout(repository: Path, tmp_path: Path) -> Path:
+    """A checkout that has these tests only, with one file of public data beside it."""
+    folder = tmp_path / "checkout"
+    (folder / "tests" / "common").mkdir(parents=True)
+    for name in ("tests/conftest.py", "tests/common/paths.py"):
+        shutil.copy(repository / name, folder / name)
+    (folder / "tests" / "test_data.py").write_text(TESTS)
+    models = tmp_path / "shared" / "data" / "models"
+    models.mkdir(parents=True)
+    (models / "here.obj").write_text("v 0 0 0")
+    return folder
+
+
+@pytest.mark.parametrize(("option", "status"), [([], 0), (["--require-public-data"], 1)])
+def test_missing_data(checkout: Path, option: list[str], status: int) -> None:
+    """Told and counted at the end of a run, also of one in several processes, or a failure."""
+    command = [sys.executable, "-m", "pytest", "-n", "1", *option]
+    # Options of the run that this test is part of are not those of the run it starts.
+    own = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
+    done = subprocess.run(
+        command, cwd=checkout, env=own, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == status, done.stdout + done.stderr
+    _, _, told = done.stdout.partition("1 skipped: no public data in ")
+    name = "tests/test_data.py::test_of_data[missing.obj]"
+    assert (name in told.splitlines()) is (status == 0)
+    assert (f"FAILED {name}" in done.stdout) is (status == 1)
+    assert "test_of_another_kind" not in done.stdout
