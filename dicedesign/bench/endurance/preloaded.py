@@ -1,0 +1,35 @@
+"""What the process has done that commands are forked from: imports, and a recipe that was read."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+from importlib import import_module
+
+from dicedesign.recipe.schema.reading import checked_recipe
+
+__all__: list[str] = []
+
+for _name in (
+    "torch",
+    "trimesh",
+    "manifold3d",
+    "dicedesign.cli.rest",
+    "dicedesign.cli.rolls",
+    "dicedesign.cli.run",
+    "dicedesign.fabricate.engraving",
+    "dicedesign.geometry.meshes.reading",
+    "dicedesign.recipe.methods.descent",
+    "dicedesign.recipe.methods.exact",
+    "dicedesign.recipe.methods.thrown",
+    "dicedesign.recipe.run",
+    "dicedesign.throws.counts.roll_verdict",
+):
+    with contextlib.suppress(ImportError):
+        import_module(_name)
+
+checked_recipe({"name": "die", "target": {"fair": 3}})
+
+# Children share all of it until they write to it, which the garbage collector would do.
+gc.collect()
+gc.freeze()
