@@ -45,7 +45,9 @@ def test_the_vertices_are_those_of_a_die_with_the_odds() -> None:
     # Coordinates are those of the file, with 24 bits.
     wanted = np.array([2, 2, 1, 1]) / 6.0
     np.testing.assert_allclose(poses.probabilities, wanted, atol=1e-5)
-    np.testing.assert_allclose(poses.normals[0], result["down"], atol=1e-5)
+    # Two outcomes are equally probable, and rounding alone says which of them comes first.
+    likely = poses.normals[:2]
+    assert np.abs(likely - np.array(result["down"])).max(axis=1).min() < 1e-5
     assert result["max_abs_error"] < 1e-12
 
 
