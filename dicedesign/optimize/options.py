@@ -16,14 +16,17 @@ from dicedesign.runtime.registry import STRICT
 from dicedesign.throws.engines.engine import ENGINES
 
 __all__ = [
+    "FINEST_TOLERANCE",
     "MOST_DROPS",
     "MOST_ROUNDS",
-    "SHAKE",
+    "MOST_WORK",
     "DescentOptions",
     "ExactOptions",
     "RefineOptions",
     "SobolevOptions",
     "Stopping",
+    "legible",
+    "refused",
 ]
 
 LARGEST_SMOOTHING: Final = 1e6
@@ -31,9 +34,6 @@ LARGEST_SMOOTHING: Final = 1e6
 
 FINEST_TOLERANCE: Final = 1e-15
 """Rounding alone leaves errors of a few 1e-16."""
-
-SHAKE: Final = 1e-6
-"""Least perturbation of a start that balances exactly, so that its basins cannot be told."""
 
 MOST_WORK: Final = 250_000
 """Dice that are computed, times outcomes, in a design by the exact method unless a recipe says
@@ -62,9 +62,9 @@ class SobolevOptions:
     def __post_init__(self) -> None:
         if not 0.0 < self.smoothing <= LARGEST_SMOOTHING:
             expected = f"a number above 0 and at most {LARGEST_SMOOTHING:g}"
-            raise _refused("sobolev.smoothing", expected, self.smoothing, "2")
+            raise refused("sobolev.smoothing", expected, self.smoothing, "2")
         if not 1 <= self.power <= 4:
-            raise _refused("sobolev.power", "1 to 4", self.power, "2")
+            raise refused("sobolev.power", "1 to 4", self.power, "2")
 
 
 @dataclass(frozen=True)
@@ -88,9 +88,9 @@ class Stopping:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1.0:
-            raise _refused("tolerance", "a number in (0, 1)", self.tolerance, "1e-3")
+            raise refused("tolerance", "a number in (0, 1)", self.tolerance, "1e-3")
         if self.steps < 0:
-            raise _refused("steps", "a whole number not below 0", self.steps, "3000")
+            raise refused("steps", "a whole number not below 0", self.steps, "3000")
         _check_seconds(self.seconds)
 
     def limit(self, step: int, seconds: float) -> Status | None:
@@ -117,7 +117,7 @@ class DescentOptions:
         progress stalls, in (0, 1); they shape the die first and then give way to the probabilities.
     perturbation: standard deviation of the seeded noise on the starting parameters, which breaks
         the ties of symmetric shapes; not negative. Where the start balances such that its odds
-        cannot be told, it is at least `SHAKE`.
+        cannot be told, it is at least 1e-6.
     """
 
     __pydantic_config__ = STRICT
@@ -132,9 +132,9 @@ class DescentOptions:
     def __post_init__(self) -> None:
         _check_coordinates(self.coordinates, self.sobolev)
         if not 0.0 < self.relaxation < 1.0:
-            raise _refused("relaxation", "a number in (0, 1)", self.relaxation, "0.5")
+            raise refused("relaxation", "a number in (0, 1)", self.relaxation, "0.5")
         if not 0.0 <= self.perturbation < 1.0:
-            raise _refused("perturbation", "a number in [0, 1)", self.perturbation, "1e-3")
+            raise refused("perturbation", "a number in [0, 1)", self.perturbation, "1e-3")
 
 
 @dataclass(frozen=True)
@@ -170,12 +170,12 @@ class RefineOptions:
                     "correct it"
                 )
         if not 0.0 < self.within < 1.0:
-            raise _refused("refine.within", "a number in (0, 1)", self.within, "0.01")
+            raise refused("refine.within", "a number in (0, 1)", self.within, "0.01")
         # Raises where there is no such engine.
         ENGINES[self.engine]
 
 
-def _legible() -> Preferences:
+def legible() -> Preferences:
     """Room for labels first; then rests that are not left at a nudge, no needles or plates, and,
     where the die is thrown, odds that do not change with the table."""
     return Preferences(circles=1.0, margin=0.1, asymmetry=0.1, roundness=0.2, robustness=1.0)
@@ -212,7 +212,7 @@ class ExactOptions:
     tolerance: float = 1e-12
     coordinates: Literal["facets", "vertices"] = "facets"
     sobolev: SobolevOptions | None = None
-    prefer: Preferences = field(default_factory=_legible)
+    prefer: Preferences = field(default_factory=legible)
     odds: Literal["resting", "thrown"] = "resting"
     table: str = "board-game"
     refine: RefineOptions | None = None
@@ -223,7 +223,7 @@ class ExactOptions:
     def __post_init__(self) -> None:
         if not FINEST_TOLERANCE <= self.tolerance < 1.0:
             expected = f"a number from {FINEST_TOLERANCE:g} on and below 1"
-            raise _refused("tolerance", expected, self.tolerance, "1e-12")
+            raise refused("tolerance", expected, self.tolerance, "1e-12")
         _check_coordinates(self.coordinates, self.sobolev)
         if self.refine is not None and self.odds != "thrown":
             raise InputError(
@@ -231,10 +231,10 @@ class ExactOptions:
                 "odds: thrown"
             )
         if self.starts < 1:
-            raise _refused("starts", "a whole number above 0", self.starts, "60")
+            raise refused("starts", "a whole number above 0", self.starts, "60")
         if self.evaluations is not None and self.evaluations < 1:
             default = f"{MOST_WORK} over the number of outcomes"
-            raise _refused("evaluations", "a whole number above 0", self.evaluations, default)
+            raise refused("evaluations", "a whole number above 0", self.evaluations, default)
         _check_seconds(self.seconds)
 
 
@@ -255,8 +255,9 @@ def _check_coordinates(coordinates: str, sobolev: SobolevOptions | None) -> None
 
 def _check_seconds(seconds: float | None) -> None:
     if seconds is not None and not 0.0 < seconds < np.inf:
-        raise _refused("seconds", "a positive number", seconds, "no limit")
+        raise refused("seconds", "a positive number", seconds, "no limit")
 
 
-def _refused(name: str, expected: str, got: float, default: str) -> InputError:
+def refused(name: str, expected: str, got: float, default: str) -> InputError:
+    """What is raised for an option out of range."""
     return InputError(f"{name}: expected {expected}, got {got:g}; leave it out for {default}")

@@ -29,8 +29,8 @@ class Status(Enum):
     )
     NO_PROGRESS = "no step lowers the energy any further; try another start, assignment or seed"
     NO_GRADIENT = (
-        "the energy has no finite gradient at this shape, which balances exactly; raise "
-        "method.descent.perturbation, or try another start or seed"
+        "the energy has no finite gradient at this shape, which balances exactly; raise the "
+        "method's perturbation, or try another start or seed"
     )
     TOO_SMALL = (
         "reached the odds, but with a facet that has no room for a circle of min_inradius_mm; "

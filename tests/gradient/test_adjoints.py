@@ -30,8 +30,16 @@ from dicedesign.optimize.starts.kinds.prism import prism
 from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.rest.equilibria import classify
 
-REGULARIZERS = {"coplanar": 0.3, "barycenter": 1.7, "neighbor": 0.4, "stability": 0.2}
-WEIGHTS = EnergyWeights(**REGULARIZERS, neighbor_radius=0.6, stability_margin=0.3)
+REGULARIZERS = {
+    "coplanar": 0.3,
+    "barycenter": 1.7,
+    "neighbor": 0.4,
+    "stability": 0.2,
+    "apart": 0.7,
+}
+WEIGHTS = EnergyWeights(
+    **REGULARIZERS, neighbor_radius=0.6, stability_margin=0.3, apart_distance=1.6
+)
 
 
 def needle(length: float) -> np.ndarray:

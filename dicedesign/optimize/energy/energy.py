@@ -73,7 +73,7 @@ class Energy:
             elif term.kernel is not None:
                 values[term.name] = weight * together[term.kernel]
             else:
-                values[term.name] = weight * self._of_depths[term.name][0]
+                values[term.name] = weight * (self._of_depths | self._of_normals)[term.name][0]
         return values
 
     @property
@@ -89,6 +89,11 @@ class Energy:
                 walls = rests.depth_gradient(weight * slopes)
                 assert walls is not None, "kernels that have the energies have these"
                 by_vertices, by_center = by_vertices + walls[0], by_center + walls[1]
+            for name, (_, slopes) in self._of_normals.items():
+                weight = self.weights.of_terms[name]
+                turning = kernels.normal_gradient(rests.hull, rests.paths.rests, weight * slopes)
+                assert turning is not None, "kernels that have the energies have these"
+                by_vertices = by_vertices + turning
             parts.append(rests.with_center(by_vertices, by_center))
         varying = [term for term in self._in_torch.values() if term.requires_grad]
         if varying:
@@ -104,7 +109,7 @@ class Energy:
         return {
             term.name: weight * _evaluated(term, self.state, self.weights)
             for term, weight in self.weights.active
-            if term.kernel is None and term.of_depths is None
+            if term.kernel is None and term.of_depths is None and term.of_normals is None
         }
 
     @cached_property
@@ -114,6 +119,15 @@ class Energy:
             term.name: term.of_depths(self.state, self.weights)
             for term, _ in self.weights.active
             if term.of_depths is not None
+        }
+
+    @cached_property
+    def _of_normals(self) -> dict[str, tuple[float, Floats]]:
+        """Value, and derivatives (r, 3) in the rests' normals, of terms of these alone."""
+        return {
+            term.name: term.of_normals(self.state, self.weights)
+            for term, _ in self.weights.active
+            if term.of_normals is not None
         }
 
     @cached_property

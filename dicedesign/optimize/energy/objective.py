@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 import torch
@@ -23,6 +24,9 @@ from dicedesign.optimize.energy.term import EnergyWeights
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["Evaluation", "Objective"]
+
+SHAKE: Final = 1e-6
+"""Least perturbation of a start that balances exactly, so that its basins cannot be told."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,22 @@ class Objective:
         points = torch.from_numpy(shape.points).requires_grad_()
         rests = evaluate_rests(points, center, self.shapes.hull)
         return Evaluation(self, parameters, shape, rests, directions)
+
+    def first(
+        self, parameters: Floats, directions: Floats, perturbation: float, seed: int
+    ) -> Evaluation:
+        """The evaluation that a descent begins with: at parameters (n,) that are shaken by normal
+        noise of a standard deviation, which is at least `SHAKE` where the odds cannot be told.
+
+        Raises as `evaluate`.
+        """
+        noise = np.random.default_rng(seed).normal(size=parameters.shape)
+        if perturbation < SHAKE:
+            still = self.attempt(parameters + perturbation * noise, directions)
+            if still is not None:
+                return still.refreshed()
+            perturbation = SHAKE
+        return self.evaluate(parameters + perturbation * noise, directions).refreshed()
 
     def attempt(self, parameters: Floats, directions: Floats) -> Evaluation | None:
         """`evaluate`, or None where that fails or the energy is not finite."""

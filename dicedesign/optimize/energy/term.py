@@ -66,6 +66,8 @@ class Term(Extension):
         without are evaluated in torch and added.
     of_depths: for a term of the facets' depths alone (`RestEvaluation.depths`): its value, and its
         derivative (m,) in each depth, as numbers, to which kernels take the rest of the chain.
+    of_normals: the same for a term of the rests' unit normals alone: its value, and its derivative
+        (r, 3) in each of them.
     """
 
     evaluate: Callable[[ClusteredRests, EnergyWeights], Tensor]
@@ -75,6 +77,7 @@ class Term(Extension):
     single_rests: bool = False
     kernel: int | None = None
     of_depths: Callable[[ClusteredRests, EnergyWeights], tuple[float, Floats]] | None = None
+    of_normals: Callable[[ClusteredRests, EnergyWeights], tuple[float, Floats]] | None = None
 
 
 TERMS: Final = Registry[Term]("energy term", "dicedesign.optimize.energy.terms", Term)
@@ -138,6 +141,15 @@ class EnergyWeights(Numbers):
     def single_rests(self) -> bool:
         """True where a term with a weight wants one rest for each outcome and no other."""
         return any(term.single_rests for term, _ in self.active)
+
+    def times(self, factor: float) -> EnergyWeights:
+        """The same with the weights of all terms but those that are always there times a factor."""
+        weights = {
+            name: factor * weight
+            for name, weight in self.of_terms.items()
+            if TERMS[name].weight is not None
+        }
+        return self.changed(**weights)
 
     def relaxed(self, factor: float) -> EnergyWeights:
         """The same with the weights of terms that give way times a factor."""

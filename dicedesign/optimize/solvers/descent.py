@@ -7,20 +7,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.hulls.reuse import HullMemory
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.coordinates.shape import Coordinates
 from dicedesign.optimize.coordinates.vertices import VertexCoordinates
 from dicedesign.optimize.energy.objective import Evaluation, Objective
 from dicedesign.optimize.energy.schedule import Schedule
-from dicedesign.optimize.options import SHAKE, DescentOptions
+from dicedesign.optimize.options import DescentOptions
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.solvers.line_search import LineSearch, has_slope
-from dicedesign.optimize.solvers.sobolev import SobolevSolver, graph_laplacian
+from dicedesign.optimize.solvers.sobolev import SobolevGradient
 from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.equilibria import classify
 from dicedesign.results.status import Status
@@ -105,9 +102,10 @@ class _Descent:
         self.line_search = LineSearch()
         self.evaluations = 1
         self.history: list[DesignStep] = []
-        noise = np.random.default_rng(seed).normal(size=parameters.shape)
-        self.current = self._first(parameters, noise, start.directions)
-        self.sobolev: tuple[ConvexHull, SobolevSolver] | None = None
+        self.current = self.objective.first(
+            parameters, start.directions, options.perturbation, seed
+        )
+        self.sobolev = SobolevGradient(options.sobolev)
 
     def run(self) -> DesignResult:
         self._record()
@@ -127,22 +125,12 @@ class _Descent:
             self.objective.shapes.reused + self.objective.polars.reused,
         )
 
-    def _first(self, parameters: Floats, noise: Floats, directions: Floats) -> Evaluation:
-        """The start, shaken if it has to be."""
-        size = self.options.perturbation
-        if size < SHAKE:
-            still = self.objective.attempt(parameters + size * noise, directions)
-            if still is not None:
-                return still.refreshed()
-            self.evaluations += 1
-            size = SHAKE
-        return self.objective.evaluate(parameters + size * noise, directions).refreshed()
-
     def _advance(self) -> Status | None:
         limit = self.options.stopping.limit(self.history[-1].step, self._seconds())
         if limit is not None:
             return Status.CONVERGED if self._reached() else limit
-        following = self.line_search.search(self.current, self._direction())
+        ascent = self.sobolev.of(self.current.gradient, self.current.rests.hull)
+        following = self.line_search.search(self.current, ascent)
         if following is not None:
             self._accept(following)
             if not self.schedule.at_rest:
@@ -159,17 +147,6 @@ class _Descent:
         self.current = self.current.under(self.objective)
         self.line_search.restart()
         return None
-
-    def _direction(self) -> Floats:
-        gradient = self.current.gradient
-        if self.options.sobolev is None:
-            return gradient
-        hull = self.current.rests.hull
-        if self.sobolev is None or not _same_edges(self.sobolev[0], hull):
-            self.sobolev = (hull, SobolevSolver(graph_laplacian(hull), self.options.sobolev))
-        smooth = np.zeros((len(gradient) // 3, 3))
-        smooth[hull.source] = self.sobolev[1].solve(gradient.reshape(-1, 3)[hull.source])
-        return smooth.ravel()
 
     def _accept(self, following: Evaluation) -> None:
         pruned = self.objective.coordinates.pruned(following.parameters, following.rests)
@@ -199,11 +176,3 @@ class _Descent:
             self.on_evaluation(current)
         if self.on_step is not None:
             self.on_step(step)
-
-
-def _same_edges(a: ConvexHull, b: ConvexHull) -> bool:
-    return (
-        len(a.tail) == len(b.tail)
-        and len(a.vertices) == len(b.vertices)
-        and bool((a.tail == b.tail).all() and (a.twin == b.twin).all())
-    )

@@ -51,6 +51,7 @@ def solve_exactly(
     center_of_mass: Floats | None = None,
     group: Floats | None = None,
     least_circle: float = 0.0,
+    least_angle: float = 0.0,
     sensitivity: RestitutionSensitivity | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
 ) -> DesignResult:
@@ -70,6 +71,8 @@ def solve_exactly(
         or None. Outcomes whose facets are images of each other are equally probable.
     least_circle: radius, over the largest distance of two vertices, that a circle in the facet of
         each outcome has; starts that do not lead there are passed over. In [0, 0.5).
+    least_angle: between the facets of two outcomes, in radians, that the way to the odds tries to
+        keep; 0 for none.
     sensitivity: has the model of thrown dice by which the target is met, and is what
         `prefer.robustness` lowers; None for odds without momentum.
     on_step: called after every accepted step.
@@ -90,7 +93,9 @@ def solve_exactly(
             "least circle: expected a radius from 0 on and below 0.5 of the largest distance of "
             f"two vertices, got {least_circle:g}; lower it"
         )
-    search = _Search(target, options, center_of_mass, group, least_circle, sensitivity, on_step)
+    search = _Search(
+        target, options, center_of_mass, group, least_circle, least_angle, sensitivity, on_step
+    )
     empty_turns = 0
     for start in starts:
         if start is None:
@@ -123,6 +128,7 @@ class _Search:
     center_of_mass: Floats | None
     group: Floats | None
     least_circle: float
+    least_angle: float
     sensitivity: RestitutionSensitivity | None
     on_step: Callable[[DesignStep], None] | None
     first: Start | None = None
@@ -179,6 +185,7 @@ class _Search:
             self.aim,
             lambda: self.is_spent,
             self._record,
+            self.least_angle,
         )
         reached = approach.solve(first)
         if reached.error(self.target) > self.aim:

@@ -17,7 +17,7 @@ import numpy as np
 from dicedesign.optimize.options import SobolevOptions
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.optimize.solvers.sobolev import SobolevSolver, graph_laplacian
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["LevenbergMarquardt"]
 
@@ -40,6 +40,9 @@ DAMPINGS: Final = (1e-14, 1e-3, 1e4)
 LEAST_REFUSED: Final = 1e-6
 """Damping in the same units from which on it is raised after a refused step."""
 
+SAME: Final = 1e-12
+"""Difference from 1 of a cosine up to which the angle counts as 0: 1e-6 radians."""
+
 SLOW: Final = 0.1
 """Relative decrease of the squared residuals below which the next wall weight's turn has come."""
 
@@ -60,6 +63,8 @@ class LevenbergMarquardt:
     tolerance: largest |p - q| wanted.
     out_of_time: asked before every step.
     on_candidate: called with the first die and every one that a step leads to.
+    least_angle: between the facets of two outcomes, in radians; what lies nearer is a residual too
+        until the end. 0 for none.
     """
 
     target: Floats
@@ -68,6 +73,7 @@ class LevenbergMarquardt:
     tolerance: float
     out_of_time: Callable[[], bool]
     on_candidate: Callable[[Candidate], None]
+    least_angle: float = 0.0
 
     def solve(self, first: Candidate) -> Candidate:
         """The die where the steps end, within the tolerance or not."""
@@ -127,21 +133,40 @@ class LevenbergMarquardt:
         return smooth.reshape(jacobian.T.shape)
 
     def _residuals(self, candidate: Candidate, weight: float) -> Floats:
-        """(r,) p - q, and with a weight above 0 what facets near the edge lack in depth."""
+        """(r,) p - q, and with a weight above 0 what facets near the edge lack in depth, and
+        outcomes near each other in distance."""
         misses = candidate.odds - self.target
         if weight == 0.0:
             return misses
         depths = candidate.signed_depths.detach().numpy()
         lacking = 1.0 - depths[depths < DEPTH_MARGIN] / DEPTH_MARGIN
-        return np.concatenate([misses, weight * lacking])
+        first, second = candidate.directions[self._crowded(candidate)]
+        crowding = ((first * second).sum(1) - np.cos(self.least_angle)) / self._falling
+        return np.concatenate([misses, weight * lacking, weight * crowding])
 
     def _jacobian(self, candidate: Candidate, weight: float) -> Floats:
         """(r, n) of the residuals."""
         if weight == 0.0:
             return candidate.odds_jacobian
         near = candidate.signed_depths[candidate.signed_depths.detach() < DEPTH_MARGIN]
-        steepness = -weight / DEPTH_MARGIN
-        return np.concatenate([candidate.odds_jacobian, steepness * candidate.jacobian(near)])
+        values = [-weight / DEPTH_MARGIN * near]
+        crowded = self._crowded(candidate)
+        if crowded.size > 0:
+            normals = candidate.rests.facet_normals(candidate.outcome_facets)
+            cosines = (normals[crowded[0]] * normals[crowded[1]]).sum(1)
+            values.append(weight / self._falling * cosines)
+        return np.concatenate([candidate.odds_jacobian, candidate.jacobian(*values)])
+
+    def _crowded(self, candidate: Candidate) -> Integers:
+        """(2, c) pairs of outcomes that are nearer than the least angle."""
+        cosines = np.triu(candidate.directions @ candidate.directions.T, 1)
+        return np.stack(np.nonzero(cosines > 1.0 - self._falling))
+
+    @property
+    def _falling(self) -> float:
+        """By how much the cosine of a pair, whose residual falls from 1 to 0, falls from angle 0 to
+        the least one; above 0."""
+        return max(1.0 - float(np.cos(self.least_angle)), SAME)
 
     def _merit(self, candidate: Candidate, weight: float) -> float:
         return float((self._residuals(candidate, weight) ** 2).sum())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
 __all__ = [
+    "SobolevGradient",
     "SobolevSolver",
     "edge_laplacian",
     "graph_laplacian",
@@ -63,3 +64,35 @@ class SobolevSolver:
         for _ in range(self.options.power):
             gradient = self._factor.solve(gradient)
         return gradient
+
+
+@dataclass
+class SobolevGradient:
+    """Gradients in vertices, made smooth over the hull; it keeps the factor of the last hull.
+
+    Attributes
+    ----------
+    options: of the operator, or None to leave gradients as they are.
+    """
+
+    options: SobolevOptions | None
+    _last: tuple[ConvexHull, SobolevSolver] | None = field(default=None, init=False)
+
+    def of(self, gradient: Floats, hull: ConvexHull) -> Floats:
+        """The gradient (3 n,) in points, of which the hull has its vertices, after the operator;
+        that of points inside stays 0."""
+        if self.options is None:
+            return gradient
+        if self._last is None or not _same_edges(self._last[0], hull):
+            self._last = hull, SobolevSolver(graph_laplacian(hull), self.options)
+        smooth = np.zeros((len(gradient) // 3, 3))
+        smooth[hull.source] = self._last[1].solve(gradient.reshape(-1, 3)[hull.source])
+        return smooth.ravel()
+
+
+def _same_edges(a: ConvexHull, b: ConvexHull) -> bool:
+    return (
+        len(a.tail) == len(b.tail)
+        and len(a.vertices) == len(b.vertices)
+        and bool((a.tail == b.tail).all() and (a.twin == b.twin).all())
+    )

@@ -15,6 +15,7 @@ from dicedesign.concave.options import ConcaveOptions
 from dicedesign.fabricate.options import EngravingOptions
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.options import DescentOptions, ExactOptions
+from dicedesign.optimize.paper_options import PaperOptions
 from dicedesign.optimize.starts.kinds.search import SearchOptions
 from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts
 from dicedesign.recipe.schema.entries import Label, StartRecipe, Strict, TargetRecipe, one_of
@@ -30,7 +31,7 @@ LEAST_MM: Final = 1e-3
 MOST_MM: Final = 1000.0
 """Smallest and largest size of a die."""
 
-METHODS: Final = ("exact", "descent", "concave")
+METHODS: Final = ("exact", "paper", "descent", "concave")
 """Keys of `method`."""
 
 
@@ -49,10 +50,11 @@ def _switch(value: object) -> object:
 
 
 class MethodRecipe(Strict):
-    """`method`: how the die is found: `exact` unless it says `descent`, or `concave` for a die that
-    keeps the shape of its start. A word alone is the method with all its defaults."""
+    """`method`: how the die is found: `exact` unless it says `paper`, `descent`, or `concave` for a
+    die that keeps the shape of its start. A word alone is the method with all its defaults."""
 
     exact: ExactOptions | None = Field(default_factory=ExactOptions)
+    paper: PaperOptions | None = None
     descent: DescentOptions | None = None
     concave: ConcaveOptions | None = None
 
@@ -90,6 +92,8 @@ class MethodRecipe(Strict):
         """Largest |p - q| that counts as reached."""
         if self.descent is not None:
             return self.descent.stopping.tolerance
+        if self.paper is not None:
+            return self.paper.reached
         options = self.exact or self.concave
         assert options is not None
         return options.tolerance

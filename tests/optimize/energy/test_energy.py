@@ -25,7 +25,7 @@ from dicedesign.optimize.energy.term import TERMS, EnergyWeights, Term, TermOpti
 from dicedesign.optimize.starts.kinds.prism import prism
 from dicedesign.optimize.starts.repulsion import repulsion
 
-REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability")
+REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability", "apart")
 ROUND = (1.0, 0.9, 1.15)
 
 
@@ -200,13 +200,43 @@ def test_fewer_facets_than_outcomes_cost_the_largest_wall() -> None:
     assert stability(rests, clusters, 0.05) == pytest.approx(whole + 21.0**2)
 
 
+@pytest.mark.parametrize("distance", [0.4, 1.2, 2.0])
+def test_apart_energy_charges_pairs_of_outcomes_that_are_near(clustered, distance: float) -> None:
+    rests, clusters = clustered
+    normals, k = rests.rest_normals.detach().numpy(), len(clusters.directions)
+    means = [unit(normals[clusters.of_rest == i].sum(axis=0)) for i in range(k)]
+    expected = 0.0
+    for i in range(k):
+        for j in range(i):
+            x = np.linalg.norm(means[i] - means[j]) ** 2 / distance**2
+            expected += -((1.0 - x) ** 2) * np.log(x) if x < 1.0 else 0.0
+    value = term("apart", rests, clusters, apart_distance=distance)
+    assert float(value) == pytest.approx(expected, rel=1e-11, abs=1e-14)
+    assert distance < 2.0 or expected > 0.0
+
+
+def test_outcomes_in_one_place_cost_much_but_no_infinity() -> None:
+    """An empty outcome with the direction of another, whose one rest it shares."""
+    rests = evaluate_rests(torch.tensor(repulsion(4, 0).points, requires_grad=True))
+    normals = rests.hull.normals[rests.paths.rests]
+    clusters = cluster(normals, np.concatenate([normals, normals[:1]]))
+    state = ClusteredRests(rests, clusters, np.full(5, 0.2))
+    weights = EnergyWeights(coplanar=0.0, barycenter=0.0, neighbor=0.0, stability=0.0, apart=1.0)
+    terms = energy_terms(state, weights)
+    assert 10.0 < float(terms["apart"].detach()) < 20.0
+    assert Energy(state, weights).terms["apart"] == pytest.approx(float(terms["apart"].detach()))
+    assert np.isfinite(Energy(state, weights).gradient).all()
+
+
 @pytest.mark.parametrize("name", ["dice", *REGULARIZERS])
 @pytest.mark.parametrize("seed", [1, 5])
 def test_gradcheck_of_every_term(random_points, name: str, seed: int) -> None:
     points = random_points(seed, 10, ROUND)
     _, clusters = case(points, 3, seed)
     weights = {**dict.fromkeys(REGULARIZERS, 0.0), **({} if name == "dice" else {name: 0.7})}
-    options = EnergyWeights(neighbor_radius=0.9, stability_margin=0.4, **weights)
+    options = EnergyWeights(
+        neighbor_radius=0.9, stability_margin=0.4, apart_distance=2.0, **weights
+    )
 
     def value(vertices: torch.Tensor) -> torch.Tensor:
         rests = evaluate_rests(vertices)
@@ -266,7 +296,7 @@ def test_terms_without_weight_are_left_out(
     if not compiled:
         monkeypatch.setattr(kernels, "compiled", None)
     state = ClusteredRests(*case(random_points(2, 12, ROUND), 2), np.full(2, 0.5))
-    whole = EnergyWeights(neighbor_radius=0.9, stability_margin=0.4)
+    whole = EnergyWeights(neighbor_radius=0.9, stability_margin=0.4, apart=0.1, apart_distance=2.0)
     full = Energy(state, whole).terms
     assert list(full) == ["dice", *REGULARIZERS]
     assert min(full.values()) > 0.0
@@ -278,9 +308,10 @@ def test_terms_without_weight_are_left_out(
 
 def test_weights_multiply_their_terms(random_points) -> None:
     state = ClusteredRests(*case(random_points(2, 12, ROUND), 2), np.full(2, 0.5))
-    factors = dict(zip(REGULARIZERS, (2.0, 3.0, 4.0, 5.0), strict=True))
-    one = energy_terms(state, EnergyWeights(**dict.fromkeys(REGULARIZERS, 1.0)))
-    other = energy_terms(state, EnergyWeights(**factors))
+    factors = dict(zip(REGULARIZERS, (2.0, 3.0, 4.0, 5.0, 6.0), strict=True))
+    ones = EnergyWeights(**dict.fromkeys(REGULARIZERS, 1.0), apart_distance=2.0)
+    one = energy_terms(state, ones)
+    other = energy_terms(state, ones.changed(**factors))
     for name, factor in {"dice": 1.0, **factors}.items():
         assert float(other[name].detach()) == pytest.approx(factor * float(one[name].detach()))
 

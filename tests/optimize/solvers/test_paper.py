@@ -1,0 +1,316 @@
+"""The paper's method, judged by the forward model alone, and its exact finish."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+
+import numpy as np
+import pytest
+from common.slow_machine import slow_machine
+
+from dicedesign import rest_poses
+from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
+from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from dicedesign.optimize.energy.objective import Evaluation, Objective
+from dicedesign.optimize.options import SobolevOptions
+from dicedesign.optimize.paper_options import PaperOptions, PaperWeights
+from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.result import DesignResult, DesignStep
+from dicedesign.optimize.solvers.finish import flattened
+from dicedesign.optimize.solvers.momentum import Momentum
+from dicedesign.optimize.solvers.paper import descend_as_paper
+from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.optimize.starts.kinds.prism import prism
+from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.start import Start
+from dicedesign.optimize.targets import Target, binomial, fair, listed, sum_of_dice
+from dicedesign.results.status import Status
+from dicedesign.runtime.arrays import Floats
+
+DESIGNS: dict[str, tuple[Start, Target]] = {
+    "2d6": (hendecahedron("circus"), sum_of_dice([6, 6])),
+    "binomial3": (prism(4), binomial(3)),
+    "binomial4": (prism(5), binomial(4)),
+    "d6": (repulsion(6, 2), listed([0.1, 0.1, 0.2, 0.2, 0.2, 0.2])),
+}
+PLAIN = Preferences()
+
+
+@cache
+def designed(name: str, finish: str, seed: int = 0) -> DesignResult:
+    start, target = DESIGNS[name]
+    options = PaperOptions(finish=finish, prefer=PLAIN)
+    return descend_as_paper(start, target.probabilities, options, seed=seed)
+
+
+def odds_of(result: DesignResult, center: Floats | None = None) -> Floats:
+    """(k,) by the forward model, each rest counted for the nearest direction."""
+    poses = rest_poses(result.hull.vertices, center)
+    nearest = np.argmax(poses.normals @ result.directions.T, axis=1)
+    return np.bincount(nearest, poses.probabilities, minlength=len(result.directions))
+
+
+def least_angle(result: DesignResult) -> float:
+    """In degrees, between two outcomes."""
+    cosines = result.directions @ result.directions.T - 2.0 * np.eye(len(result.directions))
+    return float(np.degrees(np.arccos(cosines.max())))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("name", sorted(DESIGNS))
+def test_odds_come_near_and_outcomes_stay_apart(name: str, seed: int) -> None:
+    """As published dice do, whose errors are from 0.003 to 0.02."""
+    result = designed(name, "none", seed)
+    target = DESIGNS[name][1].probabilities
+    assert result.status is Status.CONVERGED
+    assert np.abs(odds_of(result) - target).max() < 0.01
+    assert least_angle(result) > 15.0
+    assert result.error == pytest.approx(np.abs(odds_of(result) - target).max(), abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("name", sorted(DESIGNS))
+def test_an_exact_finish_has_one_flat_rest_for_each_outcome(name: str, seed: int) -> None:
+    result, before = designed(name, "exact", seed), designed(name, "none", seed)
+    target = DESIGNS[name][1].probabilities
+    assert result.status is Status.CONVERGED
+    assert len(rest_poses(result.hull.vertices).normals) == len(target)
+    assert np.abs(odds_of(result) - target).max() <= 1e-12
+    # Any shape has the odds of some: the die is still the one the descent led to.
+    outward = np.random.default_rng(0).normal(size=(500, 3))
+    outward /= np.linalg.norm(outward, axis=1)[:, None]
+    widths = [
+        ((each.hull.vertices - each.hull.centroid) @ outward.T).max(axis=0)
+        for each in (before, result)
+    ]
+    assert np.abs(widths[0] - widths[1]).max() < 0.06 * before.hull.diameter
+    assert least_angle(result) > min(15.0, 0.9 * least_angle(before))
+
+
+def test_the_history_goes_on_through_the_finish() -> None:
+    steps: list[DesignStep] = []
+    start, target = DESIGNS["binomial4"]
+    options = PaperOptions(prefer=PLAIN, steps=80)
+    result = descend_as_paper(start, target.probabilities, options, on_step=steps.append)
+    assert tuple(steps) == result.history
+    assert [step.step for step in steps] == list(range(len(steps)))
+    seconds = [step.seconds for step in steps]
+    assert seconds == sorted(seconds)
+    assert steps[-1].error == result.error <= 1e-12
+    assert result.evaluations >= len(steps)
+
+
+def test_preferences_make_the_finished_die_better() -> None:
+    start, target = DESIGNS["binomial4"]
+    options = PaperOptions(prefer=Preferences(circles=1.0))
+    better = descend_as_paper(start, target.probabilities, options)
+    assert better.error <= 1e-12
+    radii = [
+        min(
+            _largest_circle(result, facet)
+            for facet in rest_poses(result.hull.vertices).facets.tolist()
+        )
+        / result.hull.diameter
+        for result in (designed("binomial4", "exact"), better)
+    ]
+    assert radii[1] > 1.2 * radii[0]
+
+
+def _largest_circle(result: DesignResult, facet: int) -> float:
+    from dicedesign.geometry.hulls.polygons import facet_inradius
+
+    return facet_inradius(rest_poses(result.hull.vertices).hull, facet)
+
+
+@pytest.mark.parametrize("step", ["momentum", "line_search"])
+@pytest.mark.parametrize("power", [None, 1, 2])
+def test_every_step_rule_and_preconditioner_lowers_the_energy(step: str, power: int | None) -> None:
+    start, target = DESIGNS["2d6"]
+    sobolev = None if power is None else SobolevOptions(power=power)
+    options = PaperOptions(step=step, steps=60, sobolev=sobolev, finish="none")
+    result = descend_as_paper(start, target.probabilities, options)
+    energies = [entry.energy for entry in result.history]
+    assert np.isfinite(energies).all()
+    # A line search ends in front of the first jump, which may come soon.
+    assert energies[-1] < (0.3 if step == "momentum" else 0.9) * energies[0]
+    # The best of all steps is what is returned.
+    assert energies[-1] <= min(energies) * (1.0 + 1e-3)
+
+
+def test_a_line_search_never_climbs_far() -> None:
+    start, target = DESIGNS["binomial3"]
+    options = PaperOptions(step="line_search", finish="none", steps=50)
+    energies = [
+        entry.energy for entry in descend_as_paper(start, target.probabilities, options).history
+    ]
+    worst = [max(energies[max(0, i - 5) : i]) for i in range(1, len(energies))]
+    # Directions of the outcomes move after a step, which the neighbor term takes notice of.
+    assert all(now <= 1.05 * before for now, before in zip(energies[1:], worst, strict=True))
+
+
+def test_weights_are_those_of_a_dice_energy_in_solid_angles() -> None:
+    """`E = sum (A - 4 pi q)^2 + sum lambda E_lambda` but for a factor."""
+    start, target = DESIGNS["2d6"]
+    weights = PaperWeights(coplanar=3.0, barycenter=0.7, neighbor=0.5, apart=0.2)
+    seen: list[Evaluation] = []
+    descend_as_paper(
+        start,
+        target.probabilities,
+        PaperOptions(weights=weights, steps=1, finish="none", perturbation=0.05),
+        on_evaluation=seen.append,
+    )
+    ones = PaperWeights(coplanar=1.0, barycenter=1.0, neighbor=1.0, apart=1.0, stability=0.0)
+    whole = (4.0 * np.pi) ** 2
+    for here in seen:
+        objective = Objective(
+            here.objective.coordinates, target.probabilities, ones.of_probabilities, None
+        )
+        plain = here.under(objective).values
+        areas = 4.0 * np.pi * odds(here)
+        expected = ((areas - 4.0 * np.pi * target.probabilities) ** 2).sum()
+        for name in ("coplanar", "barycenter", "neighbor", "apart"):
+            expected += getattr(weights, name) * whole * plain[name]
+        assert whole * here.value == pytest.approx(expected, rel=1e-9)
+
+
+def odds(here: Evaluation) -> Floats:
+    return np.bincount(here.clusters.of_rest, here.rests.odds, minlength=len(here.directions))
+
+
+def test_directions_move_to_the_mean_of_their_rests_after_every_step() -> None:
+    start, target = DESIGNS["binomial3"]
+    seen: list[Evaluation] = []
+    descend_as_paper(
+        start,
+        target.probabilities,
+        PaperOptions(steps=20, finish="none", perturbation=0.02),
+        on_evaluation=seen.append,
+    )
+    assert len(seen) > 20
+    before = start.directions
+    for here in seen:
+        normals = rest_poses(here.rests.hull.vertices).normals
+        nearest = np.argmax(normals @ before.T, axis=1)
+        for outcome in np.unique(nearest):
+            mean = normals[nearest == outcome].sum(axis=0)
+            mean /= np.linalg.norm(mean)
+            np.testing.assert_allclose(here.directions[outcome], mean, atol=1e-9)
+        before = here.directions
+
+
+def test_a_turned_start_is_led_to_the_turned_die() -> None:
+    """One number scales all coordinates, so the axes mean nothing."""
+    coordinates, parameters = VertexCoordinates.of(hendecahedron("circus").points, np.zeros(3))
+    target = sum_of_dice([6, 6]).probabilities
+    noise = 0.02 * np.random.default_rng(0).normal(size=parameters.shape)
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    ends = []
+    for matrix in (np.eye(3), turn):
+        objective = Objective(coordinates, target, PaperWeights().of_probabilities, None)
+        turned = ((parameters + noise).reshape(-1, 3) @ matrix.T).ravel()
+        here = objective.evaluate(turned, hendecahedron("circus").directions @ matrix.T)
+        rule = Momentum(40)
+        for _ in range(12):
+            following = rule.search(here, here.gradient)
+            assert following is not None
+            here = following.refreshed()
+        ends.append(here.parameters.reshape(-1, 3) @ matrix)
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-7)
+    assert np.abs(ends[0] - parameters.reshape(-1, 3)).max() > 0.01
+
+
+def test_momentum_never_empties_an_outcome() -> None:
+    """Of a start whose smallest outcome is near the verge."""
+    start = prism(6, height=1.0)
+    target = np.array([0.5, 0.3, 0.15, 0.03, 0.015, 0.005])
+    seen: list[Evaluation] = []
+    descend_as_paper(
+        start,
+        target,
+        PaperOptions(weights=PaperWeights(apart=0.0), steps=150, finish="none"),
+        on_evaluation=seen.append,
+    )
+    assert [here.clusters.empty for here in seen] == [0] * len(seen)
+
+
+def test_a_seed_decides_everything_and_the_clock_nothing() -> None:
+    start, target = DESIGNS["binomial4"]
+    with slow_machine():
+        slow = descend_as_paper(start, target.probabilities, PaperOptions(prefer=PLAIN))
+    usual, other = designed("binomial4", "exact"), designed("binomial4", "exact", 1)
+    assert slow.hull.vertices.tobytes() == usual.hull.vertices.tobytes()
+    assert other.hull.vertices.tobytes() != usual.hull.vertices.tobytes()
+
+
+def test_a_fixed_center_of_mass_stays_as_given() -> None:
+    start, target = DESIGNS["d6"]
+    center = rest_poses(start.points).center_of_mass + np.array([0.1, -0.05, 0.02])
+    result = descend_as_paper(
+        start, target.probabilities, PaperOptions(prefer=PLAIN), center_of_mass=center
+    )
+    assert result.status is Status.CONVERGED
+    assert np.abs(odds_of(result, center) - target.probabilities).max() <= 1e-12
+    assert np.abs(odds_of(result) - target.probabilities).max() > 1e-4
+
+
+def test_what_cannot_be_reached_is_returned_as_it_is() -> None:
+    """The centroid of a tetrahedron is too far from three of the facets for such odds."""
+    target = np.array([0.97, 0.01, 0.01, 0.01])
+    options = PaperOptions(steps=60, prefer=PLAIN)
+    result = descend_as_paper(repulsion(4, 0), target, options)
+    assert result.status is not Status.CONVERGED
+    assert result.error > 0.05
+    assert np.abs(odds_of(result) - target).max() == pytest.approx(result.error, abs=1e-9)
+    assert np.isfinite(result.hull.vertices).all()
+
+
+def test_half_spaces_of_a_die_with_flat_rests_are_its_own() -> None:
+    points = repulsion(7, 3).points
+    poses = rest_poses(points)
+    directions = poses.normals[::-1].copy()
+    coordinates, parameters, normals = flattened(poses, directions, 0.0)
+    np.testing.assert_allclose(normals, directions, atol=1e-12)
+    rebuilt = rest_poses(coordinates.shape(parameters).points)
+    np.testing.assert_allclose(rebuilt.probabilities, poses.probabilities, atol=1e-9)
+
+
+def test_rests_of_an_outcome_become_one() -> None:
+    """A cube with a corner moved by a little, so that three of its faces are bent."""
+    cube = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    bent = cube.copy()
+    bent[-1] *= 0.98
+    assert len(rest_poses(bent).normals) > 6
+    directions = np.concatenate([np.eye(3), -np.eye(3)])
+    coordinates, parameters, normals = flattened(rest_poses(bent), directions, 3.0)
+    flat = rest_poses(coordinates.shape(parameters).points)
+    assert len(flat.normals) == 6
+    np.testing.assert_allclose(flat.probabilities, 1.0 / 6.0, atol=0.01)
+    assert np.degrees(np.arccos((normals * directions).sum(1))).max() < 1.5
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"step": "newton"}, "step: expected momentum or line_search, got 'newton'"),
+        ({"finish": "glossy"}, "finish: expected exact or none, got 'glossy'"),
+        ({"steps": 0}, "steps: expected a whole number above 0, got 0"),
+        ({"perturbation": 1.0}, "perturbation: expected a number in [0, 1), got 1"),
+        ({"tolerance": 1.0}, "tolerance: expected a number from 1e-15 on and below 1, got 1"),
+    ],
+)
+def test_bad_options_are_refused_in_words(options, text: str) -> None:
+    with pytest.raises(InputError, match=re.escape(text)):
+        PaperOptions(**options)
+
+
+def test_bad_bodies_are_refused() -> None:
+    start, target = DESIGNS["d6"]
+    with pytest.raises(InputError, match="expected 6 outcomes"):
+        descend_as_paper(start, fair(5).probabilities, PaperOptions())
+    far = np.array([9.0, 0.0, 0.0])
+    with pytest.raises(OutsideHullError):
+        descend_as_paper(start, target.probabilities, PaperOptions(), center_of_mass=far)
+    flat = Start(np.eye(4, 3) * [1.0, 1.0, 0.0], start.directions)
+    with pytest.raises(DegenerateBodyError):
+        descend_as_paper(flat, target.probabilities, PaperOptions())
