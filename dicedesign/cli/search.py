@@ -69,7 +69,7 @@ def _search(options: argparse.Namespace) -> int:
         )
     if recipe.method.concave is not None:
         raise InputError(
-            f"{options.recipe}: expected method exact or descent in a search, got concave; such a "
+            f"{options.recipe}: expected a method for convex dice in a search, got concave; such a "
             "recipe is for dicedesign run alone, which searches itself"
         )
     # A start that does not suit the target suits it in no trial.

@@ -19,7 +19,7 @@ from dicedesign.rest.poses import rest_poses
 from dicedesign.results.status import Status
 from dicedesign.throws.statistics.total_variation import total_variation
 
-RECIPES = sorted((ROOT / "recipes").glob("*.yaml"))
+RECIPES = sorted((ROOT / "recipes").rglob("*.yaml"))
 LARGEST_ERROR = {"fair_d3_descent": 1e-6, "2d6_descent": 1e-3, "binomial_4_descent": 1e-3}
 """Of the recipes by descent."""
 EXACT = 1e-12
@@ -28,6 +28,11 @@ SINGLE, DOUBLE = 1e-5, 1e-11
 MOST_EVALUATIONS, MOST_ATTEMPTS = 20_000, 20
 """Dice that are tried on the way to one, convex or concave."""
 
+
+def _name(path: Path) -> str:
+    return str(path.relative_to(ROOT / "recipes").with_suffix(""))
+
+
 CONCAVE = [path for path in RECIPES if "concave" in path.read_text()]
 THROWN = [path for path in RECIPES if "thrown" in path.read_text()]
 CONVEX = [path for path in RECIPES if path not in [*CONCAVE, *THROWN]]
@@ -35,7 +40,7 @@ LARGEST_DISPLACEMENT = 0.05
 """Mean, over the diagonal, of the recipes of concave dice."""
 
 
-@pytest.mark.parametrize("path", CONVEX, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", CONVEX, ids=_name)
 def test_a_recipe_gives_its_die_with_little_work(path: Path, tmp_path: Path) -> None:
     recipe = read_recipe(path)
     work = design_recipe(recipe, last="check")
@@ -68,7 +73,7 @@ def chance(target: np.ndarray, learned: int, judged: int) -> float:
     return float(np.quantile(np.abs(counts / judged - target).sum(axis=1) / 2.0, 0.99))
 
 
-@pytest.mark.parametrize("path", THROWN, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", THROWN, ids=_name)
 def test_a_recipe_gives_its_die_for_the_table(path: Path) -> None:
     changes = [f"method.exact.refine.{key}={value}" for key, value in FEW.items()]
     recipe = read_recipe(path, changes)
@@ -83,7 +88,7 @@ def test_a_recipe_gives_its_die_for_the_table(path: Path) -> None:
     assert measured.total_variation <= chance(target, learned, measured.drops)
 
 
-@pytest.mark.parametrize("path", CONCAVE, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", CONCAVE, ids=_name)
 def test_a_recipe_gives_its_concave_die_in_few_attempts(path: Path, tmp_path: Path) -> None:
     recipe = read_recipe(path)
     result = run(recipe, tmp_path)
