@@ -1,10 +1,11 @@
-"""Every method and preconditioner on the same recipes: error and dice energy over time."""
+"""Every method of design on the same recipes and seeds: error and dice energy over time."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 import numpy as np
@@ -18,111 +19,172 @@ if TYPE_CHECKING:
     from dicedesign.recipe.schema.recipe import Recipe
     from dicedesign.report.charts.paper import Paper
     from dicedesign.results.record import Step
+    from dicedesign.runtime.arrays import Floats
 
-__all__ = ["METHODS", "Extent", "Method", "MethodRow", "run_method"]
+__all__ = ["METHODS", "Extent", "Method", "MethodRow", "SeedRun", "run_method"]
 
-EARLY: Final = (0.1, 1.0)
-"""Seconds at which the table gives the error."""
+NEAR: Final = 1e-3
+"""Error of a die that comes near its target."""
+
+TIMES: Final = 200
+"""Points of a median curve, evenly spread in the logarithm of time."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """A way to design.
+    """A way to design, without preferences.
 
     Attributes
     ----------
     name: what tables and figures call it.
-    coordinates: of descent; None for the exact method.
-    sobolev_power: of the preconditioner of descent; None for none.
-    stability: weight of descent, if other than the recipe's.
+    step: rule of the paper's method; None for the exact method.
+    sobolev_power: of its preconditioner; None for none.
+    finish: how it ends.
     """
 
     name: str
-    coordinates: Literal["facets", "vertices"] | None = None
+    step: Literal["momentum", "line_search"] | None = None
     sobolev_power: int | None = None
-    stability: float | None = None
+    finish: Literal["exact", "none"] = "none"
 
-    def set_up(self, recipe: Recipe, seconds: float) -> Recipe:
-        """The recipe with this method instead of its own, for at most so many seconds."""
+    def set_up(self, recipe: Recipe, seed: int) -> Recipe:
+        """The recipe with this method instead of its own, and another seed."""
         from dicedesign.bench.measures.recipes import with_method
-        from dicedesign.optimize.options import DescentOptions, ExactOptions, SobolevOptions
+        from dicedesign.optimize.options import ExactOptions, SobolevOptions
+        from dicedesign.optimize.paper_options import PaperOptions
         from dicedesign.optimize.preferences.preference import Preferences
 
-        if self.coordinates is None:
+        recipe = recipe.model_copy(update={"seed": seed})
+        others = {"exact": None, "paper": None, "descent": None, "concave": None}
+        if self.step is None:
             exact = recipe.method.exact or ExactOptions()
-            exact = replace(exact, prefer=Preferences(), seconds=seconds)
-            return with_method(recipe, exact=exact, descent=None)
-        own, power = recipe.method.descent or DescentOptions(), self.sobolev_power
-        stability = own.weights.stability if self.stability is None else self.stability
-        descent = replace(
-            own,
-            coordinates=self.coordinates,
+            exact = replace(exact, prefer=Preferences())
+            return with_method(recipe, **{**others, "exact": exact})
+        power = self.sobolev_power
+        paper = replace(
+            recipe.method.paper or PaperOptions(),
+            step=self.step,
             sobolev=None if power is None else SobolevOptions(power=power),
-            weights=own.weights.changed(stability=stability),
-            stopping=replace(own.stopping, seconds=seconds),
+            finish=self.finish,
+            tolerance=None,
+            prefer=Preferences(),
         )
-        return with_method(recipe, exact=None, descent=descent)
+        return with_method(recipe, **{**others, "paper": paper})
 
 
 METHODS: Final = (
     Method("exact"),
-    Method("facets", "facets"),
-    Method("vertices", "vertices"),
-    Method("vertices, Sobolev p = 1", "vertices", 1),
-    Method("vertices, Sobolev p = 2", "vertices", 2),
-    Method("paper's energy", "vertices", None, 0.0),
-    Method("paper's energy, Sobolev p = 2", "vertices", 2, 0.0),
+    Method("paper, exact finish", "momentum", None, "exact"),
+    Method("paper, momentum", "momentum"),
+    Method("paper, momentum, Sobolev p = 1", "momentum", 1),
+    Method("paper, momentum, Sobolev p = 2", "momentum", 2),
+    Method("paper, line search", "line_search"),
+    Method("paper, line search, Sobolev p = 1", "line_search", 1),
+    Method("paper, line search, Sobolev p = 2", "line_search", 2),
 )
-"""All there are. The exact method goes on to rounding, whatever the tolerance, and no further.
-The paper's energy is that of eq. 16 over vertices. Facets have no preconditioner."""
+"""All there are."""
 
 
 @dataclass(frozen=True)
 class Extent:
-    """Longest time of each run, and the methods."""
+    """How many seeds there are, and the methods."""
 
-    limit_seconds: float
+    seeds: int
     methods: tuple[Method, ...] = METHODS
 
 
 @dataclass(frozen=True)
+class SeedRun:
+    """One design.
+
+    Attributes
+    ----------
+    converged: whether it ended within the tolerance of its method.
+    evaluations: energies computed.
+    die_error: largest |p - q| of the finished die, rests away from a labelled facet not counted.
+    seconds, errors, energies: (n,) of every accepted step: time since the start, largest |p - q|
+        over the clusters of rests, and the dice energy (eq. 12).
+    """
+
+    converged: bool
+    evaluations: int
+    die_error: float
+    seconds: tuple[float, ...]
+    errors: tuple[float, ...]
+    energies: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class MethodRow(Row):
-    """One method on one recipe.
+    """One method on one recipe, over all seeds.
 
     Attributes
     ----------
     recipe, method: their names; recipes that are compared have different ones.
-    status: why it stopped, in small letters.
-    steps: accepted ones; evaluations: energies computed.
-    hulls_built, hulls_reused: see `DesignResult`.
-    last_seconds, last_error, last_energy: of the end; early_error, later_error: smallest errors up
-        to the times of `EARLY`.
-    die_error: largest |p - q| of the finished die, rests away from a labelled facet not counted.
-    tolerance: largest |p - q| wanted.
-    seconds, errors, energies: (n,) of every accepted step: time since the start, largest |p - q|
-        over the clusters of rests, and the dice energy (eq. 12). That term is common to all
-        methods; the others have weights that differ and change on the way.
+    seeds: how many; converged: those that ended within the method's tolerance, near: within 1e-3.
+    median_error, worst_error: largest |p - q| at the end, over the clusters of rests.
+    die_error: median largest |p - q| of the finished die, on which rests away from a labelled facet
+        do not count.
+    median_seconds, worst_seconds: of the design; evaluations: median number of energies.
+    seconds, errors, energies: (t,) medians over the seeds of the smallest error and dice energy up
+        to some times. The dice energy is common to all methods.
+    tolerance: largest |p - q| that a method takes for reached.
     """
 
     table: ClassVar[str | None] = "runs"
 
-    recipe: str = column("recipe", -21)
-    method: str = column("method", -31)
-    status: str = column("status", -12, lambda status: status.replace("_", " "))
-    steps: int = column("steps", 6)
-    evaluations: int = column("energies", 9)
-    hulls_built: int = column("hulls", 7)
-    hulls_reused: int = column("kept", 7)
-    last_seconds: float = column("s", 7, ".2f")
-    early_error: float = column(f"at {EARLY[0]:g} s", 9, ".1e")
-    later_error: float = column(f"at {EARLY[1]:g} s", 9, ".1e")
-    last_error: float = column("end", 9, ".1e")
-    last_energy: float = column("energy", 9, ".1e")
+    recipe: str = column("recipe", -28)
+    method: str = column("method", -35)
+    seeds: int = column("seeds", 6)
+    converged: int = column("done", 6)
+    near: int = column("<1e-3", 7)
+    median_error: float = column("median error", 14, ".1e")
+    worst_error: float = column("worst", 9, ".1e")
     die_error: float = column("die", 9, ".1e")
+    evaluations: float = column("energies", 10, ".0f")
+    median_seconds: float = column("s", 7, ".2f")
+    worst_seconds: float = column("worst s", 9, ".2f")
     tolerance: float = hidden()
     seconds: tuple[float, ...] = hidden()
     errors: tuple[float, ...] = hidden()
     energies: tuple[float, ...] = hidden()
+
+    @classmethod
+    def of(cls, recipe: Recipe, method: Method, runs: Sequence[SeedRun]) -> MethodRow:
+        """Of at least one run."""
+        ends = [run.errors[-1] for run in runs]
+        last = [run.seconds[-1] for run in runs]
+        times = np.geomspace(max(min(last) / 100.0, 1e-4), max(max(last), 2e-4), TIMES)
+        return cls(
+            recipe=recipe.name,
+            method=method.name,
+            seeds=len(runs),
+            converged=sum(run.converged for run in runs),
+            near=sum(error <= NEAR for error in ends),
+            median_error=median(ends),
+            worst_error=max(ends),
+            die_error=median(run.die_error for run in runs),
+            evaluations=median(run.evaluations for run in runs),
+            median_seconds=median(last),
+            worst_seconds=max(last),
+            tolerance=method.set_up(recipe, 0).method.tolerance,
+            seconds=tuple(times.tolist()),
+            errors=_medians(times, [(run.seconds, run.errors) for run in runs]),
+            energies=_medians(times, [(run.seconds, run.energies) for run in runs]),
+        )
+
+
+def _medians(
+    times: Floats, curves: Sequence[tuple[Sequence[float], Sequence[float]]]
+) -> tuple[float, ...]:
+    """(t,) medians over curves of the smallest value up to each time, or the first one."""
+    best = [
+        np.minimum.accumulate(values)[
+            np.maximum(np.searchsorted(seconds, times, side="right") - 1, 0)
+        ]
+        for seconds, values in curves
+    ]
+    return tuple(np.median(best, axis=0).tolist())
 
 
 def _rows(run: Run) -> Items:
@@ -137,10 +199,16 @@ def _rows(run: Run) -> Items:
                 f"{recipe.name}: expected a start that all methods can share, got "
                 f"{'a surface' if recipe.method.concave else 'start.search'}; give it another start"
             )
+    # Not counted: torch takes longer at its first use in a process.
+    run_method(recipes[0], METHODS[0], 0)
     for recipe in recipes:
         for method in run.extent.methods:
             run.begin(f"{recipe.name}: {method.name}")
-            yield run_method(recipe, method, run.extent.limit_seconds, lambda step: run.advance())
+            runs = []
+            for seed in range(run.extent.seeds):
+                runs.append(run_method(recipe, method, seed))
+                run.advance()
+            yield MethodRow.of(recipe, method, runs)
     return True
 
 
@@ -159,44 +227,23 @@ def _require_distinct_names(recipes: Sequence[Recipe], paths: Sequence[Path]) ->
 def run_method(
     recipe: Recipe,
     method: Method,
-    seconds: float,
+    seed: int,
     on_step: Callable[[Step], None] | None = None,
-) -> MethodRow:
-    """Design one recipe from its start by a method for at most so many seconds."""
+) -> SeedRun:
+    """Design one recipe from its start by a method with a seed."""
     from dicedesign.bench.measures.recipes import begun, checked, designed
 
-    work = begun(method.set_up(recipe, seconds), on_step)
+    work = begun(method.set_up(recipe, seed), on_step)
     designed(work)
     result = checked(work)
-    times = tuple(step.seconds or 0.0 for step in result.history)
-    errors = tuple(float(step.max_abs_error or 0.0) for step in result.history)
-    energies = tuple(step.terms["dice"] for step in result.history)
-    early, later = (smallest_until(times, errors, limit) for limit in EARLY)
-    assert result.hulls is not None
-    return MethodRow(
-        recipe=recipe.name,
-        method=method.name,
-        status=result.status,
-        steps=len(times) - 1,
+    return SeedRun(
+        converged=float(work.die.error) <= work.recipe.method.tolerance,
         evaluations=result.evaluations or 0,
-        hulls_built=result.hulls.built,
-        hulls_reused=result.hulls.reused,
-        last_seconds=times[-1],
-        early_error=early,
-        later_error=later,
-        last_error=errors[-1],
-        last_energy=energies[-1],
         die_error=result.design_max_abs_error,
-        tolerance=recipe.method.tolerance,
-        seconds=times,
-        errors=errors,
-        energies=energies,
+        seconds=tuple(step.seconds or 0.0 for step in result.history),
+        errors=tuple(float(step.max_abs_error or 0.0) for step in result.history),
+        energies=tuple(step.terms["dice"] for step in result.history),
     )
-
-
-def smallest_until(times: Sequence[float], errors: Sequence[float], limit: float) -> float:
-    """Smallest error up to a time, or the first one; times: ascending."""
-    return min(errors[: max(1, int(np.searchsorted(times, limit, side="right")))])
 
 
 def _figure(rows: Sequence[MethodRow], run: Run) -> Paper:
@@ -211,29 +258,29 @@ def _figure(rows: Sequence[MethodRow], run: Run) -> Paper:
     for recipe in dict.fromkeys(row.recipe for row in rows):
         own = [row for row in rows if row.recipe == recipe]
         curves = tuple(
-            DesignCurve(r.method, r.seconds, r.errors, r.energies, r.status == "converged")
+            DesignCurve(r.method, r.seconds, r.errors, r.energies, 2 * r.converged > r.seeds)
             for r in own
         )
-        panels.append(DesignPanel(recipe, own[0].tolerance, curves))
+        panels.append(DesignPanel(recipe, max(row.tolerance for row in own), curves))
     return design_methods_figure(panels)
 
 
 BENCHES.register(
     Bench(
         name="design",
-        line="error against run time, by every method of design",
-        description="Design recipes by every method and preconditioner there is, from the same "
-        "start, and compare error and dice energy over time. Errors are largest |p - q| over the "
-        "clusters of rests, the smallest so far; the last column is that of the finished die, on "
-        "which only rests near a labelled facet count. Of the energy only the dice term (eq. 12) "
-        "is compared, as the other terms have weights that differ between methods.",
+        line="error against run time, by every method of design, over seeds",
+        description="Design recipes by every method, step rule and preconditioner there is, from "
+        "the same starts with the same seeds, without preferences, and compare medians of error "
+        "and dice energy over time. Errors are largest |p - q| over the clusters of rests; that in "
+        "the column of the die is of the finished one, on which only rests near a labelled facet "
+        "count. Of the energy only the dice term (eq. 12) is compared, which all methods have.",
         rows=_rows,
-        full=Extent(limit_seconds=15.0),
-        quick=Extent(limit_seconds=1.0),
-        amounts=(Amount("limit_seconds", "S", "longest time of each run", "--seconds", float),),
+        full=Extent(seeds=10),
+        quick=Extent(seeds=1),
+        amounts=(Amount("seeds", "N", "seeds from 0 on"),),
         options=(recipes("YAML file"),),
         packages=("numpy", "scipy", "torch"),
-        unit="steps",
+        unit="designs",
         figure=_figure,
         results=RESULTS,
     )

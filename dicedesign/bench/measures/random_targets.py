@@ -1,4 +1,4 @@
-"""The exact method on random targets, and descent given the same time."""
+"""The exact method on random targets, and the paper's given the same number of starts."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import ClassVar, Final
 import numpy as np
 
 from dicedesign.bench.rows import Row
-from dicedesign.optimize.options import DescentOptions, ExactOptions, Stopping
+from dicedesign.optimize.options import ExactOptions
+from dicedesign.optimize.paper_options import PaperOptions
 from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.optimize.solvers.descent import descend_to_target
 from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.rest.poses import rest_poses
@@ -32,9 +33,6 @@ TOLERANCE: Final = 1e-12
 STARTS: Final = 40
 """Most shapes the exact method starts from."""
 
-LEAST_SECONDS: Final = 0.1
-"""Descent gets so many seconds at least."""
-
 
 @dataclass(frozen=True)
 class Attempt(Row):
@@ -49,8 +47,9 @@ class Attempt(Row):
     error: largest |p - q| by the forward model; infinite unless there is one rest for each outcome
         and no other.
     seconds: wall-clock time of the exact method, the search for starting shapes included.
-    descent_seconds: what descent was given: `seconds`, or `LEAST_SECONDS` if that is more.
-    descent_error: smallest of its largest |p - q| in that time, over the clusters of rests.
+    starts: shapes that it tried.
+    paper_seconds: of the paper's method without a finish from as many starts.
+    paper_error: smallest of its largest |p - q| at the end, over the clusters of rests.
     """
 
     table: ClassVar[str | None] = "targets"
@@ -63,8 +62,9 @@ class Attempt(Row):
     rests: int
     error: float
     seconds: float
-    descent_seconds: float
-    descent_error: float
+    starts: int
+    paper_seconds: float
+    paper_error: float
 
     @property
     def outcomes(self) -> int:
@@ -88,7 +88,7 @@ def random_target(number: int) -> Floats:
     return SMALLEST + (1.0 - SMALLEST * outcomes) * shares
 
 
-def attempt_target(number: int, seconds: float, least_seconds: float = LEAST_SECONDS) -> Attempt:
+def attempt_target(number: int, seconds: float) -> Attempt:
     """One random target by both methods, the exact one for at most so many seconds."""
     target = random_target(number)
     options = ExactOptions(
@@ -98,7 +98,9 @@ def attempt_target(number: int, seconds: float, least_seconds: float = LEAST_SEC
     result = solve_exactly(shapes_near(target, number), target, options)
     taken = time.perf_counter() - started
     rests, error = checked(result.hull.vertices, result.directions, target)
-    given = max(taken, least_seconds)
+    started = time.perf_counter()
+    paper_error = min(_paper_error(target, number, turn) for turn in range(result.starts))
+    paper_seconds = time.perf_counter() - started
     return Attempt(
         number=number,
         target=tuple(target.tolist()),
@@ -106,8 +108,9 @@ def attempt_target(number: int, seconds: float, least_seconds: float = LEAST_SEC
         rests=rests,
         error=error,
         seconds=taken,
-        descent_seconds=given,
-        descent_error=_descent_error(target, number, given),
+        starts=result.starts,
+        paper_seconds=paper_seconds,
+        paper_error=paper_error,
     )
 
 
@@ -121,11 +124,9 @@ def checked(vertices: Floats, directions: Floats, target: Floats) -> tuple[int, 
     return len(outcome), float(np.abs(poses.probabilities - target[outcome]).max())
 
 
-def _descent_error(target: Floats, seed: int, seconds: float) -> float:
-    """Smallest error of descent within so many seconds, from facets in a random order. It goes on
-    as long as it can, whatever the recipes' tolerance."""
+def _paper_error(target: Floats, number: int, turn: int) -> float:
+    """Error at the end of the paper's method, from evenly spread facets in a random order."""
+    seed = number + 1000 * turn
     order = np.random.default_rng(seed).permutation(len(target))
-    options = DescentOptions(stopping=Stopping(tolerance=TOLERANCE, seconds=seconds))
-    result = descend_to_target(repulsion(len(target), seed), target[order], options, seed=seed)
-    errors = [step.error for step in result.history if step.seconds <= seconds]
-    return min(errors, default=result.history[0].error)
+    start = repulsion(len(target), seed)
+    return descend_as_paper(start, target[order], PaperOptions(finish="none"), seed=seed).error
