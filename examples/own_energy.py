@@ -1,4 +1,4 @@
-"""An energy of one's own: run by the built-in descent, and by an optimiser of torch.
+"""An energy of one's own: run by the built-in method, and by an optimiser of torch.
 
 A term sees the shape as it is now: the hull, its rests with their odds, the clusters of rests that
 count for each outcome, the saddles and maxima between them, and vertices that autograd knows.
@@ -32,13 +32,11 @@ START = dd.prism(3)
 
 
 def built_in(weight: float) -> None:
-    """In a recipe: method: {descent: {weights: {firm_rests: 0.002}}}."""
-    options = dd.DescentOptions(
-        weights=dd.EnergyWeights(firm_rests=weight), stopping=dd.Stopping(steps=100, seconds=4.0)
-    )
-    die = dd.descend_to_target(START, TARGET, options)
+    """In a recipe: method: {paper: {weights: {firm_rests: 0.3}}}."""
+    weights = dd.PaperWeights(firm_rests=weight)
+    die = dd.descend_as_paper(START, TARGET, dd.PaperOptions(weights=weights, finish="none"))
     print(
-        f"built-in descent, weight {weight:g}: largest |p - q| {die.error:.2g}, "
+        f"the paper's method, weight {weight:g}: largest |p - q| {die.error:.2g}, "
         f"least angle from a rest to a saddle {least_angle(die.hull.vertices):.1f} degrees"
     )
 
@@ -73,5 +71,5 @@ def least_angle(points: np.ndarray) -> float:
 
 if __name__ == "__main__":
     built_in(0.0)
-    built_in(0.002)
+    built_in(0.3)
     with_torch(0.002)

@@ -27,11 +27,12 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient import rest_odds as differentiable
 from dicedesign.kernels import ops as kernels
 from dicedesign.optimize.energy.objective import Evaluation, Objective
-from dicedesign.optimize.energy.term import TERMS, EnergyWeights
-from dicedesign.optimize.options import DescentOptions, SobolevOptions, Stopping
+from dicedesign.optimize.energy.term import TERMS
+from dicedesign.optimize.options import SobolevOptions
+from dicedesign.optimize.paper_options import PaperOptions, PaperWeights
 from dicedesign.optimize.result import DesignResult
-from dicedesign.optimize.solvers.descent import descend_to_target
 from dicedesign.optimize.solvers.line_search import LineSearch
+from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import sum_of_dice
@@ -46,7 +47,7 @@ SOLVERS = {"clarabel", "osqp", "piqp", "proxsuite", "quadprog", "cvxpy", "highsp
 
 
 PAPER_TERMS = ("dice", "coplanar", "barycenter", "neighbor")
-REGULARIZERS = (*PAPER_TERMS[1:], "stability")
+REGULARIZERS = (*PAPER_TERMS[1:], "stability", "apart")
 
 
 def modules_after(arguments: list[str], folder: Path) -> set[str]:
@@ -69,10 +70,11 @@ def modules_after(arguments: list[str], folder: Path) -> set[str]:
 def descend(**options: Any) -> DesignResult:
     """Some steps of the design of a die that rolls the total of two."""
     center = options.pop("center_of_mass", None)
-    stopping = Stopping(1e-9, steps=options.pop("steps", 4), seconds=300.0)
+    given = {"step": "line_search", "steps": 4, "finish": "none", **options}
     target = sum_of_dice([6, 6]).probabilities
-    chosen = DescentOptions(stopping=stopping, **options)
-    return descend_to_target(hendecahedron("circus"), target, chosen, center_of_mass=center)
+    return descend_as_paper(
+        hendecahedron("circus"), target, PaperOptions(**given), center_of_mass=center
+    )
 
 
 def forbidden(*arguments: object, **options: object) -> None:
@@ -227,11 +229,11 @@ def test_exact_arithmetic_is_for_what_rounding_leaves_open(
 def test_a_term_without_weight_is_not_called(monkeypatch: pytest.MonkeyPatch, term: str) -> None:
     monkeypatch.setattr(kernels, "compiled", None)
     replaced(monkeypatch, term, evaluate=forbidden)
-    result = descend(weights=EnergyWeights(**{term: 0.0}))
+    result = descend(weights=PaperWeights(**{term: 0.0}))
     assert term not in result.terms
     assert len(result.history) == 5
     with pytest.raises(AssertionError, match="not asked for"):
-        descend(weights=EnergyWeights(**{term: 0.1}))
+        descend(weights=PaperWeights(**{term: 0.1}))
 
 
 @compiled_only
@@ -239,9 +241,10 @@ def test_a_term_without_weight_is_not_called(monkeypatch: pytest.MonkeyPatch, te
 def test_kernels_leave_out_a_term_without_weight(
     monkeypatch: pytest.MonkeyPatch, term: str
 ) -> None:
-    """They are not told to evaluate it, and return 0; stability is the only one in Python."""
-    if term == "stability":
-        replaced(monkeypatch, term, of_depths=forbidden)
+    """They are not told to evaluate it, and return 0; some are in Python."""
+    in_python = {"stability": "of_depths", "apart": "of_normals"}
+    if term in in_python:
+        replaced(monkeypatch, term, **{in_python[term]: forbidden})
     made_by_kernels = kernels.energies
     values: list[list[float]] = []
     asked: list[list[bool]] = []
@@ -253,7 +256,7 @@ def test_kernels_leave_out_a_term_without_weight(
         return made
 
     monkeypatch.setattr(kernels, "energies", recorded)
-    result = descend(weights=EnergyWeights(**{term: 0.0}))
+    result = descend(weights=PaperWeights(**{term: 0.0}))
     assert term not in result.terms
     assert len(asked) >= len(result.history) == 5
     expected = [name != term for name in PAPER_TERMS]
@@ -261,29 +264,9 @@ def test_kernels_leave_out_a_term_without_weight(
     assert not any(
         v for row in values for v, wanted in zip(row, expected, strict=True) if not wanted
     )
-    if term == "stability":
+    if term in in_python:
         with pytest.raises(AssertionError, match="not asked for"):
-            descend()
-
-
-def test_shaping_terms_are_not_called_once_they_have_given_way(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(kernels, "compiled", None)
-    calls: dict[str, list[Any]] = {"dice": [], "neighbor": []}
-    for name, list_of_calls in calls.items():
-        original = TERMS[name].evaluate
-
-        def spy(*arguments: Any, original=original, told=list_of_calls) -> Any:
-            told.append(arguments)
-            return original(*arguments)
-
-        replaced(monkeypatch, name, evaluate=spy)
-    result = descend(steps=120, relaxation=1e-6)
-    gone = [step.step for step in result.history if "neighbor" not in step.terms]
-    assert gone
-    # The last one is for the report, with the weights that were asked for.
-    assert 0 < len(calls["neighbor"]) < len(calls["dice"]) - len(gone)
+            descend(weights=PaperWeights(**{term: 0.1}))
 
 
 def test_a_fixed_center_of_mass_takes_no_mass_gradient(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -306,15 +289,15 @@ def test_a_fixed_center_of_mass_takes_no_mass_gradient(monkeypatch: pytest.Monke
         descend()
 
 
-@pytest.mark.parametrize("coordinates", ["facets", "vertices"])
+@pytest.mark.parametrize("step", ["momentum", "line_search"])
 def test_without_sobolev_there_is_no_laplacian_and_no_factor(
-    monkeypatch: pytest.MonkeyPatch, coordinates: str
+    monkeypatch: pytest.MonkeyPatch, step: str
 ) -> None:
     for name in ("scipy.sparse.csc_array", "scipy.sparse.linalg.splu"):
         monkeypatch.setattr(name, forbidden)
-    assert len(descend(coordinates=coordinates).history) == 5
+    assert len(descend(step=step).history) >= 5
     with pytest.raises(AssertionError, match="not asked for"):
-        descend(coordinates="vertices", sobolev=SobolevOptions())
+        descend(step=step, sobolev=SobolevOptions())
 
 
 def test_the_sobolev_factor_lasts_as_long_as_the_edges(
@@ -324,10 +307,8 @@ def test_the_sobolev_factor_lasts_as_long_as_the_edges(
     searches = counted(LineSearch, "search")
     points = large(30).points
     start = Start(points, rest_poses(points).normals[:4])
-    options = DescentOptions(
-        "vertices", sobolev=SobolevOptions(), stopping=Stopping(1e-9, steps=40)
-    )
-    descend_to_target(start, np.full(4, 0.25), options)
+    options = PaperOptions(step="line_search", steps=40, finish="none", sobolev=SobolevOptions())
+    descend_as_paper(start, np.full(4, 0.25), options)
     edges = []
     for _, at, _ in searches:
         hull = at.rests.hull
@@ -346,7 +327,7 @@ def test_rejected_trials_have_no_gradient(
     result = descend(steps=60)
     assert len(evaluations) == result.evaluations
     assert len(gradients) <= len(searches)
-    assert len(evaluations) > len(searches) + 5
+    assert len(evaluations) > len(searches) + 1
 
 
 # A recipe.

@@ -26,8 +26,7 @@ def add_parser(commands: Any) -> None:
         default=[],
         metavar="key=value",
         dest="changes",
-        help="change an entry of the recipe, such as size_mm=40 or "
-        "method.descent.stopping.tolerance=1e-4",
+        help="change an entry of the recipe, such as size_mm=40 or method.exact.tolerance=1e-9",
     )
     parser.add_argument(
         "--resume",

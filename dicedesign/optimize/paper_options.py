@@ -64,7 +64,7 @@ class PaperOptions:
     sobolev: preconditioning of the gradient, or None.
     step: "momentum", which takes steps of a length that only shrinks with time, over jumps of the
         energy too; or "line_search", the paper's, which stops in front of a jump.
-    steps: most steps, at least 1.
+    steps: most steps, at least 0.
     perturbation: standard deviation of the seeded noise on the vertices of the start, whose half
         extent is 1; from 0 on and below 1.
     finish: "exact" puts one facet in the place of each outcome's and goes on to the target by the
@@ -94,8 +94,8 @@ class PaperOptions:
                 raise InputError(
                     f"{name}: expected {' or '.join(choices)}, got {value!r}; choose one of the two"
                 )
-        if self.steps < 1:
-            raise refused("steps", "a whole number above 0", self.steps, "600")
+        if self.steps < 0:
+            raise refused("steps", "a whole number not below 0", self.steps, "600")
         if not 0.0 <= self.perturbation < 1.0:
             raise refused("perturbation", "a number in [0, 1)", self.perturbation, "1e-3")
         if self.tolerance is not None and not FINEST_TOLERANCE <= self.tolerance < 1.0:

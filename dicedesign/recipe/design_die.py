@@ -183,7 +183,7 @@ def design(
     labels: of the outcomes, at most 12 characters each; the target's own by default.
     start: of the recipe's starting shapes, a name or a mapping such as `{"prism": {"sides": 5}}`;
         by default shapes are searched.
-    method: "exact", the default, "descent" or "concave", or a mapping with its options such as
+    method: "exact", the default, "paper" or "concave", or a mapping with its options such as
         `{"exact": {"prefer": {"margin": 1.0}}}`.
     center_of_mass: (3,) in the start's own coordinates; by default that of the uniform solid.
     symmetry: name of a point group that the die shall have, such as "C2" or "D3h".

@@ -129,7 +129,7 @@ BAD = [
     (["run", "concave.yaml", "--set", "start={prism: {}}"], "start: expected a surface to keep"),
     (
         ["search", "concave.yaml", "--trials", "1"],
-        "expected method exact or descent in a search, got concave",
+        "expected a method for convex dice in a search, got concave",
     ),
     (["run", "bad.yaml"], "bad.yaml: colour: unknown key"),
     (["run", "good.yaml", "--out", "box.obj/x"], "folder that can be written"),
@@ -185,7 +185,12 @@ def test_run_from_a_shell(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("d4: converged")
     assert (tmp_path / "outputs" / "d4" / "die.stl").stat().st_size > 0
-    hasty = ["run", "d4.yaml", "--set", "method.descent.stopping={tolerance: 1e-14, steps: 1}"]
+    hasty = [
+        "run",
+        "d4.yaml",
+        "--set",
+        "method.paper={step: line_search, finish: none, tolerance: 1e-14, steps: 1}",
+    ]
     ended = run([*hasty, "--out", "other"], tmp_path)
     assert ended.returncode == 1
     assert json.loads((tmp_path / "other" / "result.json").read_text())["status"] == "step_limit"

@@ -23,8 +23,8 @@ from dicedesign.optimize.energy.energy import Energy
 from dicedesign.optimize.energy.term import TERMS, EnergyWeights
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import PREFERENCES, Preferences
-from dicedesign.optimize.solvers.descent import descend_to_target
 from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.optimize.starts.start import STARTS, Task
 from dicedesign.optimize.starts.variations import shapes_like
@@ -128,8 +128,7 @@ def read(tmp_path: Path, **entries: object) -> Recipe:
 
 
 def descent(**weights: float) -> dict[str, object]:
-    stopping = {"steps": 4, "tolerance": 1e-9}
-    return {"descent": {"coordinates": "vertices", "weights": weights, "stopping": stopping}}
+    return {"paper": {"step": "line_search", "finish": "none", "steps": 4, "weights": weights}}
 
 
 def test_nothing_of_them_is_known_without_them(tmp_path: Path) -> None:
@@ -153,8 +152,8 @@ def test_a_recipe_takes_them_with_their_options(tmp_path: Path) -> None:
         start={"wedge": {"stretch": 2.0}},
         method=descent(low_peaks=0.3, peak_height=0.25),
     )
-    weights = recipe.method.descent.weights
-    assert (weights.low_peaks, weights.peak_height, weights.coplanar) == (0.3, 0.25, 0.1)
+    weights = recipe.method.paper.weights
+    assert (weights.low_peaks, weights.peak_height, weights.coplanar) == (0.3, 0.25, 2.0)
     assert list(weights.of_terms)[-1] == "low_peaks"
     start = recipe.start.made(Task(4))
     assert np.ptp(start.points, axis=0).tolist() == [1.0, 1.0, 2.0]
@@ -220,9 +219,9 @@ def test_a_term_without_a_kernel_is_added(
 
 @pytest.mark.usefixtures("outside")
 def test_a_descent_lowers_it(tmp_path: Path) -> None:
-    recipe = read(tmp_path, start={"wedge": {"stretch": 1.4}}, method=descent(low_peaks=3.0))
-    result = descend_to_target(
-        recipe.start.made(Task(4)), recipe.target.target().probabilities, recipe.method.descent
+    recipe = read(tmp_path, start={"wedge": {"stretch": 1.4}}, method=descent(low_peaks=500.0))
+    result = descend_as_paper(
+        recipe.start.made(Task(4)), recipe.target.target().probabilities, recipe.method.paper
     )
     first, last = result.history[0], result.history[-1]
     assert last.terms["low_peaks"] < first.terms["low_peaks"]

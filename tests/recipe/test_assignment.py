@@ -23,7 +23,7 @@ ORDER = "cabd"
 """A turn of three labels: its inverse is another order."""
 
 METHODS = {
-    "descent": {"descent": {"weights": {"stability": 0.0}, "stopping": {"tolerance": 1e-6}}},
+    "paper": {"paper": {"prefer": {}}},
     "exact": {"exact": {"prefer": {}}},
     "thrown": {"exact": {"odds": "thrown", "prefer": {}}},
 }

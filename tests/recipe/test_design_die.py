@@ -127,7 +127,7 @@ def test_a_design_that_does_not_converge_says_so() -> None:
     die = design(
         {"sum_of_dice": [6, 6]},
         start={"hendecahedron": "circus"},
-        method={"descent": {"stopping": {"steps": 2}}},
+        method={"paper": {"step": "line_search", "finish": "none", "steps": 2}},
     )
     assert (die.status, die.converged) == ("step_limit", False)
     assert die.max_abs_error > 1e-3

@@ -29,7 +29,12 @@ from dicedesign.results.status import Status
 STONE = np.random.default_rng(3).normal(size=(14, 3)) * 20.0 + [100.0, -30.0, 7.0]
 """Corners of a body with more than four rests, in coordinates of its own."""
 
-QUICK = ["method.descent.stopping.seconds=300", "method.descent.stopping.steps=5000"]
+CIRCUS = Path("recipes", "paper", "2d6_circus.yaml")
+
+
+def few_steps(count: int) -> list[str]:
+    """The paper's literal method, cut short."""
+    return [f"method.paper={{step: line_search, finish: none, tolerance: 1e-6, steps: {count}}}"]
 
 
 def summary(result: Result) -> dict[str, Any]:
@@ -38,7 +43,7 @@ def summary(result: Result) -> dict[str, Any]:
 
 
 def test_a_recipe_becomes_a_checked_die(repository: Path, tmp_path: Path) -> None:
-    recipe = read_recipe(repository / "recipes" / "2d6_descent.yaml", QUICK)
+    recipe = read_recipe(repository / CIRCUS)
     stages: list[str] = []
     steps: list[int] = []
     listeners = Listeners(stages.append, lambda step: steps.append(step.step))
@@ -58,7 +63,7 @@ def test_a_recipe_becomes_a_checked_die(repository: Path, tmp_path: Path) -> Non
     assert result.engraved_max_abs_error < 0.01
 
 
-@pytest.mark.parametrize("name", ["fair_d3_descent", "fair_d7"])
+@pytest.mark.parametrize("name", ["paper/fair_d3", "fair_d7"])
 def test_without_a_clock_the_same_seed_gives_the_same_bytes(
     name: str, repository: Path, tmp_path: Path
 ) -> None:
@@ -74,8 +79,8 @@ def test_without_a_clock_the_same_seed_gives_the_same_bytes(
 
 
 def test_a_result_holds_the_checksums_of_its_files(repository: Path, tmp_path: Path) -> None:
-    changes = ["method.descent.stopping.steps=3", "figures=false"]
-    result = run(read_recipe(repository / "recipes" / "2d6_descent.yaml", changes), tmp_path)
+    changes = [*few_steps(3), "figures=false"]
+    result = run(read_recipe(repository / CIRCUS, changes), tmp_path)
     written = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     del written["result.json"]
     checksums = {name: hashlib.sha256(data).hexdigest() for name, data in written.items()}
@@ -89,10 +94,7 @@ def test_what_is_not_asked_for_is_not_done(repository: Path, tmp_path: Path) -> 
     of_earlier_runs = ("die.stl", "rests.png", "checkpoint.npz")
     for name in of_earlier_runs:
         (folder / name).write_bytes(b"of an earlier run")
-    recipe = read_recipe(
-        repository / "recipes" / "2d6_descent.yaml",
-        ["engrave=false", "method.descent.stopping.steps=3"],
-    )
+    recipe = read_recipe(repository / CIRCUS, ["engrave=false", *few_steps(3)])
     result = run(recipe, folder)
     assert result.status == "step_limit"
     assert not result.converged
@@ -105,8 +107,8 @@ def test_what_is_not_asked_for_is_not_done(repository: Path, tmp_path: Path) -> 
 
 def test_a_fixed_center_of_mass_stays(repository: Path, tmp_path: Path) -> None:
     recipe = read_recipe(
-        repository / "recipes" / "2d6_descent.yaml",
-        ["center_of_mass=[0.1, 0.0, 0.34]", "size_mm=40", "method.descent.stopping.steps=2"],
+        repository / CIRCUS,
+        ["center_of_mass=[0.1, 0.0, 0.34]", "size_mm=40", *few_steps(2)],
     )
     result = run(recipe, tmp_path)
     assert np.allclose(result.center_of_mass, 0.0)
@@ -123,7 +125,8 @@ def stone_recipe(folder: Path, entries: str, stone: np.ndarray = STONE) -> Recip
     path = folder / "stone.yaml"
     path.write_text(
         f"name: stone\nstart: {{mesh: {{path: stone.obj}}}}\n{entries}\n"
-        "method: {descent: {perturbation: 0.0, stopping: {steps: 0, tolerance: 1e-6}}}\n"
+        "method: {paper: {perturbation: 0.0, step: line_search, finish: none, steps: 0, "
+        "tolerance: 1e-6}}\n"
     )
     return read_recipe(path)
 
@@ -150,7 +153,7 @@ def test_a_tolerance_that_hides_the_smallest_outcome_is_told(
     recipe = stone_recipe(tmp_path, f"target: {{probabilities: {target}}}")
     remark = (
         f"; the tolerance is not below the smallest outcome, {smallest:g}: set "
-        "method.descent.stopping.tolerance lower"
+        "method.paper.tolerance lower"
     )
     work = design_recipe(recipe, last="check")
     assert "; ".join(work.remarks).endswith(remark) == told
@@ -169,16 +172,16 @@ def test_a_die_that_also_rests_elsewhere_is_off_target(tmp_path: Path) -> None:
     assert message.startswith("the odds of the outcomes are off by more than the tolerance; ")
     stray = poses.probabilities[4:].sum()
     assert f"{stray:.3g} of the probability lies on rests without an outcome" in message
-    assert "raise weights.stability" in message
+    assert "finish: exact" in message
 
 
 def test_a_label_that_does_not_fit_leaves_old_results_alone(
     repository: Path, tmp_path: Path
 ) -> None:
-    path = repository / "recipes" / "2d6_descent.yaml"
+    path = repository / CIRCUS
     (tmp_path / "die.stl").write_bytes(b"of an earlier run")
     with pytest.raises(EngravingError, match=r"facet \d+.*use size_mm = "):
-        run(read_recipe(path, [*QUICK, "size_mm=5"]), tmp_path)
+        run(read_recipe(path, ["size_mm=5"]), tmp_path)
     assert (tmp_path / "die.stl").read_bytes() == b"of an earlier run"
     assert [p.name for p in tmp_path.iterdir()] == ["die.stl"]
 
@@ -186,9 +189,9 @@ def test_a_label_that_does_not_fit_leaves_old_results_alone(
 def test_labels_that_do_not_fit_an_unfinished_die_are_a_remark(
     repository: Path, tmp_path: Path
 ) -> None:
-    path = repository / "recipes" / "2d6_descent.yaml"
+    path = repository / CIRCUS
     (tmp_path / "die.stl").write_bytes(b"of an earlier run")
-    changes = ["method.descent.stopping.steps=2", "size_mm=5"]
+    changes = [*few_steps(2), "size_mm=5"]
     result = run(read_recipe(path, changes), tmp_path)
     assert result.status == "step_limit"
     assert re.search(r"; not engraved: .*facet \d+.*size_mm = ", result.message)
@@ -232,9 +235,7 @@ def test_an_interrupted_run_leaves_nothing_half_written(
         real(path, data)
 
     monkeypatch.setattr(results, "atomic_write", interrupted)
-    recipe = read_recipe(
-        repository / "recipes" / "2d6_descent.yaml", ["method.descent.stopping.steps=1"]
-    )
+    recipe = read_recipe(repository / CIRCUS, few_steps(1))
     (tmp_path / "result.json").write_text("{}")
     with pytest.raises(KeyboardInterrupt):
         run(recipe, tmp_path)
@@ -255,7 +256,7 @@ def test_a_mesh_as_start(repository: Path, tmp_path: Path) -> None:
     (tmp_path / "stone.obj").write_text(text)
     recipe_path.write_text(
         "name: stone\ntarget: {fair: 4}\nstart: {mesh: {path: stone.obj}}\n"
-        "method: {descent: {stopping: {steps: 5}}}\nengrave: false\n"
+        "method: {paper: {step: line_search, finish: none, steps: 5}}\nengrave: false\n"
     )
     result = run(read_recipe(recipe_path), tmp_path / "out")
     energies = [step.energy for step in result.history]

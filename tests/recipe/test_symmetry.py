@@ -88,7 +88,7 @@ def test_a_die_whose_odds_symmetry_fixes_is_improved_too(
             "symmetry: expected the exact method with coordinates: facets",
         ),
         (
-            {"symmetry": "Cs", "method": {"descent": {}}, "start": {"hendecahedron": "circus"}},
+            {"symmetry": "Cs", "method": {"paper": {}}, "start": {"hendecahedron": "circus"}},
             "symmetry: expected the exact method",
         ),
         (

@@ -14,9 +14,11 @@ from dicedesign import read_body, rest_poses
 from dicedesign.bench.bodies import solids
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.stl import stl_bytes
-from dicedesign.optimize.options import DescentOptions, Stopping
-from dicedesign.optimize.solvers.descent import descend_to_target
+from dicedesign.optimize.options import ExactOptions
+from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.rest.poses import RestPoses
 
@@ -29,9 +31,9 @@ RESTS = {"cube": 6, "dodecahedron": 12, "prism": 14, "die": 11}
 def body(name: str) -> ConvexHull:
     """A solid of circumradius 1 in float64; the die is on its way to the odds of two dice."""
     if name == "die":
-        steps = DescentOptions(stopping=Stopping(steps=12))
-        target = sum_of_dice([6, 6]).probabilities
-        return descend_to_target(hendecahedron("circus"), target, steps).hull
+        start, target = hendecahedron("circus"), sum_of_dice([6, 6]).probabilities
+        options = ExactOptions(prefer=Preferences())
+        return solve_exactly(shapes_like(start, 0), target, options).hull
     points = (solids.prism(12) if name == "prism" else solids.platonic(name)).points
     return convex_hull(points / np.sqrt((points[0] ** 2).sum()))
 

@@ -178,8 +178,8 @@ def test_the_files(tmp_path: Path, recipe: Recipe) -> None:
 @pytest.mark.parametrize(
     ("entries", "assigned"),
     [
-        ({"target": {"binomial": 2}, "method": {"descent": {}}}, True),
-        ({"target": {"fair": 3}, "method": {"descent": {}}}, False),
+        ({"target": {"binomial": 2}, "method": {"paper": {}}}, True),
+        ({"target": {"fair": 3}, "method": {"paper": {}}}, False),
         ({"target": {"binomial": 2}, "symmetry": "C2v", "method": {"exact": {}}}, False),
     ],
 )

@@ -61,7 +61,7 @@ def test_no_die_in_reach(
     path = tmp_path / "far.yaml"
     path.write_text(
         "name: far\ntarget: {binomial: 2}\nstart: {prism: {}}\n"
-        "method: {descent: {stopping: {steps: 1}}}\n"
+        "method: {paper: {step: line_search, finish: none, steps: 1}}\n"
     )
     assert main(["search", str(path), "--trials", "2", "--jobs", "1", "--out", str(tmp_path)]) == 1
     captured = capsys.readouterr()

@@ -24,7 +24,7 @@ ASSIGNED = [f"assignment.{label}" for label in "0123"]
 @pytest.mark.parametrize(
     ("entries", "assigned"),
     [
-        ({"start": {"prism": {}}, "method": {"descent": {}}}, ASSIGNED),
+        ({"start": {"prism": {}}, "method": {"paper": {}}}, ASSIGNED),
         (
             {
                 "start": {"repulsion": {}},
@@ -33,7 +33,7 @@ ASSIGNED = [f"assignment.{label}" for label in "0123"]
             },
             ASSIGNED,
         ),
-        ({"start": {"prism": {}}, "target": {"fair": 4}, "method": {"descent": {}}}, []),
+        ({"start": {"prism": {}}, "target": {"fair": 4}, "method": {"paper": {}}}, []),
         ({"start": {"prism": {}}, "symmetry": "C2v", "method": {"exact": {}}}, []),
         ({"start": {"search": {}}, "method": {"exact": {}}}, []),
     ],
@@ -104,7 +104,7 @@ def test_labels_stay_where_a_symmetry_allows_few_assignments() -> None:
 
 
 def test_every_trial_has_its_seed_and_labels_in_the_order_of_their_numbers() -> None:
-    recipe, rng = made(start={"prism": {}}, method={"descent": {}}), np.random.default_rng(0)
+    recipe, rng = made(start={"prism": {}}, method={"paper": {}}), np.random.default_rng(0)
     seen = set()
     for number in range(200):
         values = {name: rng.random() for name in ASSIGNED}

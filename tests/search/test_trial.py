@@ -72,7 +72,7 @@ def test_whether_a_center_is_inside_depends_on_the_seed() -> None:
         "target": {"fair": 4},
         "start": {"repulsion": {}},
         "center_of_mass": [1.5, 0, 0],
-        "method": {"descent": {"stopping": {"steps": 1}}},
+        "method": {"paper": {"step": "line_search", "finish": "none", "steps": 1}},
     }
     found = [run_trial({**entries, "seed": seed})["status"] for seed in range(8)]
     assert set(found) == {"no_die", "step_limit"}

@@ -55,7 +55,7 @@ class Method:
         from dicedesign.optimize.preferences.preference import Preferences
 
         recipe = recipe.model_copy(update={"seed": seed})
-        others = {"exact": None, "paper": None, "descent": None, "concave": None}
+        others = {"exact": None, "paper": None, "concave": None}
         if self.step is None:
             exact = recipe.method.exact or ExactOptions()
             exact = replace(exact, prefer=Preferences())

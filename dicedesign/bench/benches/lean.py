@@ -25,7 +25,7 @@ _RECIPE: Final = """
 name: die
 target: {sum_of_dice: [6, 6]}
 start: {hendecahedron: bisymmetric}
-method: {descent: {stopping: {steps: 0}}}
+method: {paper: {step: line_search, steps: 0, finish: none}}
 """
 
 _QUERY: Final = "from dicedesign.cli.main import main\nmain(['rest', 'die.stl'{more}])"

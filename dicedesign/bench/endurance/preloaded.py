@@ -19,7 +19,7 @@ for _name in (
     "dicedesign.cli.run",
     "dicedesign.fabricate.engraving",
     "dicedesign.geometry.meshes.reading",
-    "dicedesign.recipe.methods.descent",
+    "dicedesign.recipe.methods.paper",
     "dicedesign.recipe.methods.exact",
     "dicedesign.recipe.methods.thrown",
     "dicedesign.recipe.run",

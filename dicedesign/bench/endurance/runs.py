@@ -73,9 +73,9 @@ def _method(rng: np.random.Generator, recipe: dict[str, Any], outcomes: int) -> 
     which = rng.random()
     if which < 0.35:
         recipe["start"] = {"prism": {"sides": outcomes}}
-        stopping = {"tolerance": 1e-4, "steps": int(rng.integers(0, 300))}
-        coordinates = ["facets", "vertices"][int(rng.integers(2))]
-        return {"descent": {"coordinates": coordinates, "stopping": stopping}}
+        step = ["momentum", "line_search"][int(rng.integers(2))]
+        finish = ["exact", "none"][int(rng.integers(2))]
+        return {"paper": {"step": step, "steps": int(rng.integers(0, 300)), "finish": finish}}
     exact: dict[str, Any] = {"starts": int(rng.integers(1, 5))}
     if which < 0.6:
         recipe["start"] = {"prism": {"sides": outcomes}}

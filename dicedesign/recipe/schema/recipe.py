@@ -14,7 +14,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.fabricate.options import EngravingOptions
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.optimize.options import DescentOptions, ExactOptions
+from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.paper_options import PaperOptions
 from dicedesign.optimize.starts.kinds.search import SearchOptions
 from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts
@@ -31,7 +31,7 @@ LEAST_MM: Final = 1e-3
 MOST_MM: Final = 1000.0
 """Smallest and largest size of a die."""
 
-METHODS: Final = ("exact", "paper", "descent", "concave")
+METHODS: Final = ("exact", "paper", "concave")
 """Keys of `method`."""
 
 
@@ -50,12 +50,11 @@ def _switch(value: object) -> object:
 
 
 class MethodRecipe(Strict):
-    """`method`: how the die is found: `exact` unless it says `paper`, `descent`, or `concave` for a
-    die that keeps the shape of its start. A word alone is the method with all its defaults."""
+    """`method`: how the die is found: `exact` unless it says `paper`, or `concave` for a die that
+    keeps the shape of its start. A word alone is the method with all its defaults."""
 
     exact: ExactOptions | None = Field(default_factory=ExactOptions)
     paper: PaperOptions | None = None
-    descent: DescentOptions | None = None
     concave: ConcaveOptions | None = None
 
     @model_validator(mode="before")
@@ -84,14 +83,12 @@ class MethodRecipe(Strict):
 
     @property
     def limits_key(self) -> str:
-        """Key under which a recipe says tolerance and seconds."""
-        return "method.descent.stopping" if self.descent is not None else f"method.{self.name}"
+        """Key under which a recipe says tolerance and limits."""
+        return f"method.{self.name}"
 
     @property
     def tolerance(self) -> float:
         """Largest |p - q| that counts as reached."""
-        if self.descent is not None:
-            return self.descent.stopping.tolerance
         if self.paper is not None:
             return self.paper.reached
         options = self.exact or self.concave

@@ -102,8 +102,8 @@ def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
             f"{work.target.labels[weakest]} is left at {np.degrees(verdict.margins[weakest]):.2g} "
             "degrees; try another seed, or join what is so rare"
         )
-    if method.descent is not None and {Status.OFF_TARGET, Status.STRAY} & set(flaws):
-        yield "raise weights.stability or weights.coplanar"
+    if method.paper is not None and {Status.OFF_TARGET, Status.STRAY} & set(flaws):
+        yield "take finish: exact, or raise weights.coplanar"
     if method.exact is not None and method.exact.coordinates == "vertices":
         yield "facets of more than three sides break under coordinates: vertices; facets keeps them"
     if Status.TOO_SMALL in flaws:

@@ -40,7 +40,7 @@ STAGES.register(
 STAGES.register(
     Stage(
         name="design",
-        line="runs the recipe's method: exact, paper, descent, concave, or exact for thrown dice",
+        line="runs the recipe's method: exact, paper, concave, or exact for thrown dice",
         rank=20,
         wanted=lambda work: True,
         run=run_method,

@@ -316,14 +316,14 @@ def test_bad_input_is_said_plainly(
     [
         ("exact", "got exact with odds: resting"),
         ({"exact": {"odds": "thrown"}}, "got exact with odds: thrown, without refine"),
-        ("descent", "got descent"),
+        ("paper", "got paper"),
     ],
 )
 def test_recipes_of_another_method_are_refused(
     method: Any, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "other.yaml"
-    start = {"prism": {}} if method == "descent" else {"search": {}}
+    start = {"prism": {}} if method == "paper" else {"search": {}}
     content = {"name": "other", "target": {"fair": 6}, "start": start, "method": method}
     path.write_text(json.dumps(content))
     assert main(["bench", "thrown", str(path)]) == 2

@@ -294,7 +294,7 @@ def test_rests_of_an_outcome_become_one() -> None:
     [
         ({"step": "newton"}, "step: expected momentum or line_search, got 'newton'"),
         ({"finish": "glossy"}, "finish: expected exact or none, got 'glossy'"),
-        ({"steps": 0}, "steps: expected a whole number above 0, got 0"),
+        ({"steps": -1}, "steps: expected a whole number not below 0, got -1"),
         ({"perturbation": 1.0}, "perturbation: expected a number in [0, 1), got 1"),
         ({"tolerance": 1.0}, "tolerance: expected a number from 1e-15 on and below 1, got 1"),
     ],
