@@ -65,6 +65,7 @@ SUBJECTS = {
     "optimize.energy": "energies",
     "optimize.preferences": "preferences",
     "optimize.options": "methods and their options",
+    "optimize.paper_options": "methods and their options",
     "optimize.solvers": "methods and their options",
     "throws": "throws",
     "report.figures": "figures",

@@ -128,7 +128,8 @@ class SideRow(Row):
     recipe: its name; method: "paper" without a finish, "finished" or "exact".
     status: of the die; error: largest |p - q| as designed.
     circle: radius of the smallest of the largest circles in the outcomes' facets, over the die's
-        largest diameter; border_deg: least angle from a rest to the border of its basin.
+        largest diameter; facet: part of the surface that the smallest outcome's facet has;
+        border_deg: least angle from a rest to the border of its basin.
     least_angle: between two outcomes, in degrees.
     thrown: total variation of simulated throws onto the board-game table from the target.
     seconds: of the design on the wall.
@@ -142,6 +143,7 @@ class SideRow(Row):
     status: str = column("status", -13, lambda status: status.replace("_", " "))
     error: float = column("max |p - q|", 12, ".1e")
     circle: float = column("circle %", 10, percent(1))
+    facet: float = column("facet %", 9, percent(1))
     border_deg: float = column("border deg", 12, ".1f")
     least_angle: float = column("angle deg", 11, ".1f")
     thrown: float = column("thrown TV", 11, ".3f")
@@ -279,6 +281,10 @@ def _side(name: str, method: str, recipe: Recipe) -> SideRow:
         status=result.status,
         error=result.design_max_abs_error,
         circle=min(facet.inradius_mm for facet in result.facets) / recipe.size_mm,
+        facet=min(
+            float(work.solid.poses.areas[rest]) for rest in work.solid.outcomes.main if rest >= 0
+        )
+        / float(work.solid.poses.hull.areas.sum()),
         border_deg=min(facet.border_deg for facet in result.facets),
         least_angle=result.least_angle_deg,
         thrown=total_variation(counts / counts.sum(), wanted),
