@@ -1,22 +1,29 @@
-"""Vectors of fractions, for answers without rounding."""
+"""Vectors of fractions or integers, for answers without rounding."""
 
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import TypeVar
+
+Number = TypeVar("Number", int, Fraction)
 
 Vector = tuple[Fraction, ...]
 
 
-def minus(a: Vector, b: Vector) -> Vector:
+def minus(a: tuple[Number, ...], b: tuple[Number, ...]) -> tuple[Number, ...]:
     """(3,) a - b."""
-    return tuple(x - y for x, y in zip(a, b, strict=True))
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-def dot(a: Vector, b: Vector) -> Fraction:
+def dot(a: tuple[Number, ...], b: tuple[Number, ...]) -> Number:
     """Inner product."""
-    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def cross(a: Vector, b: Vector) -> Vector:
+def cross(a: tuple[Number, ...], b: tuple[Number, ...]) -> tuple[Number, ...]:
     """(3,) vector product."""
-    return tuple(a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3))
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )

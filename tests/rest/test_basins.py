@@ -14,9 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dicedesign.errors import OutsideHullError
+from dicedesign.errors import DegenerateBodyError, OutsideHullError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.rest.basins import closed_areas
 from dicedesign.rest.morse import border_areas, separatrices, separatrix_points, wraps
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
 from dicedesign.rest.roll import roll_steps
@@ -211,3 +212,14 @@ def test_a_center_just_inside_sees_half_the_sphere_below() -> None:
     top = np.arcsin(0.2) / np.pi
     expected = [0.5, *[(0.5 - top) / 4] * 4, top]
     np.testing.assert_allclose(rests.probabilities, expected, rtol=0, atol=1e-9)
+
+
+def test_areas_that_do_not_cover_the_sphere_once_are_no_basins() -> None:
+    whole = 4.0 * np.pi
+    np.testing.assert_allclose(closed_areas(np.array([1.0, -1.0])), [1.0, whole - 1.0])
+    np.testing.assert_allclose(closed_areas(np.array([1.0, whole - 1.0])), [1.0, whole - 1.0])
+    # Rounding may leave a little, and an area is above 0.
+    assert (closed_areas(np.array([-1e-10, whole + 1.5e-10])) > 0.0).all()
+    for areas in ([1.0, whole - 1.1], [-0.1, whole + 0.1], [1.0, whole - 1.0 + 1e-8]):
+        with pytest.raises(DegenerateBodyError):
+            closed_areas(np.array(areas))

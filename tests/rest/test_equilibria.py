@@ -9,6 +9,7 @@ from itertools import pairwise, permutations, product
 import numpy as np
 import pytest
 
+from dicedesign.errors import InputError, OutsideHullError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.equilibria import FacetKind, classify
 from dicedesign.runtime.arrays import Floats
@@ -25,6 +26,45 @@ def test_a_cube_rests_on_facets_balances_on_corners_and_tips_over_edges() -> Non
     lengths = np.linalg.norm(cube.saddle_directions, axis=1)
     unit = np.abs(cube.saddle_directions / lengths[:, None])
     np.testing.assert_allclose(np.sort(unit, axis=1), [[0, 0.5**0.5, 0.5**0.5]] * 24, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "center", [[0.0, 0.0], [0.0, np.nan, 0.0], [0.0, 0.0, np.inf], [[0.0] * 3]]
+)
+def test_a_center_is_three_finite_numbers(center: list[float]) -> None:
+    with pytest.raises(InputError, match="center of mass"):
+        classify(convex_hull(CUBE), center)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_a_center_has_to_be_inside_whatever_the_size(size: float) -> None:
+    hull = convex_hull(size * CUBE)
+    for x, where in ((1.0 - 1e-14, "on the boundary"), (1.0 + 1e-14, "boundary"), (1.1, "outside")):
+        with pytest.raises(OutsideHullError, match=where):
+            classify(hull, [0.0, size * x, 0.0])
+    classify(hull, [0.0, size * (1.0 - 1e-12), 0.0])
+
+
+def test_of_several_edges_a_facet_rolls_over_the_one_that_its_foot_is_farthest_beyond() -> None:
+    """Facets that are flat only within a wide tolerance can have several."""
+    several = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        points = rng.normal(size=(25, 3))
+        points *= [1.0, 2.0, 3.0] / np.linalg.norm(points, axis=1)[:, None]
+        hull = convex_hull(points, 0.1)
+        center = hull.centroid + 0.05 * rng.normal(size=3)
+        body = classify(hull, center)
+        for facet in np.flatnonzero(body.facet_kind == FacetKind.ROLLS_OVER_EDGE):
+            edges = np.flatnonzero((hull.facet == facet) & body.hinge & (body.side_sign < 0))
+            beyond = []
+            for edge in edges:
+                a, b = hull.vertices[[hull.tail[edge], hull.head[edge]]]
+                out = np.cross(b - a, hull.normals[facet])
+                beyond.append((center - a) @ out / np.linalg.norm(b - a))
+            assert body.roll_edge[facet] == edges[np.argmax(beyond)]
+            several += len(edges) > 1
+    assert several > 3
 
 
 def test_steep_caps_roll_over_their_base() -> None:

@@ -53,11 +53,15 @@ def test_what_balances_within_unevenness_is_tied(body: tuple[int, int, float]) -
     assert np.abs(difference).max() < 1e-9
 
 
+@pytest.mark.parametrize("size", [2.0**-20, 1.0, 2.0**20])
 @pytest.mark.parametrize("body", BENT)
-def test_facets_that_contradict_each_other_are_merged(body: tuple[int, int, float]) -> None:
-    points = noisy_lattice(*body)
+def test_facets_that_contradict_each_other_are_merged(
+    body: tuple[int, int, float], size: float
+) -> None:
+    points = size * noisy_lattice(*body)
     poses = rest_poses(points, np.zeros(3))
     assert UNEVEN in poses.notes
+    assert 0.5 * len(convex_hull(points).normals) < len(poses.hull.normals)
     assert len(poses.hull.normals) < len(convex_hull(points).normals)
     np.testing.assert_array_equal(poses.hull.vertices, points[poses.hull.source])
     assert poses.morse.equilibria.hull is poses.hull

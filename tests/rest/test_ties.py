@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from common.kernels import without_kernels
 from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
@@ -101,6 +102,7 @@ def test_signs_within_rounding_are_asked_for() -> None:
     assert asked > 5
 
 
+@without_kernels()
 def test_exact_lines_are_those_of_the_floats(monkeypatch: pytest.MonkeyPatch) -> None:
     """With error bounds blown up, every decision is taken in exact arithmetic."""
     hulls = [convex_hull(np.random.default_rng(seed).normal(size=(16, 3))) for seed in range(20)]
@@ -184,6 +186,37 @@ def test_the_ways_aside_turn_with_the_body() -> None:
         assert len(ways) == len(found) == count <= 2 * MOST_FLAGS
         assert (ways @ found.T).max(axis=1) == pytest.approx(1.0, abs=1e-12)
         assert ways.sum(axis=0) == pytest.approx(0.0, abs=1e-12)
+
+
+def prism_of(sides: int) -> np.ndarray:
+    """Corners (2 sides, 3) of a regular prism, which has 4 sides symmetries."""
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(sides)])
+    up = np.array([0.0, 0.0, 0.7])
+    return np.concatenate([ring + up, ring - up])
+
+
+@pytest.mark.parametrize(("sides", "count"), [(5, 40), (16, 128), (17, 2)])
+def test_a_body_is_moved_to_twice_as_many_sides_as_it_has_symmetries(
+    sides: int, count: int
+) -> None:
+    """And to two, where it has more than `MOST_FLAGS`."""
+    assert 4 * 16 <= MOST_FLAGS < 4 * 17
+    turn = Rotation.from_euler("z", 2.0 * np.pi / sides).as_matrix()
+    corners = prism_of(sides)
+    for size, shift in ((1.0, 0.0), (1e-3, 5e-3), (1e4, 2e4)):
+        center = np.full(3, shift)
+        ways = aside_directions(convex_hull(size * corners + center), center)
+        assert len(ways) == count
+        np.testing.assert_allclose(np.linalg.norm(ways, axis=1), 1.0, atol=1e-12)
+        np.testing.assert_allclose(ways[::2], -ways[1::2], atol=1e-15)
+        if count == 2:
+            continue
+        # None is on a plane of symmetry, so that no two are the same, and symmetries permute them.
+        one = ways[::2]
+        assert (one @ one.T - 2.0 * np.eye(len(one))).max() < 1.0 - 1e-4
+        for symmetry in (turn, np.diag([1.0, 1.0, -1.0]), np.diag([1.0, -1.0, 1.0])):
+            np.testing.assert_allclose((ways @ symmetry.T @ ways.T).max(axis=1), 1.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("depth", [1.0, 1.05, 1.5, 2.0, 2.5])

@@ -1,0 +1,251 @@
+"""What rounding could change, on bodies at the brink: held against fractions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
+from functools import cache
+
+import numpy as np
+import pytest
+from common.kernels import without_kernels
+from common.rational_flow import Balanced, RationalFlow
+
+from dicedesign.errors import DiceError
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.rest import equilibria as equilibria_module
+from dicedesign.rest import tracing as tracing_module
+from dicedesign.rest.center_clearance import surroundings
+from dicedesign.rest.equilibria import Equilibria, Tie, classify
+from dicedesign.rest.exact import ExactSigns
+from dicedesign.rest.morse import separatrices
+from dicedesign.rest.tracing import destined_facets, slide
+from dicedesign.runtime.arrays import Floats
+
+Body = tuple[ConvexHull, Floats]
+
+
+def bodies(count: int) -> Iterator[ConvexHull]:
+    """Round, flat and long bodies, and some with corners on a lattice; all facets are flat."""
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        points = rng.normal(size=(int(rng.integers(6, 16)), 3))
+        if seed % 4 == 1:
+            points *= [1.0, 1.0, 10.0 ** rng.uniform(-4, -1)]
+        elif seed % 4 == 2:
+            points *= [1.0, 1.0, 10.0 ** rng.uniform(1, 4)]
+        elif seed % 4 == 3:
+            points = rng.integers(-3, 4, size=points.shape).astype(np.float64)
+        try:
+            yield convex_hull(points, 0.0)
+        except DiceError:
+            continue
+
+
+def long_bodies(count: int) -> Iterator[ConvexHull]:
+    """On which paths cross up to four edges, and some facets tip onto a corner."""
+    for seed in range(count):
+        points = np.random.default_rng(seed).normal(size=(12 + seed % 12, 3))
+        points /= np.linalg.norm(points, axis=1)[:, None]
+        yield convex_hull(points * [1.0, 2.0, 3.0 + seed % 3], 0.0)
+
+
+def elements(body: Equilibria) -> Floats:
+    """All signs about edges."""
+    return np.concatenate([body.growth_sign, body.side_sign])
+
+
+def lines(body: Equilibria) -> Floats:
+    """All uphill lines from saddles that divide basins. Where one crosses the normal of a facet,
+    that facet comes to rest elsewhere too."""
+    paths = separatrices(body)
+    return np.concatenate([paths.crossings.ravel(), paths.branch_start])
+
+
+def same_elements(hull: ConvexHull, start: Floats, direction: Floats) -> float:
+    """How far the center of mass may be moved from a start before a sign about an edge changes:
+    all of them are linear in the center."""
+    body = classify(hull, start)
+    r, v = body.radii[hull.tail], body.edge_vectors
+    reach = float(surroundings(hull, start).height)
+    for normal in (v, np.cross(v, hull.normals[hull.facet])):
+        way = (direction * normal).sum(-1) / (r * normal).sum(-1)
+        reach = min(reach, 1.0 / float(way.max()))
+    return reach
+
+
+def brink(
+    hull: ConvexHull,
+    start: Floats,
+    direction: Floats,
+    most: float,
+    decisions: Callable[[Equilibria], Floats],
+) -> list[Floats]:
+    """Two centers of mass with no float64 position between them on a way of no more than a length
+    for which some decisions differ; none where these stay the same."""
+
+    def at(reach: float) -> Floats:
+        return decisions(classify(hull, start + reach * direction))
+
+    low, high, before = 0.0, most, at(0.0)
+    if np.array_equal(before, at(high)):
+        return []
+    while low < (middle := (low + high) / 2.0) < high:
+        same = np.array_equal(before, at(middle))
+        low, high = (middle, high) if same else (low, middle)
+    return [start + low * direction, start + high * direction]
+
+
+@cache
+def bodies_at_the_brink() -> dict[str, list[Body]]:
+    """With centers of mass on both sides of a change, as near to it as float64 positions are, by
+    what changes."""
+    found: dict[str, list[Body]] = {"elements": [], "lines": []}
+    rng = np.random.default_rng(1)
+    for hull in bodies(30):
+        for direction in rng.normal(size=(2, 3)):
+            reach = 0.5 * float(surroundings(hull, hull.centroid).height)
+            way = direction / np.linalg.norm(direction)
+            ends = brink(hull, hull.centroid, way, reach, elements)
+            found["elements"] += [(hull, end) for end in ends]
+    for hull in long_bodies(90):
+        for direction in rng.normal(size=(3, 3)):
+            way = direction / np.linalg.norm(direction)
+            reach = 0.999 * same_elements(hull, hull.centroid, way)
+            found["lines"] += [(hull, end) for end in brink(hull, hull.centroid, way, reach, lines)]
+    return found
+
+
+def assert_as_fractions_say(equilibria: Equilibria) -> None:
+    flow = RationalFlow(equilibria.hull, equilibria.center_of_mass)
+    paths = separatrices(equilibria)
+    tail, head = equilibria.hull.tail.tolist(), equilibria.hull.head.tolist()
+    for half_edge, (p, q) in enumerate(zip(tail, head, strict=True)):
+        assert (equilibria.growth_sign[half_edge] > 0) == flow.grows(p, q)
+        assert (equilibria.side_sign[half_edge] > 0) == flow.is_inside(p, q)
+    assert paths.rests.tolist() == flow.rests()
+    borders = [] if len(paths.rests) == 1 else list(flow.borders())
+    assert paths.saddles.tolist() == [half_edge for half_edge, *_ in borders]
+    assert paths.rests[paths.basins].tolist() == [list(sides) for _, sides, *_ in borders]
+    assert paths.saddle_ends.tolist() == [[tail[border[0]], head[border[0]]] for border in borders]
+    branches = np.split(paths.crossings, paths.branch_start[1:-1])
+    crossed = [[tuple(edge) for edge in branch.tolist()] for branch in branches]
+    assert crossed[: 2 * len(borders)] == [line for border in borders for line in border[2]]
+    assert paths.maxima.tolist() == [end for border in borders for end in border[3]]
+    facets = np.arange(len(equilibria.stable))
+    assert destined_facets(equilibria, facets).tolist() == [flow.destined(f) for f in facets]
+
+
+@pytest.mark.parametrize("kind", ["elements", "lines"])
+def test_at_the_brink_decisions_are_those_of_fractions(kind: str) -> None:
+    asked = 0
+    for number, (shape, center) in enumerate(bodies_at_the_brink()[kind]):
+        size = SIZES[number // 2 % 3]
+        body = classify(convex_hull(size * shape.vertices, 0.0), size * center)
+        with without_kernels():
+            try:
+                assert_as_fractions_say(body)
+            except Balanced:
+                continue
+        asked += 1
+    assert asked > 50
+
+
+@without_kernels()
+def test_exact_arithmetic_decides_as_fractions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With error bounds blown up, every decision is taken in exact arithmetic."""
+    monkeypatch.setattr(equilibria_module, "ROUNDING", 1e6)
+    monkeypatch.setattr(tracing_module, "ROUNDING", 1e6)
+    at_the_brink = [body for bodies in bodies_at_the_brink().values() for body in bodies[::4]]
+    for hull, center in [*((hull, hull.centroid) for hull in bodies(40)), *at_the_brink]:
+        try:
+            assert_as_fractions_say(classify(hull, center))
+        except Balanced:
+            continue
+
+
+def test_what_is_exactly_zero_counts_as_negative() -> None:
+    """Of bodies on a lattice, where the least values are exactly 1."""
+    values = set()
+    for seed in range(3, 60, 4):
+        points = np.random.default_rng(seed).integers(-2, 3, size=(9, 3)).astype(np.float64)
+        hull, center = convex_hull(points, 0.0), points[0] + points[1] - points[2]
+        exact = ExactSigns(hull, center)
+        for half_edge, facet in enumerate(hull.facet):
+            corners = hull.polygon(facet)
+            normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
+            p, q = hull.vertices[[hull.tail[half_edge], hull.head[half_edge]]]
+            growth, side = (p - center) @ (q - p), (p - center) @ np.cross(q - p, normal)
+            assert exact.growth(half_edge) == (1 if growth > 0.0 else -1)
+            assert exact.side(half_edge) == (1 if side > 0.0 else -1)
+            values |= {growth, side}
+    assert {-1.0, 0.0, 1.0} <= values
+
+
+def nearest_change(equilibria: Equilibria) -> float:
+    """How far the center of mass is from where a sign about an edge changes."""
+    hull, r, v = equilibria.hull, equilibria.radii, equilibria.edge_vectors
+    across = np.cross(v, hull.normals[hull.facet])
+    values = [(r[hull.tail] * normal).sum(-1) for normal in (v, across)]
+    return float((np.abs(values) / np.linalg.norm(v, axis=1)).min())
+
+
+SIZES = (2.0**-30, 1.0, 2.0**30)
+"""Powers of two change no rounding."""
+
+
+@pytest.mark.parametrize("way", [nullcontext, without_kernels])
+def test_a_move_within_the_tie_distance_that_changes_an_element_is_a_tie(
+    way: Callable[[], AbstractContextManager[None]],
+) -> None:
+    for number, shape in enumerate(bodies(40)):
+        hull = convex_hull(SIZES[number % 3] * shape.vertices, 0.0)
+        least = nearest_change(classify(hull, hull.centroid))
+        if least < 1e-9 * hull.diameter:
+            continue
+        with way(), pytest.raises(Tie):
+            separatrices(classify(hull, hull.centroid, 1.001 * least))
+        elements(classify(hull, hull.centroid, 0.999 * least))
+
+
+@pytest.mark.parametrize("way", [nullcontext, without_kernels])
+def test_a_move_within_the_tie_distance_that_changes_a_path_is_a_tie(
+    way: Callable[[], AbstractContextManager[None]],
+) -> None:
+    """And bodies whose paths change nowhere near are not tied."""
+    tied, asked = 0, 0
+    rng = np.random.default_rng(2)
+    for number, (shape, brink_of_shape) in enumerate(bodies_at_the_brink()["lines"][::2]):
+        size = SIZES[number % 3]
+        hull, center = convex_hull(size * shape.vertices, 0.0), size * brink_of_shape
+        moved = rng.normal(size=3)
+        distance = 1e-4 * hull.diameter
+        elsewhere = center + distance * moved / np.linalg.norm(moved)
+        with way():
+            with pytest.raises(Tie):
+                separatrices(classify(hull, elsewhere, 1.001 * distance))
+            asked += 1
+            try:
+                separatrices(classify(hull, elsewhere, 1e-5 * distance))
+            except Tie:
+                tied += 1
+    assert asked > 25
+    assert tied < 0.1 * asked
+
+
+@pytest.mark.parametrize("way", [nullcontext, without_kernels])
+def test_a_line_into_a_facet_normal_or_a_saddle_is_uncertain(
+    way: Callable[[], AbstractContextManager[None]],
+) -> None:
+    """However well its direction is known."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    hull = convex_hull(corners)
+    body = classify(hull, np.zeros(3))
+    corner = np.tile([i for i, x in enumerate(hull.vertices) if (x == 1.0).all()], 3)
+    ends = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.7, 0.0]])
+    down = ends + 0.25
+    down /= np.linalg.norm(down, axis=1)[:, None]
+    with way():
+        facets, certain = slide(body, corner, down, np.zeros(3))
+    assert certain.tolist() == [False, False, True]
+    np.testing.assert_array_equal(hull.normals[facets[2]], [1.0, 0.0, 0.0])
