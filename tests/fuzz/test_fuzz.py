@@ -35,14 +35,7 @@ from strategies import (
 from tally import TALLY
 
 from dicedesign.bench.bodies.problem import Problem
-from dicedesign.bench.reference.measurement import (
-    CONDITION_FACTOR,
-    ERROR_LIMIT,
-    OK,
-    Measurement,
-    measure,
-    verdict,
-)
+from dicedesign.bench.reference.measurement import OK, Measurement, measure, verdict
 from dicedesign.bench.reference.sixty_digits import OracleError
 from dicedesign.errors import DegenerateBodyError, OutsideHullError
 from dicedesign.rest.poses import UNEVEN, RestPoses, rest_poses
@@ -69,10 +62,10 @@ def check(kind: str, problem: Problem) -> None:
             raise
         TALLY.refused += 1
         return
-    limit = max(ERROR_LIMIT, CONDITION_FACTOR * found.condition * float(np.finfo(np.float64).eps))
     assert min(found.probabilities) > 0.0
     poses = ask(problem)
-    if found.errors.get("oracle", np.inf) > limit and problem.coplanar_tolerance != 0.0:
+    error = found.errors.get("oracle", np.inf)
+    if error > found.limit(error) and problem.coplanar_tolerance != 0.0:
         # Facets as narrow as they are uneven make no polyhedron that the oracle could judge.
         error = difference_from_exact(problem, poses)
         assert error < UNEVEN_LIMIT + spread(found, poses), (
@@ -80,11 +73,11 @@ def check(kind: str, problem: Problem) -> None:
         )
         found = replace(found, errors={**found.errors, "oracle": 0.0})
         TALLY.uneven += 1
-    TALLY.measured(found, limit)
+    TALLY.measured(found)
     assert verdict(found, problem.rests) == OK
     for law in laws(problem, poses.center_of_mass):
         if law.tied or not found.tied:
-            keeps(law, poses, limit + spread(found, poses), found.tied)
+            keeps(law, poses, found)
 
 
 def spread(found: Measurement, poses: RestPoses) -> float:
@@ -106,7 +99,7 @@ def judged(problem: Problem) -> Measurement:
         return measure(problem, oracle=False)
 
 
-def keeps(law: Law, poses: RestPoses, limit: float, tied: bool) -> None:
+def keeps(law: Law, poses: RestPoses, found: Measurement) -> None:
     """The changed body's odds are those of the first, tied or not, to within both their errors."""
     try:
         changed = ask(law.problem)
@@ -115,7 +108,8 @@ def keeps(law: Law, poses: RestPoses, limit: float, tied: bool) -> None:
             raise
         TALLY.refused += 1
         return
-    change = difference(law, poses, changed)
+    change, tied = difference(law, poses, changed), found.tied
+    limit = found.limit(change / 2.0) + spread(found, poses)
     if UNEVEN in (*poses.notes, *changed.notes) and not law.exact:
         assert change < UNEVEN_LIMIT, f"{law.name}: odds changed by {change:.1e}"
         TALLY.borderline += 1

@@ -115,9 +115,7 @@ def _hulls_rows(rows: Sequence[GradientRow]) -> Items:
     worst = max(rows, key=lambda row: row.error)
     yield (
         f"worst: {worst.name}, {worst.corners} corners, {worst.rests} rests, error "
-        f"{worst.error:.1e}, limit {worst.limit:.1e}, condition {worst.condition:.2g}, of the "
-        f"gradient {worst.gradient_condition:.2g}, r_p . v from {worst.growth:.2g}, slant from "
-        f"{worst.slant:.2g}"
+        f"{worst.error:.1e}, r_p . v from {worst.growth:.2g}, slant from {worst.slant:.2g}"
     )
     return True
 

@@ -48,7 +48,7 @@ class CaseRow(Row):
     name: of the case; size: facets of the hull; rests: how many.
     excess: sum of the probabilities less 1.
     error: largest error of a probability by any of `measures`; None where there is none.
-    condition: see `dicedesign.bench.reference.condition`.
+    condition: see `dicedesign.bench.reference.condition`; None where no error asks for it.
     seconds: wall-clock time of the query or design.
     verdict: "ok", or what went wrong.
     tied: whether the center of mass was moved to both sides of a balance.
@@ -60,7 +60,7 @@ class CaseRow(Row):
     rests: int = column("rests", 7, default=0)
     excess: float = column("sum - 1", 9, ".1e", default=0.0)
     error: float | None = column("error", 9, ".1e", default=None)
-    condition: float = column("condition", 10, ".1e", default=0.0)
+    condition: float | None = column("condition", 10, ".1e", default=None)
     seconds: float = column("s", 9, ".4f", default=0.0)
     verdict: str = column("verdict", 0, default="ok")
     tied: bool = column("", 0, lambda tied: "(tied)" * tied, default=False)
@@ -133,22 +133,25 @@ def _design_row(name: str, problem: DesignProblem) -> CaseRow:
     from dicedesign.bench.measures.watched_design import watch_design
 
     watched = watch_design(problem)
-    row = _row(name, [watched.measurement], None, None)
+    row = CaseRow(name)
+    if watched.measurement is not None:
+        row = _row(name, [watched.measurement], None, None)
     verdict = watched.faults[0] if watched.faults else row.verdict
     return replace(row, seconds=watched.seconds, verdict=verdict, ending=watched.ending)
 
 
 def _row(name: str, all_turns: list[Measurement], rests: int | None, facets: int | None) -> CaseRow:
-    from dicedesign.bench.reference.measurement import OK, verdict
+    from dicedesign.bench.reference.measurement import ERROR_LIMIT, OK, verdict
 
     verdicts = [verdict(one, rests, facets) for one in all_turns]
+    asking = [one for one in all_turns if max(one.errors.values(), default=0.0) > ERROR_LIMIT]
     return CaseRow(
         name=name,
         size=all_turns[0].facets,
         rests=all_turns[0].rests,
         excess=max((one.excess for one in all_turns), key=abs),
         error=max((e for one in all_turns for e in one.errors.values()), default=None),
-        condition=max(one.condition for one in all_turns),
+        condition=max((one.condition for one in asking), default=None),
         seconds=max(one.seconds for one in all_turns),
         verdict=next((text for text in verdicts if text != OK), OK),
         tied=any(one.tied for one in all_turns),

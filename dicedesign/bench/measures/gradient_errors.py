@@ -30,9 +30,11 @@ import torch
 from dicedesign.bench.bodies.problem import Problem, turned
 from dicedesign.bench.bodies.random_hulls import random_hull
 from dicedesign.bench.bodies.stiff import glancing
-from dicedesign.bench.reference.condition import condition, smallest_growth_and_slant
+from dicedesign.bench.measures.path_angles import smallest_growth_and_slant
+from dicedesign.bench.reference.condition import derivative_condition, probability_condition
 from dicedesign.bench.reference.oracle_derivatives import oracle_derivative
 from dicedesign.bench.rows import Row, column, hidden
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.runtime.arrays import Floats
@@ -42,6 +44,7 @@ __all__ = [
     "MEDIAN_LIMIT",
     "GradientRow",
     "compare_gradients",
+    "error_limit",
     "exponent",
     "glancing_rows",
     "gradient_row",
@@ -60,6 +63,13 @@ CONDITION_FACTOR: Final = 10.0
 """Else it may be so many times the gradient's own condition times machine epsilon."""
 
 
+def error_limit(error: float, condition: Callable[[], float]) -> float:
+    """What a relative error may be; the condition is only asked for a large one."""
+    if error <= ERROR_FLOOR:
+        return ERROR_FLOOR
+    return max(ERROR_FLOOR, CONDITION_FACTOR * condition() * float(np.finfo(np.float64).eps))
+
+
 @dataclass(frozen=True)
 class GradientRow(Row):
     """How right the derivatives of one body's probabilities are, all coordinates moving at once.
@@ -70,12 +80,12 @@ class GradientRow(Row):
     uniform: whether its center of mass follows from its corners, or is a variable of its own.
     size: largest norm of a probability's gradient, times the body's radius; scaled_size: times the
         size of the growth too.
-    error: largest error of a probability's derivative over the largest such derivative.
-    limit: what the error may be.
-    condition: of the probabilities, see `dicedesign.bench.reference.condition`.
-    gradient_condition: relative change of the largest derivative over the relative size of the
-        change of coordinates that causes it, to first order, at most.
-    growth, slant: see `dicedesign.bench.reference.condition`.
+    error: largest error of a probability's derivative over the largest such derivative, with
+        gradients one by one; jacobian_error: with those in the corners by
+        `RestEvaluation.jacobian`.
+    limit: what the errors may be.
+    condition: of the probabilities, see `dicedesign.bench.reference.condition`; NaN if not asked.
+    growth, slant: see `dicedesign.bench.measures.path_angles`.
     """
 
     table: ClassVar[str | None] = None
@@ -85,19 +95,19 @@ class GradientRow(Row):
     corners: int = hidden()
     rests: int = hidden()
     uniform: bool = hidden()
-    gradient_condition: float = hidden()
     growth: float = column("r_p . v", 11, ".1e")
     slant: float = column("slant", 11, ".1e")
     size: float = column("gradient", 11, ".1e")
     scaled_size: float = column("x r_p . v", 11, ".1e")
     error: float = column("error", 11, ".1e")
+    jacobian_error: float = column("Jacobian", 11, ".1e")
     limit: float = column("limit", 11, ".1e")
-    condition: float = column("condition", 11, ".1e")
+    condition: float = column("condition", 11, ".1e", default=float("nan"))
 
     @property
     def ok(self) -> bool:
-        """Whether the error is within its limit."""
-        return self.error <= self.limit
+        """Whether the errors are within their limit."""
+        return max(self.error, self.jacobian_error) <= self.limit
 
 
 def compare_gradients(hulls: int) -> Iterator[GradientRow]:
@@ -128,35 +138,35 @@ def gradient_row(
     center = None if problem.center is None else torch.tensor(problem.center, requires_grad=True)
     rests = evaluate(points, center)
     hull, middle = rests.hull, rests.equilibria.center_of_mass
-    reaches = norms(hull.vertices - middle)
-    radius = float(reaches.max())
+    radius = float(norms(hull.vertices - middle).max())
     along = np.zeros((len(problem.points), 3))
     along[hull.source] = radius * rng.normal(size=(len(hull.source), 3))
     center_along = radius * rng.normal(size=3)
 
     variables = [points] if center is None else [points, center]
     velocities = [torch.tensor(along), torch.tensor(center_along)][: len(variables)]
-    found, bends, size = _derivatives(rests, variables, velocities)
-    exact = oracle_derivative(hull, problem.center, along[hull.source], center_along)
+    motion = along[hull.source], center_along
+    by_corners, by_center, size = _derivatives(rests, variables, velocities)
+    exact = oracle_derivative(hull, problem.center, *motion)
     largest = float(np.abs(exact).max())
-    all_found = np.zeros(len(exact))
-    all_found[rests.paths.rests] = found
-    distances = np.zeros(len(along))
-    distances[hull.source] = reaches
-    gradient_condition = float((bends @ distances).max()) / largest
-    epsilon = float(np.finfo(np.float64).eps)
+    jacobian = rests.jacobian @ along[hull.source].ravel()
+    error, jacobian_error = (
+        _difference(rests, corners + by_center, exact) for corners in (by_corners, jacobian)
+    )
     growth, slant = smallest_growth_and_slant(rests.paths, hull.vertices, middle)
     return GradientRow(
         name=name,
         corners=len(hull.vertices),
-        rests=len(found),
+        rests=len(by_corners),
         uniform=center is None,
         size=size * radius,
         scaled_size=size * radius * abs(growth),
-        error=float(np.abs(all_found - exact).max()) / largest,
-        limit=max(ERROR_FLOOR, CONDITION_FACTOR * gradient_condition * epsilon),
-        condition=condition(hull, middle, rests.paths),
-        gradient_condition=gradient_condition,
+        error=error / largest,
+        jacobian_error=jacobian_error / largest,
+        limit=error_limit(
+            max(error, jacobian_error) / largest,
+            lambda: derivative_condition(hull, problem.center, *motion),
+        ),
         growth=growth,
         slant=slant,
     )
@@ -165,19 +175,22 @@ def gradient_row(
 def _derivatives(
     rests: RestEvaluation, variables: list[torch.Tensor], velocities: list[torch.Tensor]
 ) -> tuple[Floats, Floats, float]:
-    """Derivatives (k,) of the probabilities, how fast each changes with each point at most (k, n),
-    and the largest norm of a probability's gradient."""
-    derivatives, bends, size = [], [], 0.0
-    for probability in rests.probabilities:
+    """Derivatives (k,) of the probabilities with the points and with a given center, and the
+    largest norm of a probability's gradient."""
+    derivatives, size = np.zeros((2, len(rests.probabilities))), 0.0
+    for number, probability in enumerate(rests.probabilities):
         gradients = torch.autograd.grad(probability, variables, retain_graph=True)
-        pairs = list(zip(gradients, velocities, strict=True))
-        derivatives.append(sum(float((g * v).sum()) for g, v in pairs))
+        for part, (gradient, velocity) in enumerate(zip(gradients, velocities, strict=True)):
+            derivatives[part, number] = float((gradient * velocity).sum())
         size = max(size, sum(float((g**2).sum()) for g in gradients) ** 0.5)
-        slopes = torch.autograd.grad(probability, variables, create_graph=True)
-        along = [(g * v).sum() for g, v in zip(slopes, velocities, strict=True)]
-        (bend,) = torch.autograd.grad(torch.stack(along).sum(), variables[0], retain_graph=True)
-        bends.append(bend.abs().sum(dim=1).numpy())
-    return np.array(derivatives), np.array(bends), size
+    return derivatives[0], derivatives[1], size
+
+
+def _difference(rests: RestEvaluation, found: Floats, exact: Floats) -> float:
+    """Largest difference of derivatives (k,) of the rests from those (m,) of all facets."""
+    all_found = np.zeros(len(exact))
+    all_found[rests.paths.rests] = found
+    return float(np.abs(all_found - exact).max())
 
 
 GROWTHS: Final = tuple(10.0**-power for power in range(1, 15))
@@ -204,7 +217,8 @@ def glancing_rows(growths: int = len(GROWTHS)) -> Iterator[GradientRow]:
     (rho < 0)."""
     for sign in (1.0, -1.0):
         for growth in GROWTHS[:growths]:
-            row = gradient_row("glancing", glancing(sign * growth))
+            problem = glancing(sign * growth)
+            row = _with_condition(gradient_row("glancing", problem), problem)
             beyond = replace(row, growth=-growth, scaled_size=row.size * growth)
             yield row if sign > 0.0 else beyond
 
@@ -213,15 +227,19 @@ def grazing_rows(growths: int = len(GROWTHS)) -> Iterator[GradientRow]:
     """For each rho the body of `grazing_body` with the largest gradient of all offsets, turned, so
     that its coordinates are rounded as those of any other body."""
     for number, growth in enumerate(GROWTHS[: growths - 1]):
-        rows = [
-            gradient_row(
-                f"grazing, offset {ratio:.3g} rho",
-                turned(grazing_body(growth, ratio * growth), number),
-            )
-            for ratio in OFFSETS
-            if ratio * growth <= LARGEST_OFFSET
-        ]
-        yield max(rows, key=lambda row: row.size)
+        rows = []
+        for ratio in OFFSETS:
+            if ratio * growth <= LARGEST_OFFSET:
+                problem = turned(grazing_body(growth, ratio * growth), number)
+                row = gradient_row(f"grazing, offset {ratio:.3g} rho", problem)
+                rows.append((row.size, _with_condition(row, problem)))
+        yield max(rows, key=lambda sized: sized[0])[1]
+
+
+def _with_condition(row: GradientRow, problem: Problem) -> GradientRow:
+    hull = convex_hull(problem.points)
+    center = hull.centroid if problem.center is None else problem.center
+    return replace(row, condition=probability_condition(hull, center))
 
 
 def grazing_body(growth: float, offset: float) -> Problem:

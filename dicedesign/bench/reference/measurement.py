@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from dicedesign.bench.bodies.problem import Problem
-from dicedesign.bench.reference.condition import condition
+from dicedesign.bench.reference.condition import probability_condition
 from dicedesign.bench.reference.oracle import hull_probabilities
 from dicedesign.bench.reference.sixty_digits import DIGITS, multiprecision, solid_centroid, vector
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
@@ -38,7 +39,7 @@ ERROR_LIMIT: Final = 1e-12
 """Largest error of a probability, and largest difference of their sum from 1."""
 
 CONDITION_FACTOR: Final = 100.0
-"""Where it is more, the error may be so many times the condition times machine epsilon."""
+"""A larger error may be so many times the condition times machine epsilon."""
 
 OUTSIDE_LIMIT: Final = 1e-10
 """How far a point may lie outside of the hull, over half its extent."""
@@ -75,12 +76,12 @@ class Measurement:
     probabilities: (k,) in descending order.
     excess: their sum less 1.
     errors: largest error of a probability by measure: "oracle", "closed form", "symmetry".
-    condition: see `dicedesign.bench.reference.condition`.
     outside: how far a point lies beyond a facet's plane, more than rounding far from the origin
         explains, over half the body's extent; NaN where that was too much to look at.
     seconds: wall-clock time of the query.
     tied: whether its center of mass was moved to both sides of a balance.
     made_again: whether its hull was, at a coarser coplanar tolerance (see `find_basins`).
+    hull, centers: what its condition is taken of.
     """
 
     facets: int
@@ -88,11 +89,27 @@ class Measurement:
     probabilities: tuple[float, ...]
     excess: float
     errors: dict[str, float]
-    condition: float
     outside: float
     seconds: float
     tied: bool
     made_again: bool
+    hull: ConvexHull
+    centers: tuple[Floats, ...]
+
+    @cached_property
+    def condition(self) -> float:
+        """See `dicedesign.bench.reference.condition`; 0 for hulls that are too large for the
+        oracle."""
+        if self.facets > ORACLE_FACETS:
+            return 0.0
+        return max(probability_condition(self.hull, center) for center in self.centers)
+
+    def limit(self, error: float, least: float = ERROR_LIMIT) -> float:
+        """How large an error may be that is due to rounding, at least some number; the condition
+        is only taken for a larger one."""
+        if error <= least:
+            return least
+        return max(least, CONDITION_FACTOR * self.condition * float(np.finfo(np.float64).eps))
 
 
 def measure(
@@ -132,17 +149,17 @@ def measure(
         probabilities=tuple(poses.probabilities.tolist()),
         excess=float(poses.probabilities.sum()) - 1.0,
         errors=errors,
-        condition=max(condition(hull, s.equilibria.center_of_mass, s.paths) for s in sides[:SIDES]),
         outside=_outside(hull, body.points, poses.center_of_mass),
         seconds=seconds,
         tied=len(sides) > 1,
         made_again=UNEVEN in poses.notes,
+        hull=hull,
+        centers=tuple(side.equilibria.center_of_mass for side in sides[:SIDES]),
     )
 
 
 def verdict(found: Measurement, rests: int | None = None, facets: int | None = None) -> str:
     """`OK`, or what is wrong with a measurement whose number of rests or facets may be known."""
-    limit = max(ERROR_LIMIT, CONDITION_FACTOR * found.condition * float(np.finfo(np.float64).eps))
     if rests is not None and found.rests != rests:
         return f"{found.rests} rests instead of {rests}"
     if facets is not None and found.facets != facets:
@@ -152,6 +169,7 @@ def verdict(found: Measurement, rests: int | None = None, facets: int | None = N
     if found.outside > (COARSER_OUTSIDE_LIMIT if found.made_again else OUTSIDE_LIMIT):
         return f"point outside of the hull by {found.outside:.1e}"
     for name, error in found.errors.items():
+        limit = found.limit(error)
         if not error <= limit:
             return f"error {error:.1e} ({name}) above {limit:.1e}"
     return OK
