@@ -43,27 +43,28 @@ class Problem:
 
 @dataclass(frozen=True)
 class DesignProblem:
-    """A design that is hard on the method, and how long it may take.
+    """A design that is hard on the method, and how many steps it may take.
 
     Attributes
     ----------
     start: shape and outcome directions.
     target: (k,) wanted probability of each direction.
-    coordinates: of the descent.
+    method: one of `dicedesign.bench.measures.watched_methods.METHODS`.
+    coordinates: what it varies; those of the paper are vertices.
     center_of_mass: (3,) in the coordinates of `start.points`, or None for the uniform solid.
     tolerance: largest |p - q| wanted.
-    perturbation: of the start; 0 keeps what is stiff about it.
-    steps, seconds: limits.
+    perturbation: of the start of a descent; 0 keeps what is stiff about it.
+    steps: most accepted steps of a descent, or dice tried by the exact method.
     """
 
     start: Start
     target: Floats
+    method: Literal["descent", "exact", "paper", "paper with finish"] = "descent"
     coordinates: Literal["facets", "vertices"] = "facets"
     center_of_mass: Floats | None = None
     tolerance: float = 1e-3
     perturbation: float = 1e-3
     steps: int = 400
-    seconds: float = 3.0
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,6 +18,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.optimize.starts.kinds.prism import prism
 from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import binomial, fair, listed, sum_of_dice
 from dicedesign.rest.poses import rest_poses
@@ -27,41 +28,66 @@ __all__ = ["coincident", "design_cases", "leaning", "loaded_box", "near_facet"]
 
 AXES: Final = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
 
-VERTEX_SECONDS: Final = 1.5
-"""Limit for vertex coordinates, in which facets break and few of these designs converge soon."""
+METHODS: Final[dict[str, dict[str, Any]]] = {
+    "": {},
+    ", vertices": {"coordinates": "vertices"},
+    ", exact": {"method": "exact"},
+    ", exact, vertices": {"method": "exact", "coordinates": "vertices"},
+    ", paper": {"method": "paper"},
+    ", paper with finish": {"method": "paper with finish"},
+}
+"""What is added to a design's name, and what is different about it."""
+
+EXACT: Final[dict[str, Any]] = {"tolerance": 1e-12, "steps": 3000}
+"""The same of the methods that end with the exact one."""
+
+TOO_LONG: Final = (("60 facets, fair", ", exact, vertices"),)
+"""Left out: each step among dice of the same odds takes as long as another design."""
 
 
 def design_cases() -> Iterator[Case]:
-    """Every design in both coordinates; the short ones are those that converge quickly."""
+    """Every design by every method; the short ones are those that converge quickly."""
     for name, build, quick in _designs():
-        yield Case(f"design: {name}", build, quick=quick)
-        yield Case(f"design: {name}, vertices", partial(_of_vertices, build), quick=False)
+        for method in METHODS:
+            if (name, method) in TOO_LONG:
+                continue
+            short = quick and method in ("", ", exact")
+            yield Case(f"design: {name}{method}", partial(_by_method, build, method), quick=short)
 
 
-def _of_vertices(build: Callable[[], DesignProblem]) -> DesignProblem:
-    return replace(build(), coordinates="vertices", seconds=VERTEX_SECONDS)
+def _by_method(build: Callable[[], DesignProblem], name: str) -> DesignProblem:
+    problem = replace(build(), **METHODS[name])
+    if problem.method == "exact":
+        return replace(problem, **EXACT)
+    return replace(problem, tolerance=EXACT["tolerance"]) if "finish" in name else problem
 
 
 def _designs() -> Iterator[tuple[str, Callable[[], DesignProblem], bool]]:
     """Name, what makes it, and whether it belongs to the short suite."""
-    for power in (3, 12):
+    for power in (3, 6, 9, 12):
         depth = 10.0**-power
         yield f"leans 1e-{power} short of tipping", partial(leaning, depth), True
         yield f"leans 1e-{power} beyond tipping", partial(leaning, -depth), True
     yield "leans on the verge of tipping", partial(leaning, 0.0), True
     yield "balances on a corner", _cornered, True
     for power in (4, 5, 6):
-        yield f"two outcomes of 1e-{power}", partial(_improbable, 10.0**-power), False
+        improbable = partial(_improbable, 10.0**-power)
+        yield f"two outcomes of 1e-{power}", improbable, False
+        yield f"two outcomes of 1e-{power}, searched", partial(_searched, improbable), False
     yield "one outcome of 0.97", _lopsided, False
+    for power in (3, 6):
+        yield f"coin of 1e-{power}", partial(_coin, 10.0**-power), False
     for factor in (2, 10):
-        yield f"needle {factor}:1", partial(_needle, float(factor)), factor == 2
+        yield f"needle {factor}:1", partial(_stretched, float(factor)), factor == 2
+        yield f"plate 1:{factor}", partial(_stretched, 1.0 / factor), factor == 2
     for name, target in (
-        ("fair", fair(30)),
-        ("two dice", sum_of_dice([15, 16])),
-        ("29 coins", binomial(29)),
+        ("30 facets, fair", fair(30)),
+        ("30 facets, two dice", sum_of_dice([15, 16])),
+        ("30 facets, 29 coins", binomial(29)),
+        ("60 facets, fair", fair(60)),
     ):
-        yield f"30 facets, {name}", partial(_thirty, target.probabilities), False
-    for power in (3, 12):
+        yield name, partial(_spread, target.probabilities), False
+    for power in (3, 6, 9, 12):
         yield f"center 1e-{power} from a facet", partial(near_facet, 10.0**-power), power == 12
     for power in (3, 8):
         yield f"facets 1e-{power} apart in angle", partial(coincident, 10.0**-power), False
@@ -121,11 +147,26 @@ def _improbable(probability: float) -> DesignProblem:
     return DesignProblem(repulsion(6, 0), target.probabilities, tolerance=tolerance)
 
 
+def _coin(probability: float) -> DesignProblem:
+    target = np.array([1.0 - probability, probability])
+    return DesignProblem(_near(target), target, tolerance=0.1 * probability)
+
+
+def _searched(build: Callable[[], DesignProblem]) -> DesignProblem:
+    problem = build()
+    return replace(problem, start=_near(problem.target))
+
+
+def _near(target: Floats) -> Start:
+    """The first shape that a recipe without a start would begin with."""
+    return next(start for start in shapes_near(target, 0) if start is not None)
+
+
 def _lopsided() -> DesignProblem:
     return DesignProblem(repulsion(4, 0), listed([0.97, 0.01, 0.01, 0.01]).probabilities)
 
 
-def _needle(factor: float) -> DesignProblem:
+def _stretched(factor: float) -> DesignProblem:
     sphere = repulsion(6, 0)
     directions = unit_vectors(sphere.directions / [1.0, 1.0, factor])
     return DesignProblem(
@@ -133,8 +174,8 @@ def _needle(factor: float) -> DesignProblem:
     )
 
 
-def _thirty(target: Floats) -> DesignProblem:
-    return DesignProblem(repulsion(30, 0), target)
+def _spread(target: Floats) -> DesignProblem:
+    return DesignProblem(repulsion(len(target), 0), target)
 
 
 def _symmetric() -> DesignProblem:

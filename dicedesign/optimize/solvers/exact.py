@@ -54,6 +54,7 @@ def solve_exactly(
     least_angle: float = 0.0,
     sensitivity: RestitutionSensitivity | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
+    on_candidate: Callable[[Candidate], None] | None = None,
 ) -> DesignResult:
     """Move the first of some starting shapes that leads there until its odds are the target.
 
@@ -76,6 +77,8 @@ def solve_exactly(
     sensitivity: has the model of thrown dice by which the target is met, and is what
         `prefer.robustness` lowers; None for odds without momentum.
     on_step: called after every accepted step.
+    on_candidate: called with the die that every accepted step was recorded from, to look at more of
+        it.
 
     Raises
     ------
@@ -94,7 +97,15 @@ def solve_exactly(
             f"two vertices, got {least_circle:g}; lower it"
         )
     search = _Search(
-        target, options, center_of_mass, group, least_circle, least_angle, sensitivity, on_step
+        target,
+        options,
+        center_of_mass,
+        group,
+        least_circle,
+        least_angle,
+        sensitivity,
+        on_step,
+        on_candidate,
     )
     empty_turns = 0
     for start in starts:
@@ -131,6 +142,7 @@ class _Search:
     least_angle: float
     sensitivity: RestitutionSensitivity | None
     on_step: Callable[[DesignStep], None] | None
+    on_candidate: Callable[[Candidate], None] | None
     first: Start | None = None
     best: _Best | None = None
     history: list[DesignStep] = field(default_factory=list)
@@ -244,6 +256,8 @@ class _Search:
             len(self.history), seconds, sum(terms.values()), terms, candidate.error(self.target)
         )
         self.history.append(step)
+        if self.on_candidate is not None:
+            self.on_candidate(candidate)
         if self.on_step is not None:
             self.on_step(step)
 

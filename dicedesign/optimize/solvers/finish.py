@@ -19,7 +19,7 @@ from dicedesign.optimize.energy.term import EnergyWeights
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.paper_options import PaperOptions
 from dicedesign.optimize.result import DesignResult, DesignStep
-from dicedesign.optimize.solvers.candidate import CandidateMaker
+from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.solvers.line_search import LineSearch
 from dicedesign.optimize.starts.start import Start
@@ -59,6 +59,7 @@ def finished(
     *,
     center_of_mass: Floats | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
+    on_candidate: Callable[[Candidate], None] | None = None,
 ) -> DesignResult:
     """The result with odds (k,) that are exact to `options.tolerance`, and better by
     `options.prefer`; the result as it is, with a status that tells of it, where nothing led there.
@@ -84,6 +85,7 @@ def finished(
             center_of_mass=center_of_mass,
             least_angle=KEPT_ANGLE,
             on_step=on_exact_step,
+            on_candidate=on_candidate,
         )
     except NoStartError:
         end = None

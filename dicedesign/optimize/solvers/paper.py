@@ -13,6 +13,7 @@ from dicedesign.optimize.coordinates.vertices import VertexCoordinates
 from dicedesign.optimize.energy.objective import Evaluation, Objective
 from dicedesign.optimize.paper_options import PaperOptions
 from dicedesign.optimize.result import DesignResult, DesignStep
+from dicedesign.optimize.solvers.candidate import Candidate
 from dicedesign.optimize.solvers.finish import finished
 from dicedesign.optimize.solvers.line_search import LineSearch, has_slope
 from dicedesign.optimize.solvers.momentum import Momentum
@@ -41,6 +42,7 @@ def descend_as_paper(
     seed: int = 0,
     on_step: Callable[[DesignStep], None] | None = None,
     on_evaluation: Callable[[Evaluation], None] | None = None,
+    on_candidate: Callable[[Candidate], None] | None = None,
 ) -> DesignResult:
     """Move the vertices of a starting shape until its clustered rests have the target's odds.
 
@@ -53,6 +55,7 @@ def descend_as_paper(
     seed: of the perturbation.
     on_step: called after every step.
     on_evaluation: called with what every step before the finish was recorded from.
+    on_candidate: called with the die that every step of the finish was recorded from.
 
     Raises
     ------
@@ -68,7 +71,14 @@ def descend_as_paper(
     result = _Descent(start, target, options, center_of_mass, seed, on_step, on_evaluation).run()
     if options.finish == "none":
         return result
-    return finished(result, target, options, center_of_mass=center_of_mass, on_step=on_step)
+    return finished(
+        result,
+        target,
+        options,
+        center_of_mass=center_of_mass,
+        on_step=on_step,
+        on_candidate=on_candidate,
+    )
 
 
 class _Descent:

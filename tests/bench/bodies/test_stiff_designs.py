@@ -8,10 +8,12 @@ from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from common.slow_machine import slow_machine
 from scipy.spatial import ConvexHull as QhullHull
 
 from dicedesign import rest_poses
@@ -26,6 +28,7 @@ from dicedesign.bench.bodies.stiff_designs import (
     near_facet,
 )
 from dicedesign.bench.measures.watched_design import step_faults, watch_design
+from dicedesign.bench.measures.watched_methods import METHODS
 from dicedesign.bench.reference.measurement import OK
 from dicedesign.bench.reference.oracle import hull_probabilities
 from dicedesign.errors import DegenerateBodyError
@@ -39,6 +42,7 @@ from dicedesign.optimize.energy.term import EnergyWeights
 from dicedesign.optimize.energy.terms.barycenter import barycenter_energy
 from dicedesign.optimize.energy.terms.stability import stability_energy
 from dicedesign.optimize.options import DescentOptions, Stopping
+from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.solvers.descent import descend_to_target
 from dicedesign.optimize.solvers.line_search import LineSearch
 from dicedesign.optimize.starts.kinds.prism import prism
@@ -49,6 +53,9 @@ from dicedesign.results.status import Status
 
 CASES = {case.name.removeprefix("design: "): case for case in design_cases()}
 QUICK = [name for name, case in CASES.items() if case.quick]
+OTHERS = [
+    name for name in CASES if name not in QUICK and not name.endswith(("with finish", "29 coins"))
+]
 
 
 def problem(name: str) -> DesignProblem:
@@ -71,32 +78,116 @@ def oracle_error(design: DesignProblem, vertices: np.ndarray, directions: np.nda
 
 @pytest.mark.parametrize("name", QUICK)
 def test_the_short_designs_converge_and_every_step_is_whole(name: str) -> None:
-    design = replace(problem(name), seconds=60.0)
+    design = problem(name)
     watched = watch_design(design)
     assert watched.faults == ()
+    assert watched.result is not None
     assert watched.result.status is Status.CONVERGED, watched.ending
-    assert np.isfinite(watched.largest_gradient)
+    assert np.isfinite(watched.largest_derivative)
+    assert watched.steps == len(watched.result.history)
     vertices, directions = watched.result.hull.vertices, watched.result.directions
-    assert oracle_error(design, vertices, directions) <= design.tolerance + 1e-12
+    error = oracle_error(design, vertices, directions)
+    assert error <= design.tolerance + 1e-12
+    assert watched.error == pytest.approx(error, abs=1e-15)
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if name not in QUICK])
+@pytest.mark.parametrize("name", OTHERS)
 def test_the_others_are_whole_for_some_steps_and_say_why_they_stop(name: str) -> None:
     watched = watch_design(replace(problem(name), steps=5))
     assert watched.faults == ()
+    if watched.result is None:
+        assert watched.ending.startswith("start: expected a shape with one rest for each of ")
+        return
     status = watched.result.status
     reason = "converged" if status is Status.CONVERGED else status.value.partition(";")[0]
     assert watched.ending.startswith(reason)
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "leans 1e-6 short of tipping, paper with finish",
+        "leans on the verge of tipping, paper",
+        "center 1e-9 from a facet, exact, vertices",
+        "two outcomes of 1e-6, searched, exact",
+        "60 facets, fair, exact",
+    ],
+)
+def test_some_more_converge(name: str) -> None:
+    design = problem(name)
+    watched = watch_design(design)
+    assert watched.faults == ()
+    assert watched.ending.startswith("converged")
+    assert watched.error <= design.tolerance
+
+
 def test_where_no_step_is_left_the_reason_says_so() -> None:
     """Over vertices every step breaks the faces of an unperturbed cube."""
-    watched = watch_design(replace(problem("loaded cube, vertices"), seconds=60.0))
+    watched = watch_design(problem("loaded cube, vertices"))
     assert watched.faults == ()
+    assert watched.result is not None
     assert watched.result.status is Status.NO_PROGRESS
     assert len(watched.result.history) == 1
     assert watched.error == pytest.approx(0.3 - 1.0 / 6.0, abs=1e-12)
     assert watched.ending == "no step lowers the energy any further, max |p - q| 1e-01"
+
+
+def test_a_start_that_does_not_suit_is_refused_with_a_reason() -> None:
+    watched = watch_design(problem("facets 1e-8 apart in angle, exact"))
+    assert (watched.result, watched.measurement, watched.steps) == (None, None, 0)
+    assert watched.faults == ()
+    assert "one rest for each of 7 outcomes and no other, got 6 rests" in watched.ending
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_shows_every_step(method: str) -> None:
+    """The steps are those of the result's history, and each die is whole."""
+    design = replace(problem("symmetric prism"), method=method, perturbation=1e-3, tolerance=1e-3)
+    dice, steps = [], []
+    result = METHODS[method](design, lambda *die: dice.append(die), steps.append)
+    assert tuple(steps) == result.history
+    assert len(dice) == len(steps) > 1
+    for (rests, derivatives), step in zip(dice, steps, strict=True):
+        assert step_faults(rests, derivatives, step.terms) == []
+    np.testing.assert_array_equal(dice[0][0].hull.normals.shape[1], 3)
+    sums = cluster(*(dice[-1][0].hull.normals[dice[-1][0].paths.rests], result.directions)).of_rest
+    odds = np.bincount(sums, dice[-1][0].odds, len(design.target))
+    assert np.abs(odds - design.target).max() == pytest.approx(steps[-1].error, abs=1e-12)
+
+
+def test_no_method_looks_at_the_clock() -> None:
+    """Ends are the same on a machine on which everything takes a fortnight."""
+    for name in ("leans 1e-9 beyond tipping", "needle 2:1, exact", "symmetric prism, paper"):
+        design = replace(problem(name), steps=20)
+        swift = watch_design(design)
+        with slow_machine():
+            slow = watch_design(design)
+        assert (slow.ending, slow.steps) == (swift.ending, swift.steps)
+
+
+def test_a_result_that_is_not_what_it_says_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    design = problem("leans 1e-3 short of tipping")
+    descent = METHODS["descent"]
+
+    def lies(*arguments: Any) -> DesignResult:
+        return replace(descent(*arguments), error=1e-5)
+
+    def stops(design: DesignProblem, *looks: Any) -> DesignResult:
+        return replace(descent(replace(design, steps=0), *looks), status=Status.CONVERGED)
+
+    def breaks(design: DesignProblem, on_die: Any, on_step: Any) -> DesignResult:
+        def on_broken_step(step: DesignStep) -> None:
+            on_step(replace(step, energy=np.nan) if step.step == 2 else step)
+
+        return descent(design, on_die, on_broken_step)
+
+    for method, expected in (
+        (lies, "error recorded as 1.000e-05 is "),
+        (stops, "converged with an error of "),
+        (breaks, "whole energy nan at step 2"),
+    ):
+        monkeypatch.setattr("dicedesign.bench.measures.watched_design.METHODS", {"descent": method})
+        assert watch_design(design).faults[0].startswith(expected)
 
 
 @pytest.mark.parametrize("depth", [1e-3, 1e-12, 0.0, -1e-3, -1e-12])
@@ -132,18 +223,14 @@ def test_what_is_wrong_with_a_step_is_noticed() -> None:
     for change, energy, slope, expected in (
         ({}, 1.0, 1.0, []),
         ({}, np.nan, 1.0, ["dice energy nan"]),
-        ({}, 1.0, np.inf, ["gradient not finite"]),
+        ({}, 1.0, np.inf, ["derivatives not finite"]),
         ({"center": rests.center + 9.0}, 1.0, 1.0, ["center of mass lost"]),
         ({"hull": inverted}, 1.0, 1.0, [f"volume {-volume:.1e}", "center of mass lost"]),
         ({"probabilities": 1.5 * third}, 1.0, 1.0, ["probabilities sum to 1 + 5.0e-01"]),
         ({"probabilities": third * torch.nan}, 1.0, 1.0, ["probabilities sum to 1 + nan"]),
     ):
-        step = SimpleNamespace(
-            rests=SimpleNamespace(**(whole | change)),
-            values={"dice": energy},
-            gradient=np.array([slope]),
-        )
-        assert step_faults(step) == expected
+        die = SimpleNamespace(**(whole | change))
+        assert step_faults(die, np.array([slope]), {"dice": energy}) == expected
 
 
 def test_maxima_that_cancel_give_a_bounded_gradient() -> None:
@@ -245,14 +332,9 @@ def test_a_start_whose_odds_cannot_be_told_is_shaken() -> None:
     objective = Objective(coordinates, design.target, EnergyWeights(), center)
     with pytest.raises(DegenerateBodyError):
         _ = objective.evaluate(parameters, design.start.directions).value
-    result = descend_to_target(
-        design.start,
-        design.target,
-        DescentOptions(coordinates="vertices", perturbation=0.0, stopping=Stopping(steps=0)),
-        center_of_mass=center,
-    )
-    assert result.evaluations == 2
-    moved = np.abs(result.hull.vertices[:, None] - design.start.points[None]).max(-1).min(1).max()
+    shaken = objective.first(parameters, design.start.directions, perturbation=0.0, seed=0)
+    vertices = shaken.rests.hull.vertices
+    moved = np.abs(vertices[:, None] - design.start.points[None]).max(-1).min(1).max()
     assert 1e-7 < moved < 1e-4
 
 
@@ -341,7 +423,8 @@ def test_every_stiff_body_is_a_start_with_a_finite_gradient(coordinates) -> None
             center_of_mass=body.center,
             on_evaluation=seen.append,
         )
-        assert step_faults(seen[-1]) == [], case.name
+        last = seen[-1]
+        assert step_faults(last.rests, last.gradient, last.values) == [], case.name
     assert len(seen) > 100
     # Near events they are large.
     assert max(np.abs(evaluation.gradient).max() for evaluation in seen) > 1e6
