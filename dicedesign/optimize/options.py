@@ -9,9 +9,7 @@ from typing import Final, Literal
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.optimize.energy.term import EnergyWeights
 from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.results.status import Status
 from dicedesign.runtime.registry import STRICT
 from dicedesign.throws.engines.engine import ENGINES
 
@@ -20,11 +18,9 @@ __all__ = [
     "MOST_DROPS",
     "MOST_ROUNDS",
     "MOST_WORK",
-    "DescentOptions",
     "ExactOptions",
     "RefineOptions",
     "SobolevOptions",
-    "Stopping",
     "legible",
     "refused",
 ]
@@ -65,76 +61,6 @@ class SobolevOptions:
             raise refused("sobolev.smoothing", expected, self.smoothing, "2")
         if not 1 <= self.power <= 4:
             raise refused("sobolev.power", "1 to 4", self.power, "2")
-
-
-@dataclass(frozen=True)
-class Stopping:
-    """Limits of a descent.
-
-    Attributes
-    ----------
-    tolerance: largest |p - q| wanted, above 0 and below 1. The design ends where the energy first
-        comes to rest within it, not at the first step that meets it.
-    steps: largest number of accepted steps, at least 0.
-    seconds: largest wall-clock time, positive; None for no limit. With one the result depends on
-        the speed of the machine.
-    """
-
-    __pydantic_config__ = STRICT
-
-    tolerance: float = 1e-3
-    steps: int = 3000
-    seconds: float | None = None
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.tolerance < 1.0:
-            raise refused("tolerance", "a number in (0, 1)", self.tolerance, "1e-3")
-        if self.steps < 0:
-            raise refused("steps", "a whole number not below 0", self.steps, "3000")
-        _check_seconds(self.seconds)
-
-    def limit(self, step: int, seconds: float) -> Status | None:
-        """The limit that has been reached, if any."""
-        if step >= self.steps:
-            return Status.STEP_LIMIT
-        if self.seconds is not None and seconds >= self.seconds:
-            return Status.TIME_LIMIT
-        return None
-
-
-@dataclass(frozen=True)
-class DescentOptions:
-    """Options of `method: descent`.
-
-    Attributes
-    ----------
-    coordinates: "facets" keeps every facet flat; "vertices" moves vertices as the paper does.
-    weights: of the energy's terms. The stability margin is narrowed where no progress is left with
-        it and the tolerance is not reached.
-    sobolev: preconditioning of vertex gradients, or None; needs `coordinates` "vertices".
-    stopping: tolerance and limits.
-    relaxation: factor on the weights of terms that give way, as barycenter and neighbor, each time
-        progress stalls, in (0, 1); they shape the die first and then give way to the probabilities.
-    perturbation: standard deviation of the seeded noise on the starting parameters, which breaks
-        the ties of symmetric shapes; not negative. Where the start balances such that its odds
-        cannot be told, it is at least 1e-6.
-    """
-
-    __pydantic_config__ = STRICT
-
-    coordinates: Literal["facets", "vertices"] = "facets"
-    weights: EnergyWeights = field(default_factory=EnergyWeights)
-    sobolev: SobolevOptions | None = None
-    stopping: Stopping = field(default_factory=Stopping)
-    relaxation: float = 0.5
-    perturbation: float = 1e-3
-
-    def __post_init__(self) -> None:
-        _check_coordinates(self.coordinates, self.sobolev)
-        if not 0.0 < self.relaxation < 1.0:
-            raise refused("relaxation", "a number in (0, 1)", self.relaxation, "0.5")
-        if not 0.0 <= self.perturbation < 1.0:
-            raise refused("perturbation", "a number in [0, 1)", self.perturbation, "1e-3")
 
 
 @dataclass(frozen=True)

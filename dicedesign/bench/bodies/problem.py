@@ -59,7 +59,7 @@ class DesignProblem:
 
     start: Start
     target: Floats
-    method: Literal["descent", "exact", "paper", "paper with finish"] = "descent"
+    method: Literal["exact", "line search", "paper", "paper with finish"] = "line search"
     coordinates: Literal["facets", "vertices"] = "facets"
     center_of_mass: Floats | None = None
     tolerance: float = 1e-3

@@ -30,7 +30,6 @@ AXES: Final = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1
 
 METHODS: Final[dict[str, dict[str, Any]]] = {
     "": {},
-    ", vertices": {"coordinates": "vertices"},
     ", exact": {"method": "exact"},
     ", exact, vertices": {"method": "exact", "coordinates": "vertices"},
     ", paper": {"method": "paper"},

@@ -7,10 +7,9 @@ from typing import Final, Protocol
 
 from dicedesign.bench.bodies.problem import DesignProblem
 from dicedesign.gradient.rest_odds import RestEvaluation
-from dicedesign.optimize.options import DescentOptions, ExactOptions, Stopping
+from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.paper_options import PaperOptions
 from dicedesign.optimize.result import DesignResult, DesignStep
-from dicedesign.optimize.solvers.descent import descend_to_target
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.optimize.starts.variations import shapes_like
@@ -35,22 +34,6 @@ class WatchedMethod(Protocol):
         """
 
 
-def _descent(design: DesignProblem, on_die: OnDie, on_step: OnStep) -> DesignResult:
-    options = DescentOptions(
-        coordinates=design.coordinates,
-        stopping=Stopping(design.tolerance, design.steps),
-        perturbation=design.perturbation,
-    )
-    return descend_to_target(
-        design.start,
-        design.target,
-        options,
-        center_of_mass=design.center_of_mass,
-        on_step=on_step,
-        on_evaluation=lambda evaluation: on_die(evaluation.rests, evaluation.gradient),
-    )
-
-
 def _exact(design: DesignProblem, on_die: OnDie, on_step: OnStep) -> DesignResult:
     options = ExactOptions(
         coordinates=design.coordinates, tolerance=design.tolerance, evaluations=design.steps
@@ -67,6 +50,7 @@ def _exact(design: DesignProblem, on_die: OnDie, on_step: OnStep) -> DesignResul
 
 def _paper(design: DesignProblem, on_die: OnDie, on_step: OnStep) -> DesignResult:
     options = PaperOptions(
+        step="line_search" if design.method == "line search" else "momentum",
         steps=design.steps,
         perturbation=design.perturbation,
         finish="exact" if design.method == "paper with finish" else "none",
@@ -84,8 +68,8 @@ def _paper(design: DesignProblem, on_die: OnDie, on_step: OnStep) -> DesignResul
 
 
 METHODS: Final[Mapping[str, WatchedMethod]] = {
-    "descent": _descent,
     "exact": _exact,
+    "line search": _paper,
     "paper": _paper,
     "paper with finish": _paper,
 }

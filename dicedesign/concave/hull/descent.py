@@ -10,10 +10,10 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from dicedesign.concave.hull.problem import DesignedHull, HullProblem
-from dicedesign.optimize.energy.term import EnergyWeights
-from dicedesign.optimize.options import DescentOptions, SobolevOptions
+from dicedesign.optimize.options import SobolevOptions
+from dicedesign.optimize.paper_options import PaperOptions, PaperWeights
 from dicedesign.optimize.result import DesignStep
-from dicedesign.optimize.solvers.descent import descend_to_target
+from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse
@@ -21,11 +21,11 @@ from dicedesign.runtime.arrays import Floats
 
 __all__ = ["descend_hull"]
 
-OPTIONS: Final = DescentOptions(
-    coordinates="vertices",
+OPTIONS: Final = PaperOptions(
     sobolev=SobolevOptions(smoothing=5.0, power=2),
-    weights=EnergyWeights(coplanar=0.01, barycenter=0.01, neighbor=0.01, stability=0.0),
+    weights=PaperWeights(coplanar=0.01, barycenter=0.01, neighbor=0.01, apart=0.0),
     perturbation=0.0,
+    finish="none",
 )
 """Sobolev-preconditioned steps, and the weights of figure 15's first row."""
 
@@ -45,7 +45,7 @@ def descend_hull(
         on_step(step.energy, step.error)
 
     start = Start(original.vertices, directions)
-    design = descend_to_target(
+    design = descend_as_paper(
         start, problem.target, OPTIONS, center_of_mass=np.zeros(3), on_step=told
     )
     squares = cdist(design.hull.vertices, original.vertices, "sqeuclidean")

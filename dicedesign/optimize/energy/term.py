@@ -37,15 +37,7 @@ that cancel have no mean direction, and near there the gradient would grow witho
 
 @dataclass(frozen=True, kw_only=True)
 class TermOption(Number):
-    """A number besides its weight that a term takes from a recipe.
-
-    Attributes
-    ----------
-    narrows_to: where a descent makes no progress any more, it narrows the option in steps, as long
-        as it is not below this; None to leave it.
-    """
-
-    narrows_to: float | None = None
+    """A number besides its weight that a term takes from a recipe."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +51,6 @@ class Term(Extension):
         `weights.neighbor_radius`.
     weight: default of its weight in a recipe; None for a term that is always there with weight 1.
     options: what else a recipe may say of it, with names of their own among those of all terms.
-    gives_way: whether a descent lowers its weight where progress stalls: it pulls away from the
-        target.
     single_rests: whether a step is refused that gives an outcome a second rest.
     kernel: its place among the terms that the compiled kernels evaluate together, or None; those
         without are evaluated in torch and added.
@@ -73,7 +63,6 @@ class Term(Extension):
     evaluate: Callable[[ClusteredRests, EnergyWeights], Tensor]
     weight: float | None = 0.0
     options: tuple[TermOption, ...] = ()
-    gives_way: bool = False
     single_rests: bool = False
     kernel: int | None = None
     of_depths: Callable[[ClusteredRests, EnergyWeights], tuple[float, Floats]] | None = None
@@ -150,21 +139,3 @@ class EnergyWeights(Numbers):
             if TERMS[name].weight is not None
         }
         return self.changed(**weights)
-
-    def relaxed(self, factor: float) -> EnergyWeights:
-        """The same with the weights of terms that give way times a factor."""
-        weights = self.of_terms
-        lower = {name: factor * weight for name, weight in weights.items() if TERMS[name].gives_way}
-        return self.changed(**lower)
-
-    def narrowed(self, factor: float) -> EnergyWeights | None:
-        """The same with the options that a descent may narrow times a factor; None where none of a
-        term with a weight is left to narrow."""
-        narrower = {
-            option.name: factor * getattr(self, option.name)
-            for term, _ in self.active
-            for option in term.options
-            if option.narrows_to is not None
-            and factor * getattr(self, option.name) >= option.narrows_to
-        }
-        return self.changed(**narrower) if narrower else None

@@ -375,13 +375,12 @@ def test_of_the_parts_of_a_broken_facet_the_deepest_bears_the_outcome() -> None:
     assert both.tolist() == [1, 2]
 
 
-def test_relaxed_weights_lose_two_terms_only() -> None:
-    weights = EnergyWeights().relaxed(0.25)
-    expected = EnergyWeights(barycenter=0.5, neighbor=0.025)
-    assert weights == expected
-    nothing = EnergyWeights().relaxed(0.0)
-    assert (nothing.barycenter, nothing.neighbor) == (0.0, 0.0)
-    assert (nothing.coplanar, nothing.stability) == (0.1, 0.1)
+def test_all_weights_times_a_factor() -> None:
+    weights = EnergyWeights(coplanar=0.4, barycenter=0.0, apart=3.0, neighbor_radius=0.3)
+    less = weights.times(0.25)
+    assert (less.coplanar, less.barycenter, less.apart) == (0.1, 0.0, 0.75)
+    assert less.neighbor_radius == 0.3
+    assert less.of_terms["dice"] == 1.0
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,6 @@ TERMS.register(
         rank=2,
         evaluate=barycenter_energy,
         weight=2.0,
-        gives_way=True,
         kernel=2,
     )
 )

@@ -47,7 +47,6 @@ TERMS.register(
                 allows=lambda radius: 0.0 < radius <= 2.0,
             ),
         ),
-        gives_way=True,
         kernel=3,
     )
 )

@@ -69,9 +69,6 @@ TERMS.register(
                 expected="a fraction above 0 and at most 1",
                 remedy="leave it out for 0.05",
                 allows=lambda margin: 0.0 < margin <= 1.0,
-                # A basin holds at least the circle of that radius about its rest, so that small
-                # probabilities need small margins.
-                narrows_to=1e-4,
             ),
         ),
         single_rests=True,
