@@ -35,7 +35,13 @@ from strategies import (
 from tally import TALLY
 
 from dicedesign.bench.bodies.problem import Problem
-from dicedesign.bench.reference.measurement import OK, Measurement, measure, verdict
+from dicedesign.bench.reference.measurement import (
+    OK,
+    Measurement,
+    facet_planes,
+    measure,
+    verdict,
+)
 from dicedesign.bench.reference.sixty_digits import OracleError
 from dicedesign.errors import DegenerateBodyError, OutsideHullError
 from dicedesign.rest.poses import UNEVEN, RestPoses, rest_poses
@@ -84,7 +90,9 @@ def spread(found: Measurement, poses: RestPoses) -> float:
     """How much probabilities change where corners move by the unevenness of the facets, which far
     from the origin comes from the rounding of coordinates."""
     extent = float(np.ptp(poses.hull.vertices, axis=0).max())
-    uneven = float(poses.hull.unevenness) / extent
+    middle = poses.hull.vertices - poses.center_of_mass
+    least, largest = facet_planes(poses.hull, middle)[2]
+    uneven = float((largest - least).max()) / extent
     rounding = 64.0 * float(np.finfo(np.float64).eps)
     return found.condition * uneven if uneven > rounding else 0.0
 
@@ -109,7 +117,9 @@ def keeps(law: Law, poses: RestPoses, found: Measurement) -> None:
         TALLY.refused += 1
         return
     change, tied = difference(law, poses, changed), found.tied
-    limit = found.limit(change / 2.0) + spread(found, poses)
+    limit = found.limit(change / 2.0)
+    if change > 2.0 * limit:
+        limit += spread(found, poses)
     if UNEVEN in (*poses.notes, *changed.notes) and not law.exact:
         assert change < UNEVEN_LIMIT, f"{law.name}: odds changed by {change:.1e}"
         TALLY.borderline += 1

@@ -30,15 +30,17 @@ AXES: Final = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1
 
 METHODS: Final[dict[str, dict[str, Any]]] = {
     "": {},
-    ", exact": {"method": "exact"},
-    ", exact, vertices": {"method": "exact", "coordinates": "vertices"},
+    ", exact": {"method": "exact", "tolerance": 1e-12, "steps": 3000},
+    ", exact, vertices": {
+        "method": "exact",
+        "coordinates": "vertices",
+        "tolerance": 1e-12,
+        "steps": 150,
+    },
     ", paper": {"method": "paper"},
-    ", paper with finish": {"method": "paper with finish"},
+    ", paper with finish": {"method": "paper with finish", "tolerance": 1e-12},
 }
 """What is added to a design's name, and what is different about it."""
-
-EXACT: Final[dict[str, Any]] = {"tolerance": 1e-12, "steps": 3000}
-"""The same of the methods that end with the exact one."""
 
 TOO_LONG: Final = (("60 facets, fair", ", exact, vertices"),)
 """Left out: each step among dice of the same odds takes as long as another design."""
@@ -55,10 +57,7 @@ def design_cases() -> Iterator[Case]:
 
 
 def _by_method(build: Callable[[], DesignProblem], name: str) -> DesignProblem:
-    problem = replace(build(), **METHODS[name])
-    if problem.method == "exact":
-        return replace(problem, **EXACT)
-    return replace(problem, tolerance=EXACT["tolerance"]) if "finish" in name else problem
+    return replace(build(), **METHODS[name])
 
 
 def _designs() -> Iterator[tuple[str, Callable[[], DesignProblem], bool]]:

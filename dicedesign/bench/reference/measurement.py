@@ -18,6 +18,7 @@ from dicedesign.bench.reference.sixty_digits import DIGITS, multiprecision, soli
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.meshes.orientation import consistent_winding
+from dicedesign.geometry.sphere import norms
 from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.poses import UNEVEN, RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
@@ -28,6 +29,7 @@ __all__ = [
     "OK",
     "ORACLE_FACETS",
     "Measurement",
+    "facet_planes",
     "measure",
     "share_error",
     "verdict",
@@ -241,9 +243,24 @@ def _asymmetry(poses: RestPoses, matrix: Floats) -> float:
 def _outside(hull: ConvexHull, points: Floats, center: Floats) -> float:
     if len(points) * len(hull.normals) > HULL_CHECK_PAIRS:
         return float("nan")
-    local = points - center
-    scale = float(np.ptp(hull.vertices - center, axis=0).max()) / 2.0
-    beyond = (local @ hull.normals.T - hull.heights(center)).max(axis=0)
+    local, corners = points - center, hull.vertices - center
+    normals, areas, heights = facet_planes(hull, corners)
+    scale = float(np.ptp(corners, axis=0).max()) / 2.0
+    beyond = (local @ normals.T - heights[1]).max(axis=0)
     # A facet's plane is known the less the more slender the facet is.
     rounding = 4.0 * float(np.finfo(np.float64).eps * np.abs(points).max())
-    return float((beyond - rounding * (1.0 + scale * scale / hull.areas)).max()) / scale
+    return float((beyond - rounding * (1.0 + scale * scale / areas)).max()) / scale
+
+
+def facet_planes(hull: ConvexHull, corners: Floats) -> tuple[Floats, Floats, Floats]:
+    """Unit normals (m, 3) and areas (m,) of the facets with corners (n, 3), and the least and the
+    largest height of the corners of each (2, m), from these alone."""
+    start = hull.facet_start[:-1]
+    anchor = corners[hull.tail[start]][hull.facet]
+    swept = np.linalg.cross(corners[hull.tail] - anchor, corners[hull.head] - anchor)
+    vectors = np.add.reduceat(swept, start)
+    doubled = norms(vectors)
+    normals = vectors / doubled[:, None]
+    heights = (corners[hull.tail] * normals[hull.facet]).sum(axis=1)
+    least, largest = np.minimum.reduceat(heights, start), np.maximum.reduceat(heights, start)
+    return normals, doubled / 2.0, np.stack([least, largest])
