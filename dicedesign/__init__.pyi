@@ -13,10 +13,12 @@ from dicedesign.errors import RecipeError as RecipeError
 from dicedesign.geometry.meshes.body import Body as Body
 from dicedesign.geometry.meshes.body import make_body as make_body
 from dicedesign.geometry.meshes.reading import read_body as read_body
+from dicedesign.geometry.point_groups import point_group as point_group
 from dicedesign.gradient.differentiable_rest import differentiable_rest as differentiable_rest
 from dicedesign.gradient.rest_odds import RestEvaluation as RestEvaluation
 from dicedesign.gradient.rest_odds import evaluate_rests as evaluate_rests
 from dicedesign.optimize.coordinates.facets import FacetCoordinates as FacetCoordinates
+from dicedesign.optimize.coordinates.symmetric import SymmetricCoordinates as SymmetricCoordinates
 from dicedesign.optimize.coordinates.vertices import VertexCoordinates as VertexCoordinates
 from dicedesign.optimize.energy.clusters import ClusteredRests as ClusteredRests
 from dicedesign.optimize.energy.clusters import Clusters as Clusters

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.rested_bodies import rested
+from dicedesign.gradient.tensors import double_tensor
 from dicedesign.gradient.thrown_odds import ThrownOdds
-from dicedesign.rest.basins import find_basins
 
 __all__ = ["differentiable_rest"]
 
@@ -18,10 +17,16 @@ def differentiable_rest(
 ) -> tuple[Tensor, Tensor]:
     """Rests of the convex hull of points, differentiable in the points and the center of mass.
 
+    Autograd and the transforms of `torch.func` differentiate it, forward and backward and more than
+    once. Where `torch.func.vmap` maps over bodies with different numbers of rests, a body has 0 in
+    the rows that are left.
+
     Parameters
     ----------
-    vertices: (n, 3) float64 tensor, any length unit; points inside the hull get zero gradient.
-    center_of_mass: (3,) float64 tensor strictly inside the hull, or None for that of the uniform
+    vertices: (n, 3) float32 or float64 tensor, any length unit; points inside the hull get zero
+        gradient. All is computed in float64 on the CPU, and handed back as it came. float32 points
+        count as rounded ones, see `convex_hull`.
+    center_of_mass: (3,) such tensor, strictly inside the hull, or None for that of the uniform
         solid hull, whose own gradient is then included.
     table: name or .json file of a table, for the odds of a body that is thrown onto it, by the
         momentum model; None for a body that is let go without momentum. What is thrown has the
@@ -34,27 +39,21 @@ def differentiable_rest(
 
     Raises
     ------
-    InputError, DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`, and InputError
-    for an unknown table.
+    InputError: no tensors of these kinds and shapes, or an unknown table.
+    DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`.
 
     Of a body that balances within rounding the mean of both sides is returned, as by `rest_poses`.
 
     Source: algorithm 3, eq. 9 and 10; section 3.1.
     """
-    thrown = None if table is None else ThrownOdds.on(table)
-    rests = evaluate_rests(vertices, center_of_mass)
-    center = rests.equilibria.center_of_mass
-    sides = find_basins(rests.hull, center)
-    hull = sides[0].equilibria.hull
-    corners = vertices[torch.as_tensor(hull.source)]
-    of_facet = torch.zeros(len(hull.normals), dtype=torch.float64)
-    for side in sides:
-        aside = side.equilibria.center_of_mass - center
-        moved = rests.center + torch.as_tensor(aside) if aside.any() else rests.given_center
-        beside = RestEvaluation(side.equilibria, corners, moved, side)
-        odds = beside.probabilities if thrown is None else thrown.tensor(beside)
-        of_facet = of_facet.index_add(0, torch.as_tensor(side.paths.rests), odds)
-    # Stable, so that equal rests keep the order of their facets.
-    order = np.argsort(-of_facet.detach().numpy(), kind="stable")
-    facets = order[: len(np.unique(np.concatenate([side.paths.rests for side in sides])))]
-    return beside.facet_normals(facets), of_facet[torch.as_tensor(facets)] / len(sides)
+    points = double_tensor(vertices, "vertices", "n", 3)
+    center = None
+    if center_of_mass is not None:
+        center = double_tensor(center_of_mass, "center of mass", 3)
+    normals, probabilities = rested(
+        points,
+        center,
+        single_precision=vertices.dtype == torch.float32,
+        thrown=None if table is None else ThrownOdds.on(table),
+    )
+    return normals.to(vertices), probabilities.to(vertices)

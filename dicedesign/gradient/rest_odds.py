@@ -20,9 +20,10 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hulls.reuse import HullMaker
 from dicedesign.geometry.sphere import foot_on_line
-from dicedesign.gradient.adjoint_function import adjoint_function
+from dicedesign.gradient.body_function import adjoint_function, seen
 from dicedesign.gradient.rest_formulas import facet_depths, facet_normals, rest_probabilities
 from dicedesign.gradient.solid_moments import centroid_gradient, hull_centroid
+from dicedesign.gradient.tensors import double_tensor
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.basins import Basins, basin_areas, tie_distance
 from dicedesign.rest.equilibria import Equilibria, classify
@@ -86,21 +87,22 @@ class RestEvaluation:
         """(k,) the same, with gradients."""
         hull, paths, center = self.hull, self.paths, self.equilibria.center_of_mass
         return self._tensor(
-            lambda: self.odds,
+            self.odds,
             lambda slopes: kernels.area_gradient(hull, paths, center, slopes / (4.0 * np.pi)),
             partial(rest_probabilities, hull, paths),
         )
 
     def _tensor(
         self,
-        value: Callable[[], Floats],
+        value: Floats | None,
         gradient: Callable[[Floats], tuple[Floats, Floats] | None],
         formula: Callable[[Tensor, Tensor], Tensor],
     ) -> Tensor:
         """A tensor that is a function of the vertices and the center of mass.
 
-        value: computes it; gradient: from that in the tensor to those in the vertices (n, 3)
-            and in the center of mass (3,); formula: the function by operations of torch.
+        value: its numbers, or None where the formula tells them; gradient: from that in the tensor
+            to those in the vertices (n, 3) and in the center of mass (3,); formula: the function by
+            operations of torch.
         """
         if self.given_center is not None:
             inputs = self.vertices, self.given_center
@@ -159,7 +161,7 @@ class RestEvaluation:
             return None if by_vertices is None else (by_vertices,)
 
         formula = partial(facet_normals, hull, facets)
-        return adjoint_function(lambda: hull.normals[facets], adjoint, formula, self.vertices)
+        return adjoint_function(hull.normals[facets], adjoint, formula, self.vertices)
 
     @cached_property
     def rest_normals(self) -> Tensor:
@@ -181,7 +183,7 @@ class RestEvaluation:
         """(m,) how far inside each facet the foot of the center of mass lies: its signed distance
         from the nearest edge's line over the circumscribed radius, positive for rests."""
         return self._tensor(
-            lambda: self.depths,
+            kernels.facet_depths(self.hull, self.equilibria.center_of_mass),
             replace(self).depth_gradient,
             partial(facet_depths, self.hull),
         )
@@ -211,37 +213,41 @@ class RestEvaluation:
 
 
 def evaluate_rests(
-    points: Tensor, center_of_mass: Tensor | None = None, hull_of: HullMaker = convex_hull
+    points: Tensor, center_of_mass: Tensor | None = None, hull_of: HullMaker | None = None
 ) -> RestEvaluation:
-    """Hull and rests of points.
+    """Hull and rests of points, computed in float64 on the CPU.
 
     Parameters
     ----------
-    points: (n, 3) float64.
-    center_of_mass: (3,) float64, or None for that of the uniform solid hull.
+    points: (n, 3) float32 or float64; float32 points count as rounded ones, see `convex_hull`.
+    center_of_mass: (3,) float32 or float64, or None for that of the uniform solid hull.
     hull_of: makes the hull.
 
     Raises
     ------
-    InputError: not float64 tensors of these shapes.
+    InputError: no tensors of these kinds and shapes, or `torch.func.vmap` maps over them: each body
+        has as many rests as it has.
     DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`.
     """
-    if points.dtype != torch.float64 or points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(
-            f"vertices: expected a float64 tensor of shape (n, 3), got {points.dtype} of shape "
-            f"{tuple(points.shape)}; convert it with .double()"
-        )
-    hull = hull_of(points.detach().numpy())
-    vertices = points
-    if len(hull.source) < len(points):
-        vertices = points[torch.as_tensor(hull.source)]
-    if center_of_mass is None:
-        return RestEvaluation(classify(hull, hull.centroid), vertices)
-    if center_of_mass.dtype != torch.float64 or center_of_mass.shape != (3,):
-        raise InputError(
-            f"center of mass: expected a float64 tensor of shape (3,), got {center_of_mass.dtype} "
-            f"of shape {tuple(center_of_mass.shape)}; convert it with .double(), or leave it out "
-            "for the uniform solid"
-        )
-    center = center_of_mass.detach().numpy()
-    return RestEvaluation(classify(hull, center), vertices, center_of_mass)
+    given = double_tensor(points, "vertices", "n", 3)
+    center = None
+    if center_of_mass is not None:
+        center = double_tensor(center_of_mass, "center of mass", 3)
+    make = hull_of or partial(convex_hull, single_precision=points.dtype == torch.float32)
+    found: list[Equilibria] = []
+
+    def find(numbers: Floats, *middle: Floats) -> Integers:
+        if numbers.ndim > 2:
+            raise InputError(
+                f"vertices: expected one body, got {len(numbers)} that vmap maps over; take "
+                "differentiable_rest, or one body after the other"
+            )
+        hull = make(numbers)
+        found.append(classify(hull, middle[0] if middle else hull.centroid))
+        return np.zeros((), dtype=np.int64)
+
+    seen(find, *((given,) if center is None else (given, center)))
+    hull = found[0].hull
+    if len(hull.source) < len(given):
+        given = given[torch.as_tensor(hull.source)]
+    return RestEvaluation(found[0], given, center)

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.solid import second_moments, stretch_matrix, volume_and_centroid
-from dicedesign.gradient.adjoint_function import adjoint_function
+from dicedesign.gradient.body_function import adjoint_function
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -17,7 +17,7 @@ __all__ = ["centroid_gradient", "hull_centroid", "hull_inertia"]
 def hull_centroid(vertices: Tensor, hull: ConvexHull) -> Tensor:
     """Center of mass (3,) of the uniform solid hull, whose vertices (n, 3) the tensor has."""
     return adjoint_function(
-        lambda: hull.centroid,
+        hull.centroid,
         lambda gradient: (centroid_gradient(hull, gradient),),
         lambda vertices: _centroid(vertices, hull.triangles),
         vertices,

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from dicedesign.geometry.solid import solid_inertia
-from dicedesign.gradient.adjoint_function import adjoint_function
+from dicedesign.gradient.body_function import adjoint_function
 from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.gradient.solid_moments import hull_inertia
 from dicedesign.kernels import ops as kernels
@@ -78,7 +78,7 @@ class ThrownOdds:
             return self._formula(rests, vertices, resting, given)
 
         inputs = (rests.vertices, resting) if given is None else (rests.vertices, resting, given)
-        return adjoint_function(lambda: self.odds(rests), adjoint, formula, *inputs)
+        return adjoint_function(self.odds(rests), adjoint, formula, *inputs)
 
     def jacobian(self, rests: RestEvaluation) -> Floats:
         """(k, 3 n) derivatives in the hull's vertices, with which the center of mass of a uniform

@@ -13,15 +13,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Any, Final, Literal, ParamSpec, Protocol, TypeVar
+from typing import Any, Final, Literal, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 import dicedesign.tolerances as bounds
+from dicedesign.kernels.objects import Bodies, Energies, Handled, Tie
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
-INTERFACE: Final = 4
+INTERFACE: Final = 5
 """Counts changes of what the kernels take and return; those of another number are not used."""
 
 P = ParamSpec("P")
@@ -38,6 +39,13 @@ except ModuleNotFoundError:
     compiled = None
 
 _MEASURED: Final = (bounds.SLIVER, bounds.THIN_VOLUME, bounds.ROUNDING)
+
+_RESTING: Final = (
+    bounds.BOUNDARY_TOLERANCE,
+    bounds.TIE_TOLERANCE,
+    bounds.NEAR_ANTIPODE,
+    bounds.CLOSURE_TOLERANCE,
+)
 
 _REUSED: Final = (
     bounds.REUSE_FLATNESS,
@@ -61,20 +69,6 @@ def _kernel(function: Callable[P, T]) -> Callable[P, T | None]:
         return None if compiled is None else function(*args, **kwargs)
 
     return asked
-
-
-class Tie(Exception):
-    """The body balances: a hair's move of the center of mass would change what it does."""
-
-
-class Handled:
-    """Base of a hull, of its separatrices and of a momentum model: what kernels take by a `handle`,
-    which borrows its arrays, is made at first use by a kernel and is left out of pickles."""
-
-    handle: Any
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "handle"}
 
 
 def new_handle(kind: Literal["Hull", "Paths", "Momentum"], *parts: Any) -> Any:
@@ -255,14 +249,23 @@ def corner_gradients(
     return compiled.corner_gradients(normals, polar, planes.ravel(), corners, gradients)
 
 
-class Energies(Protocol):
-    """Terms of the energy of eq. 16: dice, coplanar, barycenter, neighbor."""
+@_kernel
+def bodies(
+    points: Floats,
+    start: Integers,
+    counts: Integers,
+    centers: Floats | None,
+    coplanar_tolerance: float,
+    precision: float,
+    threads: int,
+) -> Bodies:
+    """The rests of bodies, on so many threads.
 
-    def values(self) -> list[float]:
-        """The four, 0 where they are not wanted."""
-
-    def gradient(self, slopes: Sequence[float]) -> tuple[Floats, Floats]:
-        """That of the sum of terms times slopes (4,): (n, 3) and (3,)."""
+    points: (t, 3), of which each body has `counts` (b,) from `start` (b,) on; centers: of mass,
+    (b, 3), or None for those of the uniform solids; others: as `convex_hull` has them.
+    """
+    numbers = (coplanar_tolerance, precision, *_MEASURED, *_RESTING)
+    return compiled.Bodies(points, start, counts, centers, numbers, threads)
 
 
 @_kernel

@@ -58,6 +58,7 @@ SUBJECTS = {
     "recipe": "recipes and stages of a run",
     "optimize.targets": "targets",
     "geometry.meshes": "bodies",
+    "geometry.point_groups": "coordinates",
     "rest": "rests",
     "gradient": "gradients",
     "optimize.starts": "starting shapes",

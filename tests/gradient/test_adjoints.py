@@ -11,8 +11,8 @@ from contextlib import AbstractContextManager, nullcontext
 import numpy as np
 import pytest
 import torch
-from common.attached_points import corner_formula
 from common.blade import blade
+from common.corner_formula import corner_formula
 from common.kernels import compiled_only, without_kernels
 
 from dicedesign.bench.bodies import solids

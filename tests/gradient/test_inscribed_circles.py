@@ -7,7 +7,6 @@ from itertools import product
 import numpy as np
 import pytest
 import torch
-from common.attached_points import attached_points
 
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -127,7 +126,7 @@ def test_gradients_are_differences(measure: str, seed: int) -> None:
 
     def values(moved: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
         leaf = torch.tensor(moved, requires_grad=True)
-        rests = evaluate_rests(attached_points(coordinates, leaf))
+        rests = evaluate_rests(coordinates.points(leaf))
         if measure == "barrier":
             return leaf, barrier_residuals(rests)
         radii = circle_radii if measure == "largest" else soft_circle_radii

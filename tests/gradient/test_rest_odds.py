@@ -277,8 +277,9 @@ def test_basins_that_do_not_close_are_an_error(monkeypatch) -> None:
 
     monkeypatch.setattr(rest_formulas, "border_areas", torn)
     text = "body: expected basins that cover the sphere once, got a difference of "
+    vertices = leaf(CUBE)
     with pytest.raises(DegenerateBodyError, match=text):
-        differentiable_rest(torch.tensor(CUBE))
+        differentiable_rest(vertices)[1][0].backward()
 
 
 def test_a_polished_start_has_finite_gradients() -> None:
@@ -293,22 +294,26 @@ def test_a_polished_start_has_finite_gradients() -> None:
     ("vertices", "center", "error", "text"),
     [
         (
-            torch.tensor(CUBE, dtype=torch.float32),
+            CUBE,
             None,
             InputError,
-            "vertices: expected a float64 tensor of shape (n, 3), got torch.float32 of shape "
-            "(8, 3); convert it with .double()",
+            "vertices: expected a float32 or float64 tensor of shape (n, 3), got ndarray; make a "
+            "tensor with torch.tensor",
         ),
-        (torch.ones(8, 2).double(), None, InputError, "got torch.float64 of shape (8, 2)"),
-        (torch.ones(24).double(), None, InputError, "got torch.float64 of shape (24,)"),
+        (torch.tensor(CUBE).half(), None, InputError, "got torch.float16; convert it with .double"),
+        (torch.tensor(CUBE).to(torch.complex128), None, InputError, "got torch.complex128"),
+        (torch.tensor(CUBE).long(), None, InputError, "got torch.int64"),
+        (torch.tensor(CUBE, device="meta"), None, InputError, "got a meta tensor; pass a dense"),
+        (torch.tensor(CUBE).to_sparse(), None, InputError, "got one of layout torch.sparse_coo"),
+        (torch.ones(8, 2).double(), None, InputError, "got shape (8, 2)"),
+        (torch.ones(24).double(), None, InputError, "got shape (24,)"),
         (
             torch.tensor(CUBE),
             torch.zeros(3, 1).double(),
             InputError,
-            "center of mass: expected a float64 tensor of shape (3,), got torch.float64 of shape "
-            "(3, 1)",
+            "center of mass: expected a float32 or float64 tensor of shape (3,), got shape (3, 1)",
         ),
-        (torch.tensor(CUBE), torch.zeros(3), InputError, "got torch.float32 of shape (3,)"),
+        (torch.tensor(CUBE), (0.0, 0.0, 0.0), InputError, "center of mass: expected a float32 or"),
         (
             torch.tensor(CUBE),
             torch.tensor([2.0, 0.0, 0.0]).double(),
@@ -326,5 +331,37 @@ def test_a_polished_start_has_finite_gradients() -> None:
     ],
 )
 def test_bad_tensors_are_refused_in_words(vertices, center, error, text: str) -> None:
-    with pytest.raises(error, match=re.escape(text)):
-        differentiable_rest(vertices, center)
+    for function in (differentiable_rest, evaluate_rests):
+        with pytest.raises(error, match=re.escape(text)):
+            function(vertices, center)
+
+
+def test_single_precision_is_carried_there_and_back() -> None:
+    """Facets that rounding made uneven are one facet, as for `rest_poses`."""
+    turned = CUBE * [1.0, 1.1, 1.2] @ np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    rounded = torch.tensor(turned, dtype=torch.float32, requires_grad=True)
+    center = torch.zeros(3, requires_grad=True)
+    normals, probabilities = differentiable_rest(rounded, center)
+    assert normals.dtype == probabilities.dtype == torch.float32
+    expected = rest_poses(rounded.detach().numpy(), [0.0, 0.0, 0.0])
+    assert len(expected.probabilities) == 6
+    np.testing.assert_array_equal(probabilities.detach(), expected.probabilities.astype("f4"))
+    np.testing.assert_array_equal(normals.detach(), expected.normals.astype("f4"))
+    slopes = torch.autograd.grad(probabilities[0], (rounded, center))
+    double = (torch.tensor(turned, requires_grad=True), torch.zeros(3).double().requires_grad_())
+    exact = torch.autograd.grad(differentiable_rest(*double)[1][0], double)
+    for slope, wanted in zip(slopes, exact, strict=True):
+        assert slope.dtype == torch.float32
+        torch.testing.assert_close(slope.double(), wanted, rtol=0, atol=1e-5)
+    assert len(evaluate_rests(rounded, center).hull.normals) == 6
+
+
+def test_rests_of_moved_and_sliced_tensors(random_points) -> None:
+    """Whatever strides they have."""
+    points = torch.tensor(random_points(2, 8))
+    sliced = torch.zeros(3, 16).double()
+    sliced[:, ::2] = points.T
+    for found, wanted in zip(
+        differentiable_rest(sliced[:, ::2].T), differentiable_rest(points), strict=True
+    ):
+        assert torch.equal(found, wanted)

@@ -25,7 +25,7 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32, ROUNDING, SLIVER
 
-__all__ = ["ConvexHull", "convex_hull"]
+__all__ = ["ConvexHull", "convex_hull", "hull_precision"]
 
 FLOAT32_EPS: Final = float(np.finfo(np.float32).eps)
 
@@ -200,6 +200,14 @@ class ConvexHull(kernels.Handled):
             return float(np.ldexp(longest, self._exponent))
 
 
+def hull_precision(single: bool) -> tuple[float, float]:
+    """The usual coplanar tolerance, and the relative spacing of the coordinates of points that were
+    rounded to float32 or were not."""
+    if single:
+        return COPLANAR_TOLERANCE_FLOAT32, FLOAT32_EPS
+    return COPLANAR_TOLERANCE, FLOAT64_EPS
+
+
 def convex_hull(
     points: ArrayLike, coplanar_tolerance: float | None = None, *, single_precision: bool = False
 ) -> ConvexHull:
@@ -225,14 +233,14 @@ def convex_hull(
     """
     given = as_numbers(points, "points")
     single = single_precision or given.dtype == np.float32
+    usual, eps = hull_precision(single)
     if coplanar_tolerance is None:
-        coplanar_tolerance = COPLANAR_TOLERANCE_FLOAT32 if single else COPLANAR_TOLERANCE
+        coplanar_tolerance = usual
     if not (isinstance(coplanar_tolerance, Real) and 0.0 <= coplanar_tolerance < 1.0):
         raise InputError(
             f"coplanar tolerance: expected a number in [0, 1), got {coplanar_tolerance!r}; "
             "leave it out for the default"
         )
-    eps = FLOAT32_EPS if single else FLOAT64_EPS
     if coplanar_tolerance != 0.0:
         attributes = kernels.convex_hull(given, float(coplanar_tolerance), eps)
         if attributes is not None:

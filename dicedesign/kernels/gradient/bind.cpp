@@ -1,11 +1,17 @@
 // Kernels of `dicedesign.gradient` and `dicedesign.optimize`.
 
 #include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+
+#include <algorithm>
+#include <optional>
 
 #include "arrays.hpp"
 #include "gradient/adjoint.hpp"
 #include "gradient/energies.hpp"
+#include "gradient/rested_body.hpp"
 #include "hull/handle.hpp"
+#include "parallel.hpp"
 #include "rest/paths.hpp"
 
 namespace dicedesign {
@@ -15,6 +21,82 @@ namespace {
 std::vector<double> zeros(const HullHandle& hull, std::size_t rows = 1) {
     return std::vector<double>(3 * static_cast<std::size_t>(hull->vertex_count) * rows);
 }
+
+using Blocks = nb::ndarray<const double, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
+
+// Bodies that were put to rest together, but those that rounding leaves open.
+class BodiesHandle {
+public:
+    // Body i has the points (t, 3) from `start[i]` on, `counts[i]` of them, and center i of `centers`
+    // (b, 3), or without these that of the uniform solid.
+    BodiesHandle(Points points, Indices start, Indices counts, std::optional<Points> centers,
+                 const std::array<double, 9>& numbers, std::size_t threads)
+        : bodies_(start.shape(0)) {
+        const auto [coplanar, precision, sliver, thin_volume, rounding, boundary, tie,
+                    near_antipode, closure] = numbers;
+        const RestTolerances tolerances{coplanar, precision, {sliver, thin_volume, rounding},
+                                        boundary, tie,       near_antipode,
+                                        closure};
+        const Vec* given = centers ? rows(*centers) : nullptr;
+        const nb::gil_scoped_release others_may_run;
+        in_parallel(bodies_.size(), threads, [&](std::size_t i) {
+            bodies_[i] = RestedBody::of(rows(points) + start(i), counts(i),
+                                        given == nullptr ? nullptr : given + i, tolerances);
+        });
+    }
+
+    BodiesHandle(const BodiesHandle&) = delete;
+
+    // How many rests each body has (b), 0 where that is open, then with as many rows for each as
+    // the most have their facets (b, k), normals (b, k, 3) and odds (b, k), 0 in rows too many.
+    nb::tuple rests() const {
+        const std::size_t count = bodies_.size();
+        std::vector<Index> found(count);
+        for (std::size_t i = 0; i < count; ++i)
+            if (bodies_[i]) found[i] = static_cast<Index>(bodies_[i]->odds.size());
+        const std::size_t most = found.empty() ? 0 : *std::max_element(found.begin(), found.end());
+        std::vector<Index> facets(count * most);
+        std::vector<Vec> normals(count * most, Vec{0.0, 0.0, 0.0});
+        std::vector<double> odds(count * most);
+        for (std::size_t i = 0; i < count; ++i) {
+            if (!bodies_[i]) continue;
+            const RestedBody& body = *bodies_[i];
+            std::copy(body.facets.begin(), body.facets.end(), facets.begin() + i * most);
+            std::copy(body.normals.begin(), body.normals.end(), normals.begin() + i * most);
+            std::copy(body.odds.begin(), body.odds.end(), odds.begin() + i * most);
+        }
+        const std::size_t shape[3] = {count, most, 3};
+        return nb::make_tuple(array(std::move(found)), owning<Index>(std::move(facets), 2, shape),
+                              owning<double>(std::move(normals), 3, shape),
+                              owning<double>(std::move(odds), 2, shape));
+    }
+
+    // Gradients (r, n, 3) in points and (r, 3) in centers for those (r, k, 3) in normals and (r, k)
+    // in odds of bodies (r), n of the most points; and (r) 0 where one is left open.
+    nb::tuple pull_back(Indices which, Blocks by_normals, Rows by_odds, std::size_t most_points,
+                        std::size_t threads) const {
+        const std::size_t count = which.shape(0), rests = by_odds.shape(1);
+        std::vector<Vec> by_points(count * most_points, Vec{0.0, 0.0, 0.0});
+        std::vector<Vec> by_centers(count, Vec{0.0, 0.0, 0.0});
+        std::vector<Index> known(count);
+        const auto* normals = reinterpret_cast<const Vec*>(by_normals.data());
+        {
+            const nb::gil_scoped_release others_may_run;
+            in_parallel(count, threads, [&](std::size_t i) {
+                const std::optional<RestedBody>& body = bodies_[which(i)];
+                known[i] = body && body->pull_back(normals + i * rests, by_odds.data() + i * rests,
+                                                   by_points.data() + i * most_points,
+                                                   by_centers[i]);
+            });
+        }
+        const std::size_t shape[3] = {count, most_points, 3};
+        return nb::make_tuple(owning<double>(std::move(by_points), 3, shape),
+                              array(std::move(by_centers)), array(std::move(known)));
+    }
+
+private:
+    std::vector<std::optional<RestedBody>> bodies_;
+};
 
 // Gradients (n, 3) and (3,) of a weighted sum (k) of areas in the vertices and in the center.
 nb::tuple area_gradient(const HullHandle& hull, const PathsHandle& paths, Floats center,
@@ -146,6 +228,12 @@ void bind_gradients(nb::module_& module) {
     module.def("normal_gradient", &normal_gradient);
     module.def("facet_depths", &depths);
     module.def("depth_gradient", &depth_gradient);
+    nb::class_<BodiesHandle>(module, "Bodies")
+        .def(nb::init<Points, Indices, Indices, std::optional<Points>,
+                      const std::array<double, 9>&, std::size_t>(),
+             nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg())
+        .def("rests", &BodiesHandle::rests)
+        .def("pull_back", &BodiesHandle::pull_back);
     nb::class_<EnergiesHandle>(module, "Energies")
         .def(nb::init<const HullHandle&, const PathsHandle&, Floats, Floats, Indices, Points,
                       Floats, double, double, double, std::array<bool, 4>>())

@@ -5,34 +5,15 @@
 #include "rest/lines.hpp"
 #include "rest/morse.hpp"
 #include "rest/paths.hpp"
+#include "rest/surroundings.hpp"
 
 namespace dicedesign {
 namespace {
 
-// How far the facets lie from a point inside, and how large a body is: the number and the height
-// of the lowest facet, the largest difference of a coordinate from the vertices' mean, the largest
-// coordinate of vertices and point, and the largest extent.
-nb::tuple surroundings(const HullHandle& hull, Floats point) {
-    const Vec* x = hull->vertices;
-    const Vec c = vector(point);
-    Box box(x[0]);
-    Vec total{0.0, 0.0, 0.0};
-    for (Index i = 0; i < hull->vertex_count; ++i) {
-        box.add(x[i]);
-        total += x[i];
-    }
-    const double offset = box.reach((1.0 / static_cast<double>(hull->vertex_count)) * total);
-    const double far = larger(largest(absolute(c)), box.magnitude());
-    Index lowest = 0;
-    double height = 0.0;
-    for (Index f = 0; f < hull->facet_count; ++f) {
-        const double h = dot(x[hull->tail[hull->facet_start[f]]] - c, hull->normals[f]);
-        if (f == 0 || h < height) {
-            lowest = f;
-            height = h;
-        }
-    }
-    return nb::make_tuple(lowest, height, offset, far, box.extent());
+// The lengths that `Surroundings` of Python has, in order.
+nb::tuple surroundings_of(const HullHandle& hull, Floats point) {
+    const Surroundings found = surroundings(*hull, vector(point));
+    return nb::make_tuple(found.facet, found.height, found.offset, found.far, found.extent);
 }
 
 // What Python gets instead of an answer: False where the body is tied, None where rounding could
@@ -115,7 +96,7 @@ nb::object basin_areas(const HullHandle& hull, const PathsHandle& paths, Floats 
 void bind_rest(nb::module_& module) {
     nb::class_<PathsHandle>(module, "Paths")
         .def(nb::init<Indices, IndexPairs, IndexPairs, IndexPairs, Indices, Indices>());
-    module.def("surroundings", &surroundings);
+    module.def("surroundings", &surroundings_of);
     module.def("separatrices", &separatrices);
     module.def("destinations", &destinations);
     module.def("slides", &slides);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,8 @@ from dicedesign.optimize.coordinates.shape import Shape
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from dicedesign.gradient.rest_odds import RestEvaluation
 
 __all__ = ["FacetCoordinates"]
@@ -53,6 +56,19 @@ class FacetCoordinates:
     def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
         """See `Coordinates`: one corner for each triangle of the polar hull, from the three planes
         that meet there. Raises DegenerateBodyError if the half-spaces bound no solid."""
+        return self._shape_and_planes(parameters, hull_of)[0]
+
+    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
+        """See `Coordinates`. Raises InputError if these are no parameters, and as `shape`."""
+        from dicedesign.optimize.coordinates.corner_tensors import corner_points
+
+        made = partial(self._shape_and_planes, hull_of=hull_of)
+        return corner_points(parameters, self.origin, made)
+
+    def _shape_and_planes(
+        self, parameters: Floats, hull_of: HullMaker = convex_hull
+    ) -> tuple[Shape, Integers]:
+        """The shape, and (t, 3) the facets whose planes meet at each corner."""
         count = len(parameters) // 4
         normals = parameters[: 3 * count].reshape(count, 3)
         with np.errstate(all="ignore"):
@@ -77,7 +93,7 @@ class FacetCoordinates:
                 return _corner_gradients(normals, polar, facets, corners, rows)
             return pulled
 
-        return Shape(self.origin + corners, pulled_back)
+        return Shape(self.origin + corners, pulled_back), facets
 
     def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """See `Coordinates`: half-spaces that cut nothing stay, as they may cut again."""

@@ -13,6 +13,8 @@ from dicedesign.geometry.hulls.reuse import HullMaker
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from dicedesign.gradient.rest_odds import RestEvaluation
 
 __all__ = ["Coordinates", "Shape"]
@@ -44,6 +46,10 @@ class Coordinates(Protocol):
 
     def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
         """The shape; `hull_of` makes the hulls that are needed on the way."""
+
+    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
+        """The points of the shape as a function of a tensor, for autograd and `torch.func`, of
+        parameters (p,) as float32 or float64."""
 
     def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """The parameters without what the shape no longer uses."""

@@ -22,6 +22,8 @@ from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SYMMETRY_TOLERANCE
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from dicedesign.gradient.rest_odds import RestEvaluation
 
 __all__ = ["SymmetricCoordinates", "images_of_directions", "orbits_of_directions"]
@@ -92,8 +94,28 @@ class SymmetricCoordinates:
     def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
         """See `FacetCoordinates`. Raises DegenerateBodyError also where rounding lets only some of
         an orbit's facets bound the solid."""
+        whole = self.facets.shape(self.expansion @ parameters, self._whole_orbits(hull_of))
 
-        def whole_orbits(polar: Floats) -> ConvexHull:
+        def pulled_back(gradients: Floats) -> Floats:
+            return whole.pulled_back(gradients) @ self.expansion
+
+        return Shape(whole.points, pulled_back)
+
+    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
+        """See `Coordinates`; raises as `shape`, and InputError if these are no parameters."""
+        import torch
+
+        from dicedesign.gradient.tensors import double_tensor
+
+        given = double_tensor(parameters, "parameters", self.expansion.shape[1])
+        whole = torch.from_numpy(self.expansion) @ given
+        return self.facets.points(whole, self._whole_orbits(hull_of)).to(parameters)
+
+    def _whole_orbits(self, hull_of: HullMaker) -> HullMaker:
+        """The polar hulls that `hull_of` makes, of which all facets of an orbit are corners or
+        none."""
+
+        def whole(polar: Floats) -> ConvexHull:
             hull = hull_of(polar)
             sizes = np.bincount(self.orbits)
             bounding = np.bincount(self.orbits[hull.source], minlength=len(sizes))
@@ -105,12 +127,7 @@ class SymmetricCoordinates:
                 )
             return hull
 
-        whole = self.facets.shape(self.expansion @ parameters, whole_orbits)
-
-        def pulled_back(gradients: Floats) -> Floats:
-            return whole.pulled_back(gradients) @ self.expansion
-
-        return Shape(whole.points, pulled_back)
+        return whole
 
     def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """See `FacetCoordinates`."""

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.reuse import HullMaker
 from dicedesign.optimize.coordinates.shape import Shape
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from dicedesign.gradient.rest_odds import RestEvaluation
 
 __all__ = ["VertexCoordinates"]
@@ -48,6 +51,21 @@ class VertexCoordinates:
             return self.scale * gradients.reshape(len(gradients), len(parameters))
 
         return Shape(self.origin + self.scale * parameters.reshape(-1, 3), pulled_back)
+
+    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
+        """See `Coordinates`. Raises InputError if these are no parameters."""
+        import torch
+
+        from dicedesign.gradient.tensors import double_tensor
+
+        given = double_tensor(parameters, "parameters", "3 n")
+        if len(given) % 3 != 0:
+            raise InputError(
+                f"parameters: expected three numbers for each of n points, got {len(given)}; pass "
+                "all of one point and then all of the next"
+            )
+        points = torch.from_numpy(self.origin) + self.scale * given.reshape(-1, 3)
+        return points.to(parameters)
 
     def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """See `Coordinates`: drops points that are no vertices of the hull."""

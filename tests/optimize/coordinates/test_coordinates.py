@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import re
-from functools import partial
 
 import numpy as np
 import pytest
 import torch
-from common.attached_points import attached_points
 from scipy.spatial import HalfspaceIntersection
 
 from dicedesign.errors import DegenerateBodyError
@@ -82,9 +80,7 @@ def test_gradcheck_of_points(random_points, kind) -> None:
     rng = np.random.default_rng(0)
     parameters = parameters + 0.01 * rng.normal(size=parameters.shape)
     leaf = torch.tensor(parameters, requires_grad=True)
-    assert torch.autograd.gradcheck(
-        partial(attached_points, coordinates), (leaf,), eps=1e-6, atol=1e-6, rtol=1e-4
-    )
+    assert torch.autograd.gradcheck(coordinates.points, (leaf,), eps=1e-6, atol=1e-6, rtol=1e-4)
 
 
 def test_the_length_of_a_facet_s_normal_does_not_matter() -> None:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import re
-from functools import partial
 
 import numpy as np
 import pytest
 import torch
-from common.attached_points import attached_points
 from scipy.spatial import ConvexHull
 
 from dicedesign.errors import DegenerateBodyError, InputError
@@ -140,9 +138,7 @@ def test_unknowns_are_those_that_the_place_of_a_facet_leaves(
 def test_gradcheck_of_points(name: str) -> None:
     coordinates, parameters = symmetric(name, seed=3)
     leaf = torch.tensor(parameters, requires_grad=True)
-    assert torch.autograd.gradcheck(
-        partial(attached_points, coordinates), (leaf,), eps=1e-6, atol=1e-6, rtol=1e-4
-    )
+    assert torch.autograd.gradcheck(coordinates.points, (leaf,), eps=1e-6, atol=1e-6, rtol=1e-4)
 
 
 def test_the_origin_is_moved_to_where_the_group_keeps_it() -> None:

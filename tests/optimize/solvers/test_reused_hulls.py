@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from common.attached_points import attached_points
 
 from dicedesign.geometry.hulls import reuse as hull_reuse
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -99,7 +98,7 @@ def test_values_and_gradients_with_a_memory_are_those_without() -> None:
         results = []
         for polar_of, shape_of in ((polars.hull, shapes.hull), (convex_hull, convex_hull)):
             leaf = torch.tensor(parameters, requires_grad=True)
-            rests = evaluate_rests(attached_points(coordinates, leaf, polar_of), None, shape_of)
+            rests = evaluate_rests(coordinates.points(leaf, polar_of), None, shape_of)
             (gradient,) = torch.autograd.grad((rests.probabilities**3).sum(), leaf)
             results.append((rests.probabilities.detach().numpy(), gradient.numpy()))
         for ours, theirs in zip(*results, strict=True):

@@ -1,0 +1,248 @@
+"""Functions of bodies for autograd and `torch.func`, to any order, forward and backward.
+
+Which facets a body has and where its paths run is found from numbers, outside of what torch can
+record. What is then a function of coordinates is given to torch here: its values and gradients by
+compiled kernels where there are any, its other derivatives by operations of torch.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dicedesign.runtime.arrays import Floats, Integers
+
+__all__ = ["BodyFunction", "adjoint_function", "seen"]
+
+Formula = Callable[..., tuple[Tensor, ...]]
+"""From the number of a body and its inputs to its outputs, by operations of torch."""
+
+AtOnce = Callable[..., tuple[Floats, ...] | None]
+"""From numbers of bodies (r,) and inputs (r, ...) to outputs (r, ...); None where that is left to
+the formula."""
+
+ONLY: Final = torch.zeros((), dtype=torch.int64)
+"""Number of a body that is alone."""
+
+
+@dataclass(frozen=True)
+class BodyFunction:
+    """A function of tensors that differs from body to body.
+
+    Attributes
+    ----------
+    inputs, outputs: how many it has; what it depends on, each output is a tensor.
+    formula: the function of one body, differentiable as often as one likes.
+    value: that of many at once, if there is a faster way.
+    adjoint: the same for gradients of the inputs, from the inputs and those of the outputs.
+    """
+
+    inputs: int
+    outputs: int
+    formula: Formula
+    value: AtOnce | None = None
+    adjoint: AtOnce | None = None
+
+    def __call__(self, which: Tensor, *inputs: Tensor) -> tuple[Tensor, ...]:
+        """Outputs (*l, ...) of the bodies `which` (*l) with inputs (*l, ...)."""
+        found: tuple[Tensor, ...] = _Applied.apply(self, which, *inputs)
+        return found
+
+    @property
+    def pulled_back(self) -> BodyFunction:
+        """From the inputs and gradients of the outputs to gradients of the inputs."""
+        formula = partial(_pulled_back, self.formula, self.inputs)
+        return BodyFunction(self.inputs + self.outputs, self.inputs, formula, self.adjoint)
+
+    @property
+    def pushed_forward(self) -> BodyFunction:
+        """From the inputs and their tangents to the tangents of the outputs."""
+        formula = partial(_pushed_forward, self.formula, self.inputs)
+        return BodyFunction(2 * self.inputs, self.outputs, formula)
+
+    def evaluated(self, which: Integers, *inputs: Floats) -> tuple[Floats, ...]:
+        """Outputs (r, ...) of bodies (r,) as numbers."""
+        found = None if self.value is None else self.value(which, *inputs)
+        if found is not None:
+            return found
+        rows = [
+            self.formula(int(body), *(torch.from_numpy(column[row]) for column in inputs))
+            for row, body in enumerate(which)
+        ]
+        return tuple(
+            np.stack([tensor.detach().numpy() for tensor in column])
+            for column in zip(*rows, strict=True)
+        )
+
+
+def adjoint_function(
+    value: Floats | None,
+    adjoint: Callable[[Floats], tuple[Floats, ...] | None],
+    formula: Callable[..., Tensor],
+    *inputs: Tensor,
+) -> Tensor:
+    """A function of one body with one output.
+
+    value: of the function, or None where the formula tells it; adjoint: the gradients of the inputs
+    from that of the output, or None where they are left open; formula: the same function by
+    operations of torch.
+    """
+
+    def adjoints(which: Integers, *given: Floats) -> tuple[Floats, ...] | None:
+        rows = [adjoint(gradient) for gradient in given[-1]]
+        if any(row is None for row in rows):
+            return None
+        return tuple(np.stack(column) for column in zip(*rows, strict=True))
+
+    function = BodyFunction(
+        len(inputs),
+        1,
+        lambda body, *given: (formula(*given),),
+        None if value is None else lambda which, *given: (np.stack([value] * len(which)),),
+        adjoints,
+    )
+    return function(ONLY, *inputs)[0]
+
+
+def seen(action: Callable[..., Integers], *inputs: Tensor) -> Tensor:
+    """What an action makes of the numbers behind tensors: integers (*l), with no derivative.
+
+    Where transforms of `torch.func` map over tensors, it is called once, and all that it gets and
+    returns has the dimensions that are mapped over before its own.
+    """
+    try:
+        numbers = [tensor.detach().numpy() for tensor in inputs]
+    except RuntimeError:
+        integers: Tensor = _Seen.apply(action, *inputs)
+        return integers
+    return torch.as_tensor(action(*numbers))
+
+
+def _with_signature(forward: Callable[..., Any]) -> Callable[..., Any]:
+    """A function that tells its signature as an attribute: torch asks for it in every call, and to
+    work it out takes longer than a hull."""
+    forward.__signature__ = inspect.signature(forward)  # type: ignore[attr-defined]
+    return forward
+
+
+class _Applied(torch.autograd.Function):
+    @staticmethod
+    @_with_signature
+    def forward(*given: Any) -> tuple[Tensor, ...]:
+        function, which, *inputs = given
+        lead, count = which.shape, which.numel()
+        rows = [
+            np.ascontiguousarray(tensor.detach().numpy()).reshape(count, *tensor.shape[len(lead) :])
+            for tensor in inputs
+        ]
+        found = function.evaluated(which.numpy().reshape(count), *rows)
+        return tuple(torch.from_numpy(output.reshape(*lead, *output.shape[1:])) for output in found)
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: tuple[Tensor, ...]) -> None:
+        ctx.function, *tensors = inputs
+        ctx.save_for_backward(*tensors)
+        ctx.save_for_forward(*tensors)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        which, *inputs = ctx.saved_tensors
+        return None, None, *ctx.function.pulled_back(which, *inputs, *gradients)
+
+    @staticmethod
+    def jvp(ctx: Any, *tangents: Any) -> tuple[Tensor, ...]:
+        which, *inputs = ctx.saved_tensors
+        along = [
+            torch.zeros_like(tensor) if tangent is None else tangent
+            for tensor, tangent in zip(inputs, tangents[2:], strict=True)
+        ]
+        pushed: tuple[Tensor, ...] = ctx.function.pushed_forward(which, *inputs, *along)
+        return pushed
+
+    @staticmethod
+    def vmap(
+        info: Any, in_dims: tuple[Any, ...], function: BodyFunction, *tensors: Tensor
+    ) -> tuple[tuple[Tensor, ...], tuple[int, ...]]:
+        found = function(*_leading(tensors, in_dims[1:], info.batch_size))
+        return found, (0,) * len(found)
+
+
+class _Seen(torch.autograd.Function):
+    @staticmethod
+    def forward(action: Callable[..., Integers], *inputs: Tensor) -> Tensor:
+        return torch.as_tensor(action(*(tensor.detach().numpy() for tensor in inputs)))
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: Tensor) -> None:
+        ctx.mark_non_differentiable(output)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[None, ...]:
+        return (None,) * len(ctx.needs_input_grad)
+
+    @staticmethod
+    def jvp(ctx: Any, *tangents: Any) -> None:
+        return None
+
+    @staticmethod
+    def vmap(
+        info: Any, in_dims: tuple[Any, ...], action: Callable[..., Integers], *inputs: Tensor
+    ) -> tuple[Tensor, int]:
+        return _Seen.apply(action, *_leading(inputs, in_dims[1:], info.batch_size)), 0
+
+
+def _leading(
+    tensors: Sequence[Tensor], dimensions: Sequence[int | None], size: int
+) -> list[Tensor]:
+    """Tensors with the dimension that is mapped over first, and so large where there is none."""
+    return [
+        tensor.expand(size, *tensor.shape) if place is None else tensor.movedim(place, 0)
+        for tensor, place in zip(tensors, dimensions, strict=True)
+    ]
+
+
+def _pulled_back(formula: Formula, inputs: int, body: int, *given: Tensor) -> tuple[Tensor, ...]:
+    with torch.enable_grad():
+        leaves = [_leaf(tensor) for tensor in given[:inputs]]
+        return _slopes(formula(body, *leaves), leaves, given[inputs:])
+
+
+def _pushed_forward(formula: Formula, inputs: int, body: int, *given: Tensor) -> tuple[Tensor, ...]:
+    """Gradients of inputs are linear in those of outputs; this is the transpose of that."""
+    with torch.enable_grad():
+        leaves = [_leaf(tensor) for tensor in given[:inputs]]
+        outputs = formula(body, *leaves)
+        weights = [torch.zeros_like(output).requires_grad_() for output in outputs]
+        return _slopes(_slopes(outputs, leaves, weights), weights, given[inputs:])
+
+
+def _leaf(tensor: Tensor) -> Tensor:
+    return tensor if tensor.requires_grad else tensor.detach().requires_grad_()
+
+
+def _slopes(
+    outputs: Sequence[Tensor], inputs: Sequence[Tensor], gradients: Sequence[Tensor]
+) -> tuple[Tensor, ...]:
+    """Gradients of the inputs for those of the outputs, to be differentiated again."""
+    varying = [
+        (output, gradient)
+        for output, gradient in zip(outputs, gradients, strict=True)
+        if output.requires_grad
+    ]
+    if not varying:
+        return tuple(torch.zeros_like(tensor) for tensor in inputs)
+    return torch.autograd.grad(
+        [output for output, _ in varying],
+        list(inputs),
+        [gradient for _, gradient in varying],
+        create_graph=True,
+        allow_unused=True,
+        materialize_grads=True,
+    )

@@ -1,0 +1,195 @@
+"""Odds and normals of the rests of one body or of many, as functions of their points.
+
+Bodies about which rounding can change nothing are done by compiled kernels, all in one call and on
+as many threads as torch has. The others, those that are thrown, and derivatives that the kernels do
+not know are done body by body (`RestEvaluation`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import convex_hull, hull_precision
+from dicedesign.gradient.body_function import BodyFunction, seen
+from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.gradient.solid_moments import hull_centroid
+from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.kernels import ops as kernels
+from dicedesign.rest.basins import Basins, find_basins
+from dicedesign.rest.equilibria import classify
+from dicedesign.runtime.arrays import Floats, Integers
+
+__all__ = ["rested"]
+
+
+def rested(
+    points: Tensor,
+    centers: Tensor | None = None,
+    counts: Tensor | None = None,
+    *,
+    single_precision: bool = False,
+    thrown: ThrownOdds | None = None,
+) -> tuple[Tensor, Tensor]:
+    """Normals (*l, k, 3) and odds (*l, k) of the rests of bodies (*l), the most probable first.
+
+    A body with fewer rests than the one with most has 0 in the rows that are left.
+
+    Parameters
+    ----------
+    points: (*l, n, 3) float64.
+    centers: (*l, 3) centers of mass, or None for those of the uniform solids.
+    counts: (*l) how many of its points each body has, the others are left out of account; None for
+        all.
+    single_precision: see `convex_hull`.
+    thrown: the model of the table that bodies are thrown onto; None where they are let go without
+        momentum.
+
+    Raises
+    ------
+    DegenerateBodyError, OutsideHullError: as `differentiable_rest`; where there are several bodies
+        their numbers come first.
+    """
+    bodies = _RestedBodies(centers is not None, counts is not None, single_precision, thrown)
+    inputs = (points,) if centers is None else (points, centers)
+    which = seen(bodies.find, *inputs, *(() if counts is None else (counts,)))
+    normals, odds = bodies.function(which, *inputs)
+    return normals, odds
+
+
+class _RestedBodies:
+    """The bodies of one call: what is found from numbers, and the function of the rest."""
+
+    def __init__(
+        self,
+        has_centers: bool,
+        has_counts: bool,
+        single_precision: bool,
+        thrown: ThrownOdds | None,
+    ) -> None:
+        self._has_centers, self._has_counts = has_centers, has_counts
+        self._single_precision, self._thrown = single_precision, thrown
+        self._sides: dict[int, tuple[Basins, ...]] = {}
+
+    @property
+    def function(self) -> BodyFunction:
+        """From points, and centers if they are given, to normals and odds."""
+        return BodyFunction(1 + self._has_centers, 2, self._formula, self._value, self._adjoint)
+
+    def find(self, points: Floats, *others: Floats) -> Integers:
+        """Find the rests of bodies (*l), and number them; others: centers and counts, see
+        `rested`."""
+        lead, (size, _) = points.shape[:-2], points.shape[-2:]
+        bodies = math.prod(lead)
+        self._points = np.ascontiguousarray(points).reshape(bodies, size, 3)
+        self._centers = None
+        if self._has_centers:
+            self._centers = np.ascontiguousarray(others[0]).reshape(bodies, 3)
+        self._counts = np.full(bodies, size)
+        if self._has_counts:
+            self._counts = np.ascontiguousarray(others[-1], np.int64).reshape(bodies)
+        self._handle = None
+        if self._thrown is None and bodies > 0:
+            self._handle = kernels.bodies(
+                self._points.reshape(-1, 3),
+                np.arange(0, bodies * size, max(size, 1)),
+                self._counts,
+                self._centers,
+                *hull_precision(self._single_precision),
+                torch.get_num_threads(),
+            )
+        if self._handle is None:
+            found = np.zeros(bodies, dtype=np.int64)
+            self._facets = np.zeros((bodies, 0), dtype=np.int64)
+            self._normals, self._odds = np.zeros((bodies, 0, 3)), np.zeros((bodies, 0))
+        else:
+            found, self._facets, self._normals, self._odds = self._handle.rests()
+        for body in np.flatnonzero(found == 0).tolist():
+            try:
+                self._find_one(body)
+            except InputError as error:
+                if not lead:
+                    raise
+                raise type(error)(f"body {body}: {error}") from error
+        return np.arange(bodies).reshape(lead)
+
+    def _find_one(self, body: int) -> None:
+        """Find the rests of a body that kernels left open."""
+        points, center = self._numbers(body)
+        beside, of_facet = self._odds_of_facets(body, *map(torch.from_numpy, (points, *center)))
+        resting = np.unique(np.concatenate([side.paths.rests for side in self._sides[body]]))
+        # Stable, so that equal rests keep the order of their facets.
+        facets = np.argsort(-of_facet.numpy(), kind="stable")[: len(resting)]
+        room = len(facets) - self._odds.shape[1]
+        if room > 0:
+            self._facets = np.pad(self._facets, ((0, 0), (0, room)))
+            self._odds = np.pad(self._odds, ((0, 0), (0, room)))
+            self._normals = np.pad(self._normals, ((0, 0), (0, room), (0, 0)))
+        self._facets[body, : len(facets)] = facets
+        self._normals[body, : len(facets)] = beside.hull.normals[facets]
+        self._odds[body, : len(facets)] = of_facet.numpy()[facets]
+
+    def _numbers(self, body: int) -> tuple[Floats, tuple[Floats, ...]]:
+        """Points (n, 3) of a body and its center (3,) of mass, if that was given."""
+        points = self._points[body, : self._counts[body]]
+        return points, () if self._centers is None else (self._centers[body],)
+
+    def _sides_of(self, body: int) -> tuple[Basins, ...]:
+        """Basins of a body, or of those beside it where it is tied."""
+        if body not in self._sides:
+            points, center = self._numbers(body)
+            hull = convex_hull(points, single_precision=self._single_precision)
+            middle = classify(hull, center[0] if center else hull.centroid).center_of_mass
+            self._sides[body] = find_basins(hull, middle)
+        return self._sides[body]
+
+    def _odds_of_facets(
+        self, body: int, points: Tensor, given: Tensor | None = None
+    ) -> tuple[RestEvaluation, Tensor]:
+        """Rests of a body or of one beside it, and odds (m,) by facet of the hull."""
+        sides = self._sides_of(body)
+        hull = sides[0].equilibria.hull
+        corners = points[torch.from_numpy(hull.source)]
+        center = hull.centroid if self._centers is None else self._centers[body]
+        of_facet = torch.zeros(len(hull.normals), dtype=torch.float64)
+        for side in sides:
+            aside = side.equilibria.center_of_mass - center
+            at = given
+            if aside.any():
+                middle = hull_centroid(corners, hull) if given is None else given
+                at = middle + torch.from_numpy(aside)
+            beside = RestEvaluation(side.equilibria, corners, at, side)
+            odds = beside.probabilities if self._thrown is None else self._thrown.tensor(beside)
+            of_facet = of_facet.index_add(0, torch.from_numpy(side.paths.rests), odds)
+        return beside, of_facet / len(sides)
+
+    def _formula(
+        self, body: int, points: Tensor, center: Tensor | None = None
+    ) -> tuple[Tensor, Tensor]:
+        facets = self._facets[body, : np.count_nonzero(self._odds[body])]
+        beside, of_facet = self._odds_of_facets(body, points, center)
+        left = self._odds.shape[1] - len(facets)
+        normals = torch.nn.functional.pad(beside.facet_normals(facets), (0, 0, 0, left))
+        return normals, torch.nn.functional.pad(of_facet[torch.from_numpy(facets)], (0, left))
+
+    def _value(self, which: Integers, *inputs: Floats) -> tuple[Floats, Floats]:
+        return self._normals[which], self._odds[which]
+
+    def _adjoint(self, which: Integers, *given: Floats) -> tuple[Floats, ...] | None:
+        if self._handle is None:
+            return None
+        by_normals, by_odds = given[-2:]
+        slopes = self._handle.pull_back(
+            which, by_normals, by_odds, self._points.shape[1], torch.get_num_threads()
+        )
+        *found, known = slopes if self._has_centers else (slopes[0], slopes[2])
+        for row in np.flatnonzero(known == 0):
+            arguments = (torch.from_numpy(column[row]) for column in given)
+            one = self.function.pulled_back.formula(int(which[row]), *arguments)
+            for column, tensor in zip(found, one, strict=True):
+                column[row] = tensor.detach().numpy()
+        return tuple(found)

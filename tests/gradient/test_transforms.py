@@ -1,0 +1,265 @@
+"""Transforms of `torch.func` and higher derivatives, against plain autograd, differences, each
+other and one body at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
+
+import numpy as np
+import pytest
+import torch
+from common.kernels import without_kernels
+from torch import Tensor
+from torch.func import functional_call, grad, hessian, jacfwd, jacrev, jvp, vmap
+
+from dicedesign.bench.bodies import solids
+from dicedesign.errors import InputError, OutsideHullError
+from dicedesign.geometry.point_groups import point_group
+from dicedesign.gradient.differentiable_rest import differentiable_rest
+from dicedesign.gradient.rest_odds import evaluate_rests
+from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.coordinates.shape import Coordinates
+from dicedesign.optimize.coordinates.symmetric import SymmetricCoordinates
+from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+
+# Torch itself warns where it is first asked for tangents.
+pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated")
+
+WAYS = {"kernels": nullcontext, "without kernels": without_kernels}
+
+
+@pytest.fixture(params=WAYS)
+def way(request: pytest.FixtureRequest) -> Callable[[], AbstractContextManager]:
+    return WAYS[request.param]
+
+
+def die(seed: int, count: int = 6) -> Tensor:
+    """Points near a sphere."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(count, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    return torch.tensor(points * rng.uniform(0.9, 1.1, size=(count, 1)))
+
+
+def odds(points: Tensor, center: Tensor | None = None, table: str | None = None) -> Tensor:
+    return differentiable_rest(points, center, table=table)[1]
+
+
+def energy(points: Tensor, center: Tensor | None = None, table: str | None = None) -> Tensor:
+    """Of normals and odds, the same whatever number of rows is 0."""
+    normals, probabilities = differentiable_rest(points, center, table=table)
+    return (probabilities**2).sum() + (normals[:, 0] * probabilities).sum()
+
+
+def by_autograd(points: Tensor, *center: Tensor, **options: str) -> tuple[Tensor, ...]:
+    leaves = [tensor.clone().requires_grad_() for tensor in (points, *center)]
+    return torch.autograd.grad(energy(*leaves, **options), leaves)
+
+
+@pytest.mark.parametrize("table", [None, "board-game"])
+def test_gradients_are_those_of_autograd(way, table: str | None) -> None:
+    points, center = die(1), die(1).mean(0)
+    with way():
+        function = partial(energy, table=table)
+        (expected,) = by_autograd(points, table=table)
+        torch.testing.assert_close(grad(function)(points), expected, rtol=0, atol=1e-14)
+        expected = by_autograd(points, center, table=table)
+        found = grad(function, argnums=(0, 1))(points, center)
+        torch.testing.assert_close(found, expected, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("table", [None, "board-game"])
+def test_tangents_are_differences(way, table: str | None) -> None:
+    points, along = die(2), die(3)
+    center, aside = points.mean(0), along.mean(0)
+    with way():
+        function = partial(odds, table=table)
+        value, found = jvp(function, (points, center), (along, aside))
+        step = 1e-6
+        ahead, behind = (function(points + t * along, center + t * aside) for t in (step, -step))
+    torch.testing.assert_close(value, function(points, center), rtol=0, atol=1e-12)
+    torch.testing.assert_close(found, (ahead - behind) / (2.0 * step), rtol=0, atol=1e-8)
+
+
+def test_jacobians_forward_and_backward(way) -> None:
+    points, along = die(4), die(5)
+    with way():
+        backward, forward = jacrev(odds)(points), jacfwd(odds)(points)
+        _, tangent = jvp(odds, (points,), (along,))
+        rows = torch.autograd.functional.jacobian(odds, points)
+    torch.testing.assert_close(backward, rows, rtol=0, atol=1e-13)
+    torch.testing.assert_close(forward, rows, rtol=0, atol=1e-13)
+    torch.testing.assert_close(tangent, (rows * along).sum((1, 2)), rtol=0, atol=1e-13)
+
+
+def test_second_derivatives(way) -> None:
+    points, along, step = die(6), die(7), 1e-6
+    with way():
+        second = hessian(energy)(points)
+        ahead, behind = (by_autograd(points + t * along)[0] for t in (step, -step))
+    along_once = (second * along).sum((2, 3))
+    torch.testing.assert_close(along_once, (ahead - behind) / (2.0 * step), rtol=0, atol=1e-7)
+    torch.testing.assert_close(second, second.permute(2, 3, 0, 1), rtol=0, atol=1e-10)
+
+
+def test_derivatives_of_all_kinds_agree_with_differences() -> None:
+    points = die(8).requires_grad_()
+    center = die(8).mean(0).requires_grad_()
+    assert torch.autograd.gradcheck(differentiable_rest, (points, center), check_forward_ad=True)
+    assert torch.autograd.gradgradcheck(
+        energy, (points, center), atol=1e-5, check_fwd_over_rev=True
+    )
+
+
+def test_a_body_that_balances_has_them_too(way) -> None:
+    cube = torch.tensor(solids.box(1.0, 1.0, 1.0).points)
+    with way():
+        torch.testing.assert_close(grad(energy)(cube), by_autograd(cube)[0], rtol=0, atol=1e-13)
+        _, tangent = jvp(odds, (cube,), (die(1, 8),))
+        expected = (jacrev(odds)(cube) * die(1, 8)).sum((1, 2))
+    torch.testing.assert_close(tangent, expected, rtol=0, atol=1e-12)
+
+
+def test_maps_over_bodies_of_every_kind(way) -> None:
+    """One balances, and all have different numbers of rests."""
+    cube = torch.tensor(solids.box(1.0, 1.0, 1.0).points)
+    points = torch.stack([die(1, 8), cube, die(2, 8), die(3, 8) * torch.tensor([1.0, 1.0, 4.0])])
+    centers = points.mean(1)
+    with way():
+        alone = [differentiable_rest(body) for body in points]
+        assert len({len(own) for _, own in alone}) > 2
+        normals, probabilities = vmap(differentiable_rest)(points)
+        assert probabilities.shape[1] == max(len(own) for _, own in alone)
+        for row, (directions, own) in enumerate(alone):
+            assert torch.equal(probabilities[row, : len(own)], own)
+            assert torch.equal(normals[row, : len(own)], directions)
+            assert not probabilities[row, len(own) :].any()
+            assert not normals[row, len(own) :].any()
+        slopes = vmap(grad(energy, argnums=(0, 1)))(points, centers)
+        for row in range(len(points)):
+            expected = by_autograd(points[row], centers[row])
+            for found, slope in zip(slopes, expected, strict=True):
+                torch.testing.assert_close(found[row], slope, rtol=0, atol=1e-14)
+
+
+def test_maps_and_derivatives_in_any_order(way) -> None:
+    points, along = torch.stack([die(1), die(2)]), torch.stack([die(3), die(4)])
+    with way():
+        expected = torch.stack([by_autograd(body)[0] for body in points])
+        outside = grad(lambda bodies: vmap(energy)(bodies).sum())(points)
+        torch.testing.assert_close(outside, expected, rtol=0, atol=1e-14)
+        twice = vmap(vmap(grad(energy)))(points[None].expand(2, *points.shape))
+        torch.testing.assert_close(twice[1], expected, rtol=0, atol=1e-14)
+        jacobians = vmap(jacrev(odds))(points)
+        tangents = vmap(lambda body, moved: jvp(odds, (body,), (moved,))[1])(points, along)
+        by_rows = (jacobians * along[:, None]).sum((2, 3))
+        torch.testing.assert_close(tangents, by_rows, rtol=0, atol=1e-12)
+        second = vmap(grad(lambda body: (grad(energy)(body) ** 2).sum()))(points)
+        alone = grad(lambda body: (grad(energy)(body) ** 2).sum())(points[1])
+        torch.testing.assert_close(second[1], alone, rtol=0, atol=1e-11)
+
+
+def test_one_body_with_many_centers() -> None:
+    points = die(1)
+    centers = points.mean(0) + 0.02 * die(2)
+    slopes = vmap(grad(energy, argnums=1), in_dims=(None, 0))(points, centers)
+    for center, slope in zip(centers, slopes, strict=True):
+        torch.testing.assert_close(slope, by_autograd(points, center)[1], rtol=0, atol=1e-14)
+
+
+def test_an_error_says_which_body_of_a_map() -> None:
+    centers = torch.tensor([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0]]).double()
+    with pytest.raises(OutsideHullError, match=r"^body 1: center of mass"):
+        vmap(odds, in_dims=(None, 0))(die(1), centers)
+
+
+def test_what_a_hull_tells_besides_can_be_differentiated_too(way) -> None:
+    def parts(points: Tensor) -> Tensor:
+        rests = evaluate_rests(points)
+        return (
+            rests.probabilities[0] * rests.facet_depths.sum()
+            + rests.center.sum()
+            + rests.rest_normals[1, 0]
+            + rests.facet_areas[0]
+        )
+
+    points = die(9).requires_grad_()
+    with way():
+        (expected,) = torch.autograd.grad(parts(points), points)
+        found = grad(parts)(points.detach())
+        _, tangent = jvp(parts, (points.detach(),), (die(3),))
+    torch.testing.assert_close(found, expected, rtol=0, atol=1e-13)
+    torch.testing.assert_close(tangent, (expected * die(3)).sum(), rtol=0, atol=1e-12)
+    with pytest.raises(InputError, match="expected one body, got 2 that vmap maps over"):
+        vmap(parts)(torch.stack([die(1), die(2)]))
+
+
+def shaped(name: str) -> tuple[Coordinates, Tensor]:
+    if name == "symmetric":
+        box = solids.box(1.0, 1.0, 1.3).points
+        coordinates, numbers = SymmetricCoordinates.of(box, np.zeros(3), point_group("C2v"))
+        return coordinates, torch.tensor(numbers) + 0.01 * torch.arange(len(numbers))
+    points = die(2, 9).numpy()
+    kind = FacetCoordinates if name == "facets" else VertexCoordinates
+    coordinates, numbers = kind.of(points, points.mean(0))
+    # No more than three planes meet anywhere.
+    moved = 0.03 * torch.randn(len(numbers), generator=torch.manual_seed(1))
+    return coordinates, torch.tensor(numbers) + moved
+
+
+@pytest.mark.parametrize("name", ["facets", "symmetric", "vertices"])
+def test_parameters_of_every_kind(name: str) -> None:
+    coordinates, parameters = shaped(name)
+    points = coordinates.points(parameters)
+    np.testing.assert_array_equal(points, coordinates.shape(parameters.numpy()).points)
+    leaf = parameters.clone().requires_grad_()
+    assert torch.autograd.gradcheck(coordinates.points, leaf, check_forward_ad=True)
+    weights = torch.linspace(-1.0, 1.0, points.numel()).double().reshape(points.shape)
+
+    def weighted(values: Tensor) -> Tensor:
+        return (weights * coordinates.points(values) ** 2).sum()
+
+    assert torch.autograd.gradgradcheck(weighted, leaf, atol=1e-5)
+
+    center = torch.tensor(points.numpy().mean(0))
+
+    def through(values: Tensor) -> Tensor:
+        return energy(coordinates.points(values), center)
+
+    (expected,) = torch.autograd.grad(through(leaf), leaf)
+    torch.testing.assert_close(grad(through)(parameters), expected, rtol=0, atol=1e-13)
+    many = parameters + 0.03 * torch.randn(3, len(parameters), generator=torch.manual_seed(0))
+    alone = torch.stack([grad(through)(row) for row in many])
+    torch.testing.assert_close(vmap(grad(through))(many), alone, rtol=0, atol=1e-13)
+
+
+def test_parameters_of_another_number_are_refused() -> None:
+    for name, text in (("facets", "a normal and one of a distance"), ("vertices", "of n points")):
+        coordinates, parameters = shaped(name)
+        with pytest.raises(InputError, match=text):
+            coordinates.points(parameters[:-1])
+    coordinates, parameters = shaped("symmetric")
+    with pytest.raises(InputError, match="parameters: expected a float32 or float64 tensor of sha"):
+        coordinates.points(parameters[:-1])
+
+
+def test_a_network_whose_weights_are_mapped_over() -> None:
+    """An ensemble: gradients in the weights of each network, as one after the other has them."""
+    torch.manual_seed(0)
+    network = torch.nn.Linear(2, 18, dtype=torch.float64)
+    given, base = torch.tensor([0.3, -0.2]).double(), die(2)
+
+    def loss(weights: dict[str, Tensor]) -> Tensor:
+        return energy(base + 0.1 * functional_call(network, weights, given).reshape(6, 3))
+
+    weights = {
+        key: torch.randn(3, *value.shape, dtype=torch.float64)
+        for key, value in network.named_parameters()
+    }
+    found = vmap(grad(loss))(weights)
+    for row in range(3):
+        expected = grad(loss)({key: value[row] for key, value in weights.items()})
+        for key, slope in expected.items():
+            torch.testing.assert_close(found[key][row], slope, rtol=0, atol=1e-14)
