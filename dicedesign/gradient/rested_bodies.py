@@ -93,10 +93,10 @@ class _RestedBodies:
         if self._has_counts:
             self._counts = np.ascontiguousarray(others[-1], np.int64).reshape(bodies)
         self._handle = None
-        if self._thrown is None and bodies > 0:
+        if self._thrown is None:
             self._handle = kernels.bodies(
                 self._points.reshape(-1, 3),
-                np.arange(0, bodies * size, max(size, 1)),
+                size * np.arange(bodies),
                 self._counts,
                 self._centers,
                 *hull_precision(self._single_precision),

@@ -22,18 +22,29 @@ def double_tensor(given: object, name: str, *shape: int | str) -> Tensor:
     ------
     InputError: it is no tensor of float32 or float64 numbers, has another shape, or no values.
     """
-    wanted = f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
-    expected = f"{name}: expected a float32 or float64 tensor of shape {wanted}, got"
+    fault = _fault(given, shape)
+    if fault is not None:
+        wanted = f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
+        raise InputError(
+            f"{name}: expected a float32 or float64 tensor of shape {wanted}, got {fault}"
+        )
+    assert isinstance(given, Tensor)
+    return given.to("cpu", torch.float64)
+
+
+def _fault(given: object, shape: tuple[int | str, ...]) -> str | None:
+    """What is wrong with a tensor and what to do about it, None if nothing is."""
     if not isinstance(given, Tensor):
-        raise InputError(f"{expected} {type(given).__name__}; make a tensor with torch.tensor")
-    if given.dtype not in (torch.float32, torch.float64):
-        raise InputError(f"{expected} {given.dtype}; convert it with .double()")
+        return f"{type(given).__name__}; make a tensor with torch.tensor"
+    if given.dtype not in (torch.float64, torch.float32):
+        return f"{given.dtype}; convert it with .double()"
     if given.ndim != len(shape) or any(
         isinstance(asked, int) and asked != size
         for asked, size in zip(shape, given.shape, strict=True)
     ):
-        raise InputError(f"{expected} shape {tuple(given.shape)}; reshape it")
-    if given.is_meta or given.layout != torch.strided:
-        kind = "a meta tensor" if given.is_meta else f"one of layout {given.layout}"
-        raise InputError(f"{expected} {kind}; pass a dense one with values")
-    return given.to("cpu", torch.float64)
+        return f"shape {tuple(given.shape)}; reshape it"
+    if given.is_meta:
+        return "a meta tensor; pass one with values"
+    if given.layout != torch.strided:
+        return f"one of layout {given.layout}; pass a dense one"
+    return None

@@ -56,6 +56,7 @@ def _rows(run: Run) -> Items:
         exact_rows,
         hull_rows,
         sobolev_rows,
+        torch_rows,
     )
 
     extent: Extent = run.extent
@@ -66,6 +67,7 @@ def _rows(run: Run) -> Items:
         ("Sobolev", sobolev_rows),
         ("hulls", hull_rows),
         ("exact arithmetic", exact_rows),
+        ("torch", torch_rows),
     ):
         run.begin(name)
         for row in group(extent.seconds):

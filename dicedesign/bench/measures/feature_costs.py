@@ -9,12 +9,16 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
+import torch
 
 from dicedesign.bench.bodies.extremes import large
 from dicedesign.bench.measures.processes import in_turn
 from dicedesign.bench.rows import Row, column
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, hull_precision
 from dicedesign.geometry.hulls.reuse import HullMemory
+from dicedesign.gradient.differentiable_rest import differentiable_rest
+from dicedesign.gradient.rest_batch import differentiable_rest_batch
+from dicedesign.kernels import ops as kernels
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.coordinates.vertices import VertexCoordinates
 from dicedesign.optimize.energy.objective import Evaluation, Objective
@@ -27,8 +31,17 @@ from dicedesign.rest.equilibria import classify
 from dicedesign.rest.exact import ExactSigns
 from dicedesign.rest.morse import separatrices
 from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.threads import one_tensor_thread
 
-__all__ = ["CostRow", "energy_rows", "exact_rows", "hull_rows", "sobolev_rows", "time_row"]
+__all__ = [
+    "CostRow",
+    "energy_rows",
+    "exact_rows",
+    "hull_rows",
+    "sobolev_rows",
+    "time_row",
+    "torch_rows",
+]
 
 
 @dataclass(frozen=True)
@@ -216,3 +229,42 @@ def sobolev_rows(seconds: float) -> Iterator[CostRow]:
         "Sobolev step, its factor kept", "energy and gradient, 500 vertices", bare, smooth
     )
     yield time_row("Sobolev factor made anew", "smoothing a gradient, 500 vertices", solve, anew)
+
+
+def torch_rows(seconds: float) -> Iterator[CostRow]:
+    """Odds and their gradients for torch, of dice one by one and all at once, beside what the
+    kernels take of that; none without kernels. Torch has one thread."""
+    dice, corners = 500, 14
+    points = np.random.default_rng(0).normal(size=(dice, corners, 3))
+    points /= np.linalg.norm(points, axis=2)[:, :, None]
+    start, counts, which = corners * np.arange(dice), np.full(dice, corners), np.arange(dice)
+
+    def by_kernels() -> None:
+        usual = hull_precision(False)
+        bodies = kernels.bodies(points.reshape(-1, 3), start, counts, None, *usual, 1)
+        assert bodies is not None
+        _, _, normals, odds = bodies.rests()
+        bodies.pull_back(which, normals, odds, corners, 1)
+
+    together = torch.tensor(points, requires_grad=True)
+    one_by_one = [torch.tensor(die, requires_grad=True) for die in points]
+
+    def at_once() -> None:
+        rests = differentiable_rest_batch(together)
+        torch.autograd.backward(rests, [value.detach() for value in rests])
+
+    def from_list() -> None:
+        rests = differentiable_rest_batch(one_by_one)
+        torch.autograd.backward(rests, [value.detach() for value in rests])
+
+    def each() -> None:
+        for die in one_by_one:
+            rests = differentiable_rest(die)
+            torch.autograd.backward(rests, [value.detach() for value in rests])
+
+    if kernels.available():
+        with one_tensor_thread():
+            least, *others = in_turn([by_kernels, at_once, from_list, each], seconds)
+        for how, time in zip(("one tensor", "list of tensors", "one by one"), others, strict=True):
+            measured = f"die of {corners} corners, {how}"
+            yield time_row("torch around kernels", measured, least / dice, time / dice)

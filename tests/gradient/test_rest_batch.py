@@ -1,0 +1,216 @@
+"""Many bodies at once, against one after the other."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+
+import numpy as np
+import pytest
+import torch
+from common.kernels import compiled_only, without_kernels
+from torch import Tensor
+
+from dicedesign.bench.bodies import solids
+from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
+from dicedesign.gradient.differentiable_rest import differentiable_rest
+from dicedesign.gradient.rest_batch import differentiable_rest_batch
+from dicedesign.kernels import ops
+
+WAYS = {"kernels": nullcontext, "without kernels": without_kernels}
+
+
+@pytest.fixture(params=WAYS)
+def way(request: pytest.FixtureRequest) -> Callable[[], AbstractContextManager]:
+    return WAYS[request.param]
+
+
+def assorted() -> list[Tensor]:
+    """Bodies with 4 to 12 points and with points inside, one that balances and a needle."""
+    rng = np.random.default_rng(3)
+    bodies = [rng.normal(size=(count, 3)) for count in (4, 7, 12, 5, 9)]
+    bodies.insert(2, solids.box(1.0, 1.0, 2.0).points)
+    bodies.append(bodies[-1] * [1.0, 1.0, 1e3])
+    return [torch.tensor(points) for points in bodies]
+
+
+def rowwise(normals: Tensor, odds: Tensor) -> Tensor:
+    """A sum in which every number weighs otherwise and rows of 0 nothing."""
+    weights = torch.arange(1.0, odds.shape[-1] + 1.0, dtype=torch.float64)
+    turns = normals @ torch.tensor([0.3, -0.7, 0.2]).double()
+    return (weights * (odds**2 + odds * turns)).sum()
+
+
+def one_by_one(
+    bodies: Sequence[Tensor], centers: Tensor | None = None, table: str | None = None
+) -> tuple[list[tuple[Tensor, Tensor]], list[Tensor], list[Tensor]]:
+    """Normals and odds of each, and gradients of their weighted sums."""
+    found, slopes, by_center = [], [], []
+    for place, points in enumerate(bodies):
+        leaf = points.clone().requires_grad_()
+        center = None if centers is None else centers[place].clone().requires_grad_()
+        found.append(differentiable_rest(leaf, center, table=table))
+        rowwise(*found[-1]).backward()
+        slopes.append(leaf.grad)
+        by_center.append(torch.zeros(3) if center is None else center.grad)
+    return found, slopes, by_center
+
+
+@pytest.mark.parametrize("table", [None, "board-game"])
+@pytest.mark.parametrize("given", [False, True])
+def test_a_list_is_one_after_the_other(way, given: bool, table: str | None) -> None:
+    bodies = assorted()
+    centers = torch.stack([points.mean(0) for points in bodies]) if given else None
+    with way():
+        found, slopes, by_center = one_by_one(bodies, centers, table)
+        leaves = [points.clone().requires_grad_() for points in bodies]
+        middles = None if centers is None else centers.clone().requires_grad_()
+        normals, odds = differentiable_rest_batch(leaves, middles, table=table)
+        rowwise(normals, odds).backward()
+    assert odds.shape == (len(bodies), max(len(own) for _, own in found))
+    for row, (directions, own) in enumerate(found):
+        assert torch.equal(odds[row, : len(own)], own)
+        assert torch.equal(normals[row, : len(own)], directions)
+        assert not odds[row, len(own) :].any()
+        assert not normals[row, len(own) :].any()
+        size = slopes[row].abs().max()
+        torch.testing.assert_close(leaves[row].grad, slopes[row], rtol=0, atol=1e-12 * size)
+        if middles is not None:
+            expected = by_center[row]
+            torch.testing.assert_close(middles.grad[row], expected, rtol=0, atol=1e-12 * size)
+
+
+def test_a_padded_tensor_is_the_list(way) -> None:
+    """Whatever stands in the rows that are left out."""
+    bodies = assorted()
+    counts = [len(points) for points in bodies]
+    padded = torch.full((len(bodies), max(counts) + 1, 3), torch.nan, dtype=torch.float64)
+    for row, points in enumerate(bodies):
+        padded[row, : len(points)] = points
+    padded.requires_grad_()
+    with way():
+        expected = differentiable_rest_batch(bodies)
+        _, slopes, _ = one_by_one(bodies)
+        for given in (counts, torch.tensor(counts, dtype=torch.int32)):
+            found = differentiable_rest_batch(padded, counts=given)
+            for ours, theirs in zip(found, expected, strict=True):
+                assert torch.equal(ours, theirs)
+        (gradient,) = torch.autograd.grad(rowwise(*found), padded)
+    for row, slope in enumerate(slopes):
+        atol = 1e-12 * slope.abs().max()
+        torch.testing.assert_close(gradient[row, : counts[row]], slope, rtol=0, atol=atol)
+        assert not gradient[row, counts[row] :].any()
+
+
+@compiled_only
+def test_threads_change_nothing() -> None:
+    generator = torch.Generator().manual_seed(0)
+    points = torch.randn(300, 10, 3, dtype=torch.float64, generator=generator).requires_grad_()
+    found, before = [], torch.get_num_threads()
+    try:
+        for threads in (1, 3):
+            torch.set_num_threads(threads)
+            rests = differentiable_rest_batch(points)
+            found.append((*rests, torch.autograd.grad(rowwise(*rests), points)[0]))
+    finally:
+        torch.set_num_threads(before)
+    for one, other in zip(*found, strict=True):
+        assert torch.equal(one, other)
+
+
+@compiled_only
+def test_others_run_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another thread of Python gets its turns before the kernels are done."""
+    turns, done, counted = 0, threading.Event(), []
+    original = ops.bodies
+
+    def count() -> None:
+        nonlocal turns
+        while not done.is_set():
+            turns += 1
+
+    def watched(*arguments: object) -> object:
+        before = turns
+        answer = original(*arguments)  # type: ignore[arg-type]
+        counted.append(turns - before)
+        return answer
+
+    monkeypatch.setattr(ops, "bodies", watched)
+    points = torch.randn(2000, 30, 3, generator=torch.Generator().manual_seed(0)).double()
+    other = threading.Thread(target=count)
+    other.start()
+    try:
+        differentiable_rest_batch(points)
+    finally:
+        done.set()
+        other.join()
+    # Were the lock held, it would be none, or as many as fit in before or after.
+    assert counted[0] > 100
+
+
+def test_second_derivatives_and_transforms(way) -> None:
+    generator = torch.Generator().manual_seed(1)
+    bodies = torch.randn(2, 3, 6, 3, dtype=torch.float64, generator=generator)
+
+    def energy(points: Tensor) -> Tensor:
+        return rowwise(*differentiable_rest_batch(points))
+
+    with way():
+        alone = torch.stack([torch.func.grad(energy)(points) for points in bodies])
+        found = torch.func.vmap(torch.func.grad(energy))(bodies)
+        torch.testing.assert_close(found, alone, rtol=0, atol=1e-13)
+    leaf = bodies[0].clone().requires_grad_()
+    assert torch.autograd.gradgradcheck(energy, leaf, eps=1e-6, atol=1e-4)
+
+
+def test_nothing_of_no_bodies(way) -> None:
+    with way():
+        for bodies in ([], torch.zeros(0, 5, 3, requires_grad=True)):
+            normals, odds = differentiable_rest_batch(bodies)
+            assert normals.shape == (0, 0, 3)
+            assert odds.shape == (0, 0)
+        odds.sum().backward()
+    assert bodies.grad.shape == (0, 5, 3)
+
+
+def test_single_precision_comes_back() -> None:
+    bodies = [points.float().requires_grad_() for points in assorted()]
+    normals, odds = differentiable_rest_batch(bodies)
+    assert normals.dtype == odds.dtype == torch.float32
+    rowwise(normals.double(), odds.double()).backward()
+    assert all(points.grad.dtype == torch.float32 for points in bodies)
+    for row, points in enumerate(bodies):
+        assert torch.equal(odds[row][odds[row] > 0.0], differentiable_rest(points)[1])
+
+
+GOOD = torch.tensor(solids.box(1.0, 2.0, 3.0).points)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "options", "error", "text"),
+    [
+        ([GOOD, GOOD[:3]], {}, DegenerateBodyError, "^body 1: points: expected at least 4"),
+        ([GOOD, GOOD, GOOD * torch.nan], {}, DegenerateBodyError, "^body 2: points: expected fin"),
+        (
+            [GOOD, GOOD],
+            {"centers_of_mass": torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, 5.0]])},
+            OutsideHullError,
+            "^body 1: center of mass: expected a point strictly inside",
+        ),
+        ([GOOD, GOOD], {"centers_of_mass": torch.zeros(3)}, InputError, r"of shape \(2, 3\), got"),
+        ([GOOD, GOOD.numpy()], {}, InputError, r"^body 1: .* of shape \(n, 3\), got ndarray"),
+        ([GOOD, GOOD.float()], {}, InputError, "^body 1: expected torch.float64 on cpu as body 0"),
+        ([GOOD], {"counts": [8]}, InputError, "^counts: expected none with a list of bodies"),
+        (GOOD, {}, InputError, r"^bodies: .* of shape \(b, n, 3\), got shape \(8, 3\)"),
+        (GOOD[None], {"counts": [8, 8]}, InputError, "^counts: expected a whole number for each"),
+        (GOOD[None], {"counts": [8.0]}, InputError, "^counts: expected a whole number for each"),
+        (GOOD[None], {"counts": [9]}, InputError, "expected from 0 to 8 points, got 9 for body 0"),
+        (GOOD[None], {"counts": [3]}, DegenerateBodyError, "^body 0: points: expected at least 4"),
+    ],
+)
+def test_what_is_wrong_is_said_with_the_bodys_number(
+    way, bodies, options: dict, error: type[Exception], text: str
+) -> None:
+    with way(), pytest.raises(error, match=text):
+        differentiable_rest_batch(bodies, **options)
