@@ -348,6 +348,8 @@ def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -
     concave = {name for name in own if name.startswith("dicedesign.concave")}
     assert concave == {
         "dicedesign.concave",
+        "dicedesign.concave.fill",
+        "dicedesign.concave.fill.paper_options",
         "dicedesign.concave.options",
         "dicedesign.concave.shapes",
         "dicedesign.concave.shapes.start",

@@ -7,6 +7,7 @@ from typing import Final, Literal
 
 import numpy as np
 
+from dicedesign.concave.fill.paper_options import ConcavePaperOptions
 from dicedesign.errors import InputError
 from dicedesign.runtime.registry import STRICT
 
@@ -24,10 +25,11 @@ class ConcaveOptions:
     ----------
     tolerance: largest |p - q| wanted, over clusters of rests within 5 degrees, and largest odds of
         all other rests together; above 0 and below 1.
-    hull: how the hull is designed: "gauss_newton", or "descent" on the clustered energy with its
-        regularizers, as in the paper.
-    fill: how the surface is made to fill it: "correspondence", or "quadratic" programs and a
-        balance, as in the paper.
+    hull: how the hull is designed: "gauss_newton", or "paper": by descent on the clustered energy
+        with its regularizers.
+    fill: how the surface is made to fill it: "correspondence", or "paper": by quadratic programs
+        and a correction of the center of mass.
+    paper: options of "paper" above, or None for the defaults.
     points: about as many the surface is decimated or refined to first; None to leave it.
     attempts: most ways to a hull that are tried, at least 1; the best is kept.
     displacement: mean displacement over the diagonal from which on no better one is sought,
@@ -41,8 +43,9 @@ class ConcaveOptions:
     __pydantic_config__ = STRICT
 
     tolerance: float = 0.005
-    hull: Literal["gauss_newton", "descent"] = "gauss_newton"
-    fill: Literal["correspondence", "quadratic"] = "correspondence"
+    hull: Literal["gauss_newton", "paper"] = "gauss_newton"
+    fill: Literal["correspondence", "paper"] = "correspondence"
+    paper: ConcavePaperOptions | None = None
     points: int | None = None
     attempts: int = 40
     displacement: float = 0.05
@@ -56,11 +59,16 @@ class ConcaveOptions:
                 "it out for 0.005"
             )
         for name, value in (("hull", self.hull), ("fill", self.fill)):
-            choices = {"hull": ("gauss_newton", "descent"), "fill": ("correspondence", "quadratic")}
+            choices = {"hull": ("gauss_newton", "paper"), "fill": ("correspondence", "paper")}
             if value not in choices[name]:
                 raise InputError(
                     f"{name}: expected {' or '.join(choices[name])}, got {value!r}; choose one"
                 )
+        if self.paper is not None and "paper" not in (self.hull, self.fill):
+            raise InputError(
+                f"paper: expected hull: paper or fill: paper with it, got {self.hull} and "
+                f"{self.fill}; leave paper out, or write one of them"
+            )
         if self.points is not None and self.points < FEWEST_POINTS:
             raise InputError(
                 f"points: expected at least {FEWEST_POINTS}, got {self.points}; raise it, or leave "

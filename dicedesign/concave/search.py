@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from dicedesign.concave.fill.correspondence import fill_by_correspondence
-from dicedesign.concave.fill.result import FillResult
+from dicedesign.concave.fill.paper_options import ConcavePaperOptions
+from dicedesign.concave.fill.result import FillResult, FillStatus
 from dicedesign.concave.fill.space_elasticity import point_masses
 from dicedesign.concave.hull.design import design_hull
 from dicedesign.concave.hull.easing import eased_hull
@@ -21,14 +21,15 @@ from dicedesign.concave.hull.slopes import SlopeOptions
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import ConcaveDie, ConcaveProgress, ConcaveStep, FilledHull
 from dicedesign.errors import NoStartError
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.procrustes import best_similarity
 from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.surfaces.distances import distances_from_surface
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
 
 __all__ = ["make_concave_die"]
 
@@ -96,8 +97,6 @@ def make_concave_die(
     """
     search = _Search(surface, target, options, seed, on_step)
     progress = search.attempted(resume or ConcaveProgress(0, 0.0, None, ()), on_attempt)
-    if options.fill == "quadratic" and progress.best is not None:
-        progress = search.filled_as_in_the_paper(progress, progress.best)
     return search.die(progress)
 
 
@@ -130,7 +129,8 @@ class _Search:
         while progress.attempts < self.options.attempts and not self.good_enough(progress):
             number = progress.attempts + 1
             self.steps = []
-            best, filled = progress.best, self.attempt(number, choices)
+            best = progress.best
+            filled = self.attempt(number, choices, best)
             history = tuple(self.steps) if best is None else progress.history
             if filled is not None and (best is None or self.rank(filled) < self.rank(best)):
                 best, history = filled, tuple(self.steps)
@@ -160,43 +160,62 @@ class _Search:
         missed = filled.error if filled.error > self.options.tolerance else 0.0
         return missed, filled.intersections, filled.displacement
 
-    def attempt(self, number: int, choices: list[Floats]) -> FilledHull | None:
-        """A hull designed, filled, and eased as long as that helps; None where none comes about."""
-        random = np.random.default_rng([self.seed, number])
-        place = 0 if number == 1 else int(random.exponential(CHOICE_SCALE))
-        design = self.design(number, choices[place % len(choices)], random)
-        best = None if design is None else self.filled(number, design)
+    def attempt(
+        self, number: int, choices: list[Floats], best: FilledHull | None
+    ) -> FilledHull | None:
+        """A hull designed and filled; None where none comes about, or its odds are beyond the
+        tolerance and those of the best."""
+        design = self.design(number, choices)
+        if design is None:
+            return None
+        if self.options.fill == "correspondence":
+            return self.eased(number, design)
+        if best is not None and design.error > max(self.options.tolerance, best.error):
+            return None
+        return self.filled_as_paper(number, design)
+
+    def eased(self, number: int, design: DesignedHull) -> FilledHull | None:
+        """A designed hull filled by correspondence, and eased as long as that helps."""
+        best = self.filled(number, design)
         for easing in range(EASINGS):
-            if design is None or best is None or not 0 < best.intersections <= MOST_EASED:
+            if best is None or not 0 < best.intersections <= MOST_EASED:
                 break
             crossing = np.unique(intersecting_triangles(best.points, self.surface.triangles))
             places = self.unit.points[np.unique(self.surface.triangles[crossing])]
-            design = eased_hull(self.problem, design, places, WIDTH * WIDENING**easing)
-            eased = None if design is None else self.filled(number, design)
-            if eased is None or eased.intersections > HELPED * best.intersections:
+            following = eased_hull(self.problem, design, places, WIDTH * WIDENING**easing)
+            eased = None if following is None else self.filled(number, following)
+            if following is None or eased is None:
                 break
-            best = eased
+            if eased.intersections > HELPED * best.intersections:
+                break
+            best, design = eased, following
         return best
 
-    def design(
-        self, number: int, directions: Floats, random: np.random.Generator
-    ) -> DesignedHull | None:
-        """A hull for outcomes in some directions (k, 3)."""
+    def design(self, number: int, choices: list[Floats]) -> DesignedHull | None:
+        """A hull for one of some choices of (k, 3) directions of the outcomes."""
+        random = np.random.default_rng([self.seed, number])
 
         def told(energy: float, error: float) -> None:
             self.record(number, "hull", energy, error)
 
-        if self.options.hull == "descent":
+        if self.options.hull == "paper":
             # Imported late: the usual way does without.
-            from dicedesign.concave.hull.descent import descend_hull
+            from dicedesign.concave.hull.paper_hull import searched_hull
 
-            return descend_hull(self.problem, directions, told)
+            plain = number == 1
+            return searched_hull(self.problem, choices, self.paper, random, told, plain=plain)
+        place = 0 if number == 1 else int(random.exponential(CHOICE_SCALE))
         slopes = SlopeOptions(
             fall=float(np.exp(random.uniform(*np.log(FALLS)))),
             rise=float(random.uniform(*RISES)),
             circle=float(np.radians(random.uniform(*CIRCLES))),
         )
-        return design_hull(self.problem, directions, slopes, told)
+        return design_hull(self.problem, choices[place % len(choices)], slopes, told)
+
+    @property
+    def paper(self) -> ConcavePaperOptions:
+        """Of the paper's method, where it is used."""
+        return self.options.paper or ConcavePaperOptions()
 
     def filled(self, number: int, design: DesignedHull) -> FilledHull | None:
         """A designed hull filled by correspondence, if it can be."""
@@ -209,44 +228,26 @@ class _Search:
         )
         if not filled.converged:
             return None
-        return self.measured(number, design.hull, design.corners, design.directions, filled)
+        return self.measured(number, design, filled)
 
-    def filled_as_in_the_paper(
-        self, progress: ConcaveProgress, best: FilledHull
-    ) -> ConcaveProgress:
-        """The best hull, filled by quadratic programs and balanced."""
+    def filled_as_paper(self, number: int, design: DesignedHull) -> FilledHull | None:
+        """The same by quadratic programs and a balance, as near as these come."""
         # Imported late: the usual way does without.
-        from dicedesign.concave.fill.paper_fill import fill
+        from dicedesign.concave.fill.paper_fill import fill_as_paper
 
-        self.steps = list(progress.history)
-        points = (best.points - self.center) / self.radius
-        hull = convex_hull((best.hull_points - self.center) / self.radius)
-        corners = cKDTree(points).query(hull.vertices)[1]
-        filled = fill(
+        filled = fill_as_paper(
             self.unit,
-            hull,
-            corners,
-            self.unit.moved(points).centroid,
-            lambda stage, energy: self.record(best.attempt, stage, energy),
+            design.hull,
+            design.center_of_mass,
+            self.paper,
+            lambda stage, energy: self.record(number, stage, energy),
         )
-        if not filled.converged:
-            raise NoStartError(
-                f"fill: expected quadratic programs to fill the hull of attempt {best.attempt}, "
-                f"but they ended early ({filled.message}); leave fill out for correspondence"
-            )
-        best = self.measured(best.attempt, hull, corners, best.directions, filled)
-        return ConcaveProgress(progress.attempts, self.seconds, best, tuple(self.steps))
+        if filled.status is FillStatus.UNSOLVED:
+            return None
+        return self.measured(number, design, filled)
 
-    def measured(
-        self,
-        number: int,
-        hull: ConvexHull,
-        corners: Integers,
-        directions: Floats,
-        filled: FillResult,
-    ) -> FilledHull:
-        """The result of a designed hull with outcomes in some directions (k, 3), of whose corners
-        (v,) points of the surface are to be."""
+    def measured(self, number: int, design: DesignedHull, filled: FillResult) -> FilledHull:
+        """A designed hull after it was filled."""
         unit = self.unit
         back = best_similarity(filled.points, unit.points, self.masses)
         solid = unit.moved(back(filled.points))
@@ -254,8 +255,8 @@ class _Search:
         rounded = unit.moved(solid.points.astype(np.float32).astype(np.float64))
         reached = convex_hull(rounded.points, single_precision=True)
         poses = analyse(reached, rounded.centroid, "uniform solid")
-        directions = directions @ back.rotation.T
-        wanted = back(hull.vertices)
+        directions = design.directions @ back.rotation.T
+        wanted = back(design.hull.vertices)
         error = outcome_odds(poses, directions).error(self.target)
         self.record(number, "fill", filled.energy, error)
         return FilledHull(
@@ -264,7 +265,7 @@ class _Search:
             hull_points=self.center + self.radius * wanted,
             directions=directions,
             error=error,
-            gap=float(norms(solid.points[corners] - wanted).max()) / unit.diagonal,
+            gap=float(distances_from_surface(solid, wanted).max()) / unit.diagonal,
             displacement=float(norms(solid.points - unit.points).mean() / unit.diagonal),
             intersections=len(intersecting_triangles(solid.points, unit.triangles)),
         )

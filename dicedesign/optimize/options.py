@@ -15,6 +15,7 @@ from dicedesign.throws.engines.engine import ENGINES
 
 __all__ = [
     "FINEST_TOLERANCE",
+    "LARGEST_SMOOTHING",
     "MOST_DROPS",
     "MOST_ROUNDS",
     "MOST_WORK",

@@ -7,8 +7,10 @@ from typing import Any
 
 import pytest
 
+from dicedesign.concave.fill.paper_options import ConcavePaperOptions
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, RecipeError
+from dicedesign.recipe.schema.reading import checked_recipe
 
 
 @pytest.mark.parametrize(
@@ -17,8 +19,12 @@ from dicedesign.errors import InputError
         ({"tolerance": 0.0}, "tolerance: expected a number above 0 and below 1, got 0; leave it"),
         ({"tolerance": 1.0}, "tolerance: expected a number above 0 and below 1, got 1; leave it"),
         ({"tolerance": math.nan}, "tolerance: expected a number above 0 and below 1, got nan"),
-        ({"hull": "exact"}, "hull: expected gauss_newton or descent, got 'exact'; choose one"),
-        ({"fill": ""}, "fill: expected correspondence or quadratic, got ''; choose one"),
+        ({"hull": "exact"}, "hull: expected gauss_newton or paper, got 'exact'; choose one"),
+        ({"fill": ""}, "fill: expected correspondence or paper, got ''; choose one"),
+        (
+            {"paper": ConcavePaperOptions()},
+            "paper: expected hull: paper or fill: paper with it, got gauss_newton and corr",
+        ),
         ({"points": 49}, "points: expected at least 50, got 49; raise it, or leave it out to keep"),
         ({"attempts": 0}, "attempts: expected a whole number above 0, got 0; leave it out for 40"),
         ({"enough": 0}, "enough: expected a whole number above 0, got 0; leave it out for 8"),
@@ -36,3 +42,47 @@ def test_values_out_of_range(options: dict[str, Any], text: str) -> None:
 def test_the_ends_of_the_ranges_are_taken() -> None:
     options = ConcaveOptions(tolerance=0.999, points=50, attempts=1, displacement=1e-9, seconds=0.1)
     assert (options.hull, options.fill) == ("gauss_newton", "correspondence")
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"step": "newton"}, "paper.step: expected momentum or line_search, got 'newton'; choose"),
+        ({"finish": ""}, "paper.finish: expected exact or none, got ''; choose one of the two"),
+        ({"steps": 0}, "paper.steps: expected a whole number above 0, got 0; leave it out for 600"),
+        ({"closest_point": 0.0}, "paper.closest_point: expected a positive number, got 0; leave"),
+        ({"membrane": -1.0}, "paper.membrane: expected a positive number, got -1; leave it out"),
+        ({"bending": math.nan}, "paper.bending: expected a positive number, got nan; leave it out"),
+        ({"center_of_mass": math.inf}, "paper.center_of_mass: expected a positive number, got inf"),
+        ({"growth": 1.0}, "paper.growth: expected a number above 1 and at most 100, got 1; leave"),
+        ({"growth": 101.0}, "paper.growth: expected a number above 1 and at most 100, got 101"),
+        (
+            {"gamma": 0.0},
+            r"paper.gamma: expected a number above 0 and at most 1e\+06, got 0; leave",
+        ),
+        ({"power": 5}, "paper.power: expected 1 to 4, got 5; leave it out for 2"),
+    ],
+)
+def test_values_of_the_paper_out_of_range(options: dict[str, Any], text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        ConcavePaperOptions(**options)
+
+
+def test_a_recipe_gives_the_weights_of_the_paper() -> None:
+    method = {
+        "concave": {
+            "hull": "paper",
+            "fill": "paper",
+            "paper": {"weights": {"barycenter": 0.3}, "bending": 0.5, "power": 3},
+        }
+    }
+    entries = {"name": "die", "target": {"fair": 3}, "start": {"shape": "duck"}}
+    options = checked_recipe({**entries, "method": method}).method.concave
+    assert options is not None
+    assert options.paper is not None
+    assert options.paper.weights.barycenter == 0.3
+    assert options.paper.weights.apart == ConcavePaperOptions().weights.apart
+    assert (options.paper.bending, options.paper.power) == (0.5, 3)
+    method["concave"]["paper"] = {"weights": {"coplaner": 1.0}}
+    with pytest.raises(RecipeError, match="coplaner"):
+        checked_recipe({**entries, "method": method})

@@ -16,6 +16,7 @@ from common.slow_machine import slow_machine
 
 from dicedesign import rest_poses
 from dicedesign.concave.checkpoint import checkpoint_bytes
+from dicedesign.concave.fill.paper_options import ConcavePaperOptions
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import ConcaveDie, ConcaveProgress, ConcaveStep
 from dicedesign.concave.search import make_concave_die
@@ -227,9 +228,9 @@ def test_more_outcomes_than_the_hull_carries() -> None:
 @pytest.mark.parametrize(
     ("options", "stages"),
     [
-        ({"hull": "descent"}, {"hull", "fill"}),
+        ({"hull": "paper", "paper": ConcavePaperOptions(steps=150)}, {"hull", "fill"}),
         pytest.param(
-            {"fill": "quadratic"},
+            {"hull": "paper", "fill": "paper", "paper": ConcavePaperOptions(steps=150)},
             {"hull", "fill", "balance"},
             marks=pytest.mark.skipif(
                 find_spec("clarabel") is None,
@@ -245,7 +246,8 @@ def test_the_ways_of_the_paper(options: dict[str, Any], stages: set[str]) -> Non
     assert {step.stage for step in steps} == stages
     best = die.progress.best
     assert best is not None
-    assert best.gap < 1e-9
+    assert best.gap < (1e-9 if wanted.fill == "correspondence" else 0.02)
+    assert best.error < 0.05
     odds, elsewhere = odds_of(die.after.points, die.after.triangles, die)
     assert max(np.abs(odds - 0.5).max(), elsewhere) == pytest.approx(best.error, abs=1e-4)
 

@@ -280,7 +280,7 @@ def test_a_search_that_was_done_is_finished_at_once(
     [
         ("target={probabilities: [0.5, 0.5]}", "target"),
         ("seed=1", "seed"),
-        ("method.concave={fill: quadratic}", "method"),
+        ("method.concave={fill: paper, paper: {bending: 1}}", "method"),
         ("method.concave={tolerance: 0.01}", "method"),
         ("start={shape: gear}", "surface"),
     ],

@@ -99,7 +99,7 @@ BAD_CONCAVE = [
         {"method": {"concave": {"fil": 1}}},
         r"method.concave.fil: unknown key; did you mean 'fill'\?",
     ),
-    ({"method": {"concave": {"fill": "x"}}}, "method.concave.fill: .*'quadratic', got 'x'"),
+    ({"method": {"concave": {"fill": "x"}}}, "method.concave.fill: .*'paper', got 'x'"),
     ({"method": {"concave": {"points": 4}}}, "method.concave: points: expected at least 50, got 4"),
     ({"shape": "duck"}, "shape: unknown key; it belongs at start.shape"),
     ({"attempts": 3}, "attempts: unknown key; it belongs at method.concave.attempts"),

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.concave.fill.elastic_energy import ElasticEnergy
+from dicedesign.concave.fill.paper_options import ConcavePaperOptions
 from dicedesign.concave.fill.result import FillResult, FillStatus, OnEnergy
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
@@ -19,7 +20,7 @@ from dicedesign.optimize.options import SobolevOptions
 from dicedesign.optimize.solvers.sobolev import SobolevSolver, edge_laplacian
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["balance"]
+__all__ = ["balance", "centering_gradient", "hull_keeping_moves"]
 
 DEPTH: Final = 1e-7
 """Depth inside the hull, over the diagonal, at which points do not move any more. The corners do
@@ -34,15 +35,8 @@ SHORTEST: Final = 1e-6
 NEAR: Final = 1e-3
 """Distance of the center of mass, over the diagonal, from which on Newton's method takes over."""
 
-LIGHTEST: Final = 100.0
-"""Weight, in the first steps, of the squared distance of the center of mass from where it is
-wanted, over the squared diagonal."""
-
 HEAVIEST: Final = 1e6
-"""Weight beyond which it does not grow."""
-
-GROWTH: Final = 3.0
-"""Factor by which it grows."""
+"""lambda_CoM, in units of that of the first steps, beyond which it does not grow."""
 
 STEPS: Final = 20
 """Most steps at each weight."""
@@ -62,39 +56,58 @@ REFINED: Final = 100
 USEFUL: Final = 0.999
 """Part of the distance of the center of mass that may be left by a step with another after it."""
 
-SMOOTH: Final = SobolevOptions(smoothing=5.0, power=2)
-"""Spreads a gradient over a few edges. More leaves a surface whose folds follow those of the
-distance from the hull."""
-
 
 def balance(
     reference: Surface,
     filled: Surface,
     hull: ConvexHull,
     center_of_mass: Floats,
+    options: ConcavePaperOptions,
     on_step: OnEnergy,
 ) -> FillResult:
     """Move a surface's center of mass to where it is wanted, the hull staying as it is to the last
     bit.
 
     First-order steps on the energy with a weight that grows (eq. 31, 35), and Newton's method for
-    the center of mass alone, with moves of the same kind, for the rest. The paper multiplies the
-    smoothed gradient by the distance of each point from the hull; here the gradient is multiplied
-    by it too, which makes the operator symmetric, so that each step goes downhill.
+    the center of mass alone, with moves of the same kind, for the rest; see `hull_keeping_moves`.
 
     Parameters
     ----------
     reference: of the elastic energy.
-    filled: the same triangles in the hull, as `fill_by_quadratic_programs` makes them.
+    filled: the same triangles in the hull, as `fill_by_quadratic_programs` leaves them.
     hull: of `filled`.
     center_of_mass: (3,) wanted for the uniform solid, strictly inside the hull.
+    options: lambda_CoM, lambda_m, lambda_b, the growth of the first, gamma and p.
     on_step: see `OnEnergy`.
 
     Raises
     ------
     InputError: a triangle of the reference has no area.
     """
-    return _Balance(reference, filled, hull, center_of_mass, on_step).run()
+    return _Balance(reference, filled, hull, center_of_mass, options, on_step).run()
+
+
+def centering_gradient(surface: Surface, center_of_mass: Floats) -> Floats:
+    """(n, 3) of the squared distance E_CoM of a surface's center of mass from a place (3,) (eq. 33,
+    34)."""
+    offset = surface.centroid - center_of_mass
+    return np.asarray(2.0 * np.tensordot(offset, surface.centroid_derivatives(), 1))
+
+
+def hull_keeping_moves(
+    sobolev: SobolevSolver, depths: Floats, gradients: Floats
+) -> tuple[Floats, Floats]:
+    """Gradients (n, 3, ...) spread over a surface, as moves `D (I + gamma L)^-p D g` of the same
+    shape, and how far these go over the depths.
+
+    sobolev: applies `(I + gamma L)^-p`; depths: (n,) diagonal of D, distances from the hull.
+
+    Source: eq. 35, but for the second D: with it the operator is symmetric, and each move goes
+    downhill.
+    """
+    flat = gradients.reshape(len(gradients), -1)
+    spread = sobolev.solve(depths[:, None] * flat)
+    return (depths[:, None] * spread).reshape(gradients.shape), spread.reshape(gradients.shape)
 
 
 @dataclass(eq=False)
@@ -105,6 +118,7 @@ class _Balance:
     filled: Surface
     hull: ConvexHull
     center_of_mass: Floats
+    options: ConcavePaperOptions
     on_step: OnEnergy
 
     def __post_init__(self) -> None:
@@ -112,7 +126,7 @@ class _Balance:
         scaled = self.reference.moved(self.reference.points / unit)
         self.surface = self.filled.moved((self.filled.points - self.center_of_mass) / unit)
         self.heights = self.hull.heights(self.center_of_mass) / unit
-        self.elastic = ElasticEnergy.of(scaled)
+        self.elastic = ElasticEnergy.of(scaled, self.options.membrane, self.options.bending)
         self.sobolev = SobolevSolver(
             # A closed oriented surface passes each edge once in each direction.
             edge_laplacian(
@@ -120,18 +134,18 @@ class _Balance:
                 np.roll(scaled.triangles, -1, axis=1).ravel(),
                 len(scaled.points),
             ),
-            SMOOTH,
+            SobolevOptions(self.options.gamma, self.options.power),
         )
-        self.weight = LIGHTEST
+        self.weight = self.options.center_of_mass
         self.part = 1.0
 
     def run(self) -> FillResult:
         self.on_step(self.energy(self.surface))
-        while self.error > NEAR and self.weight <= HEAVIEST:
+        while self.error > NEAR and self.weight <= HEAVIEST * self.options.center_of_mass:
             for _ in range(STEPS):
                 if self.error <= NEAR or not self.descend():
                     break
-            self.weight *= GROWTH
+            self.weight *= self.options.growth
         for _ in range(REFINED):
             before = self.error
             if before <= EXACT or not self.refine() or self.error > USEFUL * before:
@@ -154,12 +168,8 @@ class _Balance:
         return np.maximum(slacks - DEPTH, 0.0)
 
     def moves(self, gradients: Floats) -> tuple[Floats, Floats]:
-        """Gradients (n, 3, d) spread over the surface, as moves (n, 3, d), and how far these go
-        over the points' distances from the hull (n, 3, d)."""
-        depths = self.depths()[:, None]
-        flat = gradients.reshape(len(gradients), -1)
-        spread = self.sobolev.solve(depths * flat)
-        return (depths * spread).reshape(gradients.shape), spread.reshape(gradients.shape)
+        """See `hull_keeping_moves`."""
+        return hull_keeping_moves(self.sobolev, self.depths(), gradients)
 
     def energy(self, surface: Surface) -> float:
         """That of a surface, with the weight of centering as it is now."""
@@ -169,10 +179,8 @@ class _Balance:
     def descend(self) -> bool:
         """One step of eq. 35; whether there was any."""
         surface = self.surface
-        centering = (
-            2.0 * self.weight * np.tensordot(surface.centroid, surface.centroid_derivatives(), 1)
-        )
-        gradient = centering + self.elastic.gradient(surface.points)
+        gradient = self.weight * centering_gradient(surface, np.zeros(3))
+        gradient = gradient + self.elastic.gradient(surface.points)
         move, reach = self.moves(gradient)
         slope = float((gradient * move).sum())
         longest = BOLDEST / max(float(norms(reach).max()), np.finfo(np.float64).tiny)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 from scipy.sparse import bsr_array, csc_array
@@ -30,14 +29,6 @@ from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 __all__ = ["ElasticEnergy"]
 
 
-MEMBRANE: Final = 1.0
-"""lambda_m, weight of the mean conformal distortion."""
-
-BENDING: Final = 0.02
-"""lambda_b, weight of the sum of squared changes of angle: a change of shape costs more than one of
-curvature."""
-
-
 @dataclass(frozen=True, eq=False)
 class _Pattern:
     """Blocks of a sparse matrix by rows (starts, indices), and the block of each pair of points of
@@ -51,7 +42,7 @@ class _Pattern:
 
 @dataclass(frozen=True, eq=False)
 class ElasticEnergy:
-    """`MEMBRANE E_m + BENDING E_b` of a surface against a reference (eq. 26).
+    """`lambda_m E_m + lambda_b E_b` of a surface against a reference (eq. 26).
 
     E_m is the mean over the reference's area, E_b the sum over its edges.
 
@@ -65,6 +56,7 @@ class ElasticEnergy:
         one to its right.
     angles: (e,) of the reference there, in radians.
     hinge_weights: (e,) of squared changes of angle.
+    membrane, bending: lambda_m and lambda_b.
     """
 
     size: int
@@ -74,10 +66,12 @@ class ElasticEnergy:
     hinges: Integers
     angles: Floats
     hinge_weights: Floats
+    membrane: float
+    bending: float
 
     @classmethod
-    def of(cls, reference: Surface) -> ElasticEnergy:
-        """The energy against a reference.
+    def of(cls, reference: Surface, membrane: float, bending: float) -> ElasticEnergy:
+        """The energy against a reference, with lambda_m and lambda_b.
 
         Edges that two triangles do not share in opposite directions do not bend.
 
@@ -108,7 +102,17 @@ class ElasticEnergy:
         lengths = norms(points[end] - points[start])
         hinge_weights = 6.0 * lengths * lengths / (doubled[left] + doubled[right])
         areas = 0.5 * doubled / whole
-        return cls(len(points), triangles, stiffness, areas, hinges, angles, hinge_weights)
+        return cls(
+            len(points),
+            triangles,
+            stiffness,
+            areas,
+            hinges,
+            angles,
+            hinge_weights,
+            membrane,
+            bending,
+        )
 
     def _elements(self, points: Floats, with_hessians: bool) -> tuple[Elements, Elements]:
         return (
@@ -120,8 +124,8 @@ class ElasticEnergy:
         """Both weighted energies at points (n, 3); infinite where a triangle is flat."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             membrane, bending = self._elements(points, False)
-            stretched = MEMBRANE * float(membrane.values.sum())
-            bent = BENDING * float(bending.values.sum())
+            stretched = self.membrane * float(membrane.values.sum())
+            bent = self.bending * float(bending.values.sum())
         return (
             stretched if np.isfinite(stretched) else np.inf,
             bent if np.isfinite(bent) else np.inf,
@@ -140,8 +144,8 @@ class ElasticEnergy:
         pattern = self._pattern
         blocks = np.zeros((len(pattern.indices), 9))
         for weight, hessians, place in (
-            (MEMBRANE, membrane.hessians, pattern.of_triangles),
-            (BENDING, bending.hessians, pattern.of_hinges),
+            (self.membrane, membrane.hessians, pattern.of_triangles),
+            (self.bending, bending.hessians, pattern.of_hinges),
         ):
             corners = hessians.shape[1] // 3
             projected = weight * positive_semidefinite(hessians)
@@ -152,8 +156,8 @@ class ElasticEnergy:
         return self._sum_of_gradients(membrane, bending), csc_array(matrix.tocsc())
 
     def _sum_of_gradients(self, membrane: Elements, bending: Elements) -> Floats:
-        pulls = [MEMBRANE * membrane.gradients.reshape(-1, 3)]
-        pulls.append(BENDING * bending.gradients.reshape(-1, 3))
+        pulls = [self.membrane * membrane.gradients.reshape(-1, 3)]
+        pulls.append(self.bending * bending.gradients.reshape(-1, 3))
         places = np.concatenate([self.triangles.ravel(), self.hinges.ravel()])
         return sums_by_index(places, np.concatenate(pulls), self.size)
 

@@ -1,36 +1,46 @@
-"""A designed hull filled as in the paper: quadratic programs, then the center of mass."""
+"""A designed hull filled as in the paper (appendix B): quadratic programs, then the center of
+mass."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 from dicedesign.concave.fill.balance import balance
+from dicedesign.concave.fill.paper_options import ConcavePaperOptions
 from dicedesign.concave.fill.quadratic_fill import fill_by_quadratic_programs
-from dicedesign.concave.fill.result import FillResult
-from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.concave.fill.result import FillResult, FillStatus
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
 
-__all__ = ["fill"]
+__all__ = ["fill_as_paper"]
 
 
-def fill(
+def fill_as_paper(
     surface: Surface,
     hull: ConvexHull,
-    corners: Integers,
     center_of_mass: Floats,
+    options: ConcavePaperOptions,
     on_step: Callable[[str, float], None],
 ) -> FillResult:
-    """Appendix B of the paper, from the original surface, with known corners.
+    """The surface grown in a wanted hull, and its center of mass brought to where it is wanted (3,)
+    while the hull that it has then stays.
 
-    corners: (v,) distinct numbers of the points that become the hull's; center_of_mass: (3,)
-    wanted, inside the hull; on_step: called with "fill" or "balance" and the energy of every step.
-    The status is that of the balance.
+    on_step: called with "fill" or "balance" and the energy of every step. The status is that of the
+    balance, or UNSOLVED where there is nothing to balance.
 
     Raises InputError where Clarabel is not installed or a triangle has no area.
     """
     filled = fill_by_quadratic_programs(
-        surface, hull, corners, center_of_mass, lambda energy: on_step("fill", energy)
+        surface, hull, options, lambda energy: on_step("fill", energy)
     )
-    inside = surface.moved(filled.points)
-    return balance(surface, inside, hull, center_of_mass, lambda energy: on_step("balance", energy))
+    if filled.status is FillStatus.UNSOLVED:
+        return filled
+    return balance(
+        surface,
+        surface.moved(filled.points),
+        convex_hull(filled.points),
+        center_of_mass,
+        options,
+        lambda energy: on_step("balance", energy),
+    )

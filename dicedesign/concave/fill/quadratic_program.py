@@ -5,15 +5,16 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.sparse import csc_array, csc_matrix, triu, vstack
+from scipy.optimize import linprog
+from scipy.sparse import csc_array, csc_matrix, triu
 
 from dicedesign.errors import missing_extra
-from dicedesign.runtime.arrays import Booleans, Floats, Integers
+from dicedesign.runtime.arrays import Booleans, Floats
 
-__all__ = ["NO_SUMS", "PointsInside", "solve_quadratic_program"]
+__all__ = ["PointsInside", "solve_quadratic_program"]
 
 ALMOST: Final = 0.999
-"""Part of the largest size inside that scaled points get."""
+"""Part of the largest size inside that points get which are put there."""
 
 NEAR: Final = 0.05
 """Half-spaces nearer to a point than this, in units of length of the program, are among the first
@@ -32,12 +33,9 @@ OUTSIDE: Final = 5e-4
 """Distance beyond a half-space, in the same units, from which on it is added. What is less is
 mended when the step is done, and kept to from the next one on."""
 
-NO_SUMS: Final = (np.empty(0), np.empty(0))
-"""No sums of moves are known: see `PointsInside.step`."""
-
 
 def solve_quadratic_program(
-    hessian: csc_array, gradient: Floats, rows: csc_array, bounds: Floats, equalities: int = 0
+    hessian: csc_array, gradient: Floats, rows: csc_array, bounds: Floats
 ) -> Floats | None:
     """The x that minimises `x . H x / 2 + g . x` where `A x <= b`, or None where none was found.
 
@@ -47,7 +45,6 @@ def solve_quadratic_program(
     gradient: (n,) g.
     rows: (m, n) A.
     bounds: (m,) b.
-    equalities: the first so many rows hold as equalities.
 
     Raises
     ------
@@ -59,7 +56,7 @@ def solve_quadratic_program(
         raise missing_extra("concave", "hull fill by quadratic programs", error) from error
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    cones = [clarabel.ZeroConeT(equalities), clarabel.NonnegativeConeT(len(bounds) - equalities)]
+    cones = [clarabel.NonnegativeConeT(len(bounds))]
     solution = clarabel.DefaultSolver(
         csc_matrix(triu(hessian, format="csc")), gradient, csc_matrix(rows), bounds, cones, settings
     ).solve()
@@ -86,78 +83,50 @@ class PointsInside:
         """(n, m) distances of points (n, 3) from the planes, positive inside."""
         return self.heights - points @ self.normals.T
 
-    def largest(self, points: Floats, center: Floats) -> Floats:
-        """Points (n, 3) scaled about a center (3,) down to the largest size that is inside, if they
-        are not; with the center moved to the origin where it is not inside itself."""
-        room = self.slacks(center[None])[0]
-        if room.min() <= 0.0:
-            points, center, room = points - center, np.zeros(3), self.heights
-        reach = float((((points - center) @ self.normals.T).max(axis=0) / room).max())
-        return center + (points - center) * (ALMOST / max(reach, ALMOST))
+    def largest(self, points: Floats) -> Floats:
+        """Points (n, 3) moved, and scaled down where they have to be, to the largest size that is
+        inside."""
+        reaches = (points @ self.normals.T).max(axis=0)
+        # Of the size s and the shift t, the largest s with s * reach + normal . t <= height.
+        best = linprog(
+            [-1.0, 0.0, 0.0, 0.0],
+            np.column_stack([reaches, self.normals]),
+            self.heights,
+            bounds=[(0.0, 1.0), *[(None, None)] * 3],
+        ).x
+        return ALMOST * (best[0] * points + best[1:])
 
     def mended(self, points: Floats) -> Floats:
         """Points (n, 3), those outside drawn toward the origin until they are not."""
         excess = (points @ self.normals.T / self.heights).max(axis=1)
         return points / np.maximum(excess, 1.0)[:, None]
 
-    def step(
-        self,
-        points: Floats,
-        hessian: csc_array,
-        gradient: Floats,
-        known: Integers,
-        moves: Floats,
-        sums: tuple[Floats, Floats] = NO_SUMS,
-    ) -> Floats | None:
-        """Moves d (n, 3) of all points that minimise `d . H d / 2 + g . d` with all points inside
-        but for some whose moves are known; None where the program cannot be solved.
+    def step(self, points: Floats, hessian: csc_array, gradient: Floats) -> Floats | None:
+        """Moves d (n, 3) that minimise `d . H d / 2 + g . d` with all points inside; None where the
+        program cannot be solved.
 
-        Parameters
-        ----------
-        points: (n, 3), inside.
-        hessian: (3n, 3n) H, symmetric positive semidefinite.
-        gradient: (n, 3) g.
-        known: (k,) points whose moves are known.
-        moves: (k, 3) of those.
-        sums: weights (e, 3n) of coordinates of d, and the sums (e,) that they are to have.
+        points: (n, 3), inside; hessian: (3n, 3n) H, symmetric positive semidefinite; gradient:
+        (n, 3) g.
         """
-        size = len(points)
-        free = np.ones(size, dtype=bool)
-        free[known] = False
-        result = np.zeros((size, 3))
-        result[known] = moves
-        columns = np.flatnonzero(np.repeat(free, 3))
-        pull = (gradient.ravel() + hessian @ result.ravel())[columns]
-        reduced = csc_array(hessian[columns][:, columns])
-        place = np.cumsum(free) - 1
-        weights, values = sums[0].reshape(-1, 3 * size), sums[1]
-        values = values - weights @ result.ravel()
         slacks = self.slacks(points)
-        slacks[~free] = np.inf
-        pairs = np.full(slacks.shape, self.held) & free[:, None]
+        pairs = np.full(slacks.shape, self.held)
         _add_least(pairs, slacks, NEAREST, NEAR)
         for _ in range(ROUNDS):
             point, plane = np.nonzero(pairs)
-            entries = (3 * place[point][:, None] + np.arange(3)).ravel()
+            entries = (3 * point[:, None] + np.arange(3)).ravel()
             rows = csc_array(
                 (self.normals[plane].ravel(), (np.repeat(np.arange(len(point)), 3), entries)),
-                shape=(len(point), len(columns)),
+                shape=(len(point), points.size),
             )
-            minimum = solve_quadratic_program(
-                reduced,
-                pull,
-                csc_array(vstack([csc_array(weights[:, columns]), rows])),
-                np.concatenate([values, slacks[point, plane]]),
-                len(values),
-            )
+            minimum = solve_quadratic_program(hessian, gradient.ravel(), rows, slacks[point, plane])
             if minimum is None:
                 return None
-            result[free] = minimum.reshape(-1, 3)
-            left = slacks - result @ self.normals.T
+            moves = minimum.reshape(-1, 3)
+            left = slacks - moves @ self.normals.T
             if not _add_least(pairs, left, WORST, -OUTSIDE):
                 break
         self.held = pairs & (left < OUTSIDE)
-        return result
+        return moves
 
 
 def _add_least(pairs: Booleans, slacks: Floats, count: int, limit: float) -> bool:

@@ -1,7 +1,8 @@
-"""Distances of points from a triangle surface."""
+"""Distances of points from a triangle surface, and the points of it that are closest."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -9,34 +10,55 @@ from scipy.spatial.distance import cdist
 
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
-__all__ = ["distances_from_surface", "distances_from_triangles"]
+__all__ = ["closest_points", "distances_from_surface", "distances_from_triangles"]
 
 PAIRS_AT_ONCE: Final = 2_000_000
 """Pairs of a point and a triangle that are compared at a time, to bound the memory."""
 
 
 def distances_from_surface(surface: Surface, points: Floats) -> Floats:
-    """(k,) distances of points (k, 3) from a surface, in its unit of length.
-
-    Only triangles whose circle about their mean corner comes as near as some corner of the surface
-    are looked at closely.
-    """
+    """(k,) distances of points (k, 3) from a surface, in its unit of length."""
     corners = surface.points[surface.triangles]
+    least = np.full(len(points), np.inf)
+    for query, triangle in _near_pairs(corners, points):
+        near = distances_from_triangles(points[query], corners[triangle])
+        np.minimum.at(least, query, near)
+    return least
+
+
+def closest_points(surface: Surface, points: Floats) -> tuple[Integers, Floats]:
+    """The points of a surface that are closest to others (k, 3): the triangle (k,) of each, and the
+    weights (k, 3) of its corners, not negative and of sum 1. Of points as close, the first."""
+    corners = surface.points[surface.triangles]
+    triangles = np.zeros(len(points), dtype=np.int64)
+    weights = np.zeros((len(points), 3))
+    for query, triangle in _near_pairs(corners, points):
+        inside = _closest_in_triangles(points[query], corners[triangle])
+        feet = (inside[:, :, None] * corners[triangle]).sum(1)
+        order = np.lexsort((triangle, norms(feet - points[query]), query))
+        some, first = np.unique(query[order], return_index=True)
+        triangles[some], weights[some] = triangle[order[first]], inside[order[first]]
+    return triangles, weights
+
+
+def _near_pairs(corners: Floats, points: Floats) -> Iterator[tuple[Integers, Integers]]:
+    """Numbers of points (k, 3) and of triangles (t, 3, 3), in pairs, among which the closest of
+    each point is; all of a point come together.
+
+    Only triangles whose circle about their mean corner comes as near as that of some other goes at
+    most are looked at closely.
+    """
     centers = corners.mean(axis=1)
     radii = norms(corners - centers[:, None]).max(axis=1)
     rows = max(1, PAIRS_AT_ONCE // len(centers))
-    least = np.full(len(points), np.inf)
     for first in range(0, len(points), rows):
-        some = points[first : first + rows]
-        distances = cdist(some, centers)
+        distances = cdist(points[first : first + rows], centers)
         # Each triangle has a point at most this far, and none nearer than the other.
         bound = (distances + radii).min(axis=1)
         query, triangle = np.nonzero(distances - radii <= bound[:, None])
-        near = distances_from_triangles(some[query], corners[triangle])
-        np.minimum.at(least, first + query, near)
-    return least
+        yield first + query, triangle
 
 
 def distances_from_triangles(points: Floats, corners: Floats) -> Floats:
@@ -45,25 +67,59 @@ def distances_from_triangles(points: Floats, corners: Floats) -> Floats:
     least = _above_faces(points, corners)
     for start, end in ((0, 1), (1, 2), (2, 0)):
         edge = corners[:, end] - corners[:, start]
-        length = (edge * edge).sum(-1)
-        along = ((points - corners[:, start]) * edge).sum(-1)
-        part = np.clip(along / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
+        part = _along_edges(points, corners[:, start], corners[:, end])
         beside = norms(corners[:, start] + part[:, None] * edge - points)
         least = np.minimum(least, beside)
     return least
 
 
-def _above_faces(points: Floats, corners: Floats) -> Floats:
-    """(m,) distances from the feet of the perpendiculars onto the planes of triangles; inf where
-    the foot is outside, and for a flat triangle."""
+def _closest_in_triangles(points: Floats, corners: Floats) -> Floats:
+    """(m, 3) weights of the corners of triangles (m, 3, 3) of which the mean is closest to points
+    (m, 3)."""
+    weights, inside = _feet(points, corners)
+    squares = np.where(inside, _squares(weights, corners, points), np.inf)
+    for start, end in ((0, 1), (1, 2), (2, 0)):
+        part = _along_edges(points, corners[:, start], corners[:, end])
+        beside = np.zeros_like(weights)
+        beside[:, start], beside[:, end] = 1.0 - part, part
+        square = _squares(beside, corners, points)
+        nearer = square < squares
+        weights = np.where(nearer[:, None], beside, weights)
+        squares = np.minimum(squares, square)
+    return weights
+
+
+def _squares(weights: Floats, corners: Floats, points: Floats) -> Floats:
+    offsets = (weights[:, :, None] * corners).sum(1) - points
+    return np.asarray((offsets * offsets).sum(-1))
+
+
+def _along_edges(points: Floats, starts: Floats, ends: Floats) -> Floats:
+    """(m,) part of the way from starts to ends (m, 3) that leads nearest to points (m, 3)."""
+    edge = ends - starts
+    length = (edge * edge).sum(-1)
+    along = ((points - starts) * edge).sum(-1)
+    return np.clip(along / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
+
+
+def _feet(points: Floats, corners: Floats) -> tuple[Floats, Booleans]:
+    """Weights (m, 3) of the corners of which the means are the feet of the perpendiculars from
+    points onto the planes of triangles, and whether these are inside, as none of a flat one is."""
     opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
     normal = np.linalg.cross(opposite[:, 1], opposite[:, 2])
     squared = (normal * normal).sum(-1)
     arms = points[:, None] - np.roll(corners, -1, axis=1)
-    # Times the squared length of the normal: weights of the corners whose mean is the foot.
     weights = (np.linalg.cross(opposite, arms) * normal[:, None]).sum(-1)
     inside = (squared > 0.0) & (weights >= 0.0).all(axis=1)
+    return weights / np.where(squared > 0.0, squared, 1.0)[:, None], inside
+
+
+def _above_faces(points: Floats, corners: Floats) -> Floats:
+    """(m,) distances from the feet of the perpendiculars onto the planes of triangles; inf where
+    the foot is outside, and for a flat triangle."""
+    normal = np.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inside = _feet(points, corners)[1]
     heights = np.abs(((points - corners[:, 0]) * normal).sum(-1))
     result = np.full(len(points), np.inf)
-    np.divide(heights, np.sqrt(squared), out=result, where=inside)
+    np.divide(heights, norms(normal), out=result, where=inside)
     return result

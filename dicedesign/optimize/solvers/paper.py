@@ -39,6 +39,7 @@ def descend_as_paper(
     options: PaperOptions,
     *,
     center_of_mass: Floats | None = None,
+    drift: bool = True,
     seed: int = 0,
     on_step: Callable[[DesignStep], None] | None = None,
     on_evaluation: Callable[[Evaluation], None] | None = None,
@@ -52,6 +53,7 @@ def descend_as_paper(
     target: (k,) wanted probability of each direction of the start.
     options: see `PaperOptions`.
     center_of_mass: (3,) fixed, in the coordinates of `start.points`, or None for the uniform solid.
+    drift: whether steps may move the mean of the vertices.
     seed: of the perturbation.
     on_step: called after every step.
     on_evaluation: called with what every step before the finish was recorded from.
@@ -68,7 +70,10 @@ def descend_as_paper(
             f"target: expected {len(start.directions)} outcomes, one for each direction of the "
             f"start, got {len(target)}; take another start"
         )
-    result = _Descent(start, target, options, center_of_mass, seed, on_step, on_evaluation).run()
+    sobolev = SobolevGradient(options.sobolev, drift)
+    result = _Descent(
+        start, target, options, center_of_mass, sobolev, seed, on_step, on_evaluation
+    ).run()
     if options.finish == "none":
         return result
     return finished(
@@ -90,6 +95,7 @@ class _Descent:
         target: Floats,
         options: PaperOptions,
         center_of_mass: Floats | None,
+        sobolev: SobolevGradient,
         seed: int,
         on_step: Callable[[DesignStep], None] | None,
         on_evaluation: Callable[[Evaluation], None] | None,
@@ -103,7 +109,7 @@ class _Descent:
         coordinates, parameters = VertexCoordinates.of(start.points, hull.centroid, shapes.hull)
         weights = options.weights.of_probabilities
         self.objective = Objective(coordinates, target, weights, center_of_mass, shapes)
-        self.sobolev = SobolevGradient(options.sobolev)
+        self.sobolev = sobolev
         self.history: list[DesignStep] = []
         self.evaluations = 1
         self.current = self.objective.first(

@@ -73,21 +73,31 @@ class SobolevGradient:
     Attributes
     ----------
     options: of the operator, or None to leave gradients as they are.
+    drift: whether the mean of the hull's vertices may move.
     """
 
     options: SobolevOptions | None
+    drift: bool = True
     _last: tuple[ConvexHull, SobolevSolver] | None = field(default=None, init=False)
 
     def of(self, gradient: Floats, hull: ConvexHull) -> Floats:
         """The gradient (3 n,) in points, of which the hull has its vertices, after the operator;
         that of points inside stays 0."""
-        if self.options is None:
+        if self.options is None and self.drift:
             return gradient
-        if self._last is None or not _same_edges(self._last[0], hull):
-            self._last = hull, SobolevSolver(graph_laplacian(hull), self.options)
+        spread = gradient.reshape(-1, 3)[hull.source]
+        if self.options is not None:
+            spread = self._solver(hull, self.options).solve(spread)
+        if not self.drift:
+            spread = spread - spread.mean(axis=0)
         smooth = np.zeros((len(gradient) // 3, 3))
-        smooth[hull.source] = self._last[1].solve(gradient.reshape(-1, 3)[hull.source])
+        smooth[hull.source] = spread
         return smooth.ravel()
+
+    def _solver(self, hull: ConvexHull, options: SobolevOptions) -> SobolevSolver:
+        if self._last is None or not _same_edges(self._last[0], hull):
+            self._last = hull, SobolevSolver(graph_laplacian(hull), options)
+        return self._last[1]
 
 
 def _same_edges(a: ConvexHull, b: ConvexHull) -> bool:

@@ -9,6 +9,7 @@ from itertools import count
 from typing import Final
 
 from dicedesign.concave.checkpoint import checkpoint_bytes, read_checkpoint
+from dicedesign.concave.fill.paper_options import HullWeights
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import ConcaveProgress, ConcaveStep
 from dicedesign.concave.search import make_concave_die
@@ -103,7 +104,7 @@ def _search_identity(recipe: Recipe, surface: Surface) -> dict[str, str]:
     return {
         "target": json.dumps(target),
         "seed": str(recipe.seed),
-        "method": json.dumps(options),
+        "method": json.dumps(options, default=HullWeights.as_dict),
         "surface": hashlib.sha256(data).hexdigest(),
     }
 

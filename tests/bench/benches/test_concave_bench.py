@@ -34,7 +34,7 @@ GOOD = ConcaveRow(
     "knot", "fair:3", "correspondence", 2496, 11.5, 400.2, 2e-3, 1e-3, 1e-9, 0, 0.031, 0.12, 1.25,
     1.5, (300, 250), 7, "", 5e-3,
 )  # fmt: skip
-NONE = ConcaveRow("cow.obj", "fair:3", "quadratic", note="cow.obj: open", tolerance=5e-3)
+NONE = ConcaveRow("cow.obj", "fair:3", "paper", note="cow.obj: open", tolerance=5e-3)
 
 
 @pytest.fixture
@@ -67,13 +67,13 @@ def test_every_mesh_meets_every_target_by_every_fill() -> None:
         (model, target, fill)
         for model in ("a.obj", "b.stl", "a.obj")
         for target in targets
-        for fill in ("correspondence", "quadratic")
+        for fill in ("correspondence", "paper")
     ]
-    assert {case.most_points for case in cases if case.fill == "quadratic"} == {5000}
+    assert {case.most_points for case in cases if case.fill == "paper"} == {2000}
     assert {case.most_points for case in cases if case.fill == "correspondence"} == {None}
     assert cases[2].recipe.target.target().probabilities.tolist() == [0.5, 0.5]
     for extent in (FULL, QUICK):
-        own = concave_cases([], {"fair:3": {"fair": 3}}, extent, ["quadratic"])
+        own = concave_cases([], {"fair:3": {"fair": 3}}, extent, ["paper"])
         assert [case.model for case in own] == list(extent.shapes)
         assert set(extent.shapes) <= set(SHAPES)
         assert {case.recipe.method.concave.seconds for case in own} == {extent.seconds}
@@ -136,7 +136,7 @@ def test_a_die_that_meets_itself_is_not_as_wanted(cube: Path, search: MadeUpSear
     assert not row.met
 
 
-def test_only_large_surfaces_are_decimated_for_quadratic_programs(
+def test_only_large_surfaces_are_decimated_for_the_paper(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("fast_simplification")
@@ -149,9 +149,9 @@ def test_only_large_surfaces_are_decimated_for_quadratic_programs(
     monkeypatch.setattr(method, "make_concave_die", find)
     ball = tmp_path / "ball.obj"
     trimesh.creation.icosphere(subdivisions=3).export(ball)
-    small = attempt_concave(replace(case_of(ball, 3, "quadratic"), most_points=200))
+    small = attempt_concave(replace(case_of(ball, 3, "paper"), most_points=200))
     assert small.points == asked[0] <= 200
-    assert small.fill == "quadratic"
+    assert small.fill == "paper"
     left = attempt_concave(case_of(ball, 3))
     assert left.points == asked[1] == 642
     assert (left.note, left.error, left.met) == ("ZeroDivisionError: no die", None, False)
@@ -171,11 +171,11 @@ def test_failures_are_rows(tmp_path: Path, cube: Path) -> None:
 def test_rows_and_verdict() -> None:
     measured = ["2.0e-03", "1.0e-03", "1.0e-09", "0", "3.10", "12.0", "1.25", "1.50", "300/250"]
     assert GOOD.line().split()[3:] == ["2496", "11.5", "400", *measured, "7"]
-    assert NONE.line().split()[:4] == ["cow.obj", "fair:3", "quadratic", "-"]
+    assert NONE.line().split()[:4] == ["cow.obj", "fair:3", "paper", "-"]
     assert NONE.line().endswith("  cow.obj: open")
     good, none = verdict([GOOD, NONE])
     assert good == "by correspondence: 1 of 1 as wanted"
-    assert none.startswith("by quadratic: 0 of 1 as wanted; beyond 0.005, or meeting itself: ")
+    assert none.startswith("by paper: 0 of 1 as wanted; beyond 0.005, or meeting itself: ")
     for change in ({"error": 6e-3}, {"elsewhere": 6e-3}, {"intersections": 1}, {"error": None}):
         assert not replace(GOOD, **change).met
 
@@ -202,10 +202,10 @@ def test_bad_arguments_are_errors_in_words(
 def test_a_cube_goes_through_the_command(
     cube: Path, search: MadeUpSearch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    extent = Extent((), 5000, 60.0)
+    extent = Extent((), 2000, 60.0)
     assert run_bench("concave", cube, "--target", "fair:6", "--json", extent=extent) == 0
     first, second = json.loads(capsys.readouterr().out)["rows"]
-    assert (first["fill"], second["fill"]) == ("correspondence", "quadratic")
+    assert (first["fill"], second["fill"]) == ("correspondence", "paper")
     assert first["met"]
     assert first["mean_displacement"] == second["mean_displacement"] > 0.0
     words = ["concave", cube, "--target", "1/2,1/6,1/6,1/6", "--fill", "correspondence"]

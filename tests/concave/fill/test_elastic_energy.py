@@ -129,7 +129,7 @@ def test_the_nearest_semidefinite_matrices() -> None:
 
 @pytest.mark.parametrize("surface", [bumpy_sphere(), bent_capsule()])
 def test_nothing_pulls_at_the_reference_wherever_it_is(surface: Surface) -> None:
-    energy = ElasticEnergy.of(surface)
+    energy = ElasticEnergy.of(surface, 1.0, 0.02)
     turn = rotation_between(np.array([1.0, 0.3, 0.2]), np.array([-0.2, 0.8, 0.1]))
     for points in (surface.points, 3.0 * surface.points @ turn.T + 7.0):
         assert sum(energy.terms(points)) == pytest.approx(0.0, abs=1e-12)
@@ -138,7 +138,7 @@ def test_nothing_pulls_at_the_reference_wherever_it_is(surface: Surface) -> None
 
 def test_the_energy_does_not_change_when_the_surface_is_turned_moved_or_scaled() -> None:
     surface = bumpy_sphere(1)
-    energy = ElasticEnergy.of(surface)
+    energy = ElasticEnergy.of(surface, 1.0, 0.02)
     points = surface.points + 0.05 * np.random.default_rng(4).normal(size=surface.points.shape)
     turn = rotation_between(np.array([0.1, 1.0, 0.0]), np.array([0.0, 0.2, -1.0]))
     there = energy.terms(0.5 * points @ turn.T - 3.0)
@@ -149,7 +149,7 @@ def test_the_energy_does_not_change_when_the_surface_is_turned_moved_or_scaled()
 def test_gradient_and_hessian_of_the_whole_surface() -> None:
     surface = bumpy_sphere(1)
     rng = np.random.default_rng(5)
-    energy = ElasticEnergy.of(surface)
+    energy = ElasticEnergy.of(surface, 1.0, 0.02)
     points = surface.points + 0.02 * rng.normal(size=surface.points.shape)
     way = rng.normal(size=points.shape)
     step = 1e-6
@@ -169,7 +169,7 @@ def test_gradient_and_hessian_of_the_whole_surface() -> None:
 
 def test_a_flat_triangle_has_infinite_energy() -> None:
     surface = bumpy_sphere(1)
-    energy = ElasticEnergy.of(surface)
+    energy = ElasticEnergy.of(surface, 1.0, 0.02)
     points = surface.points.copy()
     a, b, c = surface.triangles[0]
     points[c] = 0.5 * (points[a] + points[b])
@@ -183,4 +183,4 @@ def test_a_reference_with_a_flat_triangle_is_refused() -> None:
     points = surface.points.copy()
     points[surface.triangles[3, 0]] = points[surface.triangles[3, 1]]
     with pytest.raises(InputError, match="expected triangles with an area"):
-        ElasticEnergy.of(Surface(points, surface.triangles))
+        ElasticEnergy.of(Surface(points, surface.triangles), 1.0, 0.02)

@@ -7,13 +7,13 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
+import trimesh
 from common.bumpy import bent_capsule, bumpy_sphere, nearby_hull
+from scipy import spatial
 
-from dicedesign.concave.fill import quadratic_fill
-from dicedesign.concave.fill.elastic_energy import ElasticEnergy
+from dicedesign.concave.fill.paper_options import ConcavePaperOptions
 from dicedesign.concave.fill.quadratic_fill import fill_by_quadratic_programs
 from dicedesign.concave.fill.result import FillResult, FillStatus
-from dicedesign.concave.fill.space_elasticity import Elasticity, HeldCorners
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
@@ -26,74 +26,68 @@ needs_clarabel = pytest.mark.skipif(
 
 
 def fill(
-    surface: Surface, hull: ConvexHull, center: Floats | None = None
-) -> tuple[FillResult, list[float]]:
-    """Filled with the corners of the surface's own hull, which the hull is made of, and with its
-    center of mass where it is wanted, or where the corners alone would take it."""
-    corners = convex_hull(surface.points).source[hull.source]
-    if center is None:
-        held = HeldCorners(Elasticity(surface), corners)
-        followed = held.followed(hull.vertices - surface.points[corners])
-        center = surface.moved(surface.points + followed).centroid
+    surface: Surface, hull: ConvexHull, **options: float
+) -> tuple[FillResult, list[float], Floats]:
+    """Filled; the distances of the hull's corners from the surface are over its diagonal."""
     energies: list[float] = []
-    result = fill_by_quadratic_programs(surface, hull, corners, center, energies.append)
+    result = fill_by_quadratic_programs(
+        surface, hull, ConcavePaperOptions(**options), energies.append
+    )
     assert energies[-1] == result.energy
-    np.testing.assert_array_equal(result.points[corners], hull.vertices)
-    # The surface's hull is the wanted one to the last bit, and nothing is outside.
-    spanned = convex_hull(result.points).vertices
-    assert sorted(spanned.tolist()) == sorted(hull.vertices.tolist())
     middle = hull.vertices.mean(axis=0)
     slacks = hull.heights(middle) - (result.points - middle) @ hull.normals.T
-    assert slacks.min() > -1e-14 * surface.diagonal
-    return result, energies
+    assert slacks.min() > 0.0
+    corners = result.points[surface.triangles]
+    distances = [
+        np.linalg.norm(
+            trimesh.triangles.closest_point(corners, np.repeat(corner[None], len(corners), axis=0))
+            - corner,
+            axis=1,
+        ).min()
+        for corner in hull.vertices
+    ]
+    return result, energies, np.array(distances) / surface.diagonal
+
+
+def bent_by(surface: Surface, points: Floats) -> float:
+    """Sum of squared changes of angle between neighbouring triangles."""
+    angles = []
+    for places in (surface.points, points):
+        mesh = trimesh.Trimesh(places, surface.triangles, process=False)
+        angles.append(np.where(mesh.face_adjacency_convex, 1, -1) * mesh.face_adjacency_angles)
+    return float(((angles[1] - angles[0]) ** 2).sum())
 
 
 @needs_clarabel
 @pytest.mark.parametrize(
     ("surface", "amount"), [(bumpy_sphere(), 0.04), (bent_capsule(18, 10), 0.02)]
 )
-def test_the_hull_is_the_wanted_one(surface: Surface, amount: float) -> None:
-    result, _ = fill(surface, nearby_hull(surface, amount))
+def test_the_surface_spans_the_hull(surface: Surface, amount: float) -> None:
+    hull = nearby_hull(surface, amount)
+    result, _, distances = fill(surface, hull)
     assert result.status is FillStatus.FITTED
     assert result.message == "reached what was wanted"
+    assert distances.mean() <= 1e-3
+    volumes = [spatial.ConvexHull(points).volume for points in (result.points, hull.vertices)]
+    assert volumes[0] == pytest.approx(volumes[1], rel=0.02)
     moved = np.linalg.norm(result.points - surface.points, axis=1) / surface.diagonal
     assert moved.mean() < 1.5 * amount
-    assert moved.max() < 3.0 * amount
 
 
 @needs_clarabel
-def test_the_elastic_energy_is_least() -> None:
-    """No move of the points that are off the hull lowers it and keeps the center of mass."""
+def test_what_resists_bending_bends_less() -> None:
     surface = bumpy_sphere()
-    hull = nearby_hull(surface, 0.03)
-    result, _ = fill(surface, hull)
-    pulls = ElasticEnergy.of(surface).gradient(result.points)
-    slacks = (hull.heights(np.zeros(3)) - result.points @ hull.normals.T).min(axis=1)
-    free = slacks > 0.01 * surface.diagonal
-    assert free.sum() > 20
-    center = surface.moved(result.points).centroid_derivatives()[:, free].reshape(3, -1).T
-    held, *_ = np.linalg.lstsq(center, pulls[free].ravel(), rcond=None)
-    left = (pulls[free].ravel() - center @ held).reshape(-1, 3)
-    lengths = np.linalg.norm(pulls[~free], axis=1)
-    assert np.linalg.norm(left, axis=1).max() < 0.02 * lengths.max()
+    hull = nearby_hull(surface, 0.04)
+    soft, stiff = (fill(surface, hull, bending=weight)[0].points for weight in (1e-4, 1.0))
+    assert bent_by(surface, stiff) < 0.8 * bent_by(surface, soft)
 
 
 @needs_clarabel
 def test_its_own_hull_leaves_a_surface_as_it_is() -> None:
     surface = bumpy_sphere()
-    result, _ = fill(surface, convex_hull(convex_hull(surface.points).vertices))
+    result, _, _ = fill(surface, convex_hull(convex_hull(surface.points).vertices))
     assert result.converged
-    np.testing.assert_allclose(result.points, surface.points, atol=1e-3 * surface.diagonal)
-
-
-@needs_clarabel
-def test_the_center_of_mass_is_met_to_first_order() -> None:
-    surface = bent_capsule(18, 10)
-    center = surface.centroid - np.array([0.015, 0.0, 0.0]) * surface.diagonal
-    result, _ = fill(surface, nearby_hull(surface, 0.03), center)
-    assert result.converged
-    reached = surface.moved(result.points).centroid
-    assert np.linalg.norm(reached - center) < 1e-4 * surface.diagonal
+    np.testing.assert_allclose(result.points, surface.points, atol=5e-3 * surface.diagonal)
 
 
 @needs_clarabel
@@ -101,9 +95,9 @@ def test_a_hull_far_away_from_the_surface() -> None:
     """The surface begins in the hull wherever it was."""
     surface = bumpy_sphere()
     hull = convex_hull(convex_hull(surface.points).vertices + 100.0)
-    result, _ = fill(surface, hull, surface.centroid + 100.0)
+    result, _, _ = fill(surface, hull)
     assert result.converged
-    np.testing.assert_allclose(result.points, surface.points + 100.0, atol=0.01)
+    np.testing.assert_allclose(result.points, surface.points + 100.0, atol=0.02)
 
 
 def test_without_clarabel_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,23 +108,13 @@ def test_without_clarabel_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @needs_clarabel
-def test_what_is_said_when_it_ends_before(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_said_when_it_ends_before() -> None:
+    """With a weight that hardly grows, the corners never come close."""
     surface = bent_capsule(14, 8)
-    monkeypatch.setattr(quadratic_fill, "MOST_STEPS", 1)
-    center = surface.centroid - np.array([0.02, 0.0, 0.0]) * surface.diagonal
-    result, _ = fill(surface, nearby_hull(surface, 0.03), center)
+    result, _, distances = fill(
+        surface, nearby_hull(surface, 0.05), closest_point=1e-6, growth=1.001
+    )
     assert result.status is FillStatus.STEP_LIMIT
     assert not result.converged
+    assert distances.mean() > 1e-3
     assert "allow more steps" in result.message
-
-
-@needs_clarabel
-def test_a_program_that_cannot_be_solved() -> None:
-    """Its right sides are no numbers."""
-    surface = bumpy_sphere(1)
-    hull = nearby_hull(surface, 0.05)
-    corners = convex_hull(surface.points).source[hull.source]
-    nowhere = np.full(3, np.nan)
-    result = fill_by_quadratic_programs(surface, hull, corners, nowhere, lambda energy: None)
-    assert result.status is FillStatus.UNSOLVED
-    assert "remesh the surface" in result.message

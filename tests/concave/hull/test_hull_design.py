@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Literal
 
 import numpy as np
 import pytest
 from common.bumpy import bent_capsule, bumpy_sphere, unit
 
 from dicedesign import rest_poses
-from dicedesign.concave.hull.descent import descend_hull
+from dicedesign.concave.fill.paper_options import ConcavePaperOptions
 from dicedesign.concave.hull.design import design_hull
 from dicedesign.concave.hull.draft import HullDraft
 from dicedesign.concave.hull.easing import eased_hull, nearer_draft
 from dicedesign.concave.hull.outcome_directions import outcome_choices
+from dicedesign.concave.hull.paper_hull import descend_hull, searched_hull
 from dicedesign.concave.hull.problem import DesignedHull, HullMetric, HullProblem
 from dicedesign.concave.hull.slopes import SlopeOptions
 from dicedesign.geometry.surfaces.surface import Surface
@@ -203,15 +205,41 @@ def test_what_is_nearer_keeps_odds_and_outcomes() -> None:
     assert np.degrees(turned.max()) < 30.0
 
 
-def test_descent_as_in_the_paper() -> None:
+def fixed_center(design: DesignedHull, problem: HullProblem) -> float:
+    """Error of a design by the forward model."""
+    poses = rest_poses(design.hull.vertices, center_of_mass=design.center_of_mass)
+    return outcome_odds(poses, design.directions).error(problem.target)
+
+
+@pytest.mark.parametrize("finish", ["exact", "none"])
+def test_descent_as_in_the_paper(finish: Literal["exact", "none"]) -> None:
     problem = problem_of(bumpy_sphere(1), np.array([0.5, 0.5]))
     steps: list[tuple[float, float]] = []
     directions = outcome_choices(problem.hull, problem.target)[0]
-    design = descend_hull(problem, directions, lambda *step: steps.append(step))
-    poses = rest_poses(design.hull.vertices, center_of_mass=design.center_of_mass)
-    odds = outcome_odds(poses, design.directions)
-    assert odds.error(problem.target) == pytest.approx(design.error, abs=1e-9)
+    options = ConcavePaperOptions(finish=finish, steps=200)
+    design = descend_hull(problem, directions, options, lambda *step: steps.append(step))
+    assert fixed_center(design, problem) == pytest.approx(design.error, abs=1e-9)
     energies = [energy for energy, _ in steps]
-    assert energies[-1] < energies[0]
+    assert min(energies) < energies[0]
     assert len(set(design.corners.tolist())) == len(design.corners)
     assert np.isin(design.corners, problem.hull.source).all()
+
+
+def test_without_drift_a_hull_stays_about_its_center_of_mass() -> None:
+    problem = problem_of(bumpy_sphere(2), np.full(3, 1.0 / 3.0))
+    directions = outcome_choices(problem.hull, problem.target)[0]
+    shifts = []
+    for drift in (False, True):
+        options = ConcavePaperOptions(drift=drift, steps=200)
+        design = descend_hull(problem, directions, options, lambda *step: None)
+        shifts.append(np.linalg.norm(design.center_of_mass))
+    assert shifts[0] < 0.5 * shifts[1]
+
+
+def test_the_best_of_several_hulls_by_the_paper_is_taken() -> None:
+    problem = problem_of(bumpy_sphere(2), np.array([0.5, 0.5]))
+    choices = outcome_choices(problem.hull, problem.target)
+    options, random = ConcavePaperOptions(steps=100), np.random.default_rng(1)
+    design = searched_hull(problem, choices, options, random, lambda *step: None, plain=True)
+    first = descend_hull(problem, choices[0], options, lambda *step: None)
+    assert fixed_center(design, problem) <= max(problem.tolerance, first.error)

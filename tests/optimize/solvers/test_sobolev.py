@@ -10,6 +10,7 @@ import pytest
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.optimize.solvers.sobolev import (
+    SobolevGradient,
     SobolevOptions,
     SobolevSolver,
     graph_laplacian,
@@ -106,3 +107,20 @@ def test_the_operator_is_symmetric_positive_definite_and_damps(hull: ConvexHull)
 def test_bad_options_are_refused_in_words(options: dict[str, float], text: str) -> None:
     with pytest.raises(InputError, match=re.escape(text)):
         SobolevOptions(**options)
+
+
+@pytest.mark.parametrize("options", [None, SobolevOptions(5.0, 2)])
+def test_without_drift_the_mean_stays_and_the_rest_is_as_before(
+    random_points, options: SobolevOptions | None
+) -> None:
+    hull = convex_hull(random_points(4, 30))
+    gradient = np.zeros((30, 3))
+    gradient[hull.source] = np.random.default_rng(1).normal(size=hull.vertices.shape)
+    free = SobolevGradient(options).of(gradient.ravel(), hull).reshape(-1, 3)
+    held = SobolevGradient(options, drift=False).of(gradient.ravel(), hull).reshape(-1, 3)
+    np.testing.assert_allclose(held.sum(axis=0), 0.0, atol=1e-12)
+    shift = (free - held)[hull.source]
+    np.testing.assert_allclose(shift, np.tile(shift[0], (len(shift), 1)), atol=1e-12)
+    assert (held * gradient).sum() > 0.0
+    inside = np.setdiff1d(np.arange(30), hull.source)
+    np.testing.assert_array_equal(held[inside], 0.0)

@@ -1,0 +1,140 @@
+"""Designing the hull of a surface by the paper's method, the center of mass held (section 3.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+from dicedesign.concave.fill.paper_options import ConcavePaperOptions, HullWeights
+from dicedesign.concave.hull.draft import HullDraft, exact_draft
+from dicedesign.concave.hull.problem import DesignedHull, HullProblem
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.sphere import norms
+from dicedesign.optimize.paper_options import PaperOptions
+from dicedesign.optimize.result import DesignStep
+from dicedesign.optimize.solvers.paper import descend_as_paper
+from dicedesign.optimize.starts.start import Start
+from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.poses import analyse
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["descend_hull", "searched_hull"]
+
+TRIALS: Final = 10
+"""Hulls that are designed for one to be filled: section 5.2 asks for a careful search."""
+
+SPREAD: Final = 4.0
+"""Largest factor on a weight, or part of it, in that search."""
+
+SHAKES: Final = 8
+"""Times that a hull is shaken to see whether its odds stand what a fill leaves open."""
+
+SHAKE: Final = 1e-3
+"""Standard deviation of that in each coordinate, over the circumscribed radius."""
+
+CHOICE_SCALE: Final = 1.0
+"""Mean place, among the choices of outcomes, of the one that a trial takes."""
+
+
+def searched_hull(
+    problem: HullProblem,
+    choices: list[Floats],
+    options: ConcavePaperOptions,
+    random: np.random.Generator,
+    on_step: Callable[[float, float], None],
+    *,
+    plain: bool,
+) -> DesignedHull:
+    """The hull of `TRIALS` that has the odds, keeps them best when it is shaken and is nearest to
+    the original's; the one that misses them by least, where none has them.
+
+    Parameters
+    ----------
+    choices: each (k, 3) unit directions of the outcomes, the likeliest first.
+    options: of the descents; their weights are multiplied by random factors.
+    on_step: called with the energy and the largest |p - q| of every step.
+    plain: whether the first trial takes the first choice and the weights as they are.
+    """
+
+    def cost(design: DesignedHull) -> tuple[float, float]:
+        """What it misses, and then also when it is shaken, how far points go and how far their
+        center of mass has to be taken back."""
+        missed = design.error if design.error > problem.tolerance else 0.0
+        moved = float(norms(design.moved).mean() + norms(design.center_of_mass))
+        return missed, _shaken_error(problem, design) + moved
+
+    designs = []
+    for trial in range(TRIALS):
+        own, place = options, 0
+        if trial > 0 or not plain:
+            place = int(random.exponential(CHOICE_SCALE))
+            own = replace(options, weights=_scaled(options.weights, random))
+        designs.append(descend_hull(problem, choices[place % len(choices)], own, on_step))
+    return min(designs, key=cost)
+
+
+def descend_hull(
+    problem: HullProblem,
+    directions: Floats,
+    options: ConcavePaperOptions,
+    on_step: Callable[[float, float], None],
+) -> DesignedHull:
+    """The hull at the end of a descent, whatever its error.
+
+    directions: (k, 3) unit directions of the outcomes; on_step: as in `searched_hull`. The corners
+    are told by the least sum of squared distances from those of the original.
+    """
+    original = problem.hull.vertices
+
+    def told(step: DesignStep) -> None:
+        on_step(step.energy, step.error)
+
+    design = descend_as_paper(
+        Start(original, directions),
+        problem.target,
+        PaperOptions(
+            weights=options.weights,
+            sobolev=options.sobolev,
+            step=options.step,
+            steps=options.steps,
+            perturbation=0.0,
+            finish="none",
+        ),
+        center_of_mass=np.zeros(3),
+        drift=options.drift,
+        on_step=told,
+    )
+    vertices, normals = design.hull.vertices, design.directions
+    source = linear_sum_assignment(cdist(vertices, original, "sqeuclidean"))[1]
+    draft = HullDraft.of(vertices, normals) if options.finish == "exact" else None
+    exact = None if draft is None else exact_draft(problem, draft)
+    if exact is not None:
+        hull, normals = exact.rests.hull, exact.normals
+        vertices, source = hull.vertices, source[hull.source]
+    moved = np.zeros_like(original)
+    moved[source] = vertices - original[source]
+    odds = outcome_odds(analyse(convex_hull(vertices), np.zeros(3), "given"), normals)
+    return problem.designed(vertices, source, moved, normals, odds.error(problem.target))
+
+
+def _shaken_error(problem: HullProblem, design: DesignedHull) -> float:
+    """Mean error of a design whose corners are put somewhere near."""
+    random, errors = np.random.default_rng(0), []
+    for _ in range(SHAKES):
+        shaken = design.hull.vertices + SHAKE * random.normal(size=design.hull.vertices.shape)
+        poses = analyse(convex_hull(shaken), design.center_of_mass, "given")
+        errors.append(outcome_odds(poses, design.directions).error(problem.target))
+    return float(np.mean(errors))
+
+
+def _scaled(weights: HullWeights, random: np.random.Generator) -> HullWeights:
+    """Those that are above 0, each times a factor of its own."""
+    names = ("coplanar", "barycenter", "neighbor", "apart")
+    factors = np.exp(random.uniform(-np.log(SPREAD), np.log(SPREAD), len(names)))
+    given = weights.as_dict()
+    return weights.changed(**{n: given[n] * float(f) for n, f in zip(names, factors, strict=True)})
