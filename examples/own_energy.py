@@ -48,8 +48,7 @@ def with_torch(weight: float) -> None:
     adam = torch.optim.Adam([vertices], lr=8e-3)
     for _ in range(100):
         rests = dd.evaluate_rests(vertices)
-        clusters = dd.cluster(rests.hull.normals[rests.paths.rests], START.directions)
-        terms = dd.energy_terms(dd.ClusteredRests(rests, clusters, TARGET), weights)
+        terms = dd.energy_terms(dd.ClusteredRests.of(rests, START.directions, TARGET), weights)
         adam.zero_grad()
         torch.stack(list(terms.values())).sum().backward()
         adam.step()
@@ -62,10 +61,8 @@ def with_torch(weight: float) -> None:
 def least_angle(points: np.ndarray) -> float:
     """In degrees, between the normal of a rest and a saddle on the border of its basin."""
     rests = dd.evaluate_rests(torch.tensor(points))
-    clusters = dd.cluster(rests.hull.normals[rests.paths.rests], START.directions)
-    state = dd.ClusteredRests(rests, clusters, TARGET)
     normals = rests.rest_normals[torch.as_tensor(rests.paths.basins)]
-    cosines = (normals * state.saddles[:, None]).sum(-1)
+    cosines = (normals * rests.saddles[:, None]).sum(-1)
     return float(torch.rad2deg(torch.arccos(cosines.max())))
 
 

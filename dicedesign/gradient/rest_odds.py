@@ -200,6 +200,23 @@ class RestEvaluation:
         return kernels.depth_gradient(self.hull, self.equilibria.center_of_mass, slopes)
 
     @property
+    def facets(self) -> Integers:
+        """(k,) facet of the hull on which each rest stands."""
+        return self.paths.rests
+
+    @property
+    def saddles(self) -> Tensor:
+        """(s, 3) unit directions of the saddles that divide basins, from the center of mass; saddle
+        i lies between the rests `paths.basins[i]`."""
+        return torch.nn.functional.normalize(self.saddle_directions, dim=1)
+
+    @property
+    def maxima(self) -> Tensor:
+        """(2 s, 3) unit directions of the maxima, from the center of mass: numbers 2 i and 2 i + 1
+        are those at the ends of the separatrix through saddle i."""
+        return self.vertex_directions(self.paths.maxima)
+
+    @property
     def saddle_directions(self) -> Tensor:
         """(s, 3) directions, not normalised, from the center of mass to the saddles of `paths`
         (eq. 7, 8)."""

@@ -365,3 +365,20 @@ def test_rests_of_moved_and_sliced_tensors(random_points) -> None:
         differentiable_rest(sliced[:, ::2].T), differentiable_rest(points), strict=True
     ):
         assert torch.equal(found, wanted)
+
+
+def test_saddles_and_maxima_are_those_of_the_forward_model(random_points) -> None:
+    points = random_points(4, 11)
+    poses, rests = rest_poses(points), evaluate_rests(leaf(points))
+    assert rests.facets.tolist() == sorted(poses.facets.tolist())
+    np.testing.assert_allclose(rests.saddles.detach(), poses.morse.saddles, atol=1e-14)
+    found = np.unique(np.round(rests.maxima.detach().numpy(), 12), axis=0)
+    known = np.unique(np.round(poses.morse.maxima, 12), axis=0)
+    assert {tuple(row) for row in found + 0.0} <= {tuple(row) for row in known + 0.0}
+    # The saddle is the point of an edge's line that is nearest to the center of mass.
+    vertices, center = rests.hull.vertices, poses.center_of_mass
+    for saddle, ends in zip(rests.saddles.detach().numpy(), rests.paths.saddle_ends, strict=True):
+        assert abs(saddle @ (vertices[ends[1]] - vertices[ends[0]])) < 1e-13
+        assert abs(np.linalg.det(np.array([saddle, *(vertices[ends] - center)]))) < 1e-13
+    for part in (rests.saddles, rests.maxima):
+        assert part.requires_grad

@@ -60,6 +60,13 @@ class ClusteredRests:
     clusters: Clusters
     target: Floats
 
+    @classmethod
+    def of(cls, rests: RestEvaluation, directions: Floats, target: Floats) -> ClusteredRests:
+        """Rests that count for the outcomes of the nearest directions (k, 3), whose target is
+        (k,)."""
+        normals = rests.hull.normals[rests.facets]
+        return cls(rests, cluster(normals, directions), target)
+
     @property
     def hull(self) -> ConvexHull:
         """The hull, as numbers."""
@@ -72,15 +79,13 @@ class ClusteredRests:
 
     @property
     def saddles(self) -> Tensor:
-        """(s, 3) unit directions of the saddles that divide basins, from the center of mass; saddle
-        i lies between the rests `rests.paths.basins[i]`."""
-        return torch.nn.functional.normalize(self.rests.saddle_directions, dim=1)
+        """(s, 3) those of the rests."""
+        return self.rests.saddles
 
     @property
     def maxima(self) -> Tensor:
-        """(2 s, 3) unit directions of the maxima, from the center of mass: numbers 2 i and 2 i + 1
-        are those at the ends of the separatrix through saddle i."""
-        return self.rests.vertex_directions(self.rests.paths.maxima)
+        """(2 s, 3) those of the rests."""
+        return self.rests.maxima
 
 
 def cluster(rest_normals: Floats, directions: Floats) -> Clusters:
