@@ -15,6 +15,7 @@ from dicedesign.geometry.meshes.body import make_body as make_body
 from dicedesign.geometry.meshes.reading import read_body as read_body
 from dicedesign.geometry.point_groups import point_group as point_group
 from dicedesign.gradient.differentiable_rest import differentiable_rest as differentiable_rest
+from dicedesign.gradient.height import height as height
 from dicedesign.gradient.rest_batch import differentiable_rest_batch as differentiable_rest_batch
 from dicedesign.gradient.rest_odds import RestEvaluation as RestEvaluation
 from dicedesign.gradient.rest_odds import evaluate_rests as evaluate_rests

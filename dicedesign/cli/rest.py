@@ -12,6 +12,7 @@ from dicedesign.cli.body import add_body_options, center_of_mass, read_poses
 from dicedesign.cli.options import direction, print_json
 from dicedesign.cli.rest_folder import add_folder_options, refuse_folder_options, rest_folder
 from dicedesign.errors import named
+from dicedesign.runtime.files import atomic_write
 from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
 
@@ -41,6 +42,12 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument(
         "--figure", type=Path, metavar="FILE.png", help="draw the Morse-Smale complex"
+    )
+    parser.add_argument(
+        "--heights",
+        type=Path,
+        metavar="FILE.png",
+        help="draw how high the center of mass is over the directions that may point down",
     )
     add_folder_options(parser)
     parser.set_defaults(command=_rest)
@@ -82,8 +89,9 @@ def _rest(options: argparse.Namespace) -> int:
         with named("--table"):
             model = momentum_model(options.table)
         thrown = momentum_odds(poses, rigid_body(body, poses), model)
-    if options.figure is not None:
-        _draw(poses, options.figure)
+    for path, draw in ((options.figure, _complex), (options.heights, _heights)):
+        if path is not None:
+            atomic_write(path, draw(poses))
     if options.json:
         print_json(rest_summary(poses, thrown))
     else:
@@ -91,11 +99,16 @@ def _rest(options: argparse.Namespace) -> int:
     return 0
 
 
-def _draw(poses: RestPoses, path: Path) -> None:
+def _complex(poses: RestPoses) -> bytes:
     from dicedesign.report.figures.gauss_map import gauss_map_figure
-    from dicedesign.runtime.files import atomic_write
 
-    atomic_write(path, gauss_map_figure(poses).png())
+    return gauss_map_figure(poses).png()
+
+
+def _heights(poses: RestPoses) -> bytes:
+    from dicedesign.report.figures.heights import heights_figure
+
+    return heights_figure(poses).png()
 
 
 def _table(options: argparse.Namespace, poses: RestPoses, thrown: Floats | None) -> str:

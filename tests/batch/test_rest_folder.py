@@ -177,6 +177,7 @@ def test_nothing_that_could_be_analysed(
         (["--out", "meshes/b.xyz/t.csv"], "meshes/b.xyz/t.csv: expected to write a file"),
         (["--out", "t.csv", "--json"], "--json: expected one mesh, got the folder meshes"),
         (["--out", "t.csv", "--figure", "f.png"], "--figure: expected one mesh, got the folder"),
+        (["--out", "t.csv", "--heights", "f.png"], "--heights: expected one mesh, got the folder"),
         (["--out", "t.csv", "--jobs", "0"], "--jobs: expected a whole number above 0, got 0"),
         (["--out", "t.csv", "--scheduler", "far"], "--scheduler: expected an address such as tcp"),
         (["--out", "t.csv", "--com", "1,2"], "--com: expected three numbers x,y,z, got '1,2'"),

@@ -71,9 +71,10 @@ def test_point_cloud_says_what_was_assumed(
     assert "note: the body has no triangles" in captured.err
 
 
-def test_figure(box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("option", ["--figure", "--heights"])
+def test_figure(option: str, box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     figure = tmp_path / "map.png"
-    assert main(["rest", str(box), "--figure", str(figure)]) == 0
+    assert main(["rest", str(box), option, str(figure)]) == 0
     assert figure.read_bytes().startswith(b"\x89PNG")
     capsys.readouterr()
 

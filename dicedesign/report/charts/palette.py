@@ -9,7 +9,18 @@ import numpy as np
 
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["ACCENT", "BASINS", "DARK", "DISTINCT", "FAINT", "GRID", "PALE", "repeated", "rgb"]
+__all__ = [
+    "ACCENT",
+    "BASINS",
+    "DARK",
+    "DISTINCT",
+    "FAINT",
+    "GRID",
+    "LOW_TO_HIGH",
+    "PALE",
+    "repeated",
+    "rgb",
+]
 
 DARK: Final = "#1f2933"
 """Separatrices, axes and text."""
@@ -53,6 +64,10 @@ BASINS: Final = (
     "#c46aa3",
 )
 """Colours of basins, the most probable first; they repeat after twenty."""
+
+
+LOW_TO_HIGH: Final = ("#2a1a52", "#31508f", "#2a8c8c", "#7fbf5a", "#f4e67a")
+"""Of a quantity, at equal steps; ever lighter, so that it can be told without colours too."""
 
 
 def repeated(colors: Sequence[str], count: int) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -11,7 +11,7 @@ from dicedesign.errors import InputError
 from dicedesign.report.charts.chart import draw_legend
 from dicedesign.report.charts.hemispheres import Disc, choose_axis, great_arcs, opposite_discs
 from dicedesign.report.charts.palette import BASINS, DARK, FAINT, rgb
-from dicedesign.report.charts.paper import NOTE, Paper
+from dicedesign.report.charts.paper import NOTE, Paper, Picture
 from dicedesign.report.charts.series import Curve, Style
 from dicedesign.report.charts.text_places import place_texts
 from dicedesign.report.figures.figure import FIGURES, Figure
@@ -22,7 +22,10 @@ from dicedesign.runtime.arrays import Floats, Integers
 if TYPE_CHECKING:
     from dicedesign.fabricate.finished_die import FinishedDie
 
-__all__ = ["basin_of_directions", "gauss_map_figure"]
+__all__ = ["basin_of_directions", "complex_figure", "gauss_map_figure"]
+
+Painter = Callable[[Floats, Integers], Picture]
+"""From directions (p, p, 3) and the rests (p, p) they lead to, to a picture (p, p, 3) of them."""
 
 _PIXELS: Final = 345
 
@@ -52,6 +55,8 @@ _POINTS: Final = {
 }
 """By attributes of the complex."""
 
+_AREAS_ARE_ODDS: Final = "Equal-area projection: areas on paper are probabilities."
+
 _NAMES: Final = {"minima": "minima (rests)"}
 
 
@@ -75,12 +80,25 @@ def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> P
             f"labels: expected one for each of the {len(poses.normals)} rests, got {len(labels)}; "
             "use an empty text for rests without one"
         )
+    colors = np.rint(255.0 * rgb(BASINS)).astype(np.uint8)
+    return complex_figure(
+        poses, lambda directions, rests: colors[rests % len(colors)], _AREAS_ARE_ODDS, labels
+    )
+
+
+def complex_figure(
+    poses: RestPoses, painter: Painter, note: str, labels: Sequence[str] | None = None
+) -> Paper:
+    """Separatrices and stationary points over a picture of the sphere, as two equal-area discs.
+
+    painter: makes the picture; note: what is written below about it; others as `gauss_map_figure`.
+    """
     weighty = poses.probabilities >= min(_LEAST_WRITTEN, poses.probabilities[0])
     axis = choose_axis(poses.normals[weighty])
     paper = Paper(2.0 * _DISC + 60.0, _DISC + 195.0)
     for column, disc in enumerate(opposite_discs(axis)):
         middle = np.array([15.0 + _DISC / 2.0 + column * (_DISC + 30.0), 60.0 + _DISC / 2.0])
-        _draw_disc(paper, middle, disc, poses, labels)
+        _draw_disc(paper, middle, disc, poses, painter, labels)
         side = ", ".join(f"{(1 - 2 * column) * n:d}" for n in axis)
         paper.text(f"seen from ({side}) of the body", (middle[0], 46.0), anchor="md")
     shown = [] if len(poses.hull.tail) // 2 > _MOST_HULL_EDGES else [_ARCS]
@@ -89,8 +107,8 @@ def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> P
     draw_legend(paper, shown, (paper.width / 2.0, _DISC + 80.0))
     upward = "+y" if axis[:2] == (0, 0) else "+z"
     paper.text(
-        "Each point is a direction that points down in the body's frame. Equal-area projection: "
-        f"areas on paper are probabilities. The body's {upward} is upward on both discs.",
+        f"Each point is a direction that points down in the body's frame. {note} "
+        f"The body's {upward} is upward on both discs.",
         (paper.width / 2.0, _DISC + 160.0),
         size=NOTE,
     )
@@ -98,7 +116,12 @@ def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> P
 
 
 def _draw_disc(
-    paper: Paper, middle: Floats, disc: Disc, poses: RestPoses, labels: Sequence[str] | None
+    paper: Paper,
+    middle: Floats,
+    disc: Disc,
+    poses: RestPoses,
+    painter: Painter,
+    labels: Sequence[str] | None,
 ) -> None:
     """Draw one hemisphere around a place (2,) on paper."""
     radius = _DISC / (2.0 * _MARGIN)
@@ -106,10 +129,9 @@ def _draw_disc(
     def on_paper(points: Floats) -> Floats:
         return middle + radius * points * [1.0, -1.0]
 
-    rests = basin_of_directions(poses, disc.pixels(_PIXELS).reshape(-1, 3))
-    regions = rests.reshape(_PIXELS, _PIXELS)
-    colors = np.rint(255.0 * rgb(BASINS)).astype(np.uint8)
-    paper.backdrop(colors[regions[::-1] % len(colors)], middle - radius, 2.0 * radius)
+    pixels = disc.pixels(_PIXELS)
+    regions = basin_of_directions(poses, pixels.reshape(-1, 3)).reshape(_PIXELS, _PIXELS)
+    paper.backdrop(painter(pixels, regions)[::-1], middle - radius, 2.0 * radius)
     hull = poses.hull
     if len(hull.tail) // 2 <= _MOST_HULL_EDGES:
         edges = np.flatnonzero(np.arange(len(hull.tail)) < hull.twin)

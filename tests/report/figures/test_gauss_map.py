@@ -8,9 +8,10 @@ from common.drawings import is_whole, painted
 
 from dicedesign.errors import InputError
 from dicedesign.report.charts.hemispheres import choose_axis, great_arcs, opposite_discs
-from dicedesign.report.charts.palette import BASINS
+from dicedesign.report.charts.palette import BASINS, LOW_TO_HIGH
 from dicedesign.report.charts.text_places import place_texts
 from dicedesign.report.figures.gauss_map import basin_of_directions, gauss_map_figure
+from dicedesign.report.figures.heights import heights_figure
 from dicedesign.rest.poses import RestPoses, rest_poses
 
 PIXELS = 300
@@ -157,3 +158,15 @@ def test_figure_of_many_improbable_rests_writes_none():
 def test_wrong_number_of_labels():
     with pytest.raises(InputError, match="one for each of the 6 rests, got 2"):
         gauss_map_figure(body("cube"), ["a", "b"])
+
+
+@pytest.mark.parametrize("name", ["box", TUMBLER])
+def test_heights_are_drawn_from_the_lowest_to_the_highest(name):
+    poses = body(name)
+    figure = heights_figure(poses)
+    assert is_whole(figure)
+    reach = np.linalg.norm(poses.hull.vertices - poses.center_of_mass, axis=1).max()
+    standing = poses.hull.heights(poses.center_of_mass).min()
+    assert {f"{standing:.4g}", f"{reach:.4g}"} <= set(figure.texts)
+    for color in (LOW_TO_HIGH[0], LOW_TO_HIGH[-1]):
+        assert painted(figure, color).any()

@@ -1,0 +1,106 @@
+"""The support function of a body: how high its center of mass is, and which way it rolls.
+
+Torch is loaded only by whoever has tensors.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.body import as_numbers
+from dicedesign.geometry.sphere import norms
+from dicedesign.runtime.arrays import Floats
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+__all__ = ["height"]
+
+
+@overload
+def height(
+    points: Tensor, directions: Tensor, center_of_mass: Tensor | None = None
+) -> tuple[Tensor, Tensor]: ...
+
+
+@overload
+def height(
+    points: ArrayLike, directions: ArrayLike, center_of_mass: ArrayLike | None = None
+) -> tuple[Floats, Floats]: ...
+
+
+def height(points: Any, directions: Any, center_of_mass: Any = None) -> tuple[Any, Any]:
+    """Height U of the center of mass over the table, and its gradient on the sphere.
+
+    A body that is let go rolls down that gradient, and rests where it stands lowest: the minima of
+    U are the rests of `rest_poses`, between saddles and maxima.
+
+    Parameters
+    ----------
+    points: (n, 3) corners of the body, in any length unit.
+    directions: (..., 3) that point down in the body's frame, of any length but 0.
+    center_of_mass: (3,) or None for that of the uniform solid hull.
+    All are arrays, or tensors of float32 or float64, through which gradients go back and which may
+    be transformed by `torch.func`.
+
+    Returns
+    -------
+    heights: (...,) in the points' unit.
+    gradients: (..., 3) in that unit by radian, across the direction. Where two corners are equally
+        low U has a crease, and the gradient is that of one side.
+
+    Raises
+    ------
+    InputError: arrays or tensors of other shapes or kinds, or a direction of length 0.
+    DegenerateBodyError: the points span no solid, where no center of mass is given.
+
+    Source: eq. 3 and 4.
+    """
+    if hasattr(points, "requires_grad"):
+        return _of_tensors(points, directions, center_of_mass)
+    corners = as_numbers(points, "points").astype(np.float64)
+    down = np.asarray(directions, dtype=np.float64)
+    if down.shape[-1:] != (3,):
+        raise InputError(
+            f"directions: expected an array of shape (..., 3), got {down.shape}; pass three "
+            "numbers for each"
+        )
+    sizes = norms(down)
+    if not (sizes > 0.0).all():
+        raise InputError("directions: expected vectors of positive length, got one of length 0")
+    if center_of_mass is None:
+        center = convex_hull(corners).centroid
+    else:
+        center = np.asarray(center_of_mass, dtype=np.float64)
+        if center.shape != (3,):
+            raise InputError(f"center of mass: expected three numbers, got {center_of_mass!r}")
+    return _lowest(corners - center, down / sizes[..., None])
+
+
+def _of_tensors(points: Any, directions: Any, center_of_mass: Any) -> tuple[Tensor, Tensor]:
+    import torch
+
+    from dicedesign.gradient.rest_odds import evaluate_rests
+    from dicedesign.gradient.tensors import double_tensor
+
+    corners = double_tensor(points, "points", "n", 3)
+    before = [f"d{place}" for place in range(getattr(directions, "ndim", 1) - 1)]
+    down = double_tensor(directions, "directions", *before, 3)
+    if center_of_mass is None:
+        center = evaluate_rests(points).center
+    else:
+        center = double_tensor(center_of_mass, "center of mass", 3)
+    heights, slopes = _lowest(corners - center, torch.nn.functional.normalize(down, dim=-1))
+    return heights.to(points), slopes.to(points)
+
+
+def _lowest(radii: Any, down: Any) -> tuple[Any, Any]:
+    """Heights and gradients for points relative to the center of mass and unit directions."""
+    lowest = radii[(down @ radii.T).argmax(-1)]
+    heights = (lowest * down).sum(-1)
+    return heights, lowest - heights[..., None] * down

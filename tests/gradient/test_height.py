@@ -1,0 +1,108 @@
+"""The support function against its definition, differences and the rests of the forward model."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torch
+
+from dicedesign import height, rest_poses
+from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.geometry.sphere import unit_vectors
+
+POINTS = np.random.default_rng(2).normal(size=(10, 3)) * [1.0, 1.5, 0.7]
+DIRECTIONS = unit_vectors(np.random.default_rng(3).normal(size=(40, 3)))
+
+
+def test_it_is_the_farthest_corner_down() -> None:
+    center = np.array([0.1, -0.2, 0.05])
+    heights, _ = height(POINTS, 3.0 * DIRECTIONS.reshape(4, 10, 3), center)
+    expected = [max((point - center) @ down for point in POINTS) for down in DIRECTIONS]
+    assert heights.shape == (4, 10)
+    np.testing.assert_allclose(heights.ravel(), expected, atol=1e-14)
+
+
+def test_the_gradient_is_that_of_turns() -> None:
+    _, gradients = height(POINTS, DIRECTIONS)
+    np.testing.assert_allclose((gradients * DIRECTIONS).sum(-1), 0.0, atol=1e-14)
+    for axis in np.eye(3):
+        across = np.linalg.cross(axis, DIRECTIONS)
+        ahead, behind = (height(POINTS, DIRECTIONS + t * across)[0] for t in (1e-6, -1e-6))
+        np.testing.assert_allclose((gradients * across).sum(-1), (ahead - behind) / 2e-6, atol=1e-8)
+
+
+def test_rests_saddles_and_maxima_are_where_it_does_not_change() -> None:
+    poses = rest_poses(POINTS)
+    morse = poses.morse
+    lowest, _ = height(POINTS, morse.minima)
+    np.testing.assert_allclose(
+        lowest, poses.hull.heights(poses.center_of_mass)[poses.facets], atol=1e-13
+    )
+    around = np.concatenate([DIRECTIONS, -DIRECTIONS])
+    for down, least in zip(morse.minima, lowest, strict=True):
+        assert (height(POINTS, down + 1e-3 * around)[0] > least).all()
+    for down, most in zip(morse.maxima, height(POINTS, morse.maxima)[0], strict=True):
+        assert (height(POINTS, down + 1e-3 * around)[0] < most).all()
+    np.testing.assert_allclose(height(POINTS, morse.maxima)[1], 0.0, atol=1e-13)
+    # Lower toward the facets beside a saddle's edge, higher along both of its separatrices.
+    hull, half_edges = poses.hull, poses.basins[0].paths.saddles
+    for place, (down, edge) in enumerate(zip(morse.saddles, half_edges, strict=True)):
+        facets = hull.facet[[edge, hull.twin[edge]]]
+        level = height(POINTS, down)[0]
+        assert (height(POINTS, down + 1e-2 * (hull.normals[facets] - down))[0] < level).all()
+        for branch in morse.branches[2 * place : 2 * place + 2]:
+            # It may wait at the saddle.
+            uphill = branch[np.abs(branch - down).max(axis=1) > 1e-9][0]
+            assert height(POINTS, down + 1e-2 * (uphill - down))[0] > level
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_tensors_have_the_same_with_derivatives(given: bool) -> None:
+    points = torch.tensor(POINTS, requires_grad=True)
+    directions = torch.tensor(2.0 * DIRECTIONS[:6], requires_grad=True)
+    center = (torch.tensor([0.1, 0.0, 0.1]).double().requires_grad_(),) if given else ()
+    arrays = height(POINTS, DIRECTIONS[:6], *(c.detach().numpy() for c in center))
+    for found, expected in zip(height(points, directions, *center), arrays, strict=True):
+        np.testing.assert_allclose(found.detach(), expected, atol=1e-14)
+    assert torch.autograd.gradcheck(height, (points, directions, *center))
+    slopes = torch.func.grad(lambda down: 2.0 * height(points.detach(), down)[0].sum())(
+        directions.detach()
+    )
+    if not given:
+        # By the direction itself, which is twice as long as a unit vector.
+        np.testing.assert_allclose(slopes, arrays[1], atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("points", "directions", "center", "text"),
+    [
+        (POINTS, [1.0, 0.0], None, "directions: expected an array of shape (..., 3), got (2,)"),
+        (POINTS, [[0.0, 0.0, 0.0]], None, "directions: expected vectors of positive length"),
+        (POINTS, [[1.0, 0.0, 0.0]], [0.0], "center of mass: expected three numbers, got [0.0]"),
+        (POINTS[0], [[1.0, 0.0, 0.0]], None, "points: expected points as an (n, 3) array"),
+        (torch.tensor(POINTS), DIRECTIONS, None, "directions: expected a float32 or float64 te"),
+        (torch.ones(4, 2), torch.ones(3), None, "points: expected a float32 or float64 tensor"),
+    ],
+)
+def test_bad_input_is_refused_in_words(points, directions, center, text: str) -> None:
+    with pytest.raises(InputError, match=re.escape(text)):
+        height(points, directions, center)
+
+
+def test_points_in_a_plane_have_no_center_of_mass() -> None:
+    with pytest.raises(DegenerateBodyError):
+        height(POINTS * [1.0, 1.0, 0.0], DIRECTIONS)
+
+
+def test_arrays_do_not_load_torch() -> None:
+    code = (
+        "import sys, numpy as np, dicedesign as dd\n"
+        "dd.height(np.eye(4)[:, :3], [1.0, 0.0, 0.0])\n"
+        "print('torch' in sys.modules)"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout == "False\n"
