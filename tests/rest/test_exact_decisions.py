@@ -241,11 +241,12 @@ def test_a_line_into_a_facet_normal_or_a_saddle_is_uncertain(
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
     hull = convex_hull(corners)
     body = classify(hull, np.zeros(3))
-    corner = np.tile([i for i, x in enumerate(hull.vertices) if (x == 1.0).all()], 3)
+    corner = np.tile([i for i, x in enumerate(hull.vertices) if (x == 1.0).all()], 6)
     ends = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.7, 0.0]])
-    down = ends + 0.25
+    # The second three begin hardly beside the corner.
+    down = np.concatenate([ends + 0.25, 1e-3 * ends + 0.25])
     down /= np.linalg.norm(down, axis=1)[:, None]
     with way():
-        facets, certain = slide(body, corner, down, np.zeros(3))
-    assert certain.tolist() == [False, False, True]
-    np.testing.assert_array_equal(hull.normals[facets[2]], [1.0, 0.0, 0.0])
+        facets, certain = slide(body, corner, down, np.zeros(6))
+    assert certain.tolist() == 2 * [False, False, True]
+    np.testing.assert_array_equal(hull.normals[facets[[2, 5]]], 2 * [[1.0, 0.0, 0.0]])

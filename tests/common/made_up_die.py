@@ -1,0 +1,56 @@
+"""Runs whose die is made up, so that a stage after the design can be looked at alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.recipe.planning.stage import plan
+from dicedesign.recipe.planning.work import Work
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.poses import rest_poses
+from dicedesign.results.status import Status
+from dicedesign.runtime.arrays import Floats
+
+SIDES = np.concatenate([np.eye(3), -np.eye(3)])
+"""Down in the outcomes of a box."""
+
+
+def box(x: float, y: float, z: float) -> Floats:
+    """Corners (8, 3) of a box with these sides, about the origin."""
+    signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+    return 0.5 * signs * (x, y, z)
+
+
+def designed(
+    points: Floats,
+    directions: Floats = SIDES,
+    status: Status = Status.CONVERGED,
+    target: Any = None,
+    entries: dict[str, Any] | None = None,
+    **known: Any,
+) -> Work:
+    """A run whose stage design has just found the hull of points (n, 3).
+
+    target: of the recipe; by default the odds that the die has. entries: more of the recipe's;
+    known: more of the designed die's attributes.
+    """
+    hull = convex_hull(points)
+    if target is None:
+        odds = outcome_odds(rest_poses(points), directions).odds
+        target = {"probabilities": (odds / odds.sum()).tolist()}
+    recipe = checked_recipe({"name": "die", "target": target, "engrave": False, **(entries or {})})
+    work = Work(recipe)
+    work.die = DesignedDie(status, hull, directions, known.pop("error", 0.0), (), **known)
+    return work
+
+
+def checked(*arguments: Any, **options: Any) -> Work:
+    """`designed`, up to and with the stage check."""
+    work = designed(*arguments, **options)
+    plan(work, after="design", last="check")
+    return work

@@ -1,0 +1,99 @@
+"""The verdict on dice that keep the shape of a surface, from a made-up search."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from common.dented_cube import MadeUpSearch, write_cube
+
+from dicedesign.recipe.design_die import design_recipe
+from dicedesign.recipe.planning.work import Work
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.results.status import Status
+from dicedesign.runtime.arrays import Floats
+
+
+@pytest.fixture
+def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Work]:
+    """The work up to the check of a cube whose points were moved by a function."""
+    write_cube(tmp_path / "cube.obj")
+
+    def make(change: Callable[[Floats], Floats], attempts: int = 3) -> Work:
+        search = MadeUpSearch()
+        search.change = change
+        monkeypatch.setattr("dicedesign.recipe.methods.concave.make_concave_die", search)
+        entries = {
+            "name": "cube",
+            "target": {"fair": 6},
+            "start": {"mesh": {"path": str(tmp_path / "cube.obj")}},
+            "method": {"concave": {"attempts": attempts}},
+        }
+        return design_recipe(checked_recipe(entries), last="check")
+
+    return make
+
+
+@pytest.mark.parametrize("sides", [(1.0, 1.1, 1.25), (1.0, 0.9, 0.75), (1.0, 1.0, 1.0)])
+def test_the_gap_is_how_far_hulls_differ_over_the_diagonal(
+    sides: tuple[float, float, float], made: Callable[..., Work]
+) -> None:
+    """The designed hull is a cube: parts beyond it, or corners of it beyond what is there."""
+    work = made(lambda points: points * sides)
+    x, y, z = sides
+    apart = max(z - 1.0, float(np.hypot(1.0 - y, 1.0 - z)) if z < 1.0 else 0.0)
+    gap = work.details["hull"].gap
+    assert gap == pytest.approx(apart / (2.0 * np.sqrt(x * x + y * y + z * z)), rel=1e-5, abs=1e-7)
+    told = "; ".join(work.remarks)
+    assert (Status.LOOSE.value in told) == (apart > 0.0)
+    assert (f"{gap:.2g} of the diagonal" in told) == (apart > 0.0)
+    assert work.details["quality"][-2].startswith("no pairs")
+    assert "pairs of triangles" not in told
+    before = np.array(work.details["probabilities_before"])
+    np.testing.assert_allclose(before, 1.0 / 6.0, atol=1e-12)
+    assert work.details["elsewhere_before"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_displacements_are_those_of_the_points(made: Callable[..., Work]) -> None:
+    """One of 14 points is moved, by more than the others."""
+    before: list[Floats] = []
+
+    def change(points: Floats) -> Floats:
+        moved = points.copy()
+        moved[0] *= 0.7
+        before.append(moved)
+        return moved
+
+    work = made(change)
+    reshaped = work.die.reshaped
+    assert reshaped is not None
+    apart = np.linalg.norm(reshaped.after.points - reshaped.before.points, axis=1) / np.sqrt(12.0)
+    assert work.details["displacement"].largest == pytest.approx(apart.max())
+    assert work.details["displacement"].mean == pytest.approx(apart.mean())
+    assert apart.max() > 2.0 * apart.mean()
+
+
+@pytest.mark.parametrize(("attempts", "more"), [(2, True), (3, True), (4, False)])
+def test_more_attempts_are_advised_where_they_were_used_up(
+    attempts: int, more: bool, made: Callable[..., Work]
+) -> None:
+    """The made-up search makes three at most."""
+    work = made(lambda points: points * [1.0, 1.1, 1.25], attempts)
+    assert any("method.concave.attempts" in remark for remark in work.remarks) == more
+    assert any(f"best of {min(attempts, 3)} attempts" in remark for remark in work.remarks)
+
+
+def test_pairs_that_meet_are_counted(made: Callable[..., Work]) -> None:
+    def push(points: Floats) -> Floats:
+        deep = points.copy()
+        deep[[8, 11], 0] *= -0.5
+        return deep
+
+    work = made(push)
+    pairs = work.details["file_self_intersections"]
+    assert pairs > 0
+    assert any(remark == f"{pairs} pairs of triangles meet" for remark in work.remarks)
+    assert any(sentence.startswith(f"{pairs} pairs") for sentence in work.details["quality"])
+    assert work.status is Status.SELF_INTERSECTING

@@ -1,0 +1,57 @@
+"""What the stages hand on, and what becomes of it in a result."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from common.made_up_die import SIDES, box, checked
+
+from dicedesign.results.record import HullsMade
+from dicedesign.results.status import Status
+
+
+def test_a_result_says_what_the_work_holds() -> None:
+    """Of a box that has a label on three of its sides."""
+    work = checked(box(4.0, 5.0, 6.0), SIDES[:3], Status.NO_PROGRESS, {"fair": 3})
+    work.notes.append("a note")
+    work.details |= {"attempts": 7, "grams": 2.5}
+    work.die = replace(work.die, starts=5, evaluations=9, hulls=HullsMade(4, 2))
+    result = work.result()
+    assert result.energy is None
+    assert (result.status, result.message) == ("no_progress", "; ".join(work.remarks))
+    assert (result.attempts, result.extra) == (7, {"grams": 2.5})
+    assert (result.starts, result.evaluations, result.hulls) == (5, 9, HullsMade(4, 2))
+    assert result.notes == ("a note",)
+    assert result.unstable_facets == 0
+    assert result.rest_counts == (1, 1, 1)
+    assert result.least_angle_deg == pytest.approx(90.0, abs=1e-5)
+    assert result.elsewhere == pytest.approx(0.5, abs=1e-6)
+    assert (result.folder, result.files) == (None, {})
+    work.die = replace(work.die, terms={"dice": 0.25})
+    assert work.result().energy == {"dice": 0.25}
+
+
+def test_facets_that_are_no_rests_are_counted() -> None:
+    """Of an oblique box, which falls over from four of its six sides."""
+    points = box(1.0, 1.0, 6.0)
+    points[:, 0] += 0.5 * points[:, 2]
+    work = checked(points, SIDES[[1, 4]], Status.NO_PROGRESS, {"fair": 2})
+    result = work.result()
+    assert result.unstable_facets == 6 - len(result.facets) > 0
+
+
+def test_what_is_done_to_a_copy_is_not_done_to_the_work() -> None:
+    work = checked(box(4.0, 5.0, 6.0))
+    before = [len(work.remarks), len(work.notes), len(work.details), len(work.files)]
+    stages = len(work.clock.stages)
+    twin = work.copy()
+    assert twin.result() == work.result()
+    twin.remarks.append("more")
+    twin.notes.append("more")
+    twin.details["more"] = 1
+    twin.files["more"] = twin.images["more"] = b""
+    with twin.clock.stage("more"):
+        pass
+    assert [len(work.remarks), len(work.notes), len(work.details), len(work.files)] == before
+    assert (len(work.clock.stages), work.images) == (stages, {})
