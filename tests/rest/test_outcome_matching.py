@@ -43,6 +43,12 @@ def test_a_facet_in_two_is_one_outcome() -> None:
     assert groups.group_of_rest.tolist() == [1, 1, 0, 0]
 
 
+def test_one_outcome_is_that_of_all_rests() -> None:
+    groups = match_by_odds("die", AXES[:3], np.array([0.5, 0.3, 0.2]), [1.0])
+    assert groups.members == ((0,),)
+    assert groups.group_of_rest.tolist() == [0, 0, 0]
+
+
 @pytest.mark.parametrize(
     ("odds", "wanted", "message"),
     [

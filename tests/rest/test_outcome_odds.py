@@ -89,3 +89,14 @@ def test_an_outcome_without_a_rest_near_it_counts_the_nearest() -> None:
     found = outcome_odds(rest_poses(CORNERS), away)
     np.testing.assert_allclose(found.odds, [1.0 / 6.0], rtol=1e-12)
     assert found.elsewhere == pytest.approx(5.0 / 6.0)
+
+
+def test_an_outcome_has_no_rest_that_is_nearer_to_another() -> None:
+    """However far the rest is that is nearest to it."""
+    angles = np.radians([[0.0, 20.0], [150.0, 20.0]])
+    directions, normals = np.stack([0.0 * angles, np.sin(angles), np.cos(angles)], axis=-1)
+    normals[0, 1] *= -1.0
+    found = gathered(normals, np.array([0.1, 0.9]), directions)
+    assert found.main.tolist() == [0, 1]
+    np.testing.assert_array_equal(found.odds, [0.1, 0.9])
+    assert found.elsewhere == 0.0

@@ -204,7 +204,7 @@ def test_a_body_is_moved_to_twice_as_many_sides_as_it_has_symmetries(
     assert 4 * 16 <= MOST_FLAGS < 4 * 17
     turn = Rotation.from_euler("z", 2.0 * np.pi / sides).as_matrix()
     corners = prism_of(sides)
-    for size, shift in ((1.0, 0.0), (1e-3, 5e-3), (1e4, 2e4)):
+    for size, shift in ((1.0, 0.0), (1e-3, 5e-3), (1e9, 2e9)):
         center = np.full(3, shift)
         ways = aside_directions(convex_hull(size * corners + center), center)
         assert len(ways) == count

@@ -12,6 +12,7 @@ from dicedesign.errors import EngravingError
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
 from dicedesign.results.status import Status
+from dicedesign.runtime.arrays import Floats
 
 
 def engraved(size_mm: float = 25.0, center_of_mass: Floats | None = None) -> Work:

@@ -56,6 +56,15 @@ def test_the_gap_is_how_far_hulls_differ_over_the_diagonal(
     assert work.details["elsewhere_before"] == pytest.approx(0.0, abs=1e-12)
 
 
+def test_a_surface_beside_the_designed_hull_is_off_by_how_far_it_was_moved(
+    made: Callable[..., Work],
+) -> None:
+    work = made(lambda points: points + np.array([0.3, 0.0, 0.0]))
+    gap = work.details["hull"].gap
+    assert gap == pytest.approx(0.3 / np.sqrt(12.0), rel=1e-5)
+    assert Status.LOOSE.value in "; ".join(work.remarks)
+
+
 def test_displacements_are_those_of_the_points(made: Callable[..., Work]) -> None:
     """One of 14 points is moved, by more than the others."""
     before: list[Floats] = []
