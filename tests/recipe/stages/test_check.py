@@ -14,8 +14,8 @@ from dicedesign.rest.poses import rest_poses
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats
 
-FROM_PRISM = {"method": {"descent": {}}, "start": {"prism": {}}}
-"""Entries of a recipe by descent."""
+FROM_PRISM = {"method": {"paper": {}}, "start": {"prism": {}}}
+"""Entries of a recipe of the paper's method."""
 
 
 def message(work: Work) -> str:
@@ -51,10 +51,10 @@ def test_odds_that_are_off_are_told_with_how_much() -> None:
     assert told == pytest.approx([off, off], rel=5e-3)
     assert work.details["design_max_abs_error"] == pytest.approx(off, rel=1e-6)
     assert "3 starting shapes" in message(work)
-    assert "weights.stability" not in message(work)
+    assert "weights.coplanar" not in message(work)
     one = checked(points, target={"fair": 6}, starts=1)
     assert "starting shapes" not in message(one)
-    assert "weights.stability" in message(checked(points, target={"fair": 6}, entries=FROM_PRISM))
+    assert "weights.coplanar" in message(checked(points, target={"fair": 6}, entries=FROM_PRISM))
 
 
 def test_rests_of_no_outcome_are_told() -> None:
@@ -85,7 +85,7 @@ def test_outcomes_without_a_rest_are_counted() -> None:
     ("status", "entries", "key"),
     [
         (Status.TIME_LIMIT, {}, "method.exact.seconds"),
-        (Status.TIME_LIMIT, FROM_PRISM, "method.descent.stopping.seconds"),
+        (Status.TIME_LIMIT, FROM_PRISM, "method.paper.seconds"),
         (Status.STEP_LIMIT, {}, "method.exact.evaluations"),
         (Status.STEP_LIMIT, FROM_PRISM, None),
         (Status.NO_PROGRESS, {}, None),
@@ -96,7 +96,7 @@ def test_what_to_raise_is_told_of_dice_that_ran_into_it(
 ) -> None:
     work = checked(box(4.0, 5.0, 6.0), status=status, target={"fair": 6}, entries=entries)
     assert work.status is status
-    found = re.findall(r"method\.\w+(?:\.stopping)?\.(?:seconds|evaluations)", message(work))
+    found = re.findall(r"method\.\w+\.(?:seconds|evaluations)", message(work))
     assert found == ([] if key is None else [key])
     # What is wrong with its odds goes without saying.
     assert Status.OFF_TARGET.value not in message(work)
@@ -167,5 +167,5 @@ def test_what_is_too_rare_is_told(smallest: float, told: bool) -> None:
     target = {"probabilities": [smallest, *[rest] * 5]}
     work = checked(box(4.0, 5.0, 6.0), target=target)
     assert (f"{smallest:.2g} is hard" in message(work)) == told
-    descent = checked(box(4.0, 5.0, 6.0), target=target, entries=FROM_PRISM)
-    assert "is hard" not in message(descent)
+    paper = checked(box(4.0, 5.0, 6.0), target=target, entries=FROM_PRISM)
+    assert "is hard" not in message(paper)
