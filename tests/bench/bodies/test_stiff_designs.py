@@ -7,13 +7,10 @@ import sys
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from common.slow_machine import slow_machine
 from scipy.spatial import ConvexHull as QhullHull
 
 from dicedesign import rest_poses
@@ -28,11 +25,9 @@ from dicedesign.bench.bodies.stiff_designs import (
     near_facet,
 )
 from dicedesign.bench.measures.watched_design import step_faults, watch_design
-from dicedesign.bench.measures.watched_methods import METHODS
 from dicedesign.bench.reference.measurement import OK
 from dicedesign.bench.reference.oracle import hull_probabilities
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.solid import solid_properties
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.optimize.coordinates.vertices import VertexCoordinates
 from dicedesign.optimize.energy.clusters import ClusteredRests, cluster
@@ -41,7 +36,6 @@ from dicedesign.optimize.energy.term import EnergyWeights
 from dicedesign.optimize.energy.terms.barycenter import barycenter_energy
 from dicedesign.optimize.energy.terms.stability import stability_energy
 from dicedesign.optimize.paper_options import PaperOptions
-from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.solvers.line_search import LineSearch
 from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.optimize.starts.repulsion import repulsion
@@ -129,66 +123,6 @@ def test_where_no_step_is_left_the_reason_says_so() -> None:
     assert watched.ending.startswith(watched.result.status.value.partition(";")[0])
 
 
-def test_a_start_that_does_not_suit_is_refused_with_a_reason() -> None:
-    watched = watch_design(problem("facets 1e-8 apart in angle, exact"))
-    assert (watched.result, watched.measurement, watched.steps) == (None, None, 0)
-    assert watched.faults == ()
-    assert "one rest for each of 7 outcomes and no other, got 6 rests" in watched.ending
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_every_method_shows_every_step(method: str) -> None:
-    """The steps are those of the result's history, and each die is whole."""
-    design = replace(problem("symmetric prism"), method=method, perturbation=1e-3, tolerance=1e-3)
-    dice, steps = [], []
-    result = METHODS[method](design, lambda *die: dice.append(die), steps.append)
-    assert tuple(steps) == result.history
-    assert len(dice) == len(steps) > 1
-    for (rests, derivatives), step in zip(dice, steps, strict=True):
-        assert step_faults(rests, derivatives, step.terms) == []
-    np.testing.assert_array_equal(dice[0][0].hull.normals.shape[1], 3)
-    sums = cluster(*(dice[-1][0].hull.normals[dice[-1][0].paths.rests], result.directions)).of_rest
-    odds = np.bincount(sums, dice[-1][0].odds, len(design.target))
-    assert np.abs(odds - design.target).max() == pytest.approx(steps[-1].error, abs=1e-12)
-
-
-def test_no_method_looks_at_the_clock() -> None:
-    """Ends are the same on a machine on which everything takes a fortnight."""
-    for name in ("leans 1e-9 beyond tipping", "needle 2:1, exact", "symmetric prism, paper"):
-        design = replace(problem(name), steps=20)
-        swift = watch_design(design)
-        with slow_machine():
-            slow = watch_design(design)
-        assert (slow.ending, slow.steps) == (swift.ending, swift.steps)
-
-
-def test_a_result_that_is_not_what_it_says_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    design = problem("leans 1e-3 short of tipping")
-    descent = METHODS["line search"]
-
-    def lies(*arguments: Any) -> DesignResult:
-        return replace(descent(*arguments), error=1e-5)
-
-    def stops(design: DesignProblem, *looks: Any) -> DesignResult:
-        return replace(descent(replace(design, steps=0), *looks), status=Status.CONVERGED)
-
-    def breaks(design: DesignProblem, on_die: Any, on_step: Any) -> DesignResult:
-        def on_broken_step(step: DesignStep) -> None:
-            on_step(replace(step, energy=np.nan) if step.step == 2 else step)
-
-        return descent(design, on_die, on_broken_step)
-
-    for method, expected in (
-        (lies, "error recorded as 1.000e-05 is "),
-        (stops, "converged with an error of "),
-        (breaks, "whole energy nan at step 2"),
-    ):
-        monkeypatch.setattr(
-            "dicedesign.bench.measures.watched_design.METHODS", {"line search": method}
-        )
-        assert watch_design(design).faults[0].startswith(expected)
-
-
 @pytest.mark.parametrize("depth", [1e-3, 1e-12, 0.0, -1e-3, -1e-12])
 def test_the_leaning_box_is_as_near_to_tipping_as_it_says(depth: float) -> None:
     design = leaning(depth)
@@ -211,25 +145,6 @@ def test_the_given_center_is_as_near_to_a_facet_as_it_says(distance: float) -> N
 def test_two_facets_include_the_angle_they_should(angle: float) -> None:
     a, b = coincident(angle).start.directions[:2]
     assert np.sqrt(((a - b) ** 2).sum()) == pytest.approx(angle, rel=1e-6)
-
-
-def test_what_is_wrong_with_a_step_is_noticed() -> None:
-    rests = evaluate_rests(torch.tensor(problem("needle 2:1").start.points))
-    hull, third = rests.hull, torch.full((3,), 1.0 / 3.0, dtype=torch.float64)
-    whole = {"hull": hull, "center": rests.center, "probabilities": third}
-    inverted = replace(hull, vertices=-hull.vertices)
-    volume = solid_properties(hull.vertices, hull.triangles)[0]
-    for change, energy, slope, expected in (
-        ({}, 1.0, 1.0, []),
-        ({}, np.nan, 1.0, ["dice energy nan"]),
-        ({}, 1.0, np.inf, ["derivatives not finite"]),
-        ({"center": rests.center + 9.0}, 1.0, 1.0, ["center of mass lost"]),
-        ({"hull": inverted}, 1.0, 1.0, [f"volume {-volume:.1e}", "center of mass lost"]),
-        ({"probabilities": 1.5 * third}, 1.0, 1.0, ["probabilities sum to 1 + 5.0e-01"]),
-        ({"probabilities": third * torch.nan}, 1.0, 1.0, ["probabilities sum to 1 + nan"]),
-    ):
-        die = SimpleNamespace(**(whole | change))
-        assert step_faults(die, np.array([slope]), {"dice": energy}) == expected
 
 
 def test_maxima_that_cancel_give_a_bounded_gradient() -> None:
