@@ -85,3 +85,15 @@ def test_labels_without_room_are_an_error_on_good_dice_only() -> None:
     assert work.engraved is None
     assert work.remarks[-1].startswith("not engraved: ")
     assert "die.stl" not in work.files
+
+
+def test_one_label_without_a_rest_keeps_the_die_plain() -> None:
+    directions = SIDES.copy()
+    directions[5] = [0.8, 0.6, 0.0]
+    target = {"fair": 6, "labels": list("abcdef")}
+    work = designed(box(4.0, 5.0, 6.0), directions, Status.NO_PROGRESS, target, {"engrave": True})
+    plan(work, after="design", last="engrave")
+    assert (work.plain.outcomes.main < 0).sum() == 1
+    assert work.engraved is None
+    assert "label 'f'" in work.remarks[-1]
+    assert "die.stl" not in work.files
