@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from common.made_up_die import box
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.optimize.starts.kinds.prism import prism
+from dicedesign.optimize.starts.start import STARTS, StartKind
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.reading import checked_recipe
@@ -63,3 +66,27 @@ def test_images_of_equal_odds_to_rounding_are_equal() -> None:
     started(**prism, symmetry="C2")
     with pytest.raises(InputError, match="equally probable"):
         started(target={"probabilities": [0.3, 0.3, 0.2, 0.2]}, start={"prism": {}}, symmetry="C2")
+
+
+@dataclass(frozen=True)
+class Nothing:
+    """Options of a start that is wrong."""
+
+
+@pytest.mark.parametrize("directions", [3, 5])
+def test_a_kind_of_start_with_other_directions_than_outcomes_is_told(directions: int) -> None:
+    shape = prism(4)
+    wrong = replace(shape, directions=np.resize(shape.directions, (directions, 3)))
+    STARTS.register(
+        StartKind(
+            name="wrong",
+            line="has not as many directions as there are outcomes",
+            options=Nothing,
+            make=lambda options, task: wrong,
+        )
+    )
+    try:
+        with pytest.raises(InputError, match=r"start.wrong: expected .* each of the 4 outcomes"):
+            started(target={"fair": 4}, start={"wrong": {}})
+    finally:
+        STARTS.unregister("wrong")
