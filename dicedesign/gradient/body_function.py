@@ -15,6 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from dicedesign.runtime.arrays import Floats, Integers
@@ -117,12 +118,30 @@ def seen(action: Callable[..., Integers], *inputs: Tensor) -> Tensor:
     Where transforms of `torch.func` map over tensors, it is called once, and all that it gets and
     returns has the dimensions that are mapped over before its own.
     """
+    numbers = _numbers(inputs)
+    integers: Tensor = (
+        _Seen.apply(action, *inputs) if numbers is None else torch.as_tensor(action(*numbers))
+    )
+    return integers
+
+
+def _numbers(tensors: Sequence[Tensor]) -> list[NDArray[Any]] | None:
+    """The numbers of tensors; None under transforms of `torch.func`, which hide them."""
     try:
-        numbers = [tensor.detach().numpy() for tensor in inputs]
+        return [tensor.detach().numpy() for tensor in tensors]
     except RuntimeError:
-        integers: Tensor = _Seen.apply(action, *inputs)
-        return integers
-    return torch.as_tensor(action(*numbers))
+        return None
+
+
+def _evaluated(function: BodyFunction, which: Integers, *inputs: Floats) -> tuple[Tensor, ...]:
+    """Outputs (*l, ...) for bodies (*l) with inputs (*l, ...)."""
+    lead = which.shape
+    rows = [
+        np.ascontiguousarray(array).reshape(which.size, *array.shape[len(lead) :])
+        for array in inputs
+    ]
+    found = function.evaluated(which.reshape(which.size), *rows)
+    return tuple(torch.from_numpy(output.reshape(*lead, *output.shape[1:])) for output in found)
 
 
 def _with_signature(forward: Callable[..., Any]) -> Callable[..., Any]:
@@ -137,13 +156,7 @@ class _Applied(torch.autograd.Function):
     @_with_signature
     def forward(*given: Any) -> tuple[Tensor, ...]:
         function, which, *inputs = given
-        lead, count = which.shape, which.numel()
-        rows = [
-            np.ascontiguousarray(tensor.detach().numpy()).reshape(count, *tensor.shape[len(lead) :])
-            for tensor in inputs
-        ]
-        found = function.evaluated(which.numpy().reshape(count), *rows)
-        return tuple(torch.from_numpy(output.reshape(*lead, *output.shape[1:])) for output in found)
+        return _evaluated(function, *(tensor.detach().numpy() for tensor in (which, *inputs)))
 
     @staticmethod
     def setup_context(ctx: Any, inputs: tuple[Any, ...], output: tuple[Tensor, ...]) -> None:
@@ -153,8 +166,12 @@ class _Applied(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        which, *inputs = ctx.saved_tensors
-        return None, None, *ctx.function.pulled_back(which, *inputs, *gradients)
+        given = (*ctx.saved_tensors, *gradients)
+        if not torch.is_grad_enabled():
+            numbers = _numbers(given)
+            if numbers is not None:
+                return None, None, *_evaluated(ctx.function.pulled_back, *numbers)
+        return None, None, *ctx.function.pulled_back(*given)
 
     @staticmethod
     def jvp(ctx: Any, *tangents: Any) -> tuple[Tensor, ...]:

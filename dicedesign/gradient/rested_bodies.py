@@ -8,6 +8,7 @@ not know are done body by body (`RestEvaluation`).
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -61,6 +62,21 @@ def rested(
     return normals, odds
 
 
+class _Record(NamedTuple):
+    """Rests of one body that autograd can differentiate.
+
+    Attributes
+    ----------
+    inputs: its points (n, 3), and its center (3,) of mass if that was given.
+    facets, normals, odds: (k,), (k, 3) and (k,) of the rests.
+    """
+
+    inputs: tuple[Tensor, ...]
+    facets: Integers
+    normals: Tensor
+    odds: Tensor
+
+
 class _RestedBodies:
     """The bodies of one call: what is found from numbers, and the function of the rest."""
 
@@ -74,6 +90,7 @@ class _RestedBodies:
         self._has_centers, self._has_counts = has_centers, has_counts
         self._single_precision, self._thrown = single_precision, thrown
         self._sides: dict[int, tuple[Basins, ...]] = {}
+        self._records: dict[int, _Record] = {}
 
     @property
     def function(self) -> BodyFunction:
@@ -119,19 +136,24 @@ class _RestedBodies:
 
     def _find_one(self, body: int) -> None:
         """Find the rests of a body that kernels left open."""
-        points, center = self._numbers(body)
-        beside, of_facet = self._odds_of_facets(body, *map(torch.from_numpy, (points, *center)))
-        resting = np.unique(np.concatenate([side.paths.rests for side in self._sides[body]]))
-        # Stable, so that equal rests keep the order of their facets.
-        facets = np.argsort(-of_facet.numpy(), kind="stable")[: len(resting)]
-        room = len(facets) - self._odds.shape[1]
+        _, facets, normals, odds = self._recorded(body)
+        room = len(odds) - self._odds.shape[1]
         if room > 0:
             self._facets = np.pad(self._facets, ((0, 0), (0, room)))
             self._odds = np.pad(self._odds, ((0, 0), (0, room)))
             self._normals = np.pad(self._normals, ((0, 0), (0, room), (0, 0)))
-        self._facets[body, : len(facets)] = facets
-        self._normals[body, : len(facets)] = beside.hull.normals[facets]
-        self._odds[body, : len(facets)] = of_facet.numpy()[facets]
+        self._facets[body, : len(odds)] = facets
+        self._normals[body, : len(odds)] = normals.detach().numpy()
+        self._odds[body, : len(odds)] = odds.detach().numpy()
+
+    def _recorded(self, body: int) -> _Record:
+        """The rests of a body, as functions of inputs that autograd knows."""
+        if body not in self._records:
+            points, center = self._numbers(body)
+            with torch.enable_grad():
+                inputs = tuple(torch.tensor(part, requires_grad=True) for part in (points, *center))
+                self._records[body] = _Record(inputs, *self._rests(body, *inputs))
+        return self._records[body]
 
     def _numbers(self, body: int) -> tuple[Floats, tuple[Floats, ...]]:
         """Points (n, 3) of a body and its center (3,) of mass, if that was given."""
@@ -147,10 +169,10 @@ class _RestedBodies:
             self._sides[body] = find_basins(hull, middle)
         return self._sides[body]
 
-    def _odds_of_facets(
+    def _rests(
         self, body: int, points: Tensor, given: Tensor | None = None
-    ) -> tuple[RestEvaluation, Tensor]:
-        """Rests of a body or of one beside it, and odds (m,) by facet of the hull."""
+    ) -> tuple[Integers, Tensor, Tensor]:
+        """Facets (k,), normals (k, 3) and odds (k,) of a body's rests by operations of torch."""
         sides = self._sides_of(body)
         hull = sides[0].equilibria.hull
         corners = points[torch.from_numpy(hull.source)]
@@ -165,31 +187,50 @@ class _RestedBodies:
             beside = RestEvaluation(side.equilibria, corners, at, side)
             odds = beside.probabilities if self._thrown is None else self._thrown.tensor(beside)
             of_facet = of_facet.index_add(0, torch.from_numpy(side.paths.rests), odds)
-        return beside, of_facet / len(sides)
+        facets = self._facets[body, : np.count_nonzero(self._odds[body])]
+        if len(facets) == 0:
+            resting = np.unique(np.concatenate([side.paths.rests for side in sides]))
+            # Stable, so that equal rests keep the order of their facets.
+            order = np.argsort(-of_facet.detach().numpy(), kind="stable")
+            facets = order[: len(resting)]
+        odds = of_facet[torch.from_numpy(facets)] / len(sides)
+        return facets, beside.facet_normals(facets), odds
 
     def _formula(
         self, body: int, points: Tensor, center: Tensor | None = None
     ) -> tuple[Tensor, Tensor]:
-        facets = self._facets[body, : np.count_nonzero(self._odds[body])]
-        beside, of_facet = self._odds_of_facets(body, points, center)
-        left = self._odds.shape[1] - len(facets)
-        normals = torch.nn.functional.pad(beside.facet_normals(facets), (0, 0, 0, left))
-        return normals, torch.nn.functional.pad(of_facet[torch.from_numpy(facets)], (0, left))
+        _, normals, odds = self._rests(body, points, center)
+        left = self._odds.shape[1] - len(odds)
+        return (
+            torch.nn.functional.pad(normals, (0, 0, 0, left)),
+            torch.nn.functional.pad(odds, (0, left)),
+        )
 
     def _value(self, which: Integers, *inputs: Floats) -> tuple[Floats, Floats]:
         return self._normals[which], self._odds[which]
 
-    def _adjoint(self, which: Integers, *given: Floats) -> tuple[Floats, ...] | None:
+    def _adjoint(self, which: Integers, *given: Floats) -> tuple[Floats, ...]:
+        *inputs, by_normals, by_odds = given
         if self._handle is None:
-            return None
-        by_normals, by_odds = given[-2:]
-        slopes = self._handle.pull_back(
-            which, by_normals, by_odds, self._points.shape[1], torch.get_num_threads()
-        )
-        *found, known = slopes if self._has_centers else (slopes[0], slopes[2])
+            found, known = (
+                [np.zeros_like(column) for column in inputs],
+                np.zeros(len(which), np.int64),
+            )
+        else:
+            size, threads = self._points.shape[1], torch.get_num_threads()
+            slopes = self._handle.pull_back(which, by_normals, by_odds, size, threads)
+            *found, known = slopes if self._has_centers else (slopes[0], slopes[2])
         for row in np.flatnonzero(known == 0):
-            arguments = (torch.from_numpy(column[row]) for column in given)
-            one = self.function.pulled_back.formula(int(which[row]), *arguments)
-            for column, tensor in zip(found, one, strict=True):
-                column[row] = tensor.detach().numpy()
+            record = self._recorded(int(which[row]))
+            count = len(record.odds)
+            parts = torch.autograd.grad(
+                (record.normals, record.odds),
+                record.inputs,
+                [torch.from_numpy(column[row, :count]) for column in (by_normals, by_odds)],
+                retain_graph=True,
+                allow_unused=True,
+                materialize_grads=True,
+            )
+            for column, part in zip(found, parts, strict=True):
+                column[row, : len(part)] = part.numpy()
         return tuple(found)
