@@ -66,8 +66,8 @@ def _rows(run: Run) -> Items:
         ("energies", energy_rows),
         ("Sobolev", sobolev_rows),
         ("hulls", hull_rows),
-        ("exact arithmetic", exact_rows),
         ("torch", torch_rows),
+        ("exact arithmetic", exact_rows),
     ):
         run.begin(name)
         for row in group(extent.seconds):

@@ -10,6 +10,7 @@ import pytest
 from dicedesign.bench.frame import BENCHES, Run
 from dicedesign.bench.measures.feature_costs import CostRow, time_row
 from dicedesign.bench.measures.processes import in_new_process
+from dicedesign.kernels import ops
 
 FEATURES = (
     "torch, which a query never loads",
@@ -24,6 +25,7 @@ FEATURES = (
     "Sobolev step, its factor kept",
     "Sobolev factor made anew",
     "hull rebuilt though its edges last",
+    *(("torch around kernels",) if ops.available() else ()),
     "exact arithmetic, for what rounding leaves open",
 )
 
