@@ -48,12 +48,16 @@ json.dump(told, sys.stdout)
 """
 
 
+OF_TORCH = "ignore:`torch.jit.script` is deprecated:DeprecationWarning"
+"""Torch warns of itself where derivatives are first taken forward."""
+
+
 def run_parts(parts: Mapping[str, str], folder: Path) -> dict[str, str]:
     """What pieces of Python print that run one after the other in one new process, which imports
     torch once; warnings are errors."""
     paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", RUN_PARTS],
+        [sys.executable, "-W", "error", "-W", OF_TORCH, "-c", RUN_PARTS],
         input=json.dumps(dict(parts)),
         cwd=folder,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},

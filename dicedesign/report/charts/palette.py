@@ -37,9 +37,18 @@ FAINT: Final = "#7b8794"
 GRID: Final = "#dee1e4"
 """Lines of a grid."""
 
-DISTINCT: Final = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#000000", "#e69f00", "#56b4e9")
+DISTINCT: Final = (
+    "#d55e00",
+    "#0072b2",
+    "#009e73",
+    "#cc79a7",
+    "#000000",
+    "#e69f00",
+    "#56b4e9",
+    "#8c8c8c",
+)
 """Line colours that the colour-blind tell apart. Source: M. Okabe and K. Ito, Color Universal
-Design (2008)."""
+Design (2008), whose yellow, hard to see on white, is gray here."""
 
 BASINS: Final = (
     "#7fb2de",
