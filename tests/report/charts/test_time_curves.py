@@ -124,9 +124,9 @@ def test_densities_integrate_to_one_also_at_the_border() -> None:
 
 
 def test_what_cannot_be_scattered() -> None:
-    for count in (0, 8):
+    for count in (0, 9):
         distances = {str(k): ASYMMETRY for k in range(count)}
-        with pytest.raises(InputError, match=f"expected 1 to 7 comparisons, got {count}"):
+        with pytest.raises(InputError, match=f"expected 1 to 8 comparisons, got {count}"):
             asymmetry_scatter_figure(ASYMMETRY, distances, "title")
     with pytest.raises(InputError, match="of at least 0, got -"):
         asymmetry_scatter_figure(ASYMMETRY, {"a": -ASYMMETRY}, "title")
