@@ -46,7 +46,7 @@ def height(points: Any, directions: Any, center_of_mass: Any = None) -> tuple[An
     directions: (..., 3) that point down in the body's frame, of any length but 0.
     center_of_mass: (3,) or None for that of the uniform solid hull.
     All are arrays, or tensors of float32 or float64, through which gradients go back and which may
-    be transformed by `torch.func`.
+    be transformed by `torch.func`; by its `vmap` with points alone where a center is given.
 
     Returns
     -------
@@ -56,7 +56,8 @@ def height(points: Any, directions: Any, center_of_mass: Any = None) -> tuple[An
 
     Raises
     ------
-    InputError: arrays or tensors of other shapes or kinds, or a direction of length 0.
+    InputError: arrays or tensors of other shapes or kinds; in an array, a direction that is not
+        finite or of length 0, of which a tensor makes NaN.
     DegenerateBodyError: the points span no solid, where no center of mass is given.
 
     Source: eq. 3 and 4.
@@ -71,13 +72,13 @@ def height(points: Any, directions: Any, center_of_mass: Any = None) -> tuple[An
             "numbers for each"
         )
     sizes = norms(down)
-    if not (sizes > 0.0).all():
-        raise InputError("directions: expected vectors of positive length, got one of length 0")
+    if not ((sizes > 0.0) & (sizes < np.inf)).all():
+        raise InputError("directions: expected vectors of finite length above 0, got another")
     if center_of_mass is None:
         center = convex_hull(corners).centroid
     else:
         center = np.asarray(center_of_mass, dtype=np.float64)
-        if center.shape != (3,):
+        if center.shape != (3,) or not np.isfinite(center).all():
             raise InputError(f"center of mass: expected three numbers, got {center_of_mass!r}")
     return _lowest(corners - center, down / sizes[..., None])
 
@@ -95,7 +96,8 @@ def _of_tensors(points: Any, directions: Any, center_of_mass: Any) -> tuple[Tens
         center = evaluate_rests(points).center
     else:
         center = double_tensor(center_of_mass, "center of mass", 3)
-    heights, slopes = _lowest(corners - center, torch.nn.functional.normalize(down, dim=-1))
+    units = down / torch.linalg.vector_norm(down, dim=-1, keepdim=True)
+    heights, slopes = _lowest(corners - center, units)
     return heights.to(points), slopes.to(points)
 
 

@@ -64,14 +64,16 @@ class PaperOptions:
     sobolev: preconditioning of the gradient, or None.
     step: "momentum", which takes steps of a length that only shrinks with time, over jumps of the
         energy too; or "line_search", the paper's, which stops in front of a jump.
-    steps: most steps, at least 0.
+    steps: most steps, at least 0, refused ones included with momentum; then a line search from the
+        best goes on for as many, or 300 if that is fewer.
     perturbation: standard deviation of the seeded noise on the vertices of the start, whose half
         extent is 1; from 0 on and below 1.
     finish: "exact" puts one facet in the place of each outcome's and goes on to the target by the
         exact method; "none" ends where the paper does.
     tolerance: largest |p - q| wanted, from `FINEST_TOLERANCE` on and below 1; None for 1e-12 with
         an exact finish and 2e-2 without.
-    prefer: what the die is made better by after an exact finish; see `ExactOptions`.
+    prefer: what the die is made better by after an exact finish; see `ExactOptions`. Robustness is
+        of thrown dice alone.
     """
 
     __pydantic_config__ = STRICT

@@ -81,7 +81,7 @@ def test_tensors_have_the_same_with_derivatives(given: bool) -> None:
     ("points", "directions", "center", "text"),
     [
         (POINTS, [1.0, 0.0], None, "directions: expected an array of shape (..., 3), got (2,)"),
-        (POINTS, [[0.0, 0.0, 0.0]], None, "directions: expected vectors of positive length"),
+        (POINTS, [[0.0, 0.0, 0.0]], None, "directions: expected vectors of finite length"),
         (POINTS, [[1.0, 0.0, 0.0]], [0.0], "center of mass: expected three numbers, got [0.0]"),
         (POINTS[0], [[1.0, 0.0, 0.0]], None, "points: expected points as an (n, 3) array"),
         (torch.tensor(POINTS), DIRECTIONS, None, "directions: expected a float32 or float64 te"),

@@ -100,6 +100,7 @@ class SeedRun:
     Attributes
     ----------
     converged: whether it ended within the tolerance of its method.
+    error: largest |p - q| of the result, over the clusters of rests.
     evaluations: energies computed.
     die_error: largest |p - q| of the finished die, rests away from a labelled facet not counted.
     seconds, errors, energies: (n,) of every accepted step: time since the start, largest |p - q|
@@ -107,6 +108,7 @@ class SeedRun:
     """
 
     converged: bool
+    error: float
     evaluations: int
     die_error: float
     seconds: tuple[float, ...]
@@ -152,7 +154,7 @@ class MethodRow(Row):
     @classmethod
     def of(cls, recipe: Recipe, method: Method, runs: Sequence[SeedRun]) -> MethodRow:
         """Of at least one run."""
-        ends = [run.errors[-1] for run in runs]
+        ends = [run.error for run in runs]
         last = [run.seconds[-1] for run in runs]
         times = np.geomspace(max(min(last) / 100.0, 1e-4), max(max(last), 2e-4), TIMES)
         return cls(
@@ -238,6 +240,7 @@ def run_method(
     result = checked(work)
     return SeedRun(
         converged=float(work.die.error) <= work.recipe.method.tolerance,
+        error=float(work.die.error),
         evaluations=result.evaluations or 0,
         die_error=result.design_max_abs_error,
         seconds=tuple(step.seconds or 0.0 for step in result.history),

@@ -53,8 +53,8 @@ class ConcavePaperOptions:
 
     Attributes
     ----------
-    weights: of the terms beside the dice energy, in the published unit, of the first attempt; each
-        further one scales them by seeded factors.
+    weights: of the terms beside the dice energy, in the published unit, of the first of the hulls
+        that are tried; the others have them times seeded factors.
     sobolev: preconditioning of the gradient in the hull's corners, lambda and p.
     drift: whether its steps may shift the hull as a whole, as the paper's do: that changes the odds
         most cheaply, and leaves the center of mass far from where the fill has to take it.

@@ -13,6 +13,7 @@ from scipy.spatial.distance import cdist
 from dicedesign.concave.fill.paper_options import ConcavePaperOptions, HullWeights
 from dicedesign.concave.hull.draft import HullDraft, exact_draft
 from dicedesign.concave.hull.problem import DesignedHull, HullProblem
+from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.optimize.paper_options import PaperOptions
@@ -127,13 +128,18 @@ def _shaken_error(problem: HullProblem, design: DesignedHull) -> float:
     random, errors = np.random.default_rng(0), []
     for _ in range(SHAKES):
         shaken = design.hull.vertices + SHAKE * random.normal(size=design.hull.vertices.shape)
-        poses = analyse(convex_hull(shaken), design.center_of_mass, "given")
+        try:
+            poses = analyse(convex_hull(shaken), design.center_of_mass, "given")
+        except DiceError:
+            # The center of mass is outside then.
+            errors.append(1.0)
+            continue
         errors.append(outcome_odds(poses, design.directions).error(problem.target))
     return float(np.mean(errors))
 
 
 def _scaled(weights: HullWeights, random: np.random.Generator) -> HullWeights:
-    """Those that are above 0, each times a factor of its own."""
+    """Those of the paper's regularizers and of apart, each times a factor of its own."""
     names = ("coplanar", "barycenter", "neighbor", "apart")
     factors = np.exp(random.uniform(-np.log(SPREAD), np.log(SPREAD), len(names)))
     given = weights.as_dict()

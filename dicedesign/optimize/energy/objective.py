@@ -67,7 +67,8 @@ class Objective:
         self, parameters: Floats, directions: Floats, perturbation: float, seed: int
     ) -> Evaluation:
         """The evaluation that a descent begins with: at parameters (n,) that are shaken by normal
-        noise of a standard deviation, which is at least `SHAKE` where the odds cannot be told.
+        noise of a standard deviation, which is at least `SHAKE` where the odds cannot be told, and
+        less where so much leaves no solid with the center inside.
 
         Raises as `evaluate`.
         """
@@ -77,6 +78,11 @@ class Objective:
             if still is not None:
                 return still.refreshed()
             perturbation = SHAKE
+        while perturbation > 2.0 * SHAKE:
+            shaken = self.attempt(parameters + perturbation * noise, directions)
+            if shaken is not None:
+                return shaken.refreshed()
+            perturbation /= 2.0
         return self.evaluate(parameters + perturbation * noise, directions).refreshed()
 
     def attempt(self, parameters: Floats, directions: Floats) -> Evaluation | None:

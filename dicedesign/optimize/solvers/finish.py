@@ -62,12 +62,13 @@ def finished(
     on_candidate: Callable[[Candidate], None] | None = None,
 ) -> DesignResult:
     """The result with odds (k,) that are exact to `options.tolerance`, and better by
-    `options.prefer`; the result as it is, with a status that tells of it, where nothing led there.
+    `options.prefer`; the result as it is where nothing led there.
 
     The history goes on from that of the result.
     """
     maker = CandidateMaker(center_of_mass)
     told: list[DesignStep] = []
+    before = result.history[-1]
 
     def on_exact_step(step: DesignStep) -> None:
         last = result.history[-1]
@@ -99,7 +100,11 @@ def finished(
         hulls_reused=result.hulls_reused + polars[1] + shapes[1] + (end.hulls_reused if end else 0),
     )
     if end is None or end.status is not Status.CONVERGED:
-        return replace(result, status=Status.NO_PROGRESS)
+        last = result.history[-1]
+        back = replace(before, step=last.step + 1, seconds=last.seconds)
+        if on_step is not None and told:
+            on_step(back)
+        return replace(result, history=(*result.history, *([back] if told else [])))
     return replace(
         result,
         status=end.status,
@@ -120,7 +125,9 @@ def _starts(result: DesignResult, target: Floats, maker: CandidateMaker) -> Iter
             continue
         candidate = maker.attempt(coordinates, parameters, directions)
         if candidate is None:
-            objective = Objective(coordinates, target, REPAIRING, center)
+            objective = Objective(
+                coordinates, target, REPAIRING, center, maker.shapes, maker.polars
+            )
             first = objective.attempt(parameters, directions)
             repaired = None if first is None else _repaired(first, maker)
             if repaired is None:
@@ -191,7 +198,9 @@ def _repaired(first: Evaluation, maker: CandidateMaker) -> Start | None:
     rule, current = LineSearch(), first
     coordinates = first.objective.coordinates
     for _ in range(MOST_REPAIRS):
+        tried = rule.evaluations
         following = rule.search(current, current.gradient)
+        maker.evaluations += rule.evaluations - tried
         if following is None:
             return None
         current = following.refreshed()

@@ -159,6 +159,8 @@ class LevenbergMarquardt:
 
     def _crowded(self, candidate: Candidate) -> Integers:
         """(2, c) pairs of outcomes that are nearer than the least angle."""
+        if self.least_angle == 0.0:
+            return np.zeros((2, 0), dtype=np.int64)
         cosines = np.triu(candidate.directions @ candidate.directions.T, 1)
         return np.stack(np.nonzero(cosines > 1.0 - self._falling))
 

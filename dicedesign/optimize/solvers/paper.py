@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+import numpy as np
+
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.reuse import HullMemory
 from dicedesign.optimize.coordinates.vertices import VertexCoordinates
@@ -29,8 +31,8 @@ POLISH: Final = 300
 """Most steps of line search after the steps with momentum."""
 
 STALL: Final = (60, 0.02)
-"""A line search has come to rest where so many of its steps lowered the energy by less than this
-part."""
+"""A line search has come to rest where of so many of its steps the later half lowered the energy by
+less than this part."""
 
 
 def descend_as_paper(
@@ -71,6 +73,8 @@ def descend_as_paper(
             f"start, got {len(target)}; take another start"
         )
     sobolev = SobolevGradient(options.sobolev, drift)
+    if center_of_mass is not None:
+        center_of_mass = np.asarray(center_of_mass, dtype=np.float64)
     result = _Descent(
         start, target, options, center_of_mass, sobolev, seed, on_step, on_evaluation
     ).run()
@@ -119,11 +123,13 @@ class _Descent:
     def run(self) -> DesignResult:
         """The best of all steps, and the line search from there."""
         self._record()
-        steps = self.options.steps
-        if self.options.step == "momentum":
+        steps, polish = self.options.steps, self.options.step == "momentum"
+        if polish:
             self._go_with_momentum(steps)
-            steps = POLISH
-        status = self._go_by_line_search(steps)
+        status = self._go_by_line_search(min(steps, POLISH) if polish else steps)
+        if polish and status is Status.STEP_LIMIT and steps >= POLISH:
+            # More of them would be more of the same.
+            status = Status.NO_PROGRESS
         if self.current.error <= self.options.reached:
             status = Status.CONVERGED
         return DesignResult(
@@ -149,12 +155,10 @@ class _Descent:
             if self.current.value < best.value:
                 best = self.current
         self.evaluations += rule.evaluations
-        if self.current is not best:
-            self.current = best
-            self._record()
+        self._go_back(best)
 
     def _go_by_line_search(self, steps: int) -> Status:
-        rule, energies = LineSearch(), [self.current.value]
+        rule, best, energies = LineSearch(), self.current, [self.current.value]
         status = Status.STEP_LIMIT
         window, part = STALL
         for _ in range(steps):
@@ -165,12 +169,20 @@ class _Descent:
                 break
             self._accept(following, rule)
             energies.append(self.current.value)
+            if self.current.value <= best.value:
+                best = self.current
             earlier, later = energies[-window : -window // 2], energies[-window // 2 :]
             if len(energies) >= window and min(earlier) - min(later) < part * min(earlier):
                 status = Status.NO_PROGRESS
                 break
         self.evaluations += rule.evaluations
+        self._go_back(best)
         return status
+
+    def _go_back(self, best: Evaluation) -> None:
+        if self.current is not best:
+            self.current = best
+            self._record()
 
     def _ascent(self) -> Floats:
         return self.sobolev.of(self.current.gradient, self.current.rests.hull)

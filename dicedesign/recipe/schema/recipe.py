@@ -82,11 +82,6 @@ class MethodRecipe(Strict):
         return self.exact is not None and self.exact.odds == "thrown"
 
     @property
-    def limits_key(self) -> str:
-        """Key under which a recipe says tolerance and limits."""
-        return f"method.{self.name}"
-
-    @property
     def tolerance(self) -> float:
         """Largest |p - q| that counts as reached."""
         if self.paper is not None:
@@ -259,7 +254,7 @@ class Recipe(Strict):
         if self.method.tolerance >= smallest:
             yield (
                 f"the tolerance is not below the smallest outcome, {smallest:.3g}: set "
-                f"{self.method.limits_key}.tolerance lower"
+                f"method.{self.method.name}.tolerance lower"
             )
 
     def resolved(self) -> dict[str, Any]:

@@ -87,8 +87,8 @@ def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
         return
     if (die.starts or 1) > 1:
         yield f"this is the best of {die.starts} starting shapes"
-    if Status.TIME_LIMIT in flaws:
-        yield f"allow more with {method.limits_key}.seconds"
+    if Status.TIME_LIMIT in flaws and method.exact is not None:
+        yield "allow more with method.exact.seconds"
     if Status.STEP_LIMIT in flaws and method.exact is not None:
         yield "method.exact.evaluations is their number"
     if Status.CROWDED in flaws:
@@ -102,8 +102,8 @@ def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
             f"{work.target.labels[weakest]} is left at {np.degrees(verdict.margins[weakest]):.2g} "
             "degrees; try another seed, or join what is so rare"
         )
-    if method.paper is not None and {Status.OFF_TARGET, Status.STRAY} & set(flaws):
-        yield "take finish: exact, or raise weights.coplanar"
+    if method.paper is not None and method.paper.finish == "none":
+        yield "finish: exact would go on from here"
     if method.exact is not None and method.exact.coordinates == "vertices":
         yield "facets of more than three sides break under coordinates: vertices; facets keeps them"
     if Status.TOO_SMALL in flaws:

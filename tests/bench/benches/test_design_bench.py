@@ -81,7 +81,9 @@ def test_a_run_records_every_step_and_the_finished_die(recipe: Recipe, method) -
 
 def seed_run(last: float, slower: float = 1.0) -> SeedRun:
     seconds = tuple(slower * second for second in (0.05, 0.2, 0.5, 2.0))
-    return SeedRun(last < 1e-2, 9, last, seconds, (0.3, 0.4, 0.1, last), (0.1, 0.2, 0.01, 0.0))
+    return SeedRun(
+        last < 1e-2, last, 9, last, seconds, (0.3, 0.4, 0.1, last), (0.1, 0.2, 0.01, 0.0)
+    )
 
 
 def test_a_row_has_medians_over_the_seeds(recipe: Recipe) -> None:

@@ -138,6 +138,31 @@ def test_every_step_rule_and_preconditioner_lowers_the_energy(step: str, power: 
     assert energies[-1] <= min(energies) * (1.0 + 1e-3)
 
 
+@pytest.mark.parametrize("step", ["momentum", "line_search"])
+def test_no_steps_leave_the_start_as_it_is(step: str) -> None:
+    start, target = DESIGNS["2d6"]
+    options = PaperOptions(step=step, steps=0, perturbation=0.0, finish="none")
+    result = descend_as_paper(start, target.probabilities, options)
+    assert result.status is Status.STEP_LIMIT
+    assert len(result.history) == 1
+    np.testing.assert_allclose(
+        np.sort(odds_of(result)), np.sort(rest_poses(start.points).probabilities), atol=1e-12
+    )
+
+
+def test_a_center_near_a_facet_is_shaken_by_less() -> None:
+    """As much noise as usual would leave it outside for half of the seeds."""
+    start = repulsion(6, 0)
+    poses = rest_poses(start.points)
+    center = poses.hull.polygon(0).mean(axis=0) - 1e-4 * poses.hull.normals[0]
+    for seed in range(6):
+        options = PaperOptions(steps=2, finish="none")
+        result = descend_as_paper(
+            start, fair(6).probabilities, options, center_of_mass=center.tolist(), seed=seed
+        )
+        assert np.isfinite(result.hull.vertices).all()
+
+
 def test_a_line_search_never_climbs_far() -> None:
     start, target = DESIGNS["binomial3"]
     options = PaperOptions(step="line_search", finish="none", steps=50)
@@ -261,6 +286,7 @@ def test_what_cannot_be_reached_is_returned_as_it_is() -> None:
     result = descend_as_paper(repulsion(4, 0), target, options)
     assert result.status is not Status.CONVERGED
     assert result.error > 0.05
+    assert result.history[-1].error == result.error
     assert np.abs(odds_of(result) - target).max() == pytest.approx(result.error, abs=1e-9)
     assert np.isfinite(result.hull.vertices).all()
 

@@ -51,10 +51,13 @@ def test_odds_that_are_off_are_told_with_how_much() -> None:
     assert told == pytest.approx([off, off], rel=5e-3)
     assert work.details["design_max_abs_error"] == pytest.approx(off, rel=1e-6)
     assert "3 starting shapes" in message(work)
-    assert "weights.coplanar" not in message(work)
+    assert "finish" not in message(work)
     one = checked(points, target={"fair": 6}, starts=1)
     assert "starting shapes" not in message(one)
-    assert "weights.coplanar" in message(checked(points, target={"fair": 6}, entries=FROM_PRISM))
+    finished = checked(points, target={"fair": 6}, entries=FROM_PRISM)
+    assert "finish" not in message(finished)
+    rough = {**FROM_PRISM, "method": {"paper": {"finish": "none"}}}
+    assert "finish: exact" in message(checked(points, target={"fair": 6}, entries=rough))
 
 
 def test_rests_of_no_outcome_are_told() -> None:
@@ -85,7 +88,7 @@ def test_outcomes_without_a_rest_are_counted() -> None:
     ("status", "entries", "key"),
     [
         (Status.TIME_LIMIT, {}, "method.exact.seconds"),
-        (Status.TIME_LIMIT, FROM_PRISM, "method.paper.seconds"),
+        (Status.TIME_LIMIT, FROM_PRISM, None),
         (Status.STEP_LIMIT, {}, "method.exact.evaluations"),
         (Status.STEP_LIMIT, FROM_PRISM, None),
         (Status.NO_PROGRESS, {}, None),
