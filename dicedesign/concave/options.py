@@ -9,6 +9,7 @@ import numpy as np
 
 from dicedesign.concave.fill.paper_options import ConcavePaperOptions
 from dicedesign.errors import InputError
+from dicedesign.optimize.options import require_choice
 from dicedesign.runtime.registry import STRICT
 
 __all__ = ["ConcaveOptions"]
@@ -58,12 +59,8 @@ class ConcaveOptions:
                 f"tolerance: expected a number above 0 and below 1, got {self.tolerance:g}; leave "
                 "it out for 0.005"
             )
-        for name, value in (("hull", self.hull), ("fill", self.fill)):
-            choices = {"hull": ("gauss_newton", "paper"), "fill": ("correspondence", "paper")}
-            if value not in choices[name]:
-                raise InputError(
-                    f"{name}: expected {' or '.join(choices[name])}, got {value!r}; choose one"
-                )
+        require_choice("hull", self.hull, "gauss_newton", "paper")
+        require_choice("fill", self.fill, "correspondence", "paper")
         if self.paper is not None and "paper" not in (self.hull, self.fill):
             raise InputError(
                 f"paper: expected hull: paper or fill: paper with it, got {self.hull} and "

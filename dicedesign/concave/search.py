@@ -15,7 +15,7 @@ from dicedesign.concave.fill.result import FillResult, FillStatus
 from dicedesign.concave.fill.space_elasticity import point_masses
 from dicedesign.concave.hull.design import design_hull
 from dicedesign.concave.hull.easing import eased_hull
-from dicedesign.concave.hull.outcome_directions import outcome_choices
+from dicedesign.concave.hull.outcome_directions import drawn_choice, outcome_choices
 from dicedesign.concave.hull.problem import DesignedHull, HullProblem
 from dicedesign.concave.hull.slopes import SlopeOptions
 from dicedesign.concave.options import ConcaveOptions
@@ -35,9 +35,6 @@ __all__ = ["make_concave_die"]
 
 ROOM: Final = 0.8
 """Part of the tolerance that the hull's design may use: the file is rounded afterwards."""
-
-CHOICE_SCALE: Final = 1.0
-"""Mean place, among the choices of outcomes, of the one that an attempt takes."""
 
 EASINGS: Final = 6
 """Times that the hull is eased where the surface meets itself."""
@@ -204,13 +201,13 @@ class _Search:
 
             plain = number == 1
             return searched_hull(self.problem, choices, self.paper, random, told, plain=plain)
-        place = 0 if number == 1 else int(random.exponential(CHOICE_SCALE))
+        chosen = choices[0] if number == 1 else drawn_choice(choices, random)
         slopes = SlopeOptions(
             fall=float(np.exp(random.uniform(*np.log(FALLS)))),
             rise=float(random.uniform(*RISES)),
             circle=float(np.radians(random.uniform(*CIRCLES))),
         )
-        return design_hull(self.problem, choices[place % len(choices)], slopes, told)
+        return design_hull(self.problem, chosen, slopes, told)
 
     @property
     def paper(self) -> ConcavePaperOptions:

@@ -24,6 +24,7 @@ __all__ = [
     "SobolevOptions",
     "legible",
     "refused",
+    "require_choice",
 ]
 
 LARGEST_SMOOTHING: Final = 1e6
@@ -183,6 +184,14 @@ def _check_coordinates(coordinates: str, sobolev: SobolevOptions | None) -> None
 def _check_seconds(seconds: float | None) -> None:
     if seconds is not None and not 0.0 < seconds < np.inf:
         raise refused("seconds", "a positive number", seconds, "no limit")
+
+
+def require_choice(name: str, value: str, *choices: str) -> None:
+    """Raise InputError for an option that is none of its two words."""
+    if value not in choices:
+        raise InputError(
+            f"{name}: expected {' or '.join(choices)}, got {value!r}; choose one of the two"
+        )
 
 
 def refused(name: str, expected: str, got: float, default: str) -> InputError:

@@ -8,9 +8,14 @@ from typing import Final, Literal
 
 import numpy as np
 
-from dicedesign.errors import InputError
 from dicedesign.optimize.energy.term import EnergyWeights
-from dicedesign.optimize.options import FINEST_TOLERANCE, SobolevOptions, legible, refused
+from dicedesign.optimize.options import (
+    FINEST_TOLERANCE,
+    SobolevOptions,
+    legible,
+    refused,
+    require_choice,
+)
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.runtime.numbers import Number
 from dicedesign.runtime.registry import STRICT
@@ -88,14 +93,8 @@ class PaperOptions:
     prefer: Preferences = field(default_factory=legible)
 
     def __post_init__(self) -> None:
-        for name, value, choices in (
-            ("step", self.step, ("momentum", "line_search")),
-            ("finish", self.finish, ("exact", "none")),
-        ):
-            if value not in choices:
-                raise InputError(
-                    f"{name}: expected {' or '.join(choices)}, got {value!r}; choose one of the two"
-                )
+        require_choice("step", self.step, "momentum", "line_search")
+        require_choice("finish", self.finish, "exact", "none")
         if self.steps < 0:
             raise refused("steps", "a whole number not below 0", self.steps, "600")
         if not 0.0 <= self.perturbation < 1.0:

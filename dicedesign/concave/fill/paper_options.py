@@ -8,8 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from dicedesign.errors import InputError
-from dicedesign.optimize.options import LARGEST_SMOOTHING, SobolevOptions, refused
+from dicedesign.optimize.options import LARGEST_SMOOTHING, SobolevOptions, refused, require_choice
 from dicedesign.optimize.paper_options import PaperWeights
 from dicedesign.runtime.numbers import Number
 from dicedesign.runtime.registry import STRICT
@@ -88,15 +87,8 @@ class ConcavePaperOptions:
     power: int = 2
 
     def __post_init__(self) -> None:
-        for name, value, choices in (
-            ("step", self.step, ("momentum", "line_search")),
-            ("finish", self.finish, ("exact", "none")),
-        ):
-            if value not in choices:
-                raise InputError(
-                    f"paper.{name}: expected {' or '.join(choices)}, got {value!r}; choose one of "
-                    "the two"
-                )
+        require_choice("paper.step", self.step, "momentum", "line_search")
+        require_choice("paper.finish", self.finish, "exact", "none")
         if self.steps < 1:
             raise refused("paper.steps", "a whole number above 0", self.steps, "600")
         for name, weight, default in (

@@ -14,7 +14,7 @@ from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.rest.poses import RestPoses, analyse
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["outcome_choices"]
+__all__ = ["drawn_choice", "outcome_choices"]
 
 MOST_RESTS: Final = 7
 """Rests that are chosen from, the most probable ones, or two more than there are outcomes."""
@@ -25,8 +25,16 @@ APART: Final = np.cos(np.radians(20.0))
 CLIMB_COST: Final = 3.0
 """Cost of the mean climb from all rests to the chosen ones, over the circumscribed radius."""
 
+CHOICE_SCALE: Final = 1.0
+"""Mean place, among the choices, of the one that is drawn."""
+
 MISS_COST: Final = 0.3
 """Cost of the largest |p - q| of the clusters."""
+
+
+def drawn_choice(choices: list[Floats], random: np.random.Generator) -> Floats:
+    """One of the choices (k, 3), at random, the likelier the earlier it comes."""
+    return choices[int(random.exponential(CHOICE_SCALE)) % len(choices)]
 
 
 def outcome_choices(hull: ConvexHull, target: Floats) -> list[Floats]:

@@ -9,19 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dicedesign.fabricate.designed_die import DesignedDie
-from dicedesign.optimize.energy.clusters import cluster
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.starts.start import Start
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.rest.poses import analyse
 from dicedesign.results.record import HullsMade, Step
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
     from dicedesign.optimize.refinement import Round
 
-__all__ = ["designed_die", "normalised_center", "own_directions", "step_listener", "wanted_odds"]
+__all__ = ["designed_die", "normalised_center", "step_listener", "wanted_odds"]
 
 
 def wanted_odds(recipe: Recipe) -> Floats:
@@ -35,17 +33,6 @@ def normalised_center(recipe: Recipe, start: Start | None) -> Floats | None:
     if recipe.center_of_mass is None or start is None:
         return None
     return start.normalised(np.array(recipe.center_of_mass))
-
-
-def own_directions(result: DesignResult, center: Floats | None) -> Floats:
-    """(k, 3) normals of the most probable rest of each cluster, whose mean may be no rest at all;
-    an empty cluster keeps its direction."""
-    hull, directions = result.hull, result.directions.copy()
-    poses = analyse(hull, hull.centroid if center is None else center)
-    # Rests come the most probable first.
-    clusters, first = np.unique(cluster(poses.normals, directions).of_rest, return_index=True)
-    directions[clusters] = poses.normals[first]
-    return directions
 
 
 def step_listener(work: Work) -> Callable[[DesignStep], None]:

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.optimize.energy.clusters import cluster
+from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.recipe.methods.convex import (
     designed_die,
     normalised_center,
-    own_directions,
     step_listener,
     wanted_odds,
 )
 from dicedesign.recipe.planning.work import Work
+from dicedesign.rest.poses import analyse
+from dicedesign.runtime.arrays import Floats
 
 __all__ = ["design"]
 
@@ -33,4 +38,15 @@ def design(work: Work) -> DesignedDie:
         seed=recipe.seed,
         on_step=step_listener(work),
     )
-    return designed_die(work, replace(result, directions=own_directions(result, center)))
+    return designed_die(work, replace(result, directions=_own_directions(result, center)))
+
+
+def _own_directions(result: DesignResult, center: Floats | None) -> Floats:
+    """(k, 3) normals of the most probable rest of each cluster, whose mean may be no rest at all;
+    an empty cluster keeps its direction."""
+    hull, directions = result.hull, result.directions.copy()
+    poses = analyse(hull, hull.centroid if center is None else center)
+    # Rests come the most probable first.
+    clusters, first = np.unique(cluster(poses.normals, directions).of_rest, return_index=True)
+    directions[clusters] = poses.normals[first]
+    return directions
