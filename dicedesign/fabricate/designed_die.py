@@ -104,7 +104,7 @@ def sized(die: DesignedDie, size_mm: float) -> SizedDie:
 
 def _sized_surface(die: DesignedDie, made: ConcaveDie, size_mm: float) -> SizedDie:
     # It brings a library of solids along, which no convex die needs.
-    from dicedesign.fabricate.printable import printable_solid
+    from dicedesign.fabricate.solids.printable import printable_solid
 
     center = made.after.centroid
     scale = size_mm / convex_hull(made.after.points).diameter

@@ -11,7 +11,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
     from dicedesign.concave.result import ConcaveDie
-    from dicedesign.fabricate.layout import Placement
+    from dicedesign.fabricate.labels.layout import Placement
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.throws.simulation.die_on_table import ThrownDie
 

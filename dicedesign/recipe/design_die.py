@@ -140,7 +140,7 @@ class Die:
 
         Raises InputError for another ending, and OutputError where the file cannot be written.
         """
-        from dicedesign.fabricate.files import save_mesh
+        from dicedesign.fabricate.files.formats import save_mesh
 
         save_mesh(Path(path), *self._solid)
 

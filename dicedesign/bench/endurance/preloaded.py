@@ -17,7 +17,7 @@ for _name in (
     "dicedesign.cli.rest",
     "dicedesign.cli.rolls",
     "dicedesign.cli.run",
-    "dicedesign.fabricate.engraving",
+    "dicedesign.fabricate.solids.engraving",
     "dicedesign.geometry.meshes.reading",
     "dicedesign.recipe.methods.paper",
     "dicedesign.recipe.methods.exact",

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.paper_options import PaperOptions

@@ -9,13 +9,13 @@ import numpy as np
 
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.designed_die import SizedDie
-from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
 from dicedesign.results.status import Status
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.layout import Placement
+    from dicedesign.fabricate.labels.layout import Placement
 
 __all__ = ["engrave", "place_on_facets"]
 
@@ -56,7 +56,7 @@ def place_on_facets(
 
     Raises EngravingError where a label has no facet or does not fit on it.
     """
-    from dicedesign.fabricate.layout import place_labels
+    from dicedesign.fabricate.labels.layout import place_labels
 
     hull, main = solid.poses.hull, solid.outcomes.main
     _require_rests(labels, main, "a facet")
@@ -72,8 +72,8 @@ def place_on_facets(
 
 
 def _cut(work: Work) -> None:
-    from dicedesign.fabricate.engraving import engrave
     from dicedesign.fabricate.finished_die import EngravedFile
+    from dicedesign.fabricate.solids.engraving import engrave
     from dicedesign.fabricate.verdict import judged
     from dicedesign.geometry.meshes.stl import stl_bytes
 
@@ -84,7 +84,7 @@ def _cut(work: Work) -> None:
         placements = place_on_facets(solid, labels, options)
         marked = engrave(solid.points, solid.triangles, placements, options)
     else:
-        from dicedesign.fabricate.marks import engrave_marks
+        from dicedesign.fabricate.solids.marks import engrave_marks
 
         main = work.plain.outcomes.main
         _require_rests(labels, main, "a side")

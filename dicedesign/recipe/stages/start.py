@@ -29,7 +29,7 @@ def make_start(work: Work) -> None:
     else:
         _make_shape(work)
     if recipe.engrave is not None:
-        from dicedesign.fabricate.glyphs import require_glyphs
+        from dicedesign.fabricate.labels.glyphs import require_glyphs
 
         require_glyphs(work.target.labels)
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.engraving import engrave
-from dicedesign.fabricate.layout import place_labels
-from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.fabricate.labels.layout import place_labels
+from dicedesign.fabricate.labels.options import EngravingOptions
+from dicedesign.fabricate.solids.engraving import engrave
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.report.figures.labels import labels_figure
 from dicedesign.report.figures.views import views_figure

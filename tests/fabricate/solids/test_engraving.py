@@ -10,10 +10,10 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import EngravingError, InputError
-from dicedesign.fabricate.engraving import engrave
-from dicedesign.fabricate.glyphs import label_contours
-from dicedesign.fabricate.layout import place_labels
-from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.fabricate.labels.glyphs import label_contours
+from dicedesign.fabricate.labels.layout import place_labels
+from dicedesign.fabricate.labels.options import EngravingOptions
+from dicedesign.fabricate.solids.engraving import engrave
 from dicedesign.geometry.manifold import solid
 from dicedesign.geometry.meshes.stl import stl_bytes
 from dicedesign.geometry.solid import solid_properties

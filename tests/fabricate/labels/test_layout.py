@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import EngravingError, InputError, LabelRoomError
-from dicedesign.fabricate.glyphs import label_contours
-from dicedesign.fabricate.layout import place_labels
-from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.fabricate.labels.glyphs import label_contours
+from dicedesign.fabricate.labels.layout import place_labels
+from dicedesign.fabricate.labels.options import EngravingOptions
 
 OPTIONS = EngravingOptions()
 

@@ -11,7 +11,7 @@ import trimesh
 from common.bumpy import bumpy_sphere
 
 from dicedesign.errors import InputError, OutputError
-from dicedesign.fabricate.files import ENDINGS, mesh_bytes, save_mesh
+from dicedesign.fabricate.files.formats import ENDINGS, mesh_bytes, save_mesh
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.meshes.stl import stl_bytes
 from dicedesign.geometry.solid import solid_properties

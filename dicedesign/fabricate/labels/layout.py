@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import InputError, LabelRoomError
-from dicedesign.fabricate.glyphs import text_section
-from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.fabricate.labels.glyphs import text_section
+from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.geometry.hulls.polygons import inscribed_circle, signed_area
 from dicedesign.runtime.arrays import Floats
 

@@ -12,9 +12,9 @@ from itertools import combinations
 from manifold3d import Error, Manifold, OpType
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.glyphs import text_section
-from dicedesign.fabricate.layout import Placement
-from dicedesign.fabricate.options import EngravingOptions
+from dicedesign.fabricate.labels.glyphs import text_section
+from dicedesign.fabricate.labels.layout import Placement
+from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.geometry.manifold import mesh_of, solid
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.glyphs import (
+from dicedesign.fabricate.labels.glyphs import (
     CHORD_TOLERANCE,
     label_contours,
     reads_upside_down,
@@ -110,8 +110,8 @@ def test_a_label_that_draws_nothing_is_refused(text):
 def test_fabricating_loads_no_matplotlib_and_no_torch():
     code = (
         "import sys\n"
-        "import dicedesign.fabricate.engraving, dicedesign.geometry.meshes.stl\n"
-        "from dicedesign.fabricate.glyphs import text_section\n"
+        "import dicedesign.fabricate.solids.engraving, dicedesign.geometry.meshes.stl\n"
+        "from dicedesign.fabricate.labels.glyphs import text_section\n"
         "text_section('6')\n"
         "print([name for name in ('matplotlib', 'torch') if name in sys.modules])"
     )

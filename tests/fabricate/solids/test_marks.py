@@ -8,10 +8,10 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import EngravingError, InputError, LabelRoomError
-from dicedesign.fabricate.glyphs import text_section
-from dicedesign.fabricate.marks import engrave_marks
-from dicedesign.fabricate.options import EngravingOptions
-from dicedesign.fabricate.upper_side import relief
+from dicedesign.fabricate.labels.glyphs import text_section
+from dicedesign.fabricate.labels.options import EngravingOptions
+from dicedesign.fabricate.solids.marks import engrave_marks
+from dicedesign.fabricate.solids.upper_side import relief
 from dicedesign.geometry.manifold import solid
 from dicedesign.geometry.meshes.stl import stl_bytes
 from dicedesign.geometry.solid import solid_properties

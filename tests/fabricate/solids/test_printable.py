@@ -10,7 +10,7 @@ import trimesh
 from common.bumpy import ball, pushed_through, surface_of
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.printable import printable_solid
+from dicedesign.fabricate.solids.printable import printable_solid
 from dicedesign.geometry.sphere import signed_solid_angle
 from dicedesign.geometry.surfaces.quality import surface_quality
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles

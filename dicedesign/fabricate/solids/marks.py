@@ -13,11 +13,11 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import EngravingError, InputError
-from dicedesign.fabricate.engraving import Cut, cut_out
-from dicedesign.fabricate.glyphs import text_section
-from dicedesign.fabricate.layout import require_room
-from dicedesign.fabricate.options import EngravingOptions
-from dicedesign.fabricate.upper_side import UpperSide, upper_side
+from dicedesign.fabricate.labels.glyphs import text_section
+from dicedesign.fabricate.labels.layout import require_room
+from dicedesign.fabricate.labels.options import EngravingOptions
+from dicedesign.fabricate.solids.engraving import Cut, cut_out
+from dicedesign.fabricate.solids.upper_side import UpperSide, upper_side
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.manifold import solid
 from dicedesign.geometry.surfaces.surface import Surface
