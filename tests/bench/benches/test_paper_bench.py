@@ -47,16 +47,19 @@ def test_a_cube_with_six_outcomes_and_one_more() -> None:
 
 
 def test_the_command_prints_all_tables_and_draws(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # Medians of three, as one start in a hundred ends with a stray rest whatever the terms are, and
+    # of the same seeds in every run.
+    monkeypatch.setattr("secrets.randbelow", lambda _: 12345)
     figure = tmp_path / "paper.png"
-    extent = Extent(seeds=1, fresh=1, compared=True)
+    extent = Extent(seeds=2, fresh=1, compared=True)
     recipe = RECIPES / "binomial_4.yaml"
     assert run_bench("paper", recipe, "--figure", figure, "--json", extent=extent) == 0
     told = json.loads(capsys.readouterr().out)
-    assert len(set(told["seeds_used"])) == 2
+    assert told["seeds_used"] == [0, 1, 12345]
     plain, exact = told["seeds"]
-    assert plain["good"] == exact["good"] == plain["seeds"] == 2
+    assert plain["good"] == exact["good"] == plain["seeds"] == 3
     assert exact["worst_error"] <= 1e-12 < plain["median_error"] < 0.02
     assert [row["method"] for row in told["side_by_side"]] == ["paper", "finished", "exact"]
     assert all(0.0 < row["circle"] < 0.5 for row in told["side_by_side"])
