@@ -95,6 +95,10 @@ FLATNESS_TOLERANCE: Final = 1e-12
 """Where a hull is refused, singular values of the points below this part of the largest count as
 none: the error then says "on one plane" or "on one line". It decides about the wording only."""
 
+BALANCED_ODDS: Final = 1e-11
+"""An object is led to its target until its odds differ by no more than this: files of all digits
+hold a hundred times as much, those of single precision a hundred thousand times."""
+
 BOUNDARY_TOLERANCE: Final = 1e-13
 """A center of mass nearer than this to a facet's plane, relative to the largest offset of a vertex
 from the mean of all, counts as lying on the hull's boundary."""

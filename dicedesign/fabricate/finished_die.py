@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from dicedesign.concave.result import ConcaveDie
     from dicedesign.fabricate.labels.layout import Placement
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
+    from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.throws.simulation.die_on_table import ThrownDie
 
 __all__ = ["EngravedFile", "FinishedDie"]
@@ -20,20 +21,22 @@ __all__ = ["EngravedFile", "FinishedDie"]
 
 @dataclass(frozen=True, eq=False)
 class EngravedFile:
-    """A die with its labels cut in.
+    """A die with its labels cut in and its edges rounded.
 
     Attributes
     ----------
     points, triangles: (n, 3) and (t, 3) of the solid in mm.
-    verdict: on its file; None where the center of mass was given, as nobody knows how marks move
-        it.
+    verdict: on its file; None where the center of mass was given, as nobody knows how labels and
+        edges move it.
     placements: where the labels are, of a die that has them on its facets.
+    inlay: bodies of another color that fill the labels, or None.
     """
 
     points: Floats
     triangles: Integers
     verdict: Verdict | None
     placements: tuple[Placement, ...]
+    inlay: Surface | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,18 +43,26 @@ class RestEvaluation:
     vertices: (n, 3) hull vertices as tensor.
     given_center: (3,) center of mass as tensor, or None for that of the uniform solid.
     basins: those of the body, where they are known.
+    offset: (3,) of the center of mass from that of the uniform solid, where it is not given.
     """
 
     equilibria: Equilibria
     vertices: Tensor
     given_center: Tensor | None = None
     basins: Basins | None = None
+    offset: Floats | None = None
 
     @cached_property
     def center(self) -> Tensor:
         """(3,) the center of mass."""
-        given = self.given_center
-        return hull_centroid(self.vertices, self.hull) if given is None else given
+        return self.center_of(self.vertices)
+
+    def center_of(self, vertices: Tensor) -> Tensor:
+        """(3,) the center of mass of the hull with other vertices (n, 3)."""
+        if self.given_center is not None:
+            return self.given_center
+        middle = hull_centroid(vertices, self.hull)
+        return middle if self.offset is None else middle + torch.as_tensor(self.offset)
 
     @property
     def hull(self) -> ConvexHull:
@@ -115,7 +123,7 @@ class RestEvaluation:
             return None if parts is None else (bare.with_center(*parts),)
 
         def of_vertices(vertices: Tensor) -> Tensor:
-            return formula(vertices, hull_centroid(vertices, bare.hull))
+            return formula(vertices, bare.center_of(vertices))
 
         return adjoint_function(value, adjoint, of_vertices, self.vertices)
 
@@ -144,8 +152,8 @@ class RestEvaluation:
 
     def _formula_jacobian(self) -> Floats:
         """The same by operations of torch, row by row."""
-        vertices, given = torch.from_numpy(self.hull.vertices).requires_grad_(), self.given_center
-        center = hull_centroid(vertices, self.hull) if given is None else given.detach()
+        vertices = torch.from_numpy(self.hull.vertices).requires_grad_()
+        center = self.center_of(vertices) if self.given_center is None else self.center.detach()
         rows = [
             torch.autograd.grad(value, vertices, retain_graph=True)[0].numpy().ravel()
             for value in rest_probabilities(self.hull, self.paths, vertices, center)
@@ -230,7 +238,10 @@ class RestEvaluation:
 
 
 def evaluate_rests(
-    points: Tensor, center_of_mass: Tensor | None = None, hull_of: HullMaker | None = None
+    points: Tensor,
+    center_of_mass: Tensor | None = None,
+    hull_of: HullMaker | None = None,
+    offset: Floats | None = None,
 ) -> RestEvaluation:
     """Hull and rests of points, computed in float64 on the CPU.
 
@@ -239,6 +250,7 @@ def evaluate_rests(
     points: (n, 3) float32 or float64; float32 points count as rounded ones, see `convex_hull`.
     center_of_mass: (3,) float32 or float64, or None for that of the uniform solid hull.
     hull_of: makes the hull.
+    offset: (3,) of the center of mass from that of the uniform solid hull, where it is not given.
 
     Raises
     ------
@@ -260,11 +272,12 @@ def evaluate_rests(
                 "differentiable_rest, or one body after the other"
             )
         hull = make(numbers)
-        found.append(classify(hull, middle[0] if middle else hull.centroid))
+        own = hull.centroid if offset is None else hull.centroid + offset
+        found.append(classify(hull, middle[0] if middle else own))
         return np.zeros((), dtype=np.int64)
 
     seen(find, *((given,) if center is None else (given, center)))
     hull = found[0].hull
     if len(hull.source) < len(given):
         given = given[torch.as_tensor(hull.source)]
-    return RestEvaluation(found[0], given, center)
+    return RestEvaluation(found[0], given, center, offset=offset)

@@ -125,6 +125,8 @@ class ThrownOdds:
         center, inertia = hull_inertia(vertices, rests.hull)
         if given is not None:
             center = given
+        elif rests.offset is not None:
+            center = center + torch.as_tensor(rests.offset)
         transitions = Transitions.of(rests.hull, rests.paths)
         features = body_features(transitions, vertices, center, inertia, resting, torch)
         odds: Tensor = landing_odds(features, transitions, self.model[1], torch)

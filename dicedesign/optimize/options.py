@@ -187,10 +187,10 @@ def _check_seconds(seconds: float | None) -> None:
 
 
 def require_choice(name: str, value: str, *choices: str) -> None:
-    """Raise InputError for an option that is none of its two words."""
+    """Raise InputError for an option that is none of its words."""
     if value not in choices:
         raise InputError(
-            f"{name}: expected {' or '.join(choices)}, got {value!r}; choose one of the two"
+            f"{name}: expected {' or '.join(choices)}, got {value!r}; choose one of them"
         )
 
 

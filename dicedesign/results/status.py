@@ -19,6 +19,10 @@ class Status(Enum):
     SELF_INTERSECTING = "the surface meets itself"
     OPEN = "the surface is not closed, as rounded to the single precision of its file"
     UNPRINTABLE = "the surface cannot be cleaned for printing"
+    UNBALANCED = (
+        "the plain die reached the tolerance, but no shape nearby does with its labels and edges; "
+        "try engrave.balance: opposite or fill, a smaller depth_mm or radius_mm, or another seed"
+    )
     OFF_TABLE = (
         "reached the tolerance by the momentum model, but not in simulated throws; allow more with "
         "method.exact.refine.rounds or .drops"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -40,6 +40,12 @@ class Placement:
     text: str
     frame: Floats
     height: float
+
+    def moved(self, shift: Floats) -> Placement:
+        """The same elsewhere, by a shift (3,) in mm."""
+        frame = self.frame.copy()
+        frame[:3, 3] += shift
+        return replace(self, frame=frame)
 
 
 def _fit(

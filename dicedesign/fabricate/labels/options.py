@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from numbers import Real
+from typing import Literal
 
 from dicedesign.errors import InputError
+from dicedesign.optimize.options import require_choice
 from dicedesign.runtime.registry import STRICT
 
 __all__ = ["EngravingOptions"]
@@ -29,21 +31,31 @@ class EngravingOptions:
     """Smallest legible digit height, above 0."""
     max_height_mm: float = 8.0
     """Largest digit height, at least `min_height_mm`."""
+    style: Literal["engraved", "raised"] = "engraved"
+    """`engraved` cuts labels in; `raised` sinks the field around them and leaves them standing, as
+    high as the border of the facet, so that the die rests as without labels."""
+    border_mm: float = 1.0
+    """Width of the border around a sunk field, above 0."""
+    balance: Literal["shape", "opposite", "fill", "none"] = "shape"
+    """What makes up for the material that labels take away: `shape` moves the facets until the
+    finished die has the odds; `opposite` hollows a hidden ball opposite to them; `fill` makes
+    bodies that fill the labels in another color, equally dense; `none` leaves the odds as they
+    come out."""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
+        for name in ("depth_mm", "margin", "min_height_mm", "max_height_mm", "border_mm"):
+            value = getattr(self, name)
             if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
-                raise InputError(
-                    f"{field.name}: expected a finite number, got {value!r}; correct it"
-                )
-        for name in ("depth_mm", "min_height_mm"):
+                raise InputError(f"{name}: expected a finite number, got {value!r}; correct it")
+        for name in ("depth_mm", "min_height_mm", "border_mm"):
             if getattr(self, name) <= 0:
                 raise InputError(
                     f"{name}: expected a number above 0, got {getattr(self, name)}; enlarge it"
                 )
         if not 0 <= self.margin < 1:
             raise InputError(f"margin: expected a number in [0, 1), got {self.margin}; correct it")
+        require_choice("style", self.style, "engraved", "raised")
+        require_choice("balance", self.balance, "shape", "opposite", "fill", "none")
         if self.max_height_mm < self.min_height_mm:
             raise InputError(
                 f"max_height_mm: expected at least min_height_mm = {self.min_height_mm}, got "

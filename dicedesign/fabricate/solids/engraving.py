@@ -1,4 +1,5 @@
-"""Cut labels into a solid as pockets, and check what comes out.
+"""Labels cut into a solid as pockets, or left standing in sunk fields, and what fills them; with
+checks of what comes out.
 
 Lengths are in millimetres, volumes in cubic millimetres.
 """
@@ -9,18 +10,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from manifold3d import Error, Manifold, OpType
+import numpy as np
+from manifold3d import CrossSection, Error, JoinType, Manifold, OpType
 
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.labels.glyphs import text_section
 from dicedesign.fabricate.labels.layout import Placement
 from dicedesign.fabricate.labels.options import EngravingOptions
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.manifold import mesh_of, solid
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
-__all__ = ["Cut", "cut_out", "engrave"]
+__all__ = ["Cut", "cut_out", "engrave", "inlay"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +42,47 @@ class Cut:
     volume: float
 
 
-def _pocket(placement: Placement, depth: float) -> Cut:
-    """The cut of one label into its facet's plane."""
-    section = text_section(placement.text).scale((placement.height, placement.height))
+def _pocket(section: CrossSection, placement: Placement, depth: float) -> Cut:
+    """The cut of a section into the plane of its label's facet."""
     # It reaches as far above the facet as below, so that no face of it lies in the facet.
     cutter = section.extrude(2 * depth).translate((0.0, 0.0, -depth))
     return Cut(placement.text, cutter.transform(placement.frame[:3]), section.area() * depth)
+
+
+def _cuts(
+    hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
+) -> list[Cut]:
+    """What all labels take away from the solid with this hull."""
+    sections = [
+        text_section(placement.text).scale((placement.height, placement.height))
+        for placement in placements
+    ]
+    if options.style == "raised":
+        sections = [
+            _field(hull, placement, section, options)
+            for placement, section in zip(placements, sections, strict=True)
+        ]
+    return [
+        _pocket(section, placement, options.depth_mm)
+        for section, placement in zip(sections, placements, strict=True)
+    ]
+
+
+def _field(
+    hull: ConvexHull, placement: Placement, label: CrossSection, options: EngravingOptions
+) -> CrossSection:
+    """The facet within its border, without its label."""
+    frame = placement.frame
+    facet = int(np.argmax(hull.normals @ frame[:3, 2]))
+    corners = (hull.polygon(facet) - frame[:3, 3]) @ frame[:3, :2]
+    field = CrossSection([corners]).offset(-options.border_mm, JoinType.Miter)
+    if (label - field).area() > ENGRAVED_VOLUME_TOLERANCE * label.area():
+        raise EngravingError(
+            f"label {placement.text!r}: expected room within a border of {options.border_mm:g} mm "
+            f"on facet {facet}, got a label that reaches into it; reduce border_mm, or increase "
+            "margin or size_mm"
+        )
+    return field - label
 
 
 def engrave(
@@ -53,13 +91,13 @@ def engrave(
     placements: Sequence[Placement],
     options: EngravingOptions,
 ) -> Surface:
-    """Cut labels into a solid, `options.depth_mm` deep below their facets.
+    """Cut labels into a solid, `options.depth_mm` deep below their facets, or what is around them.
 
     Parameters
     ----------
-    vertices, triangles: the plain solid, as `solid` takes it.
+    vertices, triangles: the plain convex solid, as `solid` takes it.
     placements: labels on flat facets of it, from `place_labels`.
-    options: the depth; sizes and places are those of the placements.
+    options: style and depth; sizes and places are those of the placements.
 
     Returns
     -------
@@ -71,8 +109,23 @@ def engrave(
     InputError: the plain mesh is no solid.
     EngravingError: a check failed; the message says which, and names the labels at fault.
     """
-    cuts = [_pocket(placement, options.depth_mm) for placement in placements]
+    cuts = _cuts(convex_hull(vertices), placements, options)
     return cut_out(solid(vertices, triangles), cuts, options)
+
+
+def inlay(
+    vertices: Floats,
+    triangles: Integers,
+    placements: Sequence[Placement],
+    options: EngravingOptions,
+) -> Surface:
+    """The bodies that fill what `engrave` takes away, up to the facets of the plain solid.
+
+    The parameters are those of `engrave`, which is to be called first as it checks them.
+    """
+    cuts = _cuts(convex_hull(vertices), placements, options)
+    cutters = Manifold.batch_boolean([cut.cutter for cut in cuts], OpType.Add)
+    return Surface(*mesh_of(solid(vertices, triangles) ^ cutters))
 
 
 def cut_out(plain: Manifold, cuts: Sequence[Cut], options: EngravingOptions) -> Surface:

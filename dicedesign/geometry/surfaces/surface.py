@@ -10,7 +10,7 @@ import numpy as np
 from dicedesign.geometry.solid import centroid_derivatives, solid_properties
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["Surface"]
+__all__ = ["Surface", "joined"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,3 +52,11 @@ class Surface:
     def moved(self, points: Floats) -> Surface:
         """The same triangles between other points (n, 3)."""
         return Surface(points, self.triangles)
+
+
+def joined(first: Surface, second: Surface) -> Surface:
+    """Two surfaces as one, of which neither changes."""
+    return Surface(
+        np.concatenate([first.points, second.points]),
+        np.concatenate([first.triangles, second.triangles + len(first.points)]),
+    )

@@ -113,12 +113,14 @@ class CandidateMaker:
     ----------
     center_of_mass: (3,) fixed, or None for that of the uniform solid.
     thrown: the model of odds when thrown, or None for odds without momentum.
+    offset: (3,) of the center of mass from that of the uniform solid, where it is not fixed.
     evaluations: how many candidates were asked for.
     shapes, polars: memories of the hulls of dice, and of those that coordinates need.
     """
 
     center_of_mass: Floats | None
     thrown: ThrownOdds | None = None
+    offset: Floats | None = None
     evaluations: int = 0
     shapes: HullMemory = field(default_factory=HullMemory)
     polars: HullMemory = field(default_factory=HullMemory)
@@ -137,7 +139,7 @@ class CandidateMaker:
         try:
             shape = coordinates.shape(parameters, self.polars.hull)
             points = torch.from_numpy(shape.points).requires_grad_()
-            rests = evaluate_rests(points, center, self.shapes.hull).untied()
+            rests = evaluate_rests(points, center, self.shapes.hull, self.offset).untied()
             stable = rests.hull.normals[rests.paths.rests]
             nearest = np.argmax(directions @ stable.T, axis=1)
             if not np.array_equal(np.sort(nearest), np.arange(len(stable))):

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.fabricate.labels.options import EngravingOptions
+from dicedesign.fabricate.solids.edge_options import EdgeOptions, core_scale
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.paper_options import PaperOptions
@@ -30,6 +31,9 @@ LEAST_MM: Final = 1e-3
 
 MOST_MM: Final = 1000.0
 """Smallest and largest size of a die."""
+
+MARKED: Final = (("engraved", "shape"), ("engraved", "none"))
+"""Style and balance of marks on a die that keeps the shape of a surface."""
 
 METHODS: Final = ("exact", "paper", "concave")
 """Keys of `method`."""
@@ -111,6 +115,7 @@ class Recipe(Strict):
     min_inradius_mm: radius of a circle that the facet of each outcome has room for.
     engrave: engraving options, or None for a plain die, which a concave one is unless the recipe
         says otherwise.
+    edges: how edges and corners are rounded, or None for sharp ones.
     figures: whether pictures are drawn. report: whether the page is made.
     clock: whether run times and memory are told; without them, and where no limit of seconds is
         reached, the same recipe gives the same bytes in every file.
@@ -133,6 +138,7 @@ class Recipe(Strict):
     engrave: Annotated[EngravingOptions | None, BeforeValidator(_switch)] = Field(
         default_factory=EngravingOptions
     )
+    edges: Annotated[EdgeOptions | None, BeforeValidator(_switch)] = None
     figures: bool = True
     report: bool = True
     clock: bool = True
@@ -180,6 +186,8 @@ class Recipe(Strict):
             )
         if self.symmetry is not None:
             self._check_symmetry(self.symmetry)
+        if self.edges is not None:
+            core_scale(self.edges, self.size_mm)
         return self
 
     def _check_concave(self) -> None:
@@ -198,6 +206,17 @@ class Recipe(Strict):
             raise ValueError(
                 "center_of_mass: expected uniform with the concave method, which shapes a solid of "
                 "one material, got a point; leave it out"
+            )
+        if self.edges is not None:
+            raise ValueError(
+                "edges: expected none with the concave method, which keeps a surface as it is, got "
+                "a radius; leave them out"
+            )
+        engrave = self.engrave
+        if engrave is not None and (engrave.style, engrave.balance) not in MARKED:
+            raise ValueError(
+                "engrave: expected style engraved and balance shape or none with the concave "
+                f"method, got {engrave.style} and {engrave.balance}; leave them out"
             )
 
     def _check_any_order(self) -> None:
@@ -264,6 +283,7 @@ class Recipe(Strict):
         plain["center_of_mass"] = plain["center_of_mass"] or "uniform"
         plain["symmetry"] = plain["symmetry"] or "none"
         plain["engrave"] = plain["engrave"] or False
+        plain["edges"] = plain["edges"] or False
         for part in ("target", "start", "method"):
             plain[part] = {key: value for key, value in plain[part].items() if value is not None}
         return plain

@@ -1,8 +1,9 @@
-"""Stage engrave: labels cut into the die, and the verdict on the file with them."""
+"""Stage engrave: the finished die with its edges and labels, led to the target, and the verdict on
+its file."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -10,28 +11,42 @@ import numpy as np
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.designed_die import SizedDie
 from dicedesign.fabricate.labels.options import EngravingOptions
+from dicedesign.fabricate.solids.edge_options import EdgeOptions, core_scale
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
 from dicedesign.results.status import Status
+from dicedesign.tolerances import FILE_ODDS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from dicedesign.fabricate.balance.convex_object import Measured
     from dicedesign.fabricate.labels.layout import Placement
+    from dicedesign.fabricate.verdict import Verdict
+    from dicedesign.geometry.hulls.hull import ConvexHull
+    from dicedesign.geometry.surfaces.surface import Surface
+    from dicedesign.gradient.thrown_odds import ThrownOdds
+    from dicedesign.runtime.arrays import Floats
 
 __all__ = ["engrave", "place_on_facets"]
 
 CHANGED: Final = 0.05
-"""Relative change of an outcome's odds by engraving that is told."""
+"""Relative change of an outcome's odds by labels and edges that is told."""
 
 
 def engrave(work: Work) -> None:
-    """Make die.stl: each label on the facet that the die rests on, or in the side that is up then
-    where the die keeps the shape of a surface; and read it back.
+    """Make die.stl: edges rounded; each label on the facet that the die rests on, or in the side
+    that is up then where the die keeps the shape of a surface; and the shape moved until the odds
+    are the target's. Read it back.
 
     Raises EngravingError if the die converged and a label has no place on it; one that did not
     converge only says so.
     """
     try:
-        _cut(work)
+        if work.die.reshaped is None:
+            _make_convex(work)
+        else:
+            _mark_surface(work)
     except EngravingError as error:
         if work.status is Status.CONVERGED:
             raise
@@ -41,24 +56,51 @@ def engrave(work: Work) -> None:
 STAGES.register(
     Stage(
         name="engrave",
-        line="cuts the labels in, makes die.stl and reads it back",
+        line="rounds the edges, cuts the labels in, leads the die to its target with both, makes "
+        "die.stl and reads it back",
         rank=60,
-        wanted=lambda work: work.recipe.engrave is not None,
+        wanted=lambda work: work.recipe.engrave is not None or work.recipe.edges is not None,
         run=engrave,
     )
 )
 
 
+def core_of(solid: SizedDie, edges: EdgeOptions | None) -> ConvexHull:
+    """The shape inside the rounded edges of a convex die, its facets numbered as those of the die.
+
+    Raises EngravingError where the radius is larger than the circle of a facet to rest on.
+    """
+    from dicedesign.geometry.hulls.hull import convex_hull
+    from dicedesign.geometry.hulls.polygons import facet_inradius
+
+    hull = solid.poses.hull
+    if edges is None:
+        return hull
+    core = convex_hull(core_scale(edges, hull.diameter) * hull.vertices)
+    for facet in solid.poses.facets.tolist():
+        room = facet_inradius(core, facet)
+        if edges.radius_mm > room:
+            raise EngravingError(
+                f"edges.radius_mm: expected at most the radius of the circle that is left flat on "
+                f"facet {facet}, {room:.3g} mm, got {edges.radius_mm:g}; lower it, or take a "
+                "larger size_mm"
+            )
+    return core
+
+
 def place_on_facets(
-    solid: SizedDie, labels: Sequence[str], options: EngravingOptions
+    solid: SizedDie,
+    labels: Sequence[str],
+    options: EngravingOptions,
+    edges: EdgeOptions | None = None,
 ) -> list[Placement]:
-    """Where labels lie on the facets that a die rests on.
+    """Where labels lie on the facets that a die rests on, within its rounded edges.
 
     Raises EngravingError where a label has no facet or does not fit on it.
     """
     from dicedesign.fabricate.labels.layout import place_labels
 
-    hull, main = solid.poses.hull, solid.outcomes.main
+    hull, main = core_of(solid, edges), solid.outcomes.main
     _require_rests(labels, main, "a facet")
     facets = solid.poses.facets[main].tolist()
     return place_labels(
@@ -67,39 +109,148 @@ def place_on_facets(
         [hull.normals[facet] for facet in facets],
         facets,
         options,
-        hull.diameter,
+        solid.poses.hull.diameter,
     )
 
 
-def _cut(work: Work) -> None:
-    from dicedesign.fabricate.finished_die import EngravedFile
-    from dicedesign.fabricate.solids.engraving import engrave
-    from dicedesign.fabricate.verdict import judged
-    from dicedesign.geometry.meshes.stl import stl_bytes
+def _make_convex(work: Work) -> None:
+    """The finished object of a convex die."""
+    from dicedesign.fabricate.balance.convex_object import ConvexObject
+    from dicedesign.fabricate.balance.reshaping import MOST_ROUNDS, largest_move, reshaped
+    from dicedesign.results.record import Balance
+
+    options, edges, solid = work.recipe.engrave, work.recipe.edges, work.solid
+    placements: list[Placement] = []
+    if options is not None:
+        placements = place_on_facets(solid, work.target.labels, options, edges)
+    made, core = ConvexObject(options, edges), core_of(solid, edges)
+    if solid.center_of_mass is not None:
+        _finish(work, made.engraved(core, placements), made.placed(placements))
+        return
+    by = "shape" if options is None else options.balance
+    rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
+    measure, thrown, target = _measure(work)
+    directions = work.die.directions
+    end = reshaped(
+        core, directions, placements, target, made, measure, rounds=rounds, thrown=thrown
+    )
+    work.details["balance"] = Balance(
+        by, tuple(end.first.odds.tolist()), end.errors, largest_move(core, end.core)
+    )
+    inlay = made.inlay(end.core, end.placements) if by == "fill" else None
+    surface = made.engraved(end.core, end.placements)
+    _finish(work, surface, made.placed(end.placements), end.measured.center_of_mass, inlay)
+
+
+def _measure(
+    work: Work,
+) -> tuple[Callable[[Surface, Floats], Measured], ThrownOdds | None, Floats]:
+    """How an object is measured, the model by which it is reshaped, and its target (k,): for a die
+    to be thrown the odds that the plain shape has by the momentum model."""
+    from dicedesign.fabricate.balance.convex_object import measure_resting, measure_thrown
+    from dicedesign.geometry.surfaces.surface import Surface
+
+    if not work.recipe.method.thrown:
+        return measure_resting, None, work.target.probabilities
+    from dicedesign.gradient.thrown_odds import ThrownOdds
+    from dicedesign.recipe.methods.exact import exact_options
+    from dicedesign.throws.momentum.momentum_model import momentum_model
+    from dicedesign.throws.tables import table_named
+
+    name = exact_options(work.recipe).table
+    measure = measure_thrown(table_named(name), momentum_model(name))
+    plain = Surface(work.solid.points, work.solid.triangles)
+    return measure, ThrownOdds.on(name), measure(plain, work.die.directions).odds
+
+
+def _mark_surface(work: Work) -> None:
+    """The finished object of a die that keeps the shape of a surface."""
+    from dicedesign.fabricate.balance.stretching import stretched
+    from dicedesign.fabricate.solids.marks import engrave_marks
+    from dicedesign.results.record import Balance
 
     options, solid, labels = work.recipe.engrave, work.solid, work.target.labels
     assert options is not None
-    placements: list[Placement] = []
-    if work.die.reshaped is None:
-        placements = place_on_facets(solid, labels, options)
-        marked = engrave(solid.points, solid.triangles, placements, options)
-    else:
-        from dicedesign.fabricate.solids.marks import engrave_marks
+    main = work.plain.outcomes.main
+    _require_rests(labels, main, "a side")
+    downs = work.plain.poses.normals[main]
+    marked, _ = engrave_marks(solid.points, solid.triangles, downs, labels, options)
+    if options.balance == "none" or work.status is not Status.CONVERGED:
+        _finish(work, marked, ())
+        return
+    end = stretched(marked, work.die.directions, work.target.probabilities)
+    # What is left of a linear map without its scale.
+    scales = np.linalg.eigvalsh(end.matrix)
+    work.details["balance"] = Balance(
+        options.balance,
+        tuple(end.unbalanced.tolist()),
+        end.errors,
+        moved_mm=float(np.linalg.norm(end.surface.points - marked.points, axis=1).max()),
+        stretch=float(scales[-1] / scales[0] - 1.0),
+    )
+    _finish(work, end.surface, ())
 
-        main = work.plain.outcomes.main
-        _require_rests(labels, main, "a side")
-        downs = work.plain.poses.normals[main]
-        marked, _ = engrave_marks(solid.points, solid.triangles, downs, labels, options)
-    data = stl_bytes(marked.points, marked.triangles)
-    work.files["die.stl"] = data
+
+def _finish(
+    work: Work,
+    surface: Surface,
+    placements: Sequence[Placement],
+    center: Floats | None = None,
+    inlay: Surface | None = None,
+) -> None:
+    """Make die.stl and judge it.
+
+    center: (3,) point to put at the origin, or None to leave the surface where it is; inlay: bodies
+    that fill the labels, which have a file of their own.
+    """
+    from dicedesign.fabricate.finished_die import EngravedFile
+    from dicedesign.fabricate.verdict import judged
+    from dicedesign.geometry.meshes.stl import stl_bytes
+    from dicedesign.geometry.surfaces.surface import joined
+
+    if center is not None:
+        surface = surface.moved(surface.points - center)
+        placements = [placement.moved(-center) for placement in placements]
+        inlay = None if inlay is None else inlay.moved(inlay.points - center)
+    work.files["die.stl"] = stl_bytes(surface.points, surface.triangles)
+    whole = surface
+    if inlay is not None:
+        work.files["die_inlay.stl"] = stl_bytes(inlay.points, inlay.triangles)
+        whole = joined(surface, inlay)
     verdict = None
-    if solid.center_of_mass is None:
+    if work.solid.center_of_mass is None:
+        data = stl_bytes(whole.points, whole.triangles)
         verdict = judged(data, work.die.directions, work.target)
         work.details |= verdict.odds("engraved_")
-        if not work.recipe.method.thrown:
-            work.remarks.append(f"{verdict.max_abs_error:.3g} with the labels cut in")
         work.notes += _changes(work, verdict.outcomes.odds)
-    work.engraved = EngravedFile(marked.points, marked.triangles, verdict, tuple(placements))
+        _tell(work, verdict)
+    work.engraved = EngravedFile(
+        surface.points, surface.triangles, verdict, tuple(placements), inlay
+    )
+
+
+def _tell(work: Work, verdict: Verdict) -> None:
+    """The odds of the finished die, in words; it has not converged where they are off the target
+    though its shape was to be moved to that."""
+    recipe, balance = work.recipe, work.details.get("balance")
+    with_what = (
+        "labels and edges"
+        if recipe.engrave and recipe.edges
+        else ("the labels cut in" if recipe.engrave else "its edges rounded")
+    )
+    if not recipe.method.thrown:
+        work.remarks.append(f"{verdict.max_abs_error:.3g} with {with_what}")
+    if balance is None or balance.by == "none" or work.status is not Status.CONVERGED:
+        return
+    error = min(balance.errors) if recipe.method.thrown else verdict.max_abs_error
+    if error > max(recipe.method.tolerance, FILE_ODDS):
+        work.status = Status.UNBALANCED
+        work.remarks.insert(0, work.status.value)
+    elif recipe.symmetry is not None and balance.moved_mm > 0.0:
+        work.notes.append(
+            f"with {with_what} the die has no symmetry {recipe.symmetry}, as its facets were moved "
+            f"by up to {balance.moved_mm:.2g} mm to keep the odds"
+        )
 
 
 def _require_rests(labels: Sequence[str], main: np.ndarray, what: str) -> None:
@@ -110,14 +261,14 @@ def _require_rests(labels: Sequence[str], main: np.ndarray, what: str) -> None:
         )
 
 
-def _changes(work: Work, engraved: np.ndarray) -> list[str]:
-    """What the marks change by more than `CHANGED`, in at most one sentence."""
+def _changes(work: Work, engraved: np.ndarray) -> Iterator[str]:
+    """What labels and edges change by more than `CHANGED`, in at most one sentence."""
     plain = work.plain.outcomes.odds
     changes = np.abs(engraved - plain) / np.where(plain > 0.0, plain, np.inf)
     most = int(changes.argmax())
-    if changes[most] <= CHANGED:
-        return []
-    return [
-        f"engraving changes the odds of {work.target.labels[most]} by {changes[most]:.0%}; take a "
-        "smaller depth_mm or a larger size_mm"
-    ]
+    if changes[most] > CHANGED:
+        yield (
+            f"the finished die differs from the plain one in the odds of "
+            f"{work.target.labels[most]} by {changes[most]:.0%}; take a smaller depth_mm or a "
+            "larger size_mm"
+        )

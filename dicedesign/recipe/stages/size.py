@@ -25,7 +25,8 @@ def enlarge(work: Work) -> None:
     recipe = work.recipe
     assert recipe.engrave is not None
     try:
-        place_on_facets(sized(work.die, recipe.size_mm), work.target.labels, recipe.engrave)
+        solid = sized(work.die, recipe.size_mm)
+        place_on_facets(solid, work.target.labels, recipe.engrave, recipe.edges)
     except LabelRoomError as error:
         if error.size_mm > MOST_MM:
             return

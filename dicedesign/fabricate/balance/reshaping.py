@@ -1,0 +1,159 @@
+"""Shapes whose finished object has wanted odds, though labels and edges take material away.
+
+The facets of the plain shape are moved until the object that is made of it, measured as it will be
+written, has the odds: labels shift the center of mass, and with it the odds, by some 1e-4. Lengths
+are in millimetres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from dicedesign.errors import DiceError
+from dicedesign.fabricate.balance.carried_labels import carried
+from dicedesign.fabricate.balance.convex_object import ConvexObject, Measured
+from dicedesign.fabricate.labels.layout import Placement
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
+from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
+from dicedesign.runtime.arrays import Floats
+from dicedesign.tolerances import BALANCED_ODDS
+
+__all__ = ["MOST_ROUNDS", "Reshaped", "largest_move", "reshaped"]
+
+MOST_ROUNDS: Final = 4
+"""Objects that are made and measured after the first."""
+
+NUDGES: Final = (0.0, 1e-7, 1e-5)
+"""Random changes of the parameters of a shape that is tied, as a symmetric one may be, tried in
+turn: the odds of a tied shape have no derivatives."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reshaped:
+    """An object and the plain shape that it is made of.
+
+    Attributes
+    ----------
+    core: the plain shape. placements: labels on its facets.
+    directions: (k, 3) normals of the outcomes' facets.
+    measured: what the object does; first: what that of the given shape does.
+    errors: largest |p - q| of the objects of all rounds, the first being that of the given shape.
+    """
+
+    core: ConvexHull
+    placements: tuple[Placement, ...]
+    directions: Floats
+    measured: Measured
+    first: Measured
+    errors: tuple[float, ...]
+
+
+def reshaped(
+    core: ConvexHull,
+    directions: Floats,
+    placements: Sequence[Placement],
+    target: Floats,
+    made: ConvexObject,
+    measure: Callable[[Surface, Floats], Measured],
+    *,
+    rounds: int = MOST_ROUNDS,
+    thrown: ThrownOdds | None = None,
+) -> Reshaped:
+    """Lead the object made of a shape to wanted odds.
+
+    In each round the object is made and measured. It differs from the plain shape in its center of
+    mass and in what is left of its odds; the shape is then moved, by the shortest way in its
+    half-spaces (`FacetCoordinates`), to where a plain shape with that offset and that difference
+    has the odds. As labels go along with their facets, each round leaves a hundredth of the error.
+    The best object of all rounds is returned.
+
+    Parameters
+    ----------
+    core: the plain shape, with a rest for each outcome and no other.
+    directions: (k, 3) normals of the outcomes' facets.
+    placements: labels on facets of it.
+    target: (k,) wanted odds of the object.
+    made: how the object is made; measure: it, with the directions of its outcomes.
+    rounds: objects that are made and measured after the first; 0 for only that.
+    thrown: the model of odds when thrown, or None for those without momentum.
+
+    Raises
+    ------
+    DiceError: the object of the given shape cannot be made or measured.
+    """
+    labels = tuple(placements)
+    first = measured = measure(made.balanced(core, labels), directions)
+    best = Reshaped(core, labels, directions, first, first, (_error(first, target),))
+    errors = best.errors
+    for _ in range(rounds):
+        if min(errors) <= BALANCED_ODDS:
+            break
+        try:
+            shape = _solved(core, directions, measured, target, thrown)
+            if shape is None:
+                break
+            labels = carried(labels, core, shape.rests.hull)
+            core, directions = shape.rests.hull, shape.directions
+            measured = measure(made.balanced(core, labels), directions)
+        except DiceError:
+            # A label that no longer fits, or an object without the rests: the best so far it is.
+            break
+        errors = (*errors, _error(measured, target))
+        if errors[-1] == min(errors):
+            best = Reshaped(core, labels, directions, measured, first, errors)
+    return replace(best, errors=errors)
+
+
+def largest_move(before: ConvexHull, after: ConvexHull) -> float:
+    """Largest distance from a corner of a shape to the planes of its facets as they were moved a
+    little."""
+    facets = np.argmax(before.normals @ after.normals.T, axis=1)
+    planes = after.normals[facets]
+    offsets = after.heights(np.zeros(3))[facets]
+    distances = before.vertices[before.tail] @ planes.T - offsets
+    own = distances[np.arange(len(before.tail)), before.facet]
+    return float(np.abs(own).max())
+
+
+def _error(measured: Measured, target: Floats) -> float:
+    return float(np.abs(measured.odds - target).max())
+
+
+def _solved(
+    hull: ConvexHull,
+    directions: Floats,
+    measured: Measured,
+    target: Floats,
+    thrown: ThrownOdds | None,
+) -> Candidate | None:
+    """A shape nearby whose odds are the target less what the object's odds differ by from those of
+    a plain shape with the object's center of mass; None where there is none."""
+    maker = CandidateMaker(None, thrown, offset=measured.center_of_mass - hull.centroid)
+    for first in _candidates(hull, directions, maker):
+        wanted = target - (measured.odds - first.odds)
+        approach = LevenbergMarquardt(
+            wanted, maker, None, 0.1 * BALANCED_ODDS, lambda: False, lambda candidate: None
+        )
+        end = approach.solve(first)
+        if end.error(wanted) < first.error(wanted):
+            return end
+    return None
+
+
+def _candidates(hull: ConvexHull, directions: Floats, maker: CandidateMaker) -> Iterator[Candidate]:
+    """The shape, and others beside it, of those that are no ties."""
+    coordinates, parameters = FacetCoordinates.of(hull.vertices, hull.centroid)
+    random = np.random.default_rng(0)
+    for nudge in NUDGES:
+        moved = parameters + nudge * random.standard_normal(len(parameters))
+        candidate = maker.attempt(coordinates, moved, directions)
+        if candidate is not None:
+            yield candidate
