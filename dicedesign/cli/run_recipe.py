@@ -93,7 +93,10 @@ def _print(result: Result) -> None:
             f"{100.0 * moved.largest:.3g} % of the diagonal"
         )
     if result.engraved_max_abs_error is not None and result.thrown is None:
-        print(f"engraved: max |p - q| {result.engraved_max_abs_error:.2e}")
+        told = f"as printed: max |p - q| {result.engraved_max_abs_error:.2e}"
+        if result.balance is not None and len(result.balance.errors) > 1:
+            told += f", {result.balance.errors[0]:.2e} before the shape was moved for its labels"
+        print(told)
     print(f"files in {printable(result.folder)}: {', '.join(result.files.values())}")
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import torch
 
 from dicedesign.errors import DiceError
 from dicedesign.fabricate.balance.carried_labels import carried
@@ -19,21 +20,30 @@ from dicedesign.fabricate.balance.convex_object import ConvexObject, Measured
 from dicedesign.fabricate.labels.layout import Placement
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
+from dicedesign.rest.outcomes import gathered
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import BALANCED_ODDS
 
 __all__ = ["MOST_ROUNDS", "Reshaped", "largest_move", "reshaped"]
 
-MOST_ROUNDS: Final = 4
-"""Objects that are made and measured after the first."""
+MOST_ROUNDS: Final = 6
+"""Objects that are made and measured after the first: labels alone need three."""
 
-NUDGES: Final = (0.0, 1e-7, 1e-5)
-"""Random changes of the parameters of a shape that is tied, as a symmetric one may be, tried in
-turn: the odds of a tied shape have no derivatives."""
+SLOW: Final = 0.3
+"""Part of an error that two rounds may leave."""
+
+NUDGES: Final = (0.0, 1e-7, 1e-5, 1e-3, 1e-2)
+"""Random changes of the parameters of a shape, tried in turn until one leads to the odds: those of
+a tied shape, as a symmetric one may be, have no derivatives, and those of a thrown one have kinks.
+"""
+
+RANK: Final = 1e-8
+"""Differences between guesses below this part of the largest tell nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +102,12 @@ def reshaped(
     labels = tuple(placements)
     first = measured = measure(made.balanced(core, labels), directions)
     best = Reshaped(core, labels, directions, first, first, (_error(first, target),))
-    errors = best.errors
+    errors, guesses = best.errors, _Guesses(core.diameter, len(target))
     for _ in range(rounds):
-        if min(errors) <= BALANCED_ODDS:
+        if min(errors) <= BALANCED_ODDS or (len(errors) > 2 and errors[-1] > SLOW * errors[-3]):
             break
         try:
-            shape = _solved(core, directions, measured, target, thrown)
+            shape = _solved(core, directions, measured, target, thrown, guesses)
             if shape is None:
                 break
             labels = carried(labels, core, shape.rests.hull)
@@ -127,25 +137,67 @@ def _error(measured: Measured, target: Floats) -> float:
     return float(np.abs(measured.odds - target).max())
 
 
+class _Guesses:
+    """What the object of the next shape will differ by from a plain one: the offset of the center
+    of mass and the rest of the odds, from what those of the shapes before did.
+
+    A shape that is found for a guess changes what was guessed. The guesses are corrected by
+    Anderson's method (J. ACM 12, 1965): by the mean of all before whose changes cancel best.
+    """
+
+    def __init__(self, size: float, outcomes: int) -> None:
+        self._size = size
+        # The plain shape has its odds with neither.
+        self._guessed = [np.zeros(3 + outcomes)]
+        self._came: list[Floats] = []
+
+    def next(self, offset: Floats, rest: Floats) -> tuple[Floats, Floats]:
+        """The guess (3,), (k,) after what came of the last."""
+        self._came.append(np.concatenate([offset / self._size, rest]))
+        guessed, came = np.stack(self._guessed), np.stack(self._came)
+        changes = came - guessed
+        guess = came[-1]
+        if len(came) > 1:
+            weights = np.linalg.lstsq(np.diff(changes, axis=0).T, changes[-1], rcond=RANK)[0]
+            guess = guess - weights @ np.diff(came, axis=0)
+        self._guessed.append(guess)
+        return guess[:3] * self._size, guess[3:]
+
+
 def _solved(
-    hull: ConvexHull,
+    core: ConvexHull,
     directions: Floats,
     measured: Measured,
     target: Floats,
     thrown: ThrownOdds | None,
+    guesses: _Guesses,
 ) -> Candidate | None:
-    """A shape nearby whose odds are the target less what the object's odds differ by from those of
-    a plain shape with the object's center of mass; None where there is none."""
-    maker = CandidateMaker(None, thrown, offset=measured.center_of_mass - hull.centroid)
-    for first in _candidates(hull, directions, maker):
-        wanted = target - (measured.odds - first.odds)
+    """A shape nearby that has the odds if its object differs from a plain one as guessed; None
+    where there is none."""
+    offset = measured.center_of_mass - core.centroid
+    plain = _plain_odds(core, directions, offset, thrown)
+    offset, rest = guesses.next(offset, measured.odds - plain)
+    wanted, maker = target - rest, CandidateMaker(None, thrown, offset)
+    best = None
+    for first in _candidates(core, directions, maker):
         approach = LevenbergMarquardt(
             wanted, maker, None, 0.1 * BALANCED_ODDS, lambda: False, lambda candidate: None
         )
         end = approach.solve(first)
-        if end.error(wanted) < first.error(wanted):
-            return end
-    return None
+        if best is None or end.error(wanted) < best.error(wanted):
+            best = end
+        if best.error(wanted) <= BALANCED_ODDS:
+            break
+    return best
+
+
+def _plain_odds(
+    core: ConvexHull, directions: Floats, offset: Floats, thrown: ThrownOdds | None
+) -> Floats:
+    """(k,) odds of a plain shape whose center of mass has an offset (3,)."""
+    rests = evaluate_rests(torch.from_numpy(core.vertices), offset=offset)
+    odds = rests.odds if thrown is None else thrown.odds(rests)
+    return gathered(rests.hull.normals[rests.facets], odds, directions).odds
 
 
 def _candidates(hull: ConvexHull, directions: Floats, maker: CandidateMaker) -> Iterator[Candidate]:

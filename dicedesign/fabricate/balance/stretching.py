@@ -19,7 +19,7 @@ from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse, rest_poses
 from dicedesign.runtime.arrays import Floats
-from dicedesign.tolerances import BALANCED_ODDS
+from dicedesign.tolerances import BALANCED_ODDS, FILE_ODDS
 
 __all__ = ["Stretched", "stretched"]
 
@@ -27,7 +27,11 @@ STEP: Final = 1e-6
 """Of the differences that derivatives are taken from, as a stretch."""
 
 MOST_STEPS: Final = 20
-"""Of Newton's method."""
+"""Of Newton's method, from one place."""
+
+LENGTHS: Final = (0.0, *np.geomspace(3e-4, 1e-2, 31).tolist())
+"""Of random stretches that it begins with, one after the other until one leads to the odds: those
+of bodies of many corners jump where a facet becomes a rest, which may be in the way."""
 
 MOST_STRETCH: Final = 0.03
 """Largest stretch along an axis, relative: what is beyond is another shape."""
@@ -65,48 +69,89 @@ def stretched(surface: Surface, directions: Floats, target: Floats) -> Stretched
     """Stretch a solid until its odds are as near to wanted ones as it can bring them.
 
     A stretch has five parameters beside the size, so that up to six outcomes can be met exactly.
-    Newton's method takes the shortest way, with derivatives from differences, as bodies of any
-    shape have corners by the thousand and a hull of a few hundred.
+    Newton's method takes the shortest way, with derivatives from differences of the hull's odds.
 
     surface: of the solid; directions: (k, 3) unit, down in its outcomes; target: (k,) odds. The
     best stretch found is returned, and none where nothing is gained. Raises DiceError if the body
     has no rests.
     """
     poses = rest_poses(make_body(surface.points, surface.triangles))
-    corners, center = poses.hull.vertices, poses.center_of_mass
+    body = _Body(poses.hull.vertices - poses.center_of_mass, directions, target)
+    first = best = body.tried(np.zeros(6))
+    random = np.random.default_rng(0)
+    for length in LENGTHS:
+        end = body.solved(body.tried(length * random.standard_normal(6)))
+        if end.error < best.error and body.in_file(end) <= max(2.0 * end.error, FILE_ODDS):
+            best = end
+        if best.error <= BALANCED_ODDS:
+            break
+    matrix, center = _matrix(best.parameters), poses.center_of_mass
+    image = surface.moved(center + (surface.points - center) @ matrix.T)
+    before, after = (float(np.abs(trial.odds - target).max()) for trial in (first, best))
+    return Stretched(matrix, image, _turned(directions, matrix), first.odds, (before, after))
 
-    def odds(parameters: Floats) -> Floats:
+
+@dataclass(frozen=True)
+class _Trial:
+    """A stretch, the odds (k,) after it, and the root of the sum of squares of p - q."""
+
+    parameters: Floats
+    odds: Floats
+    error: float
+
+
+@dataclass(frozen=True)
+class _Body:
+    """Corners (n, 3) of a hull about the center of mass, directions and target."""
+
+    corners: Floats
+    directions: Floats
+    target: Floats
+
+    def tried(self, parameters: Floats) -> _Trial:
+        """The body after a stretch, whose error is infinite where it has no rests."""
+        odds = self._odds(parameters)
+        return _Trial(parameters, odds, float(np.linalg.norm(odds - self.target)))
+
+    def in_file(self, trial: _Trial) -> float:
+        """The error with coordinates in single precision."""
+        odds = self._odds(trial.parameters, in_file=True)
+        return float(np.linalg.norm(odds - self.target))
+
+    def solved(self, trial: _Trial) -> _Trial:
+        """The body where Newton's method ends."""
+        for _ in range(MOST_STEPS):
+            if not 0.1 * BALANCED_ODDS < trial.error < np.inf:
+                break
+            jacobian = np.column_stack(
+                [
+                    (self._odds(trial.parameters + h) - self._odds(trial.parameters - h)) / 2.0
+                    for h in STEP * np.eye(6)
+                ]
+            )
+            step = -STEP * np.linalg.pinv(jacobian, rcond=RANK) @ (trial.odds - self.target)
+            following = trial
+            while following is trial and np.abs(step).max() > STEP * BALANCED_ODDS:
+                if np.abs(trial.parameters + step).max() <= MOST_STRETCH:
+                    candidate = self.tried(trial.parameters + step)
+                    following = candidate if candidate.error < trial.error else trial
+                step = SHORTER * step
+            if following is trial:
+                break
+            trial = following
+        return trial
+
+    def _odds(self, parameters: Floats, in_file: bool = False) -> Floats:
         matrix = _matrix(parameters)
-        image = convex_hull((corners - center) @ matrix.T)
-        return outcome_odds(analyse(image, np.zeros(3)), _turned(directions, matrix)).odds
-
-    parameters = np.zeros(6)
-    first = current = odds(parameters)
-    before = error = float(np.abs(current - target).max())
-    for _ in range(MOST_STEPS):
-        if error <= 0.1 * BALANCED_ODDS:
-            break
-        jacobian = np.column_stack(
-            [(odds(parameters + h) - odds(parameters - h)) / (2.0 * STEP) for h in STEP * np.eye(6)]
-        )
-        step = -np.linalg.pinv(jacobian, rcond=RANK) @ (current - target)
-        while np.abs(step).max() > STEP * BALANCED_ODDS:
-            candidate = parameters + step
-            if np.abs(candidate).max() <= MOST_STRETCH:
-                try:
-                    tried = odds(candidate)
-                except DiceError:
-                    tried = np.full(len(target), np.inf)
-                if np.abs(tried - target).max() < error:
-                    break
-            step = SHORTER * step
-        else:
-            break
-        parameters, current = candidate, tried
-        error = float(np.abs(current - target).max())
-    matrix = _matrix(parameters)
-    image = surface.moved((surface.points - center) @ matrix.T)
-    return Stretched(matrix, image, _turned(directions, matrix), first, (before, error))
+        corners = self.corners @ matrix.T
+        if in_file:
+            corners = corners.astype(np.float32).astype(np.float64)
+        try:
+            image = convex_hull(corners, single_precision=in_file)
+            poses = analyse(image, np.zeros(3))
+        except DiceError:
+            return np.full(len(self.target), np.inf)
+        return outcome_odds(poses, _turned(self.directions, matrix)).odds
 
 
 def _matrix(parameters: Floats) -> Floats:

@@ -16,6 +16,7 @@ from dicedesign.errors import InputError, LabelRoomError
 from dicedesign.fabricate.labels.glyphs import text_section
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.geometry.hulls.polygons import inscribed_circle, signed_area
+from dicedesign.geometry.sphere import rotation_between
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["Placement", "place_labels", "require_room"]
@@ -45,6 +46,14 @@ class Placement:
         """The same elsewhere, by a shift (3,) in mm."""
         frame = self.frame.copy()
         frame[:3, 3] += shift
+        return replace(self, frame=frame)
+
+    def stretched(self, matrix: Floats) -> Placement:
+        """The same on a body that was stretched a little by a symmetric matrix (3, 3)."""
+        frame = self.frame.copy()
+        normal = np.asarray(np.linalg.solve(matrix, frame[:3, 2]), dtype=np.float64)
+        frame[:3, :3] = rotation_between(self.frame[:3, 2], normal) @ frame[:3, :3]
+        frame[:3, 3] = matrix @ frame[:3, 3]
         return replace(self, frame=frame)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from manifold3d import CrossSection, Error, JoinType, Manifold, OpType
+from manifold3d import CrossSection, Error, Manifold, OpType
 
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.labels.glyphs import text_section
@@ -19,6 +19,7 @@ from dicedesign.fabricate.labels.layout import Placement
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.manifold import mesh_of, solid
+from dicedesign.geometry.sphere import angle_between
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
@@ -71,18 +72,39 @@ def _cuts(
 def _field(
     hull: ConvexHull, placement: Placement, label: CrossSection, options: EngravingOptions
 ) -> CrossSection:
-    """The facet within its border, without its label."""
+    """The facet within its border, without its label.
+
+    Along a sharp edge the border is wider, so that the fields of both sides of it do not meet
+    inside: by half its width they stay apart.
+    """
     frame = placement.frame
     facet = int(np.argmax(hull.normals @ frame[:3, 2]))
     corners = (hull.polygon(facet) - frame[:3, 3]) @ frame[:3, :2]
-    field = CrossSection([corners]).offset(-options.border_mm, JoinType.Miter)
+    edges = slice(hull.facet_start[facet], hull.facet_start[facet + 1])
+    beside = hull.normals[hull.facet[hull.twin[edges]]]
+    turns = angle_between(beside, hull.normals[facet])
+    # In the middle between two planes that meet at an angle a, a depth d is d / tan(a / 2) from
+    # the edge; the outward normals turn by what a lacks to a half turn.
+    widths = 0.5 * options.border_mm + options.depth_mm * np.tan(0.5 * turns)
+    field = CrossSection([corners])
+    for start, end, width in zip(corners, np.roll(corners, -1, axis=0), widths, strict=True):
+        field -= _band(start, end, max(float(width), options.border_mm), hull.diameter)
     if (label - field).area() > ENGRAVED_VOLUME_TOLERANCE * label.area():
         raise EngravingError(
             f"label {placement.text!r}: expected room within a border of {options.border_mm:g} mm "
-            f"on facet {facet}, got a label that reaches into it; reduce border_mm, or increase "
-            "margin or size_mm"
+            f"on facet {facet}, got a label that reaches into it; reduce border_mm or depth_mm, or "
+            "increase margin or size_mm"
         )
     return field - label
+
+
+def _band(start: Floats, end: Floats, width: float, beyond: float) -> CrossSection:
+    """A strip of a width on the left of the line from one point (2,) to another, and beyond both by
+    a length."""
+    along = (end - start) / np.linalg.norm(end - start)
+    left = width * np.array([-along[1], along[0]])
+    a, b = start - beyond * along, end + beyond * along
+    return CrossSection([np.stack([a, b, b + left, a + left])])
 
 
 def engrave(

@@ -21,8 +21,9 @@ from dicedesign.runtime.arrays import Floats
 
 __all__ = ["rounded"]
 
-TURN: Final = math.radians(12.0)
-"""Largest angle between neighbouring flat strips of a fillet."""
+TURN: Final = math.radians(11.0)
+"""Largest angle between neighbouring flat strips of a fillet: no part of the angles of the regular
+solids, so that a small change of a shape is a small change of its strips."""
 
 SAME_DIRECTION: Final = 1e-6
 """Directions nearer to each other than this, in radians, are one."""
@@ -97,14 +98,17 @@ def _inside(radius: Floats, normals: Floats, border: Floats, turn: float) -> Flo
     the corner is a top, and it is one of them.
     """
     upward = unit_vectors(radius)
-    # A corner is a top where all of its edges lead down.
-    middle = unit_vectors(normals.sum(axis=0))
-    is_top = _in_cone(upward, normals)
+    # The corner is a top where the direction to it is among those that it is the highest in.
+    tops = upward[None] if _in_cone(upward, normals) else np.empty((0, 3))
     if turn >= math.pi:
-        return upward[None] if is_top else np.empty((0, 3))
-    center = upward if is_top else middle
-    paths = [_along(center, direction, turn)[1:-1] for direction in border]
-    return np.concatenate([center[None], *paths])
+        return tops
+    middle = unit_vectors(normals.sum(axis=0))
+    paths = [_along(middle, direction, turn)[1:-1] for direction in border]
+    directions = np.concatenate([middle[None], *paths])
+    if len(tops):
+        apart = np.linalg.norm(directions - upward, axis=1) > SAME_DIRECTION
+        directions = np.concatenate([directions[apart], tops])
+    return directions
 
 
 def _in_cone(direction: Floats, normals: Floats) -> bool:

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 
 __all__ = ["engrave", "place_on_facets"]
 
+LEFT: Final = 1e-9
+"""Largest |p - q| that moving facets may leave."""
+
 CHANGED: Final = 0.05
 """Relative change of an outcome's odds by labels and edges that is told."""
 
@@ -137,9 +140,14 @@ def _make_convex(work: Work) -> None:
     work.details["balance"] = Balance(
         by, tuple(end.first.odds.tolist()), end.errors, largest_move(core, end.core)
     )
+    surface, placed = made.engraved(end.core, end.placements), made.placed(end.placements)
+    if rounds and min(end.errors) > LEFT and not work.recipe.method.thrown and by != "fill":
+        # Symmetric shapes whose corners fall apart when single facets move, and those with several
+        # facets an outcome.
+        _finish_stretched(work, surface, placed, by)
+        return
     inlay = made.inlay(end.core, end.placements) if by == "fill" else None
-    surface = made.engraved(end.core, end.placements)
-    _finish(work, surface, made.placed(end.placements), end.measured.center_of_mass, inlay)
+    _finish(work, surface, placed, end.measured.center_of_mass, inlay)
 
 
 def _measure(
@@ -165,9 +173,7 @@ def _measure(
 
 def _mark_surface(work: Work) -> None:
     """The finished object of a die that keeps the shape of a surface."""
-    from dicedesign.fabricate.balance.stretching import stretched
     from dicedesign.fabricate.solids.marks import engrave_marks
-    from dicedesign.results.record import Balance
 
     options, solid, labels = work.recipe.engrave, work.solid, work.target.labels
     assert options is not None
@@ -178,17 +184,33 @@ def _mark_surface(work: Work) -> None:
     if options.balance == "none" or work.status is not Status.CONVERGED:
         _finish(work, marked, ())
         return
-    end = stretched(marked, work.die.directions, work.target.probabilities)
-    # What is left of a linear map without its scale.
+    _finish_stretched(work, marked, (), options.balance)
+
+
+def _finish_stretched(
+    work: Work, surface: Surface, placements: Sequence[Placement], by: str
+) -> None:
+    """The object of a surface, stretched until it has the odds."""
+    from dicedesign.fabricate.balance.stretching import stretched
+    from dicedesign.results.record import Balance
+
+    center = surface.centroid
+    surface = surface.moved(surface.points - center)
+    end = stretched(surface, work.die.directions, work.target.probabilities)
+    before = work.details.get("balance")
     scales = np.linalg.eigvalsh(end.matrix)
+    moved = float(np.linalg.norm(end.surface.points - surface.points, axis=1).max())
+    if before is None:
+        before = Balance(by, tuple(end.unbalanced.tolist()), (), 0.0)
     work.details["balance"] = Balance(
-        options.balance,
-        tuple(end.unbalanced.tolist()),
-        end.errors,
-        moved_mm=float(np.linalg.norm(end.surface.points - marked.points, axis=1).max()),
-        stretch=float(scales[-1] / scales[0] - 1.0),
+        by,
+        before.unbalanced,
+        (*(before.errors or end.errors[:1]), end.errors[-1]),
+        before.moved_mm + moved,
+        float(scales[-1] / scales[0] - 1.0),
     )
-    _finish(work, end.surface, ())
+    placements = [placement.moved(-center).stretched(end.matrix) for placement in placements]
+    _finish(work, end.surface, placements)
 
 
 def _finish(

@@ -17,7 +17,7 @@ from dicedesign.report.pages.html_parts import (
     text_section,
 )
 from dicedesign.report.pages.throwing import throwing_advice, throws_told
-from dicedesign.results.record import Result
+from dicedesign.results.record import Balance, Result
 
 __all__ = ["die_page"]
 
@@ -67,6 +67,8 @@ def _sections(result: Result, images: Mapping[str, bytes]) -> Iterator[str]:
         if figure.name in images and figure.name not in hidden:
             yield figure_section(figure.title, images[figure.name], figure.caption)
     yield _odds(result)
+    if result.balance is not None:
+        yield text_section("From the shape to the object", [_balance(result, result.balance)])
     if result.displacement is None:
         yield _facets(result)
     if result.quality is not None:
@@ -91,7 +93,8 @@ def _odds(result: Result) -> str:
     for name, odds, elsewhere in (
         ("before", result.probabilities_before, result.elsewhere_before),
         (achieved, result.probabilities, result.elsewhere),
-        ("labels cut in", result.engraved_probabilities, result.engraved_elsewhere),
+        ("only engraved", None if thrown is not None else _unbalanced(result), None),
+        ("as printed", result.engraved_probabilities, result.engraved_elsewhere),
     ):
         if odds is not None:
             columns.append([name, *_percent(odds, elsewhere)])
@@ -112,6 +115,30 @@ def _odds(result: Result) -> str:
         "one outcome; elsewhere are all that belong to none."
     )
     return table_section("Odds in numbers (%)", header, rows, note)
+
+
+def _unbalanced(result: Result) -> Sequence[float] | None:
+    """Odds of the engraved die before its shape was moved; None where it was not moved."""
+    balance = result.balance
+    return None if balance is None or len(balance.errors) < 2 else balance.unbalanced
+
+
+def _balance(result: Result, balance: Balance) -> str:
+    """How labels and edges were made up for, in words."""
+    model = "" if result.thrown is None else " by the momentum model"
+    plain = f"The plain shape is off by {result.max_abs_error:.1e}. " if not model else ""
+    first = f"{plain}With its labels and edges it would be off by {balance.errors[0]:.1e}{model}."
+    if len(balance.errors) < 2:
+        return f"{first} Nothing was moved."
+    how = f"Its facets were moved by up to {balance.moved_mm:.2g} mm"
+    if balance.stretch is not None:
+        how = f"It was stretched by {100.0 * balance.stretch:.2g} %"
+    rounds = len(balance.errors) - 1
+    times = f"{rounds} round{'' if rounds == 1 else 's'}"
+    last = f"{min(balance.errors):.1e}{model}"
+    if not model and result.engraved_max_abs_error is not None:
+        last += f", and {result.engraved_max_abs_error:.1e} in the file as it was read back"
+    return f"{first} {how} in {times}, until it was off by {last}."
 
 
 def _percent(odds: Sequence[float], elsewhere: float | None) -> list[str]:
