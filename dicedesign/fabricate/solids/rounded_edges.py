@@ -45,8 +45,11 @@ def rounded(hull: ConvexHull, center: Floats, options: EdgeOptions) -> ConvexHul
     for vertex, place in enumerate(hull.vertices):
         own = outgoing[start[vertex] : start[vertex + 1]]
         border = np.concatenate([arcs[edge] for edge in own.tolist()])
-        corner_normals = hull.normals[hull.facet[own]]
-        inside = _inside(place - center, corner_normals, border, turn)
+        # A corner is a top where all its edges lead down.
+        edges = hull.vertices[hull.head[own]] - place
+        is_top = bool((edges @ (place - center) < 0.0).all())
+        tops = unit_vectors(place - center)[None] if is_top else np.empty((0, 3))
+        inside = _inside(tops, hull.normals[hull.facet[own]], border, turn)
         points.append(place + options.radius_mm * np.concatenate([border, inside]))
     return convex_hull(np.concatenate(points))
 
@@ -91,28 +94,16 @@ def _along(one: Floats, other: Floats, turn: float) -> Floats:
     return np.asarray(directions / math.sin(angle), dtype=np.float64)
 
 
-def _inside(radius: Floats, normals: Floats, border: Floats, turn: float) -> Floats:
+def _inside(tops: Floats, normals: Floats, border: Floats, turn: float) -> Floats:
     """Directions (a, 3) within the cone of a corner's normals (m, 3).
 
-    radius: (3,) of the corner; border: directions on the cone's border. Where the radius is inside,
-    the corner is a top, and it is one of them.
+    tops: (0 or 1, 3) direction among them in which the corner is the highest; border: directions on
+    the cone's border.
     """
-    upward = unit_vectors(radius)
-    # The corner is a top where the direction to it is among those that it is the highest in.
-    tops = upward[None] if _in_cone(upward, normals) else np.empty((0, 3))
     if turn >= math.pi:
         return tops
     middle = unit_vectors(normals.sum(axis=0))
     paths = [_along(middle, direction, turn)[1:-1] for direction in border]
     directions = np.concatenate([middle[None], *paths])
-    if len(tops):
-        apart = np.linalg.norm(directions - upward, axis=1) > SAME_DIRECTION
-        directions = np.concatenate([directions[apart], tops])
-    return directions
-
-
-def _in_cone(direction: Floats, normals: Floats) -> bool:
-    """Whether a direction lies in the convex cone of normals (m, 3), which run around it either
-    way."""
-    sides = np.cross(normals, np.roll(normals, -1, axis=0)) @ direction
-    return bool((sides > 0.0).all() or (sides < 0.0).all())
+    apart = np.linalg.norm(directions[:, None] - tops, axis=2) > SAME_DIRECTION
+    return np.concatenate([directions[apart.all(axis=1)], tops])

@@ -1,0 +1,102 @@
+"""Objects led to their odds: judged by the forward model on files that are read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.recipe.planning.stage import plan
+from dicedesign.recipe.planning.work import Work
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.poses import rest_poses
+from dicedesign.results.status import Status
+
+TETRAHEDRON = {"name": "four", "target": {"probabilities": [0.3, 0.25, 0.25, 0.2]}}
+
+
+def made(**entries: object) -> Work:
+    work = Work(checked_recipe({**TETRAHEDRON, **entries}), None)
+    plan(work, last="engrave")
+    return work
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {},
+        {"edges": True},
+        {"edges": {"radius_mm": 2.0, "shape": "chamfer"}},
+        {"engrave": {"style": "raised"}},
+        {"engrave": {"balance": "opposite"}},
+        {"engrave": False, "edges": True},
+        {"target": {"fair": 3}, "symmetry": "D3h", "edges": True},
+        {"target": {"fair": 6}, "symmetry": "Oh"},
+        {"target": {"fair": 8}, "symmetry": "Oh"},
+        {"target": {"fair": 12}, "symmetry": "Ih", "size_mm": 40, "edges": True},
+        {"method": "paper", "start": {"prism": {}}},
+    ],
+    ids=str,
+)
+def test_the_file_has_the_odds(entries: dict[str, object], tmp_path: Path) -> None:
+    work = made(**entries)
+    assert work.status is Status.CONVERGED, work.remarks
+    path = tmp_path / "die.stl"
+    path.write_bytes(work.files["die.stl"])
+    # By the numbers of the file and, for the center of mass, of another library.
+    judge = trimesh.load_mesh(path)
+    assert judge.is_watertight
+    poses = rest_poses(read_body(path), judge.center_mass)
+    outcomes = outcome_odds(poses, work.die.directions)
+    assert outcomes.max_abs_error(work.target.probabilities) < 1e-6
+    assert outcomes.elsewhere < 1e-9
+    balance = work.result().balance
+    assert balance.errors[0] > 1e-6 or balance.by == "opposite"
+    assert min(balance.errors) < 1e-9
+    np.testing.assert_allclose(judge.center_mass, np.zeros(3), atol=1e-5)
+
+
+def test_filled_labels_need_no_change(tmp_path: Path) -> None:
+    work = made(engrave={"balance": "fill"})
+    assert work.result().balance.moved_mm < 1e-12
+    bodies = []
+    for name in ("die.stl", "die_inlay.stl", "die_plain.stl"):
+        path = tmp_path / name
+        path.write_bytes(work.files[name])
+        bodies.append(trimesh.load_mesh(path))
+    engraved, inlay, plain = bodies
+    assert engraved.volume + inlay.volume == pytest.approx(plain.volume, rel=1e-6)
+    both = engraved.volume * engraved.center_mass + inlay.volume * inlay.center_mass
+    np.testing.assert_allclose(both / plain.volume, plain.center_mass, atol=1e-6)
+
+
+def test_unbalanced_dice_say_what_they_lack() -> None:
+    work = made(engrave={"balance": "none"})
+    balance = work.result().balance
+    assert len(balance.errors) == 1
+    assert work.engraved.verdict.max_abs_error == pytest.approx(balance.errors[0], abs=1e-6)
+    assert work.status is Status.CONVERGED
+
+
+def test_a_radius_larger_than_a_facet() -> None:
+    with pytest.raises(InputError, match=r"edges.radius_mm.*facet"):
+        made(edges={"radius_mm": 6.0}, engrave=False)
+
+
+@pytest.mark.parametrize("engrave", [{"style": "raised"}, {"balance": "fill"}])
+def test_a_surface_is_only_marked(engrave: dict[str, str]) -> None:
+    with pytest.raises(InputError, match="concave"):
+        checked_recipe(
+            {
+                "name": "x",
+                "target": {"fair": 3},
+                "start": {"shape": "knot"},
+                "method": "concave",
+                "engrave": engrave,
+            }
+        )
