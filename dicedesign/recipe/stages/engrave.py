@@ -120,7 +120,7 @@ def _make_convex(work: Work) -> None:
     """The finished object of a convex die."""
     from dicedesign.fabricate.balance.convex_object import ConvexObject
     from dicedesign.fabricate.balance.reshaping import MOST_ROUNDS, largest_move, reshaped
-    from dicedesign.results.record import Balance
+    from dicedesign.results.balance import Balance
 
     options, edges, solid = work.recipe.engrave, work.recipe.edges, work.solid
     placements: list[Placement] = []
@@ -192,7 +192,7 @@ def _finish_stretched(
 ) -> None:
     """The object of a surface, stretched until it has the odds."""
     from dicedesign.fabricate.balance.stretching import stretched
-    from dicedesign.results.record import Balance
+    from dicedesign.results.balance import Balance
 
     center = surface.centroid
     surface = surface.moved(surface.points - center)

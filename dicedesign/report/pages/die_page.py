@@ -17,7 +17,8 @@ from dicedesign.report.pages.html_parts import (
     text_section,
 )
 from dicedesign.report.pages.throwing import throwing_advice, throws_told
-from dicedesign.results.record import Balance, Result
+from dicedesign.results.balance import Balance
+from dicedesign.results.record import Result
 
 __all__ = ["die_page"]
 
