@@ -69,7 +69,7 @@ def test_a_concave_die_is_plain_unless_marks_are_asked_for(method: object, tmp_p
     assert plain.resolved()["engrave"] is False
     marked = read(tmp_path, {**CONCAVE, "method": method, "engrave": True})
     assert marked.engrave == EngravingOptions()
-    assert read(tmp_path, {**CONCAVE, "method": method, "engrave": {"margin": 0.2}}).engrave
+    assert read(tmp_path, {**CONCAVE, "method": method, "engrave": {"margin_mm": 0.2}}).engrave
     for recipe in (plain, marked):
         assert read(tmp_path, recipe.resolved()) == recipe
     assert read(tmp_path, GOOD).engrave == EngravingOptions()

@@ -12,7 +12,6 @@ from itertools import combinations
 from manifold3d import Error, Manifold, OpType
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.labels.glyphs import text_section
 from dicedesign.fabricate.labels.layout import Placement
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.geometry.manifold import mesh_of, solid
@@ -41,7 +40,7 @@ class Cut:
 
 def _pocket(placement: Placement, depth: float) -> Cut:
     """The cut of one label into its facet's plane."""
-    section = text_section(placement.text).scale((placement.height, placement.height))
+    section = placement.section()
     # It reaches as far above the facet as below, so that no face of it lies in the facet.
     cutter = section.extrude(2 * depth).translate((0.0, 0.0, -depth))
     return Cut(placement.text, cutter.transform(placement.frame[:3]), section.area() * depth)
@@ -86,7 +85,7 @@ def cut_out(plain: Manifold, cuts: Sequence[Cut], options: EngravingOptions) -> 
     if failure:
         raise EngravingError(
             f"engraved solid: {failure}; {_culprits(plain, cuts)}: reduce depth_mm "
-            f"(now {options.depth_mm:g}) or increase size_mm or margin"
+            f"(now {options.depth_mm:g}) or increase size_mm or margin_mm"
         )
     return Surface(*mesh_of(body))
 
