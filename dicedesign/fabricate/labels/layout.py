@@ -58,12 +58,17 @@ class Placement:
     facet: int
     growth: float = 0.0
 
+    @property
+    def where(self) -> str:
+        """The label and its facet, as messages call them."""
+        return f"{self.text!r} on facet {self.facet}"
+
     def section(self) -> CrossSection:
         """The label in the plane of its facet, in mm about the origin of the frame.
 
         Raises EngravingError where its strokes cannot be as wide as asked for.
         """
-        return self.art.cut(self.height, self.growth, f"label {self.text!r} on facet {self.facet}")
+        return self.art.cut(self.height, self.growth, f"label {self.where}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -100,10 +100,16 @@ def transform(text: str) -> Floats:
         raise ValueError(repr(text[:60]))
     for name, values in _CALL.findall(text):
         try:
-            step = _TRANSFORMS[name](*map(float, re.split(r"[\s,]+", values.strip())))
+            numbers = [float(value) for value in re.split(r"[\s,]+", values.strip())]
+            step = _TRANSFORMS[name](*numbers)
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(repr(text[:60])) from error
+        _check_size(step, text)
         matrix = matrix @ step
+        _check_size(matrix, text)
+    return matrix
+
+
+def _check_size(matrix: Floats, text: str) -> None:
     if not (np.isfinite(matrix).all() and np.abs(matrix).max() <= LARGEST):
         raise ValueError(repr(text[:60]))
-    return matrix

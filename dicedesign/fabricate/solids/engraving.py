@@ -28,12 +28,12 @@ class Cut:
 
     Attributes
     ----------
-    text: the label.
+    where: the label and what it is on, as messages call it.
     cutter: solid to subtract.
     volume: of that part of it that lies in the body, in mm3, where it is as it should be.
     """
 
-    text: str
+    where: str
     cutter: Manifold
     volume: float
 
@@ -43,7 +43,7 @@ def _pocket(placement: Placement, depth: float) -> Cut:
     section = placement.section()
     # It reaches as far above the facet as below, so that no face of it lies in the facet.
     cutter = section.extrude(2 * depth).translate((0.0, 0.0, -depth))
-    return Cut(placement.text, cutter.transform(placement.frame[:3]), section.area() * depth)
+    return Cut(placement.where, cutter.transform(placement.frame[:3]), section.area() * depth)
 
 
 def engrave(
@@ -117,5 +117,5 @@ def _culprits(plain: Manifold, cuts: Sequence[Cut]) -> str:
     for (first, a), (second, b) in combinations(enumerate(cuts), 2):
         if (a.cutter ^ b.cutter ^ plain).volume() > 0.0:
             involved |= {first, second}
-    labels = ", ".join(repr(cuts[index].text) for index in sorted(involved)) or "some labels"
+    labels = ", ".join(cuts[index].where for index in sorted(involved)) or "some labels"
     return f"pockets meet, or break through another facet, at {labels}"

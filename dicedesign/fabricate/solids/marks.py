@@ -228,4 +228,4 @@ def _cut(side: UpperSide, mark: Mark, middle: Floats, options: EngravingOptions)
     if abs(cutter.volume() - whole) > ENGRAVED_VOLUME_TOLERANCE * whole:
         return None
     back = np.column_stack([side.turn.T, np.zeros(3)])
-    return Cut(mark.text, cutter.transform(back), section.area() * depth)
+    return Cut(repr(mark.text), cutter.transform(back), section.area() * depth)
