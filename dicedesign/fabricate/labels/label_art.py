@@ -12,13 +12,13 @@ from manifold3d import CrossSection
 
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.labels.ambiguity import marked, reads_upside_down
-from dicedesign.fabricate.labels.glyphs import text_section
+from dicedesign.fabricate.labels.glyphs import line_breaks, text_section
 from dicedesign.fabricate.labels.icons import icon_section
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.labels.pips import pips_section
 from dicedesign.fabricate.labels.sections import grown, holes_and_parts, stroke_growth
 
-__all__ = ["LabelArt", "label_art", "require_art"]
+__all__ = ["LabelArt", "label_arts", "require_art"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +64,10 @@ class LabelArt:
         return wider
 
 
-def label_art(text: str, options: EngravingOptions) -> LabelArt:
-    """The art of a label by the options: its icon where it has one, else pips or text, with a mark
-    where it is another number upside down.
+def label_arts(text: str, options: EngravingOptions) -> list[LabelArt]:
+    """The arts that a label may have by the options: its icon where it has one, else pips or text,
+    with a mark where it is another number upside down; text with spaces in one line, in two and so
+    on.
 
     Raises
     ------
@@ -74,13 +75,16 @@ def label_art(text: str, options: EngravingOptions) -> LabelArt:
     EngravingError: the label cannot be drawn.
     """
     if text in options.icons:
-        section = icon_section(options.icons[text], text)
-    elif options.content == "pips":
-        return LabelArt(pips_section(text), (0.0, 0.0, 1.0, 1.0))
-    else:
-        section = text_section(text, options.font)
-        if reads_upside_down(text):
-            section = marked(section, options.ambiguous)
+        return [_within_bounds(icon_section(options.icons[text], text))]
+    if options.content == "pips":
+        return [LabelArt(pips_section(text), (0.0, 0.0, 1.0, 1.0))]
+    if reads_upside_down(text):
+        return [_within_bounds(marked(text_section(text, options.font), options.ambiguous))]
+    broken = line_breaks(text, options.font)
+    return [_within_bounds(text_section(lines, options.font)) for lines in broken]
+
+
+def _within_bounds(section: CrossSection) -> LabelArt:
     left, bottom, right, top = section.bounds()
     return LabelArt(section, (left, bottom, right, top))
 
@@ -88,4 +92,4 @@ def label_art(text: str, options: EngravingOptions) -> LabelArt:
 def require_art(labels: Iterable[str], options: EngravingOptions) -> None:
     """Raise InputError where the art of a label cannot be made."""
     for label in labels:
-        label_art(label, options)
+        label_arts(label, options)

@@ -14,7 +14,7 @@ import numpy as np
 from manifold3d import CrossSection
 
 from dicedesign.errors import InputError, LabelRoomError
-from dicedesign.fabricate.labels.label_art import LabelArt, label_art
+from dicedesign.fabricate.labels.label_art import LabelArt, label_arts
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.geometry.hulls.polygons import inscribed_box, signed_area
 from dicedesign.runtime.arrays import Floats
@@ -84,8 +84,15 @@ class _Fit:
     needed: float
 
 
-def _fit(text: str, polygon: Floats, normal: Floats, facet: int, options: EngravingOptions) -> _Fit:
-    """The label as large as it fits."""
+def _fit(
+    text: str,
+    polygon: Floats,
+    normal: Floats,
+    facet: int,
+    options: EngravingOptions,
+    margins: float | Floats,
+) -> _Fit:
+    """The label as large as it fits, in any number of lines and of any upright that it may have."""
     polygon = np.asarray(polygon, dtype=np.float64)
     outward = np.asarray(normal, dtype=np.float64)
     if polygon.ndim != 2 or polygon.shape[1] != 3 or outward.shape != (3,) or not outward.any():
@@ -94,10 +101,11 @@ def _fit(text: str, polygon: Floats, normal: Floats, facet: int, options: Engrav
             f"not zero, got shape {polygon.shape} and normal {outward.tolist()}; correct them"
         )
     outward = outward / np.linalg.norm(outward)
-    art = label_art(text, options)
+    arts = label_arts(text, options)
     fits = [
-        _fit_along(text, art, polygon, right, outward, facet, options)
+        _fit_along(text, art, polygon, right, outward, facet, options, margins)
         for right in _rights(polygon, outward, options)
+        for art in arts
     ]
     best = fits[0]
     for fit in fits[1:]:
@@ -132,6 +140,7 @@ def _fit_along(
     outward: Floats,
     facet: int,
     options: EngravingOptions,
+    margins: float | Floats,
 ) -> _Fit:
     """The label as large as it fits with a direction to its right."""
     up = np.cross(outward, right)
@@ -148,7 +157,7 @@ def _fit_along(
         center, height = inscribed_box(
             flat,
             art.size,
-            margin=options.margin_mm + growth,
+            margin=margins + growth,
             slack=CENTERING,
             least=least,
             most=most,
@@ -162,7 +171,7 @@ def _fit_along(
     needed = 0.0
     if height < least:
         # A facet as many times as large has room for digits of the least height and the margin.
-        rim = options.margin_mm + 0.5 * options.stroke_mm
+        rim = margins + 0.5 * options.stroke_mm
         needed = 1.0 / inscribed_box(flat, (width * least, tall * least), rim=rim)[1]
     left, bottom, far_right, top = art.box
     start = center - 0.5 * height * np.array([left + far_right, bottom + top])
@@ -179,11 +188,12 @@ def place_labels(
     facets: Sequence[int],
     options: EngravingOptions,
     size_mm: float,
+    margins: Sequence[Floats] | None = None,
 ) -> list[Placement]:
     """Place labels on their facets, each as large as fits.
 
     A label's bounding box, the mark of an ambiguous one included, is nearly the largest upright
-    rectangle of its proportions that keeps the margin from the edges of the facet, and nearly in
+    rectangle of its proportions that keeps the margins from the edges of the facet, and nearly in
     the middle.
 
     Parameters
@@ -195,6 +205,8 @@ def place_labels(
     facets: k indices of the facets, for messages and placements.
     options: looks, sizes, upright and margin.
     size_mm: present largest distance between two vertices of the die, above 0.
+    margins: k arrays (m,) of distances in mm from the edges of a polygon, each from a corner to the
+        next, such as `edge_margins` gives; by default `options.margin_mm` from all.
 
     Returns
     -------
@@ -216,9 +228,14 @@ def place_labels(
         )
     if not (math.isfinite(size_mm) and size_mm > 0):
         raise InputError(f"size_mm: expected a finite number above 0, got {size_mm}; correct it")
+    kept: Sequence[float | Floats] = [options.margin_mm] * len(texts)
+    if margins is not None:
+        kept = margins
     fits = [
-        _fit(text, polygon, normal, facet, options)
-        for text, polygon, normal, facet in zip(texts, polygons, normals, facets, strict=True)
+        _fit(text, polygon, normal, facet, options, margin)
+        for text, polygon, normal, facet, margin in zip(
+            texts, polygons, normals, facets, kept, strict=True
+        )
     ]
     require_room(
         [fit.placement.height for fit in fits],

@@ -20,7 +20,8 @@ FONT_FILES: Final = (".ttf", ".otf", ".ttc")
 
 Content = Literal["text", "pips"]
 Ambiguous = Literal["bar", "dot", "none"]
-Upright = Literal["edge", "largest"]
+
+UPRIGHTS: Final = ("edge", "largest")
 
 
 def is_font_file(font: str) -> bool:
@@ -40,7 +41,8 @@ class EngravingOptions:
     depth_mm: float = 0.6
     """Depth of the pockets below the facet, above 0. It does not scale with the die."""
     margin_mm: float = 0.5
-    """Distance that labels keep from the edges of their facet, at least 0."""
+    """Distance that labels keep from the edges of their facet, at least 0; pockets keep more from
+    sharp edges, so that they do not meet."""
     min_height_mm: float = 2.5
     """Smallest legible digit height, above 0."""
     max_height_mm: float = 8.0
@@ -56,7 +58,7 @@ class EngravingOptions:
     font: str = BUNDLED_FONT
     """The bundled font, the family of an installed one, of which the bold face is taken, or the
     path of a .ttf or .otf file, relative to the recipe."""
-    upright: Upright | tuple[float, float, float] = "edge"
+    upright: str | list[float] | tuple[float, ...] = "edge"
     """Up on the label: away from the longest edge of the facet ("edge"), from that edge which
     leaves most room ("largest"), or toward a direction [x, y, z] in the coordinates of
     die_plain.stl."""
@@ -98,15 +100,17 @@ class EngravingOptions:
     def _check_upright(self) -> None:
         given: Any = self.upright
         if isinstance(given, str):
-            fits = given in get_args(Upright)
+            fits = given in UPRIGHTS
         else:
-            fits = isinstance(given, tuple) and len(given) == 3 and all(map(_is_finite, given))
-            fits = fits and any(given)
+            fits = isinstance(given, list | tuple) and len(given) == 3
+            fits = fits and all(map(_is_finite, given)) and any(given)
         if not fits:
             raise InputError(
-                f"upright: expected {' or '.join(get_args(Upright))}, or a direction of three "
+                f"upright: expected {' or '.join(UPRIGHTS)}, or a direction of three "
                 f"finite numbers that are not all 0, got {given!r}; correct it"
             )
+        if not isinstance(given, str):
+            object.__setattr__(self, "upright", tuple(map(float, given)))
 
 
 def _is_finite(value: object) -> bool:

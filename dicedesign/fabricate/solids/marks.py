@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import EngravingError, InputError
-from dicedesign.fabricate.labels.label_art import LabelArt, label_art
+from dicedesign.fabricate.labels.label_art import LabelArt, label_arts
 from dicedesign.fabricate.labels.layout import require_room
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.solids.engraving import Cut, cut_out
@@ -128,7 +128,8 @@ def _fit(
     side: UpperSide, text: str, others: Sequence[Mark], options: EngravingOptions
 ) -> tuple[Mark, Cut]:
     """The best mark of a label and its cut; it is too small to read where nothing else fits."""
-    art = label_art(text, options)
+    # Of several lines, the shape that is nearest to a square.
+    art = min(label_arts(text, options), key=lambda each: math.hypot(*each.size))
     for legible in (True, False):
         places = _places(side, art, others, options, legible)
         for middle, height in places:

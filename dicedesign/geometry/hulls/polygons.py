@@ -85,8 +85,8 @@ def inscribed_box(
     polygon: Floats,
     size: tuple[float, float],
     *,
-    margin: float = 0.0,
-    rim: float = 0.0,
+    margin: float | Floats = 0.0,
+    rim: float | Floats = 0.0,
     slack: float = 0.0,
     least: float = 0.0,
     most: float = math.inf,
@@ -98,8 +98,9 @@ def inscribed_box(
     ----------
     polygon: (m, 2) corners in order, either way around.
     size: width and height of the rectangle of factor 1, at least 0 and not both 0.
-    margin: distance of the rectangle from the polygon's edges, at least 0.
-    rim: such a distance for the rectangle of factor 1, which grows with the factor.
+    margin: distance of the rectangle from the polygon's edges, at least 0; one, or (m,) for the
+        edges from each corner to the next.
+    rim: such distances for the rectangle of factor 1, which grow with the factor.
     slack: in [0, 1), the part of the largest factor that may be given up to come nearer to the
         centroid, but for which a factor stays at `least` where it can.
     most: factor that none exceeds, at least `least`; what is left is room to come nearer to it.
@@ -114,8 +115,9 @@ def inscribed_box(
     """
     sides = _Sides(polygon)
     unit = sides.scale / max(size)
-    reach = np.abs(sides.outward) @ (0.5 * np.asarray(size) / max(size)) + rim / max(size)
-    offsets = sides.offsets - margin / sides.scale
+    reach = np.abs(sides.outward) @ (0.5 * np.asarray(size) / max(size))
+    reach += sides.of_edges(rim) / max(size)
+    offsets = sides.offsets - sides.of_edges(margin) / sides.scale
     widest = sides.largest(reach, offsets)
     if widest is None or widest[2] <= 0.0:
         return sides.middle, 0.0
@@ -153,10 +155,15 @@ class _Sides:
         corners = (polygon - self.middle) / self.scale
         edges = np.roll(corners, -1, axis=0) - corners
         lengths = np.linalg.norm(edges, axis=1)
-        corners, edges, lengths = corners[lengths > 0], edges[lengths > 0], lengths[lengths > 0]
+        self.edges = lengths > 0
+        corners, edges, lengths = corners[self.edges], edges[self.edges], lengths[self.edges]
         self.outward = np.sign(area) * np.column_stack([edges[:, 1], -edges[:, 0]])
         self.outward /= lengths[:, None]
         self.offsets = np.einsum("ij,ij->i", self.outward, corners)
+
+    def of_edges(self, values: float | Floats) -> Floats:
+        """Values for all edges, or each, of those that have a length."""
+        return np.broadcast_to(values, self.edges.shape)[self.edges]
 
     def largest(self, reach: Floats, offsets: Floats) -> Floats | None:
         """Center and factor (3,) of the largest shape that reaches `factor * reach` (m,) beyond its

@@ -56,6 +56,7 @@ def place_on_facets(
 
     Raises EngravingError where a label has no facet or does not fit on it.
     """
+    from dicedesign.fabricate.labels.edge_margins import edge_margins
     from dicedesign.fabricate.labels.layout import place_labels
 
     hull, main = solid.poses.hull, solid.outcomes.main
@@ -68,6 +69,7 @@ def place_on_facets(
         facets,
         options,
         hull.diameter,
+        [edge_margins(hull, facet, options) for facet in facets],
     )
 
 

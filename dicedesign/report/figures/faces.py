@@ -175,7 +175,7 @@ def _titles(die: FinishedDie) -> dict[int, str]:
     for facet, outcome, odds in zip(
         poses.facets.tolist(), outcomes, poses.probabilities.tolist(), strict=True
     ):
-        label = "other" if outcome < 0 else die.result.labels[outcome].replace("\n", " ")
+        label = "other" if outcome < 0 else die.result.labels[outcome]
         titles[facet] = f"{label}: {_percent(odds)}"
     return titles
 

@@ -6,7 +6,7 @@ import pytest
 
 from dicedesign.fabricate.labels.ambiguity import marked, reads_upside_down
 from dicedesign.fabricate.labels.glyphs import text_section
-from dicedesign.fabricate.labels.label_art import label_art
+from dicedesign.fabricate.labels.label_art import label_arts
 from dicedesign.fabricate.labels.options import EngravingOptions
 
 
@@ -44,7 +44,7 @@ def test_an_ambiguous_label_has_a_bar_beneath_as_wide_as_the_text(text: str) -> 
     plain = text_section(text)
     left, bottom, right, _ = plain.bounds()
     *_, (x0, y0, x1, y1) = sorted(
-        (part.bounds() for part in label_art(text, EngravingOptions()).section.decompose()),
+        (part.bounds() for part in label_arts(text, EngravingOptions())[0].section.decompose()),
         key=lambda bounds: -bounds[1],
     )
     assert y1 < bottom
@@ -54,7 +54,7 @@ def test_an_ambiguous_label_has_a_bar_beneath_as_wide_as_the_text(text: str) -> 
 
 def test_a_dot_follows_the_number_on_its_baseline() -> None:
     options = EngravingOptions(ambiguous="dot")
-    plain, dotted = text_section("9"), label_art("9", options).section
+    plain, dotted = text_section("9"), label_arts("9", options)[0].section
     dot = max(dotted.decompose(), key=lambda part: part.bounds()[0])
     left, bottom, right, top = dot.bounds()
     assert left > plain.bounds()[2]
@@ -67,9 +67,9 @@ def test_a_dot_follows_the_number_on_its_baseline() -> None:
 @pytest.mark.parametrize("mark", ["bar", "dot", "none"])
 def test_other_labels_are_not_marked(text: str, mark: str) -> None:
     options = EngravingOptions(ambiguous=mark)
-    assert label_art(text, options).section.area() == text_section(text).area()
+    assert label_arts(text, options)[0].section.area() == text_section(text).area()
 
 
 def test_none_leaves_ambiguous_labels_alone() -> None:
-    art = label_art("6", EngravingOptions(ambiguous="none"))
+    art = label_arts("6", EngravingOptions(ambiguous="none"))[0]
     assert art.section.area() == text_section("6").area()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
@@ -13,7 +14,12 @@ from fontTools.ttLib import TTFont
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.labels.flattening import CHORD_TOLERANCE
 from dicedesign.fabricate.labels.fonts import _bundled
-from dicedesign.fabricate.labels.glyphs import LINE_SPACING, text_contours, text_section
+from dicedesign.fabricate.labels.glyphs import (
+    LINE_SPACING,
+    line_breaks,
+    text_contours,
+    text_section,
+)
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +112,27 @@ def test_lines_are_centred_one_below_the_other() -> None:
     digit = text_contours("11")[1][:, 0].min() - text_contours("1")[0][:, 0].min()
     assert x0 == pytest.approx(start + 0.5 * digit, abs=1e-6)
     assert right - left < 2 * digit
+
+
+def test_lines_are_broken_at_spaces_where_the_widest_is_narrowest() -> None:
+    """Against all ways to break, by the bounds of what is drawn."""
+    words = ["a", "critical", "hit", "or", "a", "miss"]
+    broken = list(line_breaks(" ".join(words)))
+    assert [text.count("\n") for text in broken] == [0, 1, 2, 3]
+    assert all(text.replace("\n", " ").split(" ") == words for text in broken)
+    for count, text in enumerate(broken):
+        widths = []
+        for breaks in combinations(range(1, len(words)), count):
+            ends = [0, *breaks, len(words)]
+            lines = [" ".join(words[i:j]) for i, j in pairwise(ends)]
+            widths.append(max(text_section(line).bounds()[2] for line in lines))
+        widest = max(text_section(line).bounds()[2] for line in text.split("\n"))
+        assert widest == pytest.approx(min(widths), abs=0.1)
+
+
+@pytest.mark.parametrize("text", ["word", "12", "no\N{NO-BREAK SPACE}break"])
+def test_a_text_without_spaces_stays_in_its_line(text: str) -> None:
+    assert list(line_breaks(text)) == [text]
 
 
 def test_text_from_right_to_left_runs_that_way() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.labels.icons import icon_section
-from dicedesign.fabricate.labels.label_art import label_art
+from dicedesign.fabricate.labels.label_art import label_arts
 from dicedesign.fabricate.labels.options import EngravingOptions
 
 
@@ -88,10 +88,9 @@ def test_an_editor_s_doctype_without_entities_is_taken(tmp_path: Path) -> None:
 def test_an_icon_takes_the_place_of_its_label_alone(tmp_path: Path) -> None:
     path = written(tmp_path, '<rect width="5" height="5"/>')
     options = EngravingOptions(icons={"6": path})
-    assert label_art("6", options).section.area() == pytest.approx(1.0)
-    assert (
-        label_art("9", options).section.area() == label_art("9", EngravingOptions()).section.area()
-    )
+    assert label_arts("6", options)[0].section.area() == pytest.approx(1.0)
+    (other,), (plain,) = (label_arts("9", each) for each in (options, EngravingOptions()))
+    assert other.section.area() == plain.section.area()
 
 
 BAD = [
@@ -145,7 +144,7 @@ def test_entities_are_neither_replaced_nor_looked_up(tmp_path: Path) -> None:
     ):
         content = '<desc>&a;</desc><circle r="5"/>'
         path = written(tmp_path, content, before=f"<!DOCTYPE svg [{entity}]>")
-        with pytest.raises(InputError, match="no entities|no XML"):
+        with pytest.raises(InputError, match=r"no entities|no XML"):
             icon_section(path, "x")
 
 

@@ -13,6 +13,8 @@ from dicedesign.fabricate.labels.options import EngravingOptions
 
 OPTIONS = EngravingOptions()
 
+ONE_LINE = "big\N{NO-BREAK SPACE}hit"
+
 
 def on_body(placement) -> np.ndarray:
     flat = np.concatenate([np.asarray(part) for part in placement.section().to_polygons()])
@@ -101,10 +103,23 @@ def test_the_largest_label_of_all_edges_is_at_least_that_of_the_longest():
     heights = {}
     for upright in ("edge", "largest"):
         options = EngravingOptions(upright=upright, min_height_mm=0.5, max_height_mm=20.0)
-        (placement,) = place_labels(["7\n7\n7"], *arguments, options, 12.6)
+        (placement,) = place_labels(["1"], *arguments, options, 12.6)
         heights[upright] = placement.height
         assert abs(placement.frame[0, 0]) == pytest.approx(float(upright == "edge"))
-    assert heights["largest"] > 2.0 * heights["edge"]
+    assert heights["largest"] > 1.3 * heights["edge"]
+
+
+def test_words_take_as_many_lines_as_make_them_largest():
+    """In a square two lines, in a long rectangle one."""
+    options = EngravingOptions(max_height_mm=20.0, min_height_mm=0.5)
+    heights = {}
+    for shape in ((8.0, 8.0), (30.0, 3.0)):
+        corners = 0.5 * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) * (*shape, 1)
+        for text in ("big hit", ONE_LINE):
+            (label,) = place_labels([text], [corners], [np.array([0, 0, 1.0])], [0], options, 40.0)
+            heights[shape, text] = label.height
+    assert heights[(8.0, 8.0), "big hit"] > 1.2 * heights[(8.0, 8.0), ONE_LINE]
+    assert heights[(30.0, 3.0), "big hit"] == pytest.approx(heights[(30.0, 3.0), ONE_LINE])
 
 
 def test_pips_are_as_large_on_facets_of_one_size():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.labels.label_art import label_art
+from dicedesign.fabricate.labels.label_art import label_arts
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.labels.pips import MOST_PIPS, pip_places, pips_section
 
@@ -43,7 +43,7 @@ def test_pips_are_apart(number: int) -> None:
 
 def test_pips_of_ordinary_dice_are_equal_and_fill_one_square() -> None:
     options = EngravingOptions(content="pips")
-    assert {label_art(str(n), options).box for n in range(1, 10)} == {(0.0, 0.0, 1.0, 1.0)}
+    assert {label_arts(str(n), options)[0].box for n in range(1, 10)} == {(0.0, 0.0, 1.0, 1.0)}
     assert len({pip_places(n)[1] for n in range(1, 10)}) == 1
 
 
