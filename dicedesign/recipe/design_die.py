@@ -122,7 +122,7 @@ class Die:
     def engrave(self, **options: Any) -> Die:
         """Cut the labels in, anew if they were; the die itself is returned.
 
-        options: `depth_mm`, `margin`, `min_height_mm`, `max_height_mm` as in a recipe's `engrave`.
+        options: such as `depth_mm`, `font` or `content`, as in a recipe's `engrave`.
 
         Raises InputError for options that cannot be used, and EngravingError where a label does not
         fit.

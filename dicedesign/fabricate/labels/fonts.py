@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from dicedesign.errors import EngravingError, InputError
+from dicedesign.errors import EngravingError, InputError, named
 from dicedesign.fabricate.labels.flattening import CHORD_TOLERANCE, PolylinePen
 from dicedesign.fabricate.labels.options import BUNDLED_FONT, is_font_file
 from dicedesign.runtime.arrays import Floats
@@ -100,16 +100,17 @@ def open_font(name: str) -> Font:
     ------
     InputError: there is no such font, or the file is none.
     """
-    if is_font_file(name):
-        path = Path(name)
-    else:
-        path = _bundled() if name == BUNDLED_FONT else _installed(name)
-    try:
-        status = os.stat(path)
-        stamp = (status.st_mtime_ns, status.st_size)
-    except (OSError, ValueError):
-        stamp = (0, 0)  # reading it says why
-    return _read(name, path, stamp)
+    with named("engrave.font"):
+        if is_font_file(name):
+            path = Path(name)
+        else:
+            path = _bundled() if name == BUNDLED_FONT else _installed(name)
+        try:
+            status = os.stat(path)
+            stamp = (status.st_mtime_ns, status.st_size)
+        except (OSError, ValueError):
+            stamp = (0, 0)  # reading it says why
+        return _read(name, path, stamp)
 
 
 @cache
@@ -118,8 +119,8 @@ def _bundled() -> Path:
     folders = spec.submodule_search_locations if spec else None
     path = Path(folders[0], BUNDLED_FILE) if folders else BUNDLED_FILE
     if not path.is_file():
-        raise EngravingError(
-            f"label font: expected {path} in the installed package matplotlib, got no such file; "
+        raise InputError(
+            f"expected {path} in the installed package matplotlib, got no such file; "
             "reinstall matplotlib from its wheel"
         )
     return path
@@ -137,7 +138,7 @@ def _installed(family: str) -> Path:
         close = difflib.get_close_matches(family.lower(), list(known), n=3, cutoff=0.5)
         like = f", such as {', '.join(known[name] for name in close)}" if close else ""
         raise InputError(
-            f"engrave.font: expected the family of an installed font{like}, or the path of a .ttf "
+            f"expected the family of an installed font{like}, or the path of a .ttf "
             f"or .otf file, got {family!r}; install it or name another, such as {BUNDLED_FONT!r}"
         )
     wanted = font_manager.FontProperties(family=[known[family.lower()]], weight="bold")
@@ -155,7 +156,7 @@ def _read(name: str, path: Path, stamp: tuple[int, int]) -> Font:
     if face.glyph_count == 0 or face.upem == 0 or not outlines:
         raise InputError(
             f"{path}: expected a TTF or OTF font with outlines, got a file of {len(data)} bytes "
-            "with none that can be read; convert it, or name another engrave.font"
+            "with none that can be read; convert it, or name another font"
         )
     font = uharfbuzz.Font(face)
     return Font(name, _digit_height(font, face.upem), font)

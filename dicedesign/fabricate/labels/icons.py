@@ -15,7 +15,7 @@ from typing import Any, Final, NoReturn, TypeAlias
 import numpy as np
 from manifold3d import CrossSection
 
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, named
 from dicedesign.fabricate.labels.flattening import CHORD_TOLERANCE, PolylinePen
 from dicedesign.fabricate.labels.sections import even_odd, non_zero
 from dicedesign.fabricate.labels.svg_geometry import OUTLINES, transform
@@ -70,7 +70,8 @@ def icon_section(path: str, label: str) -> CrossSection:
     InputError: the file cannot be read, is no SVG of at most `MOST_BYTES`, has scripts, entities,
         references, text, pictures or whatever else is neither path nor shape, or shows nothing.
     """
-    data = read_file(Path(path), "an SVG file", most=MOST_BYTES)
+    with named(f"icon of label {label!r}"):
+        data = read_file(Path(path), "an SVG file", most=MOST_BYTES)
     reader = _Reader(f"icon of label {label!r}: {path}")
     shapes = list(reader.shapes(reader.root(data)))
     if not shapes:

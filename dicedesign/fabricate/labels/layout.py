@@ -278,6 +278,6 @@ def require_room(
         f"{label}: expected room on {place} for digits of at least min_height_mm = "
         f"{options.min_height_mm:g}, got {heights[worst]:.2f} mm{more} ({len(small)} of "
         f"{len(heights)} {label.split()[0]}s are too small at size_mm = {size_mm:g}); use size_mm "
-        f"= {size:.1f} or more, or a shorter label, a smaller margin_mm or a smaller min_height_mm",
+        f"= {size:.1f} or more, or a shorter label, a smaller margin_mm, depth_mm or min_height_mm",
         size,
     )
