@@ -205,9 +205,10 @@ def _digit_heights(options: EngravingOptions, legible: bool, smallest: float) ->
 def _room(
     art: LabelArt, height: float, growth: float, options: EngravingOptions
 ) -> tuple[float, float]:
-    """Width and height of a label of a digit height and of what it keeps free around it."""
+    """Width and height of a label of a digit height and of what it keeps free around it: the
+    margin, or for one too small to read what the margin would be on a die as large as it needs."""
     width, tall = art.size
-    rim = 2.0 * (growth + options.margin_mm)
+    rim = 2.0 * (growth + options.margin_mm * min(1.0, height / options.min_height_mm))
     return height * width + rim, height * tall + rim
 
 
