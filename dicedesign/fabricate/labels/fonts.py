@@ -30,6 +30,8 @@ BUNDLED_FILE: Final = Path("mpl-data", "fonts", "ttf", "DejaVuSans-Bold.ttf")
 MOST_BYTES: Final = 1 << 26
 """Of a font file: 64 MiB."""
 
+OUTLINE_TABLES: Final = ("glyf", "CFF ", "CFF2")
+
 UNIT_LETTERS: Final = "1H"
 """The first of these that a font has is a digit height tall."""
 
@@ -152,7 +154,7 @@ def _read(name: str, path: Path, stamp: tuple[int, int]) -> Font:
 
     data = read_file(path, "a TTF or OTF font", most=MOST_BYTES)
     face = uharfbuzz.Face(uharfbuzz.Blob(data), 0)
-    outlines = {"glyf", "CFF ", "CFF2"} & set(face.table_tags)
+    outlines = any(len(face.reference_table(tag)) > 0 for tag in OUTLINE_TABLES)
     if face.glyph_count == 0 or face.upem == 0 or not outlines:
         raise InputError(
             f"{path}: expected a TTF or OTF font with outlines, got a file of {len(data)} bytes "

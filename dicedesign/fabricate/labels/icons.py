@@ -229,12 +229,16 @@ class _Reader:
             self.refuse(f"an outline of <{name}>", repr(error)[:80], "export it again")
         strokes = []
         for command, points in pen.value:
-            flat = np.array(points, dtype=np.float64).reshape(-1, 2)
-            flat = (flat @ matrix[:2, :2].T + matrix[:2, 2]) * (1.0, -1.0)
-            if not (np.isfinite(flat).all() and (abs(flat) < MOST_COORDINATE).all()):
-                self.refuse(f"coordinates below {MOST_COORDINATE:g}", "larger ones", "scale it")
+            plain = np.array(points, dtype=np.float64).reshape(-1, 2)
+            self._check_range(plain)
+            flat = (plain @ matrix[:2, :2].T + matrix[:2, 2]) * (1.0, -1.0)
+            self._check_range(flat)
             strokes.append((command, flat))
         return strokes
+
+    def _check_range(self, points: Floats) -> None:
+        if not (np.abs(points) < MOST_COORDINATE).all():
+            self.refuse(f"coordinates below {MOST_COORDINATE:g}", "others", "scale the picture")
 
 
 def _hidden(style: Style) -> bool:

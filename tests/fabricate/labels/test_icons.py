@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import random
 from pathlib import Path
 
 import pytest
@@ -170,3 +172,40 @@ def test_a_file_that_is_no_svg_is_refused(tmp_path: Path, content: bytes, messag
 def test_an_icon_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         icon_section(str(tmp_path / "none.svg"), "x")
+
+
+PICTURE = (
+    '<g transform="translate(0 2) rotate(9 3 3)"><path d="M32 2C17 2 8 12 8 26q3 4 9 17v9a5 5 0 0 1'
+    ' 5 5h20zm3 9l4 4-9 2z" fill-rule="evenodd"/><circle cx="22" cy="27" r="6" fill="#fff"/>'
+    '<rect x="1" y="2" width="9" height="9" rx="2" style="fill:black"/></g>'
+)
+
+PIECES = [b"1e308", b"-", b"nan", b"a0 0 0 0 0 0 0", b"z", b"M", b"<g>", b"99999999", b"\xff"]
+PIECES += [
+    b'transform="scale(0)"',
+    b'transform="matrix(1e5 0 0 1e5 0 0)"',
+    b"1e-320",
+    b"Q",
+    b"&#0;",
+]
+
+
+def test_damaged_files_give_an_icon_or_an_error_of_ours(tmp_path: Path) -> None:
+    path, chance = Path(written(tmp_path, PICTURE)), random.Random(0)
+    data, made = path.read_bytes(), 0
+    for _ in range(400):
+        damaged = bytearray(data)
+        for _ in range(chance.randrange(1, 4)):
+            place = chance.randrange(100, len(damaged))
+            kind = chance.randrange(3)
+            if kind == 0:
+                damaged[place] = chance.randrange(32, 128)
+            elif kind == 1:
+                del damaged[place : place + chance.randrange(1, 9)]
+            else:
+                damaged[place:place] = chance.choice(PIECES)
+        path.write_bytes(damaged)
+        with contextlib.suppress(InputError):
+            assert icon_section(str(path), "x").area() > 0.0
+            made += 1
+    assert 20 < made < 380

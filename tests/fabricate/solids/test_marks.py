@@ -105,6 +105,24 @@ def test_a_mark_is_cut_straight_down_by_the_depth_all_over():
     assert cut.sum() * before.spacing**2 == pytest.approx(area, rel=0.05)
 
 
+def test_pips_icons_and_wide_strokes_are_cut_as_on_flat_faces(tmp_path):
+    icon = tmp_path / "ring.svg"
+    ring = '<path fill-rule="evenodd" d="M0 0h10v10h-10zM2 2h6v6h-6z"/>'
+    icon.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{ring}</svg>')
+    options = EngravingOptions(content="pips", icons={"x": str(icon)}, stroke_mm=2.0)
+    points, triangles = ellipsoid(40.0, 38.0, 36.0)
+    die, marks = engrave_marks(points, triangles, DOWNS[:2], ["5", "x"], options)
+    dots, square = marks
+    assert len(dots.art.section.decompose()) == 5
+    assert square.art.section.area() == pytest.approx(0.64)
+    # The sides of the square are a fifth of its height wide, and grow by half of what they lack.
+    lacking = 2.0 - 0.2 * square.height
+    assert square.growth == pytest.approx(0.5 * lacking, abs=0.15)
+    expected = sum(mark.art.cut(mark.height, mark.growth, "").area() for mark in marks)
+    removed = solid_properties(points, triangles)[0] - solid_properties(*_arrays(die))[0]
+    assert removed == pytest.approx(expected * options.depth_mm, rel=1e-4)
+
+
 def test_an_l_reads_upright_and_is_not_mirrored():
     points, triangles = ellipsoid(40.0, 25.0, 16.0)
     die, (mark,) = engrave_marks(points, triangles, DOWNS[:1], ["L"], OPTIONS)
