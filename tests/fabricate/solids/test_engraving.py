@@ -153,7 +153,10 @@ def test_the_labels_at_fault_are_named(box, depth):
     plate = box(20.0, 20.0, 4.0)
     arguments = (plate.polygons[:3], plate.normals[:3], range(3), OPTIONS, plate.size_mm)
     placements = place_labels(["8", "7", "1"], *arguments)
-    with pytest.raises(EngravingError, match="break through another facet, at '8', '7': reduce"):
+    with pytest.raises(
+        EngravingError,
+        match="break through another facet, at '8' on facet 0, '7' on facet 1: reduce",
+    ):
         engrave(plate.vertices, plate.triangles, placements, EngravingOptions(depth_mm=depth))
 
 
