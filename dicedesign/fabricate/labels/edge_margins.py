@@ -14,8 +14,8 @@ from dicedesign.runtime.arrays import Floats
 __all__ = ["border_widths", "edge_margins"]
 
 WALL: Final = 0.5
-"""Distance along the facet, over the least one, that a pocket keeps from the plane which halves the angle
-at an edge; the wall between it and a pocket beyond is twice as thick."""
+"""Distance along the facet, over the least one, that a pocket keeps from the plane which halves the
+angle at an edge; the wall between it and a pocket beyond is twice as thick."""
 
 SHARPEST: Final = 1e-12
 """One plus the cosine of the angle between the normals of two facets is taken for at least that."""
