@@ -41,6 +41,11 @@ class EngravingOptions:
     finished die has the odds; `opposite` hollows a hidden ball opposite to them; `fill` makes
     bodies that fill the labels in another color, equally dense; `none` leaves the odds as they
     come out."""
+    read: Literal["auto", "up", "down", "both"] = "auto"
+    """Where the label of an outcome lies: "down" on the facet that the die rests on; "up" on the
+    level facet on top then, or around the corner on top where there is one; "both" below and on
+    top; "auto" up where all facets on top are level or the die is a tetrahedron, as far as the
+    labels fit there, and down elsewhere."""
 
     def __post_init__(self) -> None:
         for name in ("depth_mm", "margin", "min_height_mm", "max_height_mm", "border_mm"):
@@ -56,6 +61,7 @@ class EngravingOptions:
             raise InputError(f"margin: expected a number in [0, 1), got {self.margin}; correct it")
         require_choice("style", self.style, "engraved", "raised")
         require_choice("balance", self.balance, "shape", "opposite", "fill", "none")
+        require_choice("read", self.read, "auto", "up", "down", "both")
         if self.max_height_mm < self.min_height_mm:
             raise InputError(
                 f"max_height_mm: expected at least min_height_mm = {self.min_height_mm}, got "
