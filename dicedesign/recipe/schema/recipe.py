@@ -213,6 +213,11 @@ class Recipe(Strict):
                 "a radius; leave them out"
             )
         engrave = self.engrave
+        if engrave is not None and engrave.read in ("down", "both"):
+            raise ValueError(
+                "engrave.read: expected up with the concave method, whose labels lie in the side "
+                f"that is up, got {engrave.read}; leave it out"
+            )
         if engrave is not None and (engrave.style, engrave.balance) not in MARKED:
             raise ValueError(
                 "engrave: expected style engraved and balance shape or none with the concave "

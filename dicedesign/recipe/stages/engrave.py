@@ -4,11 +4,12 @@ its file."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.errors import EngravingError
+from dicedesign.errors import EngravingError, LabelRoomError
 from dicedesign.fabricate.designed_die import SizedDie
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.solids.edge_options import EdgeOptions, core_scale
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
     from dicedesign.fabricate.balance.convex_object import Measured
     from dicedesign.fabricate.labels.layout import Placement
+    from dicedesign.fabricate.labels.reading import Reading
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.surfaces.surface import Surface
@@ -38,9 +40,9 @@ CHANGED: Final = 0.05
 
 
 def engrave(work: Work) -> None:
-    """Make die.stl: edges rounded; each label on the facet that the die rests on, or in the side
-    that is up then where the die keeps the shape of a surface; and the shape moved until the odds
-    are the target's. Read it back.
+    """Make die.stl: edges rounded; each label where the die is read, or in the side that is up then
+    where the die keeps the shape of a surface; and the shape moved until the odds are the target's.
+    Read it back.
 
     Raises EngravingError if the die converged and a label has no place on it; one that did not
     converge only says so.
@@ -96,24 +98,34 @@ def place_on_facets(
     labels: Sequence[str],
     options: EngravingOptions,
     edges: EdgeOptions | None = None,
-) -> list[Placement]:
-    """Where labels lie on the facets that a die rests on, within its rounded edges.
+) -> tuple[Reading, list[Placement]]:
+    """How a die is read, and where its labels lie on its facets, within its rounded edges, in the
+    order of the places of that reading.
 
-    Raises EngravingError where a label has no facet or does not fit on it.
+    Raises EngravingError where an outcome has no facet to rest on, the die cannot be read as the
+    options say, or a label does not fit.
     """
     from dicedesign.fabricate.labels.layout import place_labels
+    from dicedesign.fabricate.labels.reading import die_readings
 
     hull, main = core_of(solid, edges), solid.outcomes.main
     _require_rests(labels, main, "a facet")
-    facets = solid.poses.facets[main].tolist()
-    return place_labels(
-        labels,
-        [hull.polygon(facet) for facet in facets],
-        [hull.normals[facet] for facet in facets],
-        facets,
-        options,
-        solid.poses.hull.diameter,
-    )
+    *better, last = die_readings(hull, solid.poses.facets[main], labels, options.read)
+
+    def placed(reading: Reading) -> list[Placement]:
+        return place_labels(
+            [place.text for place in reading.places],
+            [place.region for place in reading.places],
+            [place.normal for place in reading.places],
+            [place.facet for place in reading.places],
+            options,
+            solid.poses.hull.diameter,
+        )
+
+    for reading in better:
+        with suppress(LabelRoomError):
+            return reading, placed(reading)
+    return last, placed(last)
 
 
 def _make_convex(work: Work) -> None:
@@ -125,7 +137,7 @@ def _make_convex(work: Work) -> None:
     options, edges, solid = work.recipe.engrave, work.recipe.edges, work.solid
     placements: list[Placement] = []
     if options is not None:
-        placements = place_on_facets(solid, work.target.labels, options, edges)
+        work.reading, placements = place_on_facets(solid, work.target.labels, options, edges)
     made, core = ConvexObject(options, edges), core_of(solid, edges)
     if solid.center_of_mass is not None:
         _finish(work, made.engraved(core, placements), made.placed(placements))
@@ -173,6 +185,7 @@ def _measure(
 
 def _mark_surface(work: Work) -> None:
     """The finished object of a die that keeps the shape of a surface."""
+    from dicedesign.fabricate.labels.reading import MARKED
     from dicedesign.fabricate.solids.marks import engrave_marks
 
     options, solid, labels = work.recipe.engrave, work.solid, work.target.labels
@@ -180,6 +193,7 @@ def _mark_surface(work: Work) -> None:
     main = work.plain.outcomes.main
     _require_rests(labels, main, "a side")
     downs = work.plain.poses.normals[main]
+    work.reading = MARKED
     marked, _ = engrave_marks(solid.points, solid.triangles, downs, labels, options)
     if options.balance == "none" or work.status is not Status.CONVERGED:
         _finish(work, marked, ())
