@@ -7,7 +7,7 @@ Lengths are in millimetres, volumes in cubic millimetres.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -33,7 +33,7 @@ class Cut:
 
     Attributes
     ----------
-    text: the label.
+    text: the label, or labels.
     cutter: solid to subtract.
     volume: of that part of it that lies in the body, in mm3, where it is as it should be.
     """
@@ -58,27 +58,29 @@ def _cuts(
         text_section(placement.text).scale((placement.height, placement.height))
         for placement in placements
     ]
+    labels = list(zip(placements, sections, strict=True))
     if options.style == "raised":
-        sections = [
-            _field(hull, placement, section, options)
-            for placement, section in zip(placements, sections, strict=True)
-        ]
-    return [
-        _pocket(section, placement, options.depth_mm)
-        for section, placement in zip(sections, placements, strict=True)
-    ]
+        together: dict[int, list[tuple[Placement, CrossSection]]] = {}
+        for placement, section in labels:
+            facet = int(np.argmax(hull.normals @ placement.frame[:3, 2]))
+            together.setdefault(facet, []).append((placement, section))
+        labels = [_field(hull, facet, on_it, options) for facet, on_it in together.items()]
+    return [_pocket(section, placement, options.depth_mm) for placement, section in labels]
 
 
 def _field(
-    hull: ConvexHull, placement: Placement, label: CrossSection, options: EngravingOptions
-) -> CrossSection:
-    """The facet within its border, without its label.
+    hull: ConvexHull,
+    facet: int,
+    labels: Sequence[tuple[Placement, CrossSection]],
+    options: EngravingOptions,
+) -> tuple[Placement, CrossSection]:
+    """A facet within its border, without its labels, in the plane of the first of them.
 
     Along a sharp edge the border is wider, so that the fields of both sides of it do not meet
     inside: by half its width they stay apart.
     """
-    frame = placement.frame
-    facet = int(np.argmax(hull.normals @ frame[:3, 2]))
+    first, _ = labels[0]
+    frame = first.frame
     corners = (hull.polygon(facet) - frame[:3, 3]) @ frame[:3, :2]
     edges = slice(hull.facet_start[facet], hull.facet_start[facet + 1])
     beside = hull.normals[hull.facet[hull.twin[edges]]]
@@ -89,13 +91,20 @@ def _field(
     field = CrossSection([corners])
     for start, end, width in zip(corners, np.roll(corners, -1, axis=0), widths, strict=True):
         field -= _band(start, end, max(float(width), options.border_mm), hull.diameter)
-    if (label - field).area() > ENGRAVED_VOLUME_TOLERANCE * label.area():
-        raise EngravingError(
-            f"label {placement.text!r}: expected room within a border of {options.border_mm:g} mm "
-            f"on facet {facet}, got a label that reaches into it; reduce border_mm or depth_mm, or "
-            "increase margin or size_mm"
-        )
-    return field - label
+    standing = CrossSection()
+    for placement, section in labels:
+        turn = frame[:3, :2].T @ placement.frame[:3, :2]
+        shift = (placement.frame[:3, 3] - frame[:3, 3]) @ frame[:3, :2]
+        label = section.transform(np.column_stack([turn, shift]))
+        if (label - field).area() > ENGRAVED_VOLUME_TOLERANCE * label.area():
+            raise EngravingError(
+                f"label {placement.text!r}: expected room within a border of "
+                f"{options.border_mm:g} mm on facet {facet}, got a label that reaches into it; "
+                "reduce border_mm or depth_mm, or increase margin or size_mm"
+            )
+        standing += label
+    named = replace(first, text=", ".join(placement.text for placement, _ in labels))
+    return named, field - standing
 
 
 def _band(start: Floats, end: Floats, width: float, beyond: float) -> CrossSection:
