@@ -110,19 +110,25 @@ def painted(
     facet_color, label_color = rgb([_READ, ACCENT])
     extent = float(np.ptp(points, axis=0).max())
     thin = _PLANE_TOLERANCE * extent
+    shared = len({place.facet for place, _ in labels}) >= _SEVERAL
     for place, placement in labels:
         outward = placement.frame[:3, 2]
         here = areas @ outward > _PARALLEL * sizes
         here &= _beneath(middles, place, _SLACK * extent)
         level = np.rint((middles - placement.frame[:3, 3]) @ outward / thin).astype(np.int64)
-        if len({other.facet for other, _ in labels}) < _SEVERAL:
-            colors[here & (np.abs(level) <= 1)] = facet_color
-        # All of a label is on one level; triangles on others are of labels on other facets.
+        flush = here & (np.abs(level) <= 1)
+        if not shared:
+            colors[flush] = facet_color
+        # The floor of all pockets is on one level; triangles on others are of other facets' labels.
         off = np.flatnonzero(here & (np.abs(level) > 1))
-        if len(off):
-            levels, which = np.unique(level[off], return_inverse=True)
-            own = levels[np.bincount(which, weights=sizes[off]).argmax()]
-            colors[off[np.abs(level[off] - own) <= 1]] = label_color
+        if not len(off):
+            continue
+        levels, which = np.unique(level[off], return_inverse=True)
+        floor = off[np.abs(level[off] - levels[np.bincount(which, sizes[off]).argmax()]) <= 1]
+        inside = _beneath(corners.reshape(-1, 3), place, _SLACK * extent)
+        within = np.logical_and.reduce(inside.reshape(-1, 3), axis=1)
+        # A floor that goes on beyond a label's part is a field that labels stand in.
+        colors[floor if within[floor].all() else flush & within] = label_color
     flat = np.arange(3 * len(triangles)).reshape(-1, 3)
     return Surface(corners.reshape(-1, 3), flat, colors.repeat(3, axis=0), smooth=False)
 

@@ -22,9 +22,9 @@ from dicedesign.report.render.renderer import Surface
 from dicedesign.runtime.arrays import Floats
 
 
-def engraved(points: Floats, directions: Floats, read: str) -> Work:
+def engraved(points: Floats, directions: Floats, read: str, style: str = "engraved") -> Work:
     target = {"fair": len(directions)}
-    entries = {"engrave": {"read": read}, "size_mm": 30.0}
+    entries = {"engrave": {"read": read, "style": style}, "size_mm": 36.0}
     work = designed(points, directions, target=target, entries=entries)
     plan(work, after="design", last="engrave")
     assert work.engraved is not None
@@ -49,17 +49,19 @@ def area_of_color(surface: Surface, color: Floats) -> float:
 
 
 @pytest.mark.parametrize(
-    ("points", "read", "places"),
+    ("points", "read", "places", "style"),
     [
-        (box(1.0, 1.0, 1.0), "up", 1),
-        (box(1.0, 1.0, 1.0), "down", 1),
-        (PLATONIC["tetrahedron"], "up", 3),
+        (box(1.0, 1.0, 1.0), "up", 1, "engraved"),
+        (box(1.0, 1.0, 1.0), "down", 1, "engraved"),
+        (PLATONIC["tetrahedron"], "up", 3, "engraved"),
+        (PLATONIC["tetrahedron"], "up", 3, "raised"),
     ],
 )
-def test_what_is_in_colour_is_the_floor_of_the_label_that_is_read(
-    points: Floats, read: str, places: int
+def test_what_is_in_colour_is_the_label_that_is_read(
+    points: Floats, read: str, places: int, style: str
 ) -> None:
-    work = engraved(points, convex_hull(points).normals, read)
+    """Its floor, or its top where it stands with others in a field."""
+    work = engraved(points, convex_hull(points).normals, read, style)
     assert work.engraved is not None
     for outcome, text in enumerate(work.target.labels):
         mine = labels_of(work, outcome)
@@ -68,7 +70,7 @@ def test_what_is_in_colour_is_the_floor_of_the_label_that_is_read(
         surface = painted(work.engraved.points, work.engraved.triangles, mine)
         area = text_section(text).area() * float(np.square(heights).sum())
         label_color, facet_color = rgb([ACCENT, "#f2dd6e"])
-        assert area_of_color(surface, label_color) == pytest.approx(area, rel=1e-6)
+        assert area_of_color(surface, label_color) == pytest.approx(area, rel=1e-3)
         if places == 1:
             facet = work.solid.poses.hull.areas[mine[0][0].facet]
             assert area_of_color(surface, facet_color) == pytest.approx(facet - area, rel=0.01)
