@@ -53,7 +53,7 @@ def reading_figure(
     surface: Surface,
     down: Floats,
     across: Floats,
-    sides: Sequence[tuple[str, Floats]],
+    sides: Sequence[tuple[str, Floats, Floats]],
     sentence: str,
 ) -> Paper:
     """A die as it lies on a table, then its labels straight from outside, and how it is read.
@@ -62,10 +62,9 @@ def reading_figure(
     ----------
     surface: the die.
     down: (3,) unit direction of the body that points to the table.
-    across: (3,) direction of the body, not parallel to that, that runs away from the viewer; it is
-        upward in the other pictures.
-    sides: a title for each of these, and the direction (3,) from the body to the viewer, not
-        parallel to `across`.
+    across: (3,) direction of the body, not parallel to that, that runs away from the viewer.
+    sides: for each of the other pictures a title, the direction (3,) from the body to the viewer,
+        and the one (3,) that is upward, not parallel to it.
     sentence: below the pictures.
     """
     away = across - (across @ down) * down
@@ -73,7 +72,7 @@ def reading_figure(
     rise, turn = np.radians(_RISE), np.radians(_TURN)
     level = -np.cos(turn) * away + np.sin(turn) * np.cross(down, away)
     oblique = Camera(np.cos(rise) * level - np.sin(rise) * down, -down, np.zeros(3), 1.0)
-    straight = [Camera(side, across, np.zeros(3), 1.0) for _, side in sides]
+    straight = [Camera(side, up, np.zeros(3), 1.0) for _, side, up in sides]
     heights = surface.points @ -down
     heights -= heights.min()
     shadow = surface.points + heights[:, None] * down
@@ -90,7 +89,7 @@ def reading_figure(
     )
     pictures = [render(surface, cameras[0], _PIXELS, backdrop=table)]
     pictures += [render(surface, camera, _PIXELS) for camera in cameras[1:]]
-    titles = ["as it lies", *(title for title, _ in sides)]
+    titles = ["as it lies", *(title for title, _, _ in sides)]
     paper = picture_grid(trimmed(pictures), titles, len(pictures), below=_BELOW)
     middle = (paper.width / 2.0, paper.height - _BELOW / 2.0 - 6.0)
     paper.text(sentence, middle, size=BODY, anchor="mm")
@@ -156,15 +155,17 @@ def _draw(die: FinishedDie) -> bytes:
     ]
     if mine:
         surface = painted(die.engraved.points, die.engraved.triangles, mine)
-        across = mine[-1][1].frame[:3, 1]
+        ups = [placement.frame[:3, 1] for _, placement in mine]
     else:
         surface = Surface(die.engraved.points, die.engraved.triangles)
-        across = np.eye(3)[np.argmin(np.abs(down))]
-    above, below = (f"from above: {label}", -down), (f"lifted, from below: {label}", down)
+        ups = [np.eye(3)[np.argmin(np.abs(down))]]
+    # Of two labels the one on top comes last.
+    above = (f"from above: {label}", -down, ups[-1])
+    below = (f"lifted, from below: {label}", down, ups[0])
     sides = {"down": [below], "both": [above, below]}.get(way, [above])
     if way == "corner":
-        sides = [(f"one side: {label}", mine[-1][0].normal)]
-    return reading_figure(surface, down, across, sides, die.reading.sentence).png()
+        sides = [(f"one side: {label}", mine[-1][0].normal, ups[-1])]
+    return reading_figure(surface, down, ups[-1], sides, die.reading.sentence).png()
 
 
 FIGURES.register(

@@ -84,7 +84,11 @@ def test_the_straight_view_shows_the_label() -> None:
     ((place, placement),) = mine
     surface = painted(work.engraved.points, work.engraved.triangles, mine)
     paper = reading_figure(
-        surface, SIDES[2], placement.frame[:3, 1], [("from above", -SIDES[2])], "Read it."
+        surface,
+        SIDES[2],
+        placement.frame[:3, 1],
+        [("from above", -SIDES[2], placement.frame[:3, 1])],
+        "Read it.",
     )
     assert paper.texts == ["as it lies", "from above", "Read it."]
     picture = paper.pictures[1].astype(np.int64)
