@@ -27,6 +27,7 @@ __all__ = [
     "FLATNESS_TOLERANCE",
     "FLAT_FOLD",
     "INERTIA_TOLERANCE",
+    "LEVEL_ANGLE",
     "MATCHED_ODDS",
     "NEAR_ANTIPODE",
     "PRINT_TOLERANCE",
@@ -144,6 +145,10 @@ INERTIA_TOLERANCE: Final = 1e-9
 LEAST_MARGIN: Final = math.radians(0.1)
 """A die that leaves an outcome when it is tipped by less than this, in radians, is left at a nudge:
 no table is more level."""
+
+LEVEL_ANGLE: Final = math.radians(5.0)
+"""A facet is level on top of a die, and opposite to the one that it rests on, when its normal is
+within this of up, in radians: labels on it are seen as if it were level."""
 
 MATCHED_ODDS: Final = 0.02
 """Outcomes whose odds without momentum are told belong to the rests of a mesh that have these to

@@ -12,6 +12,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 if TYPE_CHECKING:
     from dicedesign.concave.result import ConcaveDie
     from dicedesign.fabricate.labels.layout import Placement
+    from dicedesign.fabricate.labels.reading import Reading
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.throws.simulation.die_on_table import ThrownDie
@@ -52,6 +53,8 @@ class FinishedDie:
     reshaped: the surface before and after, of a die that keeps the shape of one; quality: of the
         surface after.
     thrown: what the die does on its table, of one that is to be thrown.
+    reading: how a die with labels is read; its places are those of `engraved.placements`, in the
+        same order.
     """
 
     result: Result
@@ -62,3 +65,4 @@ class FinishedDie:
     reshaped: ConcaveDie | None = None
     quality: SurfaceQuality | None = None
     thrown: ThrownDie | None = None
+    reading: Reading | None = None

@@ -169,6 +169,7 @@ def design(
     method: str | Mapping[str, Any] | None = None,
     center_of_mass: Sequence[float] | None = None,
     symmetry: str | None = None,
+    numbering: str = "given",
     seed: int = 0,
     size_mm: float = 30.0,
     engrave: bool | Mapping[str, Any] | None = None,
@@ -187,6 +188,8 @@ def design(
         `{"exact": {"prefer": {"margin": 1.0}}}`.
     center_of_mass: (3,) in the start's own coordinates; by default that of the uniform solid.
     symmetry: name of a point group that the die shall have, such as "C2" or "D3h".
+    numbering: of equally probable outcomes whose labels are numbers: "given", "standard" for
+        opposite facets that sum to a constant, or "balanced" for even sums around corners too.
     seed: of everything random, at least 0.
     size_mm: largest distance between two corners, above 0 and at most 1000.
     engrave: whether the labels are cut in, or the options of that; by default not.
@@ -202,6 +205,7 @@ def design(
     entries: dict[str, Any] = {
         "name": "die",
         "target": _target_entries(target, labels),
+        "numbering": numbering,
         "seed": seed,
         "size_mm": size_mm,
         "engrave": False if engrave is None else engrave,

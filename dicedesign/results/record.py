@@ -47,8 +47,9 @@ class FacetOfDie:
 
     Attributes
     ----------
-    label: that it bears, or None; outcome: label of the outcome that it counts for, or None. They
-        differ where several facets nearly in one plane show one outcome.
+    label: of the outcome whose own facet it is, or None; outcome: label of the outcome that it
+        counts for, or None. They differ where several facets nearly in one plane show one outcome.
+        A die that is read from above bears the label elsewhere.
     normal: (3,) outward unit normal, down when the die rests on it.
     probability: of coming to rest on it without momentum.
     polygon_area_mm2: its area. inradius_mm: radius of the largest circle in it.
@@ -216,6 +217,7 @@ class Result:
     engraved_probabilities, engraved_elsewhere, engraved_max_abs_error: the same odds by die.stl as
         it was read back, with what the marks take away; None where it is not engraved, or where the
         center of mass was given: then nobody knows how marks move it.
+    reading: how the die with its labels is read, in a sentence.
     history: every accepted step; after rounds of throws those of the last design.
     energy: terms of the energy at the end, by name. starts: starting shapes that were tried;
         evaluations: dice that were tried; hulls: computed for them.
@@ -256,6 +258,7 @@ class Result:
     engraved_elsewhere: float | None = None
     engraved_max_abs_error: float | None = None
     balance: Balance | None = None
+    reading: str | None = None
     energy: dict[str, float] | None = None
     starts: int | None = None
     evaluations: int | None = None

@@ -22,6 +22,7 @@ FONT_FILES: Final = (".ttf", ".otf", ".ttc")
 Content = Literal["text", "pips"]
 Ambiguous = Literal["bar", "dot", "none"]
 Style = Literal["engraved", "raised"]
+Read = Literal["auto", "up", "down", "both"]
 Balancing = Literal["shape", "opposite", "fill", "none"]
 
 _WORDS: Final = {
@@ -29,6 +30,7 @@ _WORDS: Final = {
     "ambiguous": Ambiguous,
     "style": Style,
     "balance": Balancing,
+    "read": Read,
 }
 
 UPRIGHTS: Final = ("edge", "largest")
@@ -85,6 +87,11 @@ class EngravingOptions:
     finished die has the odds; `opposite` hollows a hidden ball opposite to them; `fill` makes
     bodies that fill the labels in another color, equally dense; `none` leaves the odds as they
     come out."""
+    read: Read = "auto"
+    """Where the label of an outcome lies: "down" on the facet that the die rests on; "up" on the
+    level facet on top then, or around the corner on top where there is one; "both" below and on
+    top; "auto" up where all facets on top are level or the die is a tetrahedron, as far as the
+    labels fit there, and down elsewhere."""
 
     def __post_init__(self) -> None:
         for name in (

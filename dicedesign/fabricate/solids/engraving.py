@@ -7,7 +7,7 @@ Lengths are in millimetres, volumes in cubic millimetres.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Final
 
@@ -37,7 +37,7 @@ class Cut:
 
     Attributes
     ----------
-    where: the label and what it is on, as messages call it.
+    where: the label, or labels, and what they are on, as messages call them.
     cutter: solid to subtract.
     volume: of that part of it that lies in the body, in mm3, where it is as it should be.
     """
@@ -58,36 +58,44 @@ def _cuts(
     hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
 ) -> list[Cut]:
     """What all labels take away from the solid with this hull."""
-    sections = [placement.section() for placement in placements]
+    labels = [(placement, placement.section()) for placement in placements]
     if options.style == "raised":
-        sections = [
-            _field(hull, placement, section, options)
-            for placement, section in zip(placements, sections, strict=True)
-        ]
-    return [
-        _pocket(section, placement, options.depth_mm)
-        for section, placement in zip(sections, placements, strict=True)
-    ]
+        together: dict[int, list[tuple[Placement, CrossSection]]] = {}
+        for placement, section in labels:
+            facet = int(np.argmax(hull.normals @ placement.frame[:3, 2]))
+            together.setdefault(facet, []).append((placement, section))
+        labels = [_field(hull, facet, on_it, options) for facet, on_it in together.items()]
+    return [_pocket(section, placement, options.depth_mm) for placement, section in labels]
 
 
 def _field(
-    hull: ConvexHull, placement: Placement, label: CrossSection, options: EngravingOptions
-) -> CrossSection:
-    """The facet within its border, without its label."""
-    frame = placement.frame
-    facet = int(np.argmax(hull.normals @ frame[:3, 2]))
+    hull: ConvexHull,
+    facet: int,
+    labels: Sequence[tuple[Placement, CrossSection]],
+    options: EngravingOptions,
+) -> tuple[Placement, CrossSection]:
+    """A facet within its border, without its labels, in the plane of the first of them."""
+    first, _ = labels[0]
+    frame = first.frame
     corners = (hull.polygon(facet) - frame[:3, 3]) @ frame[:3, :2]
     widths = border_widths(hull, facet, options)
     field = CrossSection([corners])
     for start, end, width in zip(corners, np.roll(corners, -1, axis=0), widths, strict=True):
         field -= _band(start, end, float(width), hull.diameter)
-    if (label - field).area() > JOINED * label.area():
-        raise EngravingError(
-            f"label {placement.where}: expected room within a border of {options.border_mm:g} mm, "
-            "got a label that reaches into it; reduce border_mm or depth_mm, or increase margin_mm "
-            "or size_mm"
-        )
-    return field - label
+    standing = CrossSection()
+    for placement, section in labels:
+        turn = frame[:3, :2].T @ placement.frame[:3, :2]
+        shift = (placement.frame[:3, 3] - frame[:3, 3]) @ frame[:3, :2]
+        label = section.transform(np.column_stack([turn, shift]))
+        if (label - field).area() > JOINED * label.area():
+            raise EngravingError(
+                f"label {placement.where}: expected room within a border of "
+                f"{options.border_mm:g} mm, got a label that reaches into it; reduce border_mm or "
+                "depth_mm, or increase margin_mm or size_mm"
+            )
+        standing += label
+    named = replace(first, text=", ".join(placement.text for placement, _ in labels))
+    return named, field - standing
 
 
 def _band(start: Floats, end: Floats, width: float, beyond: float) -> CrossSection:

@@ -18,6 +18,7 @@ from dicedesign.runtime.clock import Clock
 if TYPE_CHECKING:
     from dicedesign.fabricate.designed_die import DesignedDie, SizedDie
     from dicedesign.fabricate.finished_die import EngravedFile
+    from dicedesign.fabricate.labels.reading import Reading
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.surface import Surface
@@ -64,6 +65,7 @@ class Work:
     die: as designed; solid: the same in mm; plain: the verdict on its file. There once their stages
         have run.
     engraved: the file with labels cut in, or None.
+    reading: how its labels are read, or None for no labels.
     quality: of the surface of a die that keeps the shape of one.
     thrown: what the die does on its table.
     status: of the die; remarks: about it, phrases of the message; notes: what was repaired or
@@ -86,6 +88,7 @@ class Work:
     solid: SizedDie = field(init=False)
     plain: Verdict = field(init=False)
     engraved: EngravedFile | None = None
+    reading: Reading | None = None
     quality: SurfaceQuality | None = None
     thrown: ThrownDie | None = None
     status: Status = Status.CONVERGED
@@ -131,6 +134,7 @@ class Work:
             unstable_facets=len(verdict.poses.hull.normals) - len(verdict.poses.facets),
             rest_counts=tuple(verdict.outcomes.rest_counts.tolist()),
             least_angle_deg=math.degrees(verdict.outcomes.least_angle),
+            reading=self.reading.sentence if self.engraved and self.reading else None,
             history=die.steps,
             notes=tuple(self.notes),
             energy=None if die.terms is None else dict(die.terms),

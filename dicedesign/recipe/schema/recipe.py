@@ -7,7 +7,7 @@ themselves; only what a file adds to them is described here.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
@@ -107,6 +107,9 @@ class Recipe(Strict):
     assignment: labels in the order of the start's directions; None, "in_order" in a file, for the
         order of the target; empty, "any" in a file, for one order after the other, at random, until
         one leads there.
+    numbering: of outcomes that are equally probable, where their labels are numbers: "given" as
+        assigned, "standard" for opposite facets that sum to a constant where the shape allows,
+        "balanced" for sums over opposite facets and around corners that are as even as possible.
     center_of_mass: (3,) fixed, in the coordinates that a given start is made or read in; None,
         "uniform" in a file, for that of the solid.
     symmetry: name of the point group that the die has, such as C2, Cs, D3h, Td, Oh or Ih, about the
@@ -126,6 +129,7 @@ class Recipe(Strict):
     start: StartRecipe = Field(default_factory=lambda: StartRecipe("search", SearchOptions()))
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
     assignment: Annotated[list[Label] | None, _word("in_order", None), _word("any", [])] = None
+    numbering: Literal["given", "standard", "balanced"] = "given"
     center_of_mass: Annotated[
         tuple[float, float, float] | None,
         _word("uniform", None),
@@ -219,7 +223,17 @@ class Recipe(Strict):
                 "edges: expected none with the concave method, which keeps a surface as it is, got "
                 "a radius; leave them out"
             )
+        if self.numbering != "given":
+            raise ValueError(
+                "numbering: expected given with the concave method, whose sides are not opposite "
+                f"to each other, got {self.numbering}; leave it out"
+            )
         engrave = self.engrave
+        if engrave is not None and engrave.read in ("down", "both"):
+            raise ValueError(
+                "engrave.read: expected up with the concave method, whose labels lie in the side "
+                f"that is up, got {engrave.read}; leave it out"
+            )
         if engrave is not None and (engrave.style, engrave.balance) not in MARKED:
             raise ValueError(
                 "engrave: expected style engraved and balance shape or none with the concave "

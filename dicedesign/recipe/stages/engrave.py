@@ -4,11 +4,13 @@ its file."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.errors import EngravingError
+from dicedesign.errors import EngravingError, LabelRoomError
 from dicedesign.fabricate.designed_die import SizedDie
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.solids.edge_options import EdgeOptions, core_scale
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 
     from dicedesign.fabricate.balance.convex_object import Measured
     from dicedesign.fabricate.labels.layout import Placement
+    from dicedesign.fabricate.labels.reading import Reading
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.surfaces.surface import Surface
@@ -38,9 +41,9 @@ CHANGED: Final = 0.05
 
 
 def engrave(work: Work) -> None:
-    """Make die.stl: edges rounded; each label on the facet that the die rests on, or in the side
-    that is up then where the die keeps the shape of a surface; and the shape moved until the odds
-    are the target's. Read it back.
+    """Make die.stl: edges rounded; each label where the die is read, or in the side that is up then
+    where the die keeps the shape of a surface; and the shape moved until the odds are the target's.
+    Read it back.
 
     Raises EngravingError if the die converged and a label has no place on it; one that did not
     converge only says so.
@@ -96,26 +99,38 @@ def place_on_facets(
     labels: Sequence[str],
     options: EngravingOptions,
     edges: EdgeOptions | None = None,
-) -> list[Placement]:
-    """Where labels lie on the facets that a die rests on, within its rounded edges.
+) -> tuple[Reading, list[Placement]]:
+    """How a die is read, and where its labels lie on its facets, within its rounded edges, in the
+    order of the places of that reading.
 
-    Raises EngravingError where a label has no facet or does not fit on it.
+    Raises EngravingError where an outcome has no facet to rest on, the die cannot be read as the
+    options say, or a label does not fit.
     """
     from dicedesign.fabricate.labels.edge_margins import edge_margins
     from dicedesign.fabricate.labels.layout import place_labels
+    from dicedesign.fabricate.labels.reading import die_readings
 
     hull, main = core_of(solid, edges), solid.outcomes.main
     _require_rests(labels, main, "a facet")
-    facets = solid.poses.facets[main].tolist()
-    return place_labels(
-        labels,
-        [hull.polygon(facet) for facet in facets],
-        [hull.normals[facet] for facet in facets],
-        facets,
-        options,
-        solid.poses.hull.diameter,
-        [edge_margins(hull, facet, options) for facet in facets],
-    )
+    *better, last = die_readings(hull, solid.poses.facets[main], labels, options.read)
+
+    def placed(reading: Reading) -> list[Placement]:
+        places, whole = reading.places, reading.way != "corner"
+        return place_labels(
+            [place.text for place in places],
+            [place.region for place in places],
+            [place.normal for place in places],
+            [place.facet for place in places],
+            # Around a corner labels stand upright toward it.
+            options if whole else replace(options, upright="edge"),
+            solid.poses.hull.diameter,
+            [edge_margins(hull, place.facet, options) for place in places] if whole else None,
+        )
+
+    for reading in better:
+        with suppress(LabelRoomError):
+            return reading, placed(reading)
+    return last, placed(last)
 
 
 def _make_convex(work: Work) -> None:
@@ -127,7 +142,7 @@ def _make_convex(work: Work) -> None:
     options, edges, solid = work.recipe.engrave, work.recipe.edges, work.solid
     placements: list[Placement] = []
     if options is not None:
-        placements = place_on_facets(solid, work.target.labels, options, edges)
+        work.reading, placements = place_on_facets(solid, work.target.labels, options, edges)
     made, core = ConvexObject(options, edges), core_of(solid, edges)
     if solid.center_of_mass is not None:
         _finish(work, made.engraved(core, placements), made.placed(placements))
@@ -175,6 +190,7 @@ def _measure(
 
 def _mark_surface(work: Work) -> None:
     """The finished object of a die that keeps the shape of a surface."""
+    from dicedesign.fabricate.labels.reading import MARKED
     from dicedesign.fabricate.solids.marks import engrave_marks
 
     options, solid, labels = work.recipe.engrave, work.solid, work.target.labels
@@ -182,6 +198,7 @@ def _mark_surface(work: Work) -> None:
     main = work.plain.outcomes.main
     _require_rests(labels, main, "a side")
     downs = work.plain.poses.normals[main]
+    work.reading = MARKED
     marked, _ = engrave_marks(solid.points, solid.triangles, downs, labels, options)
     if options.balance == "none" or work.status is not Status.CONVERGED:
         _finish(work, marked, ())

@@ -50,6 +50,7 @@ def finished_die(work: Work) -> FinishedDie:
         reshaped=work.die.reshaped,
         quality=work.quality,
         thrown=work.thrown,
+        reading=work.reading,
     )
 
 

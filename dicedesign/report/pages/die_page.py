@@ -27,9 +27,8 @@ _PRINTING: Final = (
     "hold for a solid of one material. Let it cool, and remove supports without rounding "
 )
 
-_READING: Final = (
-    "edges. The outcome of a throw is the label on the facet that the die rests on, i.e. the face "
-    "down: lift the die and read its underside. "
+_UNLABELLED: Final = (
+    "The outcome of a throw is the facet that the die rests on, i.e. the face down."
 )
 
 _READING_A_SHAPE: Final = (
@@ -38,8 +37,8 @@ _READING_A_SHAPE: Final = (
 )
 
 _MARKED: Final = (
-    " In die.stl the label of each outcome is cut into the side that is up then; die_plain.stl "
-    "has none."
+    " In die.stl the label of each outcome is cut into the side that is up then: read the one on "
+    "top. die_plain.stl has none."
 )
 
 
@@ -162,7 +161,7 @@ def _facets(result: Result) -> str:
         for facet in result.facets
     ]
     odds = "probability" if result.thrown is None else "without momentum"
-    header = ["label", odds, "target", "area (mm²)", "inscribed radius (mm)", "margin (°)"]
+    header = ["outcome", odds, "target", "area (mm²)", "inscribed radius (mm)", "margin (°)"]
     x, y, z = (f"{round(value, 3) + 0.0:.3f}" for value in result.center_of_mass)
     note = (
         "Facets that the die can rest on; it cannot rest on its other "
@@ -192,6 +191,6 @@ def _measures(result: Result) -> Iterator[str]:
 def _instructions(result: Result) -> str:
     """How to print, throw and read the die."""
     is_shape = result.displacement is not None
-    reading = _READING_A_SHAPE if is_shape else _READING
+    reading = _READING_A_SHAPE if is_shape else f"edges. {result.reading or _UNLABELLED} "
     marked = _MARKED if is_shape and "die" in result.files else ""
     return f"{_PRINTING}{reading}{throwing_advice(result.thrown)}{marked}"
