@@ -36,6 +36,9 @@ of bodies of many corners jump where a facet becomes a rest, which may be in the
 MOST_STRETCH: Final = 0.03
 """Largest stretch along an axis, relative: what is beyond is another shape."""
 
+GAINED: Final = 0.5
+"""Part of the error that a better stretch leaves at most: a little is not worth another shape."""
+
 SHORTER: Final = 0.5
 """Ratio of the lengths of steps tried one after the other."""
 
@@ -81,7 +84,7 @@ def stretched(surface: Surface, directions: Floats, target: Floats) -> Stretched
     random = np.random.default_rng(0)
     for length in LENGTHS:
         end = body.solved(body.tried(length * random.standard_normal(6)))
-        if end.error < best.error and body.in_file(end) <= max(2.0 * end.error, FILE_ODDS):
+        if end.error < GAINED * best.error and body.in_file(end) <= max(2.0 * end.error, FILE_ODDS):
             best = end
         if best.error <= BALANCED_ODDS:
             break

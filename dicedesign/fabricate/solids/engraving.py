@@ -15,7 +15,7 @@ import numpy as np
 from manifold3d import CrossSection, Error, Manifold, OpType
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.labels.edge_margins import border_widths
+from dicedesign.fabricate.labels.edge_margins import border_lines
 from dicedesign.fabricate.labels.layout import Placement
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
@@ -78,10 +78,10 @@ def _field(
     first, _ = labels[0]
     frame = first.frame
     corners = (hull.polygon(facet) - frame[:3, 3]) @ frame[:3, :2]
-    widths = border_widths(hull, facet, options)
     field = CrossSection([corners])
-    for start, end, width in zip(corners, np.roll(corners, -1, axis=0), widths, strict=True):
-        field -= _band(start, end, float(width), hull.diameter)
+    # All other planes, as a corner may be so sharp that one without a common edge is as near.
+    for distance, inward in zip(*border_lines(hull, facet, frame, options), strict=True):
+        field -= _half_plane(distance, inward, hull.diameter)
     standing = CrossSection()
     for placement, section in labels:
         turn = frame[:3, :2].T @ placement.frame[:3, :2]
@@ -98,13 +98,13 @@ def _field(
     return named, field - standing
 
 
-def _band(start: Floats, end: Floats, width: float, beyond: float) -> CrossSection:
-    """A strip of a width on the left of the line from one point (2,) to another, and beyond both by
-    a length."""
-    along = (end - start) / np.linalg.norm(end - start)
-    left = width * np.array([-along[1], along[0]])
-    a, b = start - beyond * along, end + beyond * along
-    return CrossSection([np.stack([a, b, b + left, a + left])])
+def _half_plane(distance: float, inward: Floats, size: float) -> CrossSection:
+    """What lies less than a distance from the origin along a unit direction (2,), as far as a facet
+    of a body of a size reaches."""
+    far, along = 4.0 * size, np.array([inward[1], -inward[0]])
+    near = distance * inward
+    corners = [near + far * along, near - far * along]
+    return CrossSection([np.stack([*corners, *(c - far * inward for c in corners[::-1])])])
 
 
 def engrave(
