@@ -36,8 +36,8 @@ PAGE: Final = "report.html"
 DATA_SHEETS: Final = ("data_sheet.pdf", "data_sheet.png")
 """The page to print."""
 
-SOLIDS: Final = ("die.stl", "die_plain.stl")
-"""The die with its labels cut in, and without."""
+SOLIDS: Final = ("die.stl", "die_inlay.stl", "die_plain.stl")
+"""The die with its labels cut in, bodies that fill these, and the die without."""
 
 
 def write_results(

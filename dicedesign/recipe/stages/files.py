@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -78,19 +79,26 @@ def _stem(work: Work) -> str:
 
 def _parts(work: Work) -> list[Part]:
     """The bodies of the printed die."""
-    from dicedesign.fabricate.files.file_format import BODY_COLOR, Part
-    from dicedesign.fabricate.files.label_triangles import label_triangles
+    from dicedesign.fabricate.files.file_format import BODY_COLOR, LABEL_COLOR, Part
+    from dicedesign.fabricate.files.label_triangles import labels_below_hull, labels_off_surface
     from dicedesign.geometry.surfaces.surface import Surface
 
     solid, engraved, options = work.solid, work.engraved, work.recipe.engrave
-    if engraved is None or options is None:
+    if engraved is None:
         return [Part("die", BODY_COLOR, solid.points, solid.triangles)]
-    labels = label_triangles(
-        Surface(engraved.points, engraved.triangles),
-        Surface(solid.points, solid.triangles),
-        options.depth_mm,
-    )
-    return [Part("die", BODY_COLOR, engraved.points, engraved.triangles, labels)]
+    body = Part("die", BODY_COLOR, engraved.points, engraved.triangles)
+    if options is None:
+        return [body]
+    if engraved.inlay is not None:
+        inlay = engraved.inlay
+        return [body, Part("labels", LABEL_COLOR, inlay.points, inlay.triangles)]
+    marked = Surface(body.points, body.triangles)
+    if work.die.reshaped is None:
+        labels = labels_below_hull(marked, options.depth_mm)
+    else:
+        plain = Surface(solid.points, solid.triangles)
+        labels = labels_off_surface(marked, plain, options.depth_mm)
+    return [replace(body, labels=labels)]
 
 
 def _odds(work: Work, points: Floats, triangles: Integers) -> Floats:

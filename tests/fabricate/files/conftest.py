@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from dicedesign.fabricate.files.file_format import BODY_COLOR, LABEL_COLOR, Contents, Part
-from dicedesign.fabricate.files.label_triangles import label_triangles
+from dicedesign.fabricate.files.label_triangles import labels_below_hull
 from dicedesign.fabricate.labels.layout import place_labels
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.solids.engraving import engrave
-from dicedesign.geometry.surfaces.surface import Surface
 
 FACTS = {
     "Application": "dicedesign 7",
@@ -38,7 +37,7 @@ def contents(box, placements) -> Contents:
     """A box of 14, 16 and 20 mm with three labels."""
     body, options = box(14.0, 16.0, 20.0), EngravingOptions()
     marked = engrave(body.vertices, body.triangles, placements, options)
-    labels = label_triangles(marked, Surface(body.vertices, body.triangles), options.depth_mm)
+    labels = labels_below_hull(marked, options.depth_mm)
     part = Part("die", BODY_COLOR, marked.points, marked.triangles, labels)
     return Contents("box & co", [part], FACTS)
 
