@@ -83,11 +83,29 @@ def test_parts_are_solids(occ, inlaid, tmp_path: Path) -> None:
     assert solid_properties(*STEP.read_back(path))[0] == pytest.approx(1000.0)
 
 
+def test_a_hollow_is_a_hollow(occ, box, tmp_path: Path) -> None:
+    outer, inner = box(10.0, 10.0, 10.0), box(2.0, 4.0, 6.0)
+    points = np.concatenate([outer.vertices, inner.vertices + np.array([1.0, 0.0, 0.0])])
+    triangles = np.concatenate([outer.triangles, inner.triangles[:, ::-1] + 8])
+    path = tmp_path / "hollow.step"
+    save_mesh(path, points, triangles)
+    assert len(re.findall(rb"\bBREP_WITH_VOIDS\b", path.read_bytes())) == 1
+    assert faces(path.read_bytes()) == 12
+    expected = (1000.0 - 48.0, [-48.0 / 952.0, 0.0, 0.0])
+    for volume, center in (volume_and_center(path), solid_properties(*STEP.read_back(path))):
+        assert volume == pytest.approx(expected[0])
+        np.testing.assert_allclose(center, expected[1], atol=1e-9)
+    both = [outer.triangles, outer.triangles + 16, inner.triangles[:, ::-1] + 8]
+    points = np.concatenate([points, outer.vertices + np.array([20.0, 0.0, 0.0])])
+    with pytest.raises(InputError, match="expected a solid of one outer shell about its"):
+        save_mesh(path, points, np.concatenate(both))
+
+
 def test_what_is_no_solid_of_flat_faces_is_refused(occ, box, monkeypatch) -> None:
     body = box(1.0, 1.0, 1.0)
     points, triangles = body.vertices.astype(float), body.triangles
     opened = Contents("box", [Part("box", "#ffffff", points, triangles[1:])])
-    with pytest.raises(InputError, match="step: expected a closed surface, got 1 shells with 3 op"):
+    with pytest.raises(InputError, match="expected closed surfaces, got one of 1 shells with 3 op"):
         file_bytes(opened, STEP)
     monkeypatch.setattr("dicedesign.fabricate.files.kinds.step.MOST_TRIANGLES", 11)
     whole = Contents("box", [Part("box", "#ffffff", points, triangles)])

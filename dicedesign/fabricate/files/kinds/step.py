@@ -15,6 +15,8 @@ import numpy as np
 
 from dicedesign.errors import InputError, MeshFileError
 from dicedesign.fabricate.files.file_format import FILE_FORMATS, Contents, FileFormat, Part
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.triangles import connected_parts, edge_neighbors
 from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["read_step", "step"]
@@ -36,7 +38,7 @@ DEFLECTION: Final = 1.0
 
 
 def step(contents: Contents) -> bytes:
-    """Contents as STEP: a solid for each part, its triangles joined to flat faces.
+    """Contents as STEP: solids, with the triangles in one plane joined to one face.
 
     Raises InputError for a part of more triangles than `MOST_TRIANGLES`, or that is not closed.
     """
@@ -52,8 +54,9 @@ def step(contents: Contents) -> bytes:
     document = TDocStd_Document(TCollection_ExtendedString("dicedesign"))
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     for part in contents.parts:
-        label = shapes.AddShape(_solid(part), False)
-        TDataStd_Name.Set_s(label, TCollection_ExtendedString(part.name))
+        for solid in _solids(part):
+            label = shapes.AddShape(solid, False)
+            TDataStd_Name.Set_s(label, TCollection_ExtendedString(part.name))
     writer = STEPCAFControl_Writer()
     Interface_Static.SetCVal_s("write.step.unit", "MM")
     writer.Transfer(document)
@@ -118,27 +121,51 @@ def _places(points: list[Any]) -> Floats:
     return np.array([(point.X(), point.Y(), point.Z()) for point in points])
 
 
-def _solid(part: Part) -> Any:
-    """The solid within the triangles of a part, those in one plane joined to a face."""
-    from OCP.BRepBuilderAPI import (
-        BRepBuilderAPI_MakeFace,
-        BRepBuilderAPI_MakePolygon,
-        BRepBuilderAPI_MakeSolid,
-        BRepBuilderAPI_Sewing,
-    )
-    from OCP.gp import gp_Pnt
-    from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
-    from OCP.TopAbs import TopAbs_ShapeEnum
-    from OCP.TopoDS import TopoDS
+def _solids(part: Part) -> list[Any]:
+    """A solid for each outer shell of a part; where it has one alone, those inside it are hollows
+    of it."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeSolid
 
     if len(part.triangles) > MOST_TRIANGLES:
         raise InputError(
             f"step: expected a solid of at most {MOST_TRIANGLES} triangles, got "
             f"{len(part.triangles)}; take 3mf or obj for a surface like this"
         )
+    across = edge_neighbors(part.triangles)
+    one, edge = np.nonzero(across >= 0)
+    shell_of = connected_parts(one, across[one, edge], len(across))
+    meshes = [part.triangles[shell_of == k] for k in range(shell_of.max() + 1)]
+    is_outer = [solid_properties(part.points, mesh)[0] > 0.0 for mesh in meshes]
+    if not all(is_outer) and sum(is_outer) != 1:
+        raise InputError(
+            f"step: expected a solid of one outer shell about its hollows, got {sum(is_outer)}; "
+            "take another format"
+        )
+    makers, hollows = [], []
+    for mesh, outer in zip(meshes, is_outer, strict=True):
+        shell = _shell(part.points, mesh)
+        if outer:
+            makers.append(BRepBuilderAPI_MakeSolid(shell))
+        else:
+            hollows.append(shell)
+    for hollow in hollows:
+        makers[0].Add(hollow)
+    return [_with_whole_faces(maker.Solid()) for maker in makers]
+
+
+def _shell(points: Floats, triangles: Integers) -> Any:
+    """A closed surface of triangles (t, 3) between points (n, 3)."""
+    from OCP.BRepBuilderAPI import (
+        BRepBuilderAPI_MakeFace,
+        BRepBuilderAPI_MakePolygon,
+        BRepBuilderAPI_Sewing,
+    )
+    from OCP.gp import gp_Pnt
+    from OCP.TopoDS import TopoDS
+
     sewing = BRepBuilderAPI_Sewing(JOINT_MM)
-    corners = [gp_Pnt(*point) for point in part.points.tolist()]
-    for triangle in part.triangles.tolist():
+    corners = [gp_Pnt(*point) for point in points.tolist()]
+    for triangle in triangles.tolist():
         outline = BRepBuilderAPI_MakePolygon(*(corners[k] for k in triangle), True)
         face = BRepBuilderAPI_MakeFace(outline.Wire(), True)
         if face.IsDone():
@@ -147,11 +174,16 @@ def _solid(part: Part) -> Any:
     shells = list(_within(sewing.SewedShape(), "SHELL"))
     if len(shells) != 1 or sewing.NbFreeEdges() > 0:
         raise InputError(
-            f"step: expected a closed surface, got {len(shells)} shells with "
-            f"{sewing.NbFreeEdges()} open edges; repair the solid"
+            f"step: expected closed surfaces, got one of {len(shells)} shells with "
+            f"{sewing.NbFreeEdges()} open edges; repair the solid, or take another format"
         )
-    assert shells[0].ShapeType() == TopAbs_ShapeEnum.TopAbs_SHELL
-    solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell(shells[0])).Solid()
+    return TopoDS.Shell(shells[0])
+
+
+def _with_whole_faces(solid: Any) -> Any:
+    """A solid with one face for all that lies in one plane and hangs together."""
+    from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
+
     union = ShapeUpgrade_UnifySameDomain(solid, True, True, False)
     union.SetLinearTolerance(JOINT_MM)
     union.SetAngularTolerance(FLAT_ANGLE)
