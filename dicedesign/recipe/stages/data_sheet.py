@@ -10,7 +10,7 @@ from dicedesign.recipe.planning.work import Work
 
 __all__ = ["write_data_sheet"]
 
-FIGURES_SHOWN: Final = ("faces", "labels", "reading")
+FIGURES_SHOWN: Final = ("faces", "labels", "rests", "reading")
 """Figures of the report that the sheet shows where there is room: one of the first two."""
 
 

@@ -184,7 +184,7 @@ def _write_table(page: Page, facts: SheetFacts, top: float) -> None:
             )
         _write_row(page, row, ends, base, size)
     left_out = len(facts.rows) - len(rows)
-    for line in ([f"and {left_out} more: see report.html"] if left_out else []) + [facts.remark]:
+    for line in ([f"and {left_out} more: see result.json"] if left_out else []) + [facts.remark]:
         base += step
         page.text(line, _TABLE_LEFT, base, size=TINY, color=FAINT)
 

@@ -12,9 +12,9 @@ from dicedesign.report.render.raster import Camera
 from dicedesign.report.render.renderer import Surface, render
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["four_views"]
+__all__ = ["CORNERS", "four_views"]
 
-_CORNERS: Final = ((1, -1, 1), (1, 1, -1), (-1, 1, 1), (-1, -1, -1))
+CORNERS: Final = ((1, -1, 1), (1, 1, -1), (-1, 1, 1), (-1, -1, -1))
 """Of a tetrahedron: no part of a convex die is seen at a slant of more than 71 degrees from all of
 them."""
 
@@ -42,7 +42,7 @@ def four_views(surface: Surface, upward: Floats, size: int) -> list[tuple[str, P
     else:
         sides = {
             "from ({}, {}, {})".format(*corner): np.array(corner, dtype=np.float64)
-            for corner in _CORNERS
+            for corner in CORNERS
         }
     cameras = [Camera(side, upward, np.zeros(3), 1.0) for side in sides.values()]
     cameras = framed(cameras, [surface.points] * len(cameras))
