@@ -341,7 +341,7 @@ def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -
     assert {"torch", "dicedesign.recipe.run"} <= loaded
     # Matplotlib itself takes a table of glyph names from fontTools.
     others = {"manifold3d", "trimesh", "lxml", "fontTools.ttLib", "matplotlib"}
-    others |= {"sympy", "mpmath", "functorch", "torch._dynamo"}
+    others |= {"sympy", "mpmath", "functorch", "torch._dynamo", "reportlab", "OCP"}
     assert loaded & (others | SOLVERS) == set()
     own = {name for name in loaded if name.startswith("dicedesign.")}
     # What a recipe may say of a concave die is read, what makes one is not.

@@ -51,7 +51,7 @@ def with_result_options(recipe: Recipe, options: argparse.Namespace) -> Recipe:
 
     changes: dict[str, Any] = {}
     if options.files:
-        changes |= {"files": with_stl(options.files)}
+        changes |= {"files": with_stl(options.files, "--files")}
     if options.data_sheet:
         changes |= {"data_sheet": True}
     if options.no_figures:

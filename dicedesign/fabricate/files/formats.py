@@ -79,13 +79,16 @@ def format_of_ending(ending: str, name: str = "mesh file") -> FileFormat:
     return FILE_FORMATS[ending[1:].lower()]
 
 
-def with_stl(names: Sequence[str]) -> list[str]:
+def with_stl(names: Sequence[str], key: str = "files") -> list[str]:
     """Names of formats, each once, with STL before the others. Raises InputError where there is no
-    such format, or a library that it needs is missing."""
+    such format, or a library that it needs is missing.
+
+    key: what messages about an unknown format begin with.
+    """
     for name in names:
         if name not in FILE_FORMATS:
             raise InputError(
-                f"files: expected formats out of {', '.join(FILE_FORMATS.names)}, got {name!r}; "
+                f"{key}: expected formats out of {', '.join(FILE_FORMATS.names)}, got {name!r}; "
                 "choose among them"
             )
         FILE_FORMATS[name].require()
