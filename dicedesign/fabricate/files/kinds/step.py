@@ -6,7 +6,6 @@ Source: ISO 10303-214, solids bounded by planar faces.
 from __future__ import annotations
 
 import importlib.util
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -42,6 +41,8 @@ def step(contents: Contents) -> bytes:
 
     Raises InputError for a part of more triangles than `MOST_TRIANGLES`, or that is not closed.
     """
+    import tempfile
+
     from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
     from OCP.Interface import Interface_Static
     from OCP.STEPCAFControl import STEPCAFControl_Writer

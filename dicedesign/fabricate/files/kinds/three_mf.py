@@ -6,10 +6,9 @@ Source: 3MF Core Specification 1.3 (3MF Consortium, 2021); materials are its `ba
 from __future__ import annotations
 
 import io
-import zipfile
 from collections.abc import Sequence
+from html import escape
 from typing import Final
-from xml.sax.saxutils import escape, quoteattr
 
 from dicedesign.fabricate.files.file_format import FILE_FORMATS, Contents, FileFormat, Part
 from dicedesign.fabricate.files.rows import rows
@@ -55,6 +54,8 @@ MATERIALS: Final = 1
 def three_mf(contents: Contents) -> bytes:
     """Contents as a 3MF file: an object for each part, the colours of its triangles, and one thing
     to print that holds them all."""
+    import zipfile
+
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in (
@@ -72,7 +73,7 @@ def _model(contents: Contents) -> str:
     groups = [group for part in contents.parts for group in part.groups()]
     materials = list(dict.fromkeys((name, color) for name, color, _ in groups))
     bases = "".join(
-        f"<base name={quoteattr(name)} displaycolor={quoteattr(color.upper())}/>"
+        f'<base name="{escape(name)}" displaycolor="{escape(color.upper())}"/>'
         for name, color in materials
     )
     numbers = range(MATERIALS + 1, MATERIALS + 1 + len(contents.parts))
@@ -85,7 +86,7 @@ def _model(contents: Contents) -> str:
         thing += 1
         components = "".join(f'<component objectid="{number}"/>' for number in numbers)
         objects += (
-            f'<object id="{thing}" type="model" name={quoteattr(contents.title)}><components>'
+            f'<object id="{thing}" type="model" name="{escape(contents.title)}"><components>'
             f"{components}</components></object>"
         )
     return (
@@ -117,7 +118,7 @@ def _object(part: Part, number: int, materials: Sequence[tuple[str, str]]) -> st
         faces += rows(form, triangles)
     corners = rows('<vertex x="{!r}" y="{!r}" z="{!r}"/>', part.points)
     return (
-        f'<object id="{number}" type="model" name={quoteattr(part.name)} pid="{MATERIALS}" '
+        f'<object id="{number}" type="model" name="{escape(part.name)}" pid="{MATERIALS}" '
         f'pindex="{own[0]}"><mesh><vertices>{corners}</vertices><triangles>{faces}</triangles>'
         "</mesh></object>"
     )
