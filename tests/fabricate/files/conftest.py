@@ -13,7 +13,7 @@ from dicedesign.fabricate.solids.engraving import engrave
 
 FACTS = {
     "Application": "dicedesign 7",
-    "Description": 'Less than <2> outcomes & "more".',
+    "Description": "Less than <2> outcomes & 'more' or \"more\".",
     "Target": '{"1": 0.5, "2": 0.5}',
     "Recipe": "name: box\ntarget:\n  fair: 2\n# \N{DEGREE SIGN}\n",
 }

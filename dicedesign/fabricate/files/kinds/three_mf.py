@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from html import escape
+from html import escape as escaped
 from typing import Final
 
 from dicedesign.fabricate.files.file_format import FILE_FORMATS, Contents, FileFormat, Part
@@ -69,11 +69,16 @@ def three_mf(contents: Contents) -> bytes:
     return file.getvalue()
 
 
+def _escape(text: str) -> str:
+    """A text within XML. References by numbers, as of an apostrophe, are more than lib3mf reads."""
+    return escaped(text, quote=False).replace('"', "&quot;")
+
+
 def _model(contents: Contents) -> str:
     groups = [group for part in contents.parts for group in part.groups()]
     materials = list(dict.fromkeys((name, color) for name, color, _ in groups))
     bases = "".join(
-        f'<base name="{escape(name)}" displaycolor="{escape(color.upper())}"/>'
+        f'<base name="{_escape(name)}" displaycolor="{_escape(color.upper())}"/>'
         for name, color in materials
     )
     numbers = range(MATERIALS + 1, MATERIALS + 1 + len(contents.parts))
@@ -86,7 +91,7 @@ def _model(contents: Contents) -> str:
         thing += 1
         components = "".join(f'<component objectid="{number}"/>' for number in numbers)
         objects += (
-            f'<object id="{thing}" type="model" name="{escape(contents.title)}"><components>'
+            f'<object id="{thing}" type="model" name="{_escape(contents.title)}"><components>'
             f"{components}</components></object>"
         )
     return (
@@ -102,7 +107,7 @@ def _metadata(contents: Contents) -> str:
     for name, text in contents.facts.items():
         facts[name if name in KNOWN_FACTS else f"die:{name}"] = text
     return "".join(
-        f'<metadata name="{name}" preserve="1">{escape(text)}</metadata>'
+        f'<metadata name="{name}" preserve="1">{_escape(text)}</metadata>'
         for name, text in facts.items()
     )
 
@@ -118,7 +123,7 @@ def _object(part: Part, number: int, materials: Sequence[tuple[str, str]]) -> st
         faces += rows(form, triangles)
     corners = rows('<vertex x="{!r}" y="{!r}" z="{!r}"/>', part.points)
     return (
-        f'<object id="{number}" type="model" name="{escape(part.name)}" pid="{MATERIALS}" '
+        f'<object id="{number}" type="model" name="{_escape(part.name)}" pid="{MATERIALS}" '
         f'pindex="{own[0]}"><mesh><vertices>{corners}</vertices><triangles>{faces}</triangles>'
         "</mesh></object>"
     )
