@@ -33,6 +33,9 @@ _HEAD: Final = 25
 _LINE: Final = 1.45
 """Height of a line of text, over the size of its letters."""
 
+_SIZES: Final = (SMALL, NOTE, TINY)
+"""Sizes of letters of text and table, of which the first that fits is taken."""
+
 _BOTTOM: Final = HEIGHT - 120.0
 """Where text and table end."""
 
@@ -69,7 +72,7 @@ def draw_data_sheet(
         page.picture(picture, left, top)
         page.text(line, left + VIEW / 2.0, top + VIEW + 14.0, size=TINY, anchor="m", color=FAINT)
     top += VIEW + 40.0
-    needed = max(_text_height(facts.sections), _table_height(len(facts.rows), TINY))
+    needed = max(_text_height(facts.sections, SMALL), _table_height(len(facts.rows), TINY))
     for figure in figures:
         shown = _fitting(figure, _BOTTOM - top - needed)
         if shown is not None:
@@ -88,7 +91,7 @@ def _fitting(figure: Picture, room: float) -> Picture | None:
     share = min((_RIGHT - _MARGIN) / width, (room - _GAP) / height, 1.0)
     if share < _LEAST_SHARE:
         return None
-    return _shrunk(figure, round(FINE * share * width), round(FINE * share * height))
+    return _shrunk(figure, int(FINE * share * width), int(FINE * share * height))
 
 
 def _shrunk(figure: Picture, width: int, height: int) -> Picture:
@@ -124,28 +127,34 @@ def wrapped(text: str, width: float, size: int) -> Iterator[str]:
 
 
 def _section_lines(
-    sections: Sequence[tuple[str, Sequence[str]]],
+    sections: Sequence[tuple[str, Sequence[str]]], size: int
 ) -> Iterator[tuple[str, int, float]]:
-    """Text, size, and room above each line of the text column."""
+    """Text, size, and room above each line of the text column, paragraphs in letters of a size."""
     for number, (heading, paragraphs) in enumerate(sections):
         yield heading, _HEAD, _LINE * _HEAD + (14.0 if number else -8.0)
         for paragraph in paragraphs:
             above = 6.0
-            for line in wrapped(paragraph, _TEXT_WIDTH, SMALL):
-                yield line, SMALL, _LINE * SMALL + above
+            for line in wrapped(paragraph, _TEXT_WIDTH, size):
+                yield line, size, _LINE * size + above
                 above = 0.0
 
 
-def _text_height(sections: Sequence[tuple[str, Sequence[str]]]) -> float:
-    return sum(above for *_, above in _section_lines(sections))
+def _text_height(sections: Sequence[tuple[str, Sequence[str]]], size: int) -> float:
+    return sum(above for *_, above in _section_lines(sections, size))
 
 
 def _write_sections(page: Page, sections: Sequence[tuple[str, Sequence[str]]], top: float) -> None:
+    """Write the text column in letters as large as it fits; what does not ends with where it is."""
+    room = _BOTTOM - top
+    size = next((s for s in _SIZES if _text_height(sections, s) <= room), TINY)
+    fits = _text_height(sections, size) <= room
     base = top
-    for line, size, above in _section_lines(sections):
+    for line, height, above in _section_lines(sections, size):
         base += above
-        if base <= _BOTTOM:
-            page.text(line, _MARGIN, base, size=size)
+        if not fits and base > _BOTTOM - 2.0 * _LINE * size:
+            page.text("more in result.json", _MARGIN, base, size=size, color=FAINT)
+            break
+        page.text(line, _MARGIN, base, size=height)
 
 
 def _table_height(rows: int, size: int) -> float:
@@ -155,7 +164,7 @@ def _table_height(rows: int, size: int) -> float:
 
 def _write_table(page: Page, facts: SheetFacts, top: float) -> None:
     room = _BOTTOM - top
-    size = next((s for s in (SMALL, NOTE, TINY) if _table_height(len(facts.rows), s) <= room), TINY)
+    size = next((s for s in _SIZES if _table_height(len(facts.rows), s) <= room), TINY)
     step = _LINE * size
     most = max(int(room / step) - 3, 1)
     rows = facts.rows if len(facts.rows) <= most else facts.rows[: most - 1]

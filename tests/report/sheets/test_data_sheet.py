@@ -29,6 +29,7 @@ class Recorded:
 
     def __init__(self) -> None:
         self.texts: dict[str, tuple[float, float]] = {}
+        self.written: list[str] = []
         self.boxes: list[tuple[float, ...]] = []
 
     def box(self, left: float, top: float, right: float, bottom: float, color: str) -> None:
@@ -36,6 +37,7 @@ class Recorded:
 
     def text(self, text: str, left: float, base: float, **more) -> None:
         self.texts[text] = (left, base)
+        self.written.append(text)
         self.boxes.append((left, base, left, base))
 
     def picture(self, picture: np.ndarray, left: float, top: float) -> None:
@@ -94,6 +96,22 @@ def test_a_figure_is_shown_where_there_is_room() -> None:
     assert len(few.boxes) == len(drawn(5).boxes) + 1
     assert few.texts["Read"][1] > drawn(5).texts["Read"][1] + 300.0
     assert many.boxes == drawn(40).boxes
+
+
+@pytest.mark.parametrize(("words", "fits"), [(100, True), (300, True), (420, True), (2000, False)])
+def test_long_texts_end_on_the_page(words: int, fits: bool) -> None:
+    sections = [
+        ("Read", ["Lift it and look. " * (words // 8)]),
+        ("Print", ["long " * (words // 2)]),
+    ]
+    page = Recorded()
+    figure = np.zeros((600, 1200, 3), dtype=np.uint8)
+    draw_data_sheet(page, replace(facts(5), sections=sections), VIEWS_SHOWN, [figure])
+    assert max(bottom for *_, bottom in page.boxes) < HEIGHT - 60.0
+    assert ("more in result.json" in page.texts) == (not fits)
+    assert "Print" in page.texts or not fits
+    shown = " ".join(page.written).split().count("long")
+    assert (shown == words // 2) == fits
 
 
 def test_lines_are_as_wide_as_they_may_be() -> None:
