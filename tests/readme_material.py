@@ -76,7 +76,7 @@ def gallery(outputs: Path, target: Path) -> None:
         strip.paste(view(folder, 3, 0, size), place)
     save(strip, target / "dice.png")
     shown = outputs / "2d6_hendecahedron"
-    for name in ("gauss_map", "bars", "convergence", "views", "labels"):
+    for name in ("gauss_map", "bars", "convergence", "views", "faces"):
         save(narrowed(Image.open(shown / f"{name}.png")), target / f"{name}.png")
     concave = outputs / "fair_d3_duck"
     for name in ("rests", "before_after"):

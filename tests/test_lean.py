@@ -114,6 +114,7 @@ def test_a_query_loads_nothing_heavy(tmp_path: Path, suffix: str) -> None:
     trimesh.creation.box().export(tmp_path / f"box.{suffix}")
     loaded = modules_after(["rest", f"box.{suffix}", "--json"], tmp_path)
     heavy = {"torch", "manifold3d", "matplotlib", "pydantic", "fontTools", "mpmath", "tqdm"}
+    heavy |= {"uharfbuzz"}
     if suffix in ("obj", "stl", "off"):
         heavy |= {"trimesh", "lxml"}
     assert loaded & (heavy | SOLVERS) == set()
@@ -339,8 +340,7 @@ def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -
     (tmp_path / "d4.yaml").write_text(PLAIN)
     loaded = modules_after(["run", "d4.yaml", "--out", "d4"], tmp_path)
     assert {"torch", "dicedesign.recipe.run"} <= loaded
-    # Matplotlib itself takes a table of glyph names from fontTools.
-    others = {"manifold3d", "trimesh", "lxml", "fontTools.ttLib", "matplotlib"}
+    others = {"manifold3d", "trimesh", "lxml", "fontTools", "uharfbuzz", "matplotlib"}
     others |= {"sympy", "mpmath", "functorch", "torch._dynamo", "reportlab", "OCP"}
     assert loaded & (others | SOLVERS) == set()
     own = {name for name in loaded if name.startswith("dicedesign.")}
@@ -355,9 +355,8 @@ def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -
         "dicedesign.concave.shapes.start",
     }
     assert not any(name.startswith("dicedesign.bench") for name in own)
-    assert (
-        own & {f"dicedesign.fabricate.{name}" for name in ("engrave", "glyphs", "layout")} == set()
-    )
+    engravers = {"labels.fonts", "labels.layout", "labels.label_art", "solids.engraving"}
+    assert own & {f"dicedesign.fabricate.{name}" for name in engravers} == set()
     stages = json.loads((tmp_path / "d4" / "result.json").read_text())["stages"]
     assert [stage["name"] for stage in stages] == [
         "start", "load", "design", "export", "check", "figures", "report",
@@ -381,8 +380,9 @@ def test_a_plain_concave_recipe_loads_no_engraver_no_solver_and_no_remesher(tmp_
     loaded = modules_after(["run", "cube.yaml", "--out", "cube"], tmp_path)
     assert {"dicedesign.concave.search", "dicedesign.concave.hull.design"} <= loaded
     assert {"dicedesign.recipe.methods.concave", "manifold3d"} <= loaded
-    others = {"fast_simplification", "trimesh", "fontTools.ttLib", "matplotlib"}
-    others |= {f"dicedesign.fabricate.{name}" for name in ("marks", "glyphs", "layout")}
+    others = {"fast_simplification", "trimesh", "fontTools", "uharfbuzz", "matplotlib"}
+    engravers = {"labels.fonts", "labels.layout", "labels.label_art", "solids.marks"}
+    others |= {f"dicedesign.fabricate.{name}" for name in engravers}
     assert loaded & (others | SOLVERS) == set()
 
 

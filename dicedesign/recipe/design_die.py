@@ -122,7 +122,7 @@ class Die:
     def engrave(self, **options: Any) -> Die:
         """Cut the labels in, anew if they were; the die itself is returned.
 
-        options: `depth_mm`, `margin`, `min_height_mm`, `max_height_mm` as in a recipe's `engrave`.
+        options: such as `depth_mm`, `font` or `content`, as in a recipe's `engrave`.
 
         Raises InputError for options that cannot be used, and EngravingError where a label does not
         fit.
@@ -183,7 +183,7 @@ def design(
     ----------
     target: k odds above 0 that sum to 1, numbers or fractions such as "1/36"; a mapping such as
         `{"sum_of_dice": [6, 6]}`, `{"binomial": 4}` or `{"fair": 7}`; or a `Target`.
-    labels: of the outcomes, at most 12 characters each; the target's own by default.
+    labels: of the outcomes, at most 24 characters each; the target's own by default.
     start: of the recipe's starting shapes, a name or a mapping such as `{"prism": {"sides": 5}}`;
         by default shapes are searched.
     method: "exact", the default, "paper" or "concave", or a mapping with its options such as

@@ -104,9 +104,9 @@ def test_labels_that_need_more_than_the_largest_size(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("dicedesign.recipe.stages.size.MOST_MM", 31.0)
-    target = ["design", "--target", "1/4,1/4,1/4,1/4", "--labels", "a,b,c,not so short"]
+    target = ["design", "--target", "1/4,1/4,1/4,1/4", "--labels", "a,b,c,incomprehensibility"]
     assert main([*target, "--out", str(tmp_path)]) == 2
-    assert "label 'not so short': expected room on facet" in capsys.readouterr().err
+    assert "label 'incomprehensibility': expected room on facet" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 
@@ -173,8 +173,11 @@ BAD = [
     (["--target", "-1/2,3/2"], "--target: expected numbers between 0 and 1, got -0.5"),
     (["--target", "1/2,1/2", "--labels", "a"], "--labels: expected 2, one for each outcome, got 1"),
     (["--target", "1/2,1/2", "--labels", "a,a"], "--labels: expected distinct labels, got 'a'"),
-    (["--target", "1/2,1/2", "--labels", "a,"], "--labels: expected 1 to 12 characters, got ''"),
-    (["--target", "1/2,1/2", "--labels", "a,日"], "label: expected characters of the font DejaVu"),
+    (["--target", "1/2,1/2", "--labels", "a,"], "--labels: expected 1 to 24 characters, got ''"),
+    (
+        ["--target", "1/2,1/2", "--labels", "a,日"],
+        "label '日': expected characters of the font DejaVu",
+    ),
     (["--target", "1/2,1/2", "--seed", "-1"], "--seed: input should be greater than or equal to 0"),
     (
         ["--target", "1/2,1/2", "--size-mm", "0"],

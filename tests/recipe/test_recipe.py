@@ -69,7 +69,7 @@ def test_a_concave_die_is_plain_unless_marks_are_asked_for(method: object, tmp_p
     assert plain.resolved()["engrave"] is False
     marked = read(tmp_path, {**CONCAVE, "method": method, "engrave": True})
     assert marked.engrave == EngravingOptions()
-    assert read(tmp_path, {**CONCAVE, "method": method, "engrave": {"margin": 0.2}}).engrave
+    assert read(tmp_path, {**CONCAVE, "method": method, "engrave": {"margin_mm": 0.2}}).engrave
     for recipe in (plain, marked):
         assert read(tmp_path, recipe.resolved()) == recipe
     assert read(tmp_path, GOOD).engrave == EngravingOptions()
@@ -134,6 +134,20 @@ def test_any_order_of_the_labels_is_tried(tmp_path: Path) -> None:
             read(tmp_path, {**entries, "assignment": "any", **other})
 
 
+def test_paths_of_fonts_and_icons_count_from_the_recipe(tmp_path: Path) -> None:
+    options = {"font": "fonts/a.OTF", "icons": {6: "six.svg", 7: "/seven.svg"}}
+    recipe = read(tmp_path, {**GOOD, "engrave": options}, ("engrave.icons.8=eight.svg",))
+    assert recipe.engrave is not None
+    assert recipe.engrave.font == str(tmp_path / "fonts" / "a.OTF")
+    six, seven, eight = str(tmp_path / "six.svg"), "/seven.svg", str(Path.cwd() / "eight.svg")
+    assert recipe.engrave.icons == {"6": six, "7": seven, "8": eight}
+    assert read(tmp_path, recipe.resolved()) == recipe
+    named = read(tmp_path, {**GOOD, "engrave": {"font": "DejaVu Serif", "upright": [0, 0, 1]}})
+    assert named.engrave is not None
+    assert (named.engrave.font, named.engrave.upright) == ("DejaVu Serif", (0.0, 0.0, 1.0))
+    assert read(tmp_path, named.resolved()) == named
+
+
 def test_a_mesh_path_counts_from_the_recipe_or_in_a_change_from_where_one_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -182,6 +196,13 @@ BAD = [
         {"target": {"fair": 2, "labels": [True, "no"]}},
         "target.labels.0: expected a text, got True, .*; put it in quotes",
     ),
+    ({"target": {"fair": 2, "labels": ["a\nb", "x"]}}, "labels.*: expected a label in one line"),
+    ({"target": {"fair": 2, "labels": ["x" * 25, "y"]}}, "labels.*: expected 1 to 24 characters"),
+    ({"engrave": {"icons": {"13": "a.svg"}}}, "engrave.icons: expected labels of .*, got '13'"),
+    ({"engrave": {"depth_mm": -1}}, "engrave: depth_mm: expected a number above 0, got -1"),
+    ({"engrave": {"margin": 0.1}}, "engrave.margin: unknown key; did you mean 'margin_mm'"),
+    ({"engrave": {"content": "dots"}}, "engrave.content: input should be 'text' or 'pips'"),
+    ({"engrave": {"upright": [0, 0, 0]}}, "engrave: upright: expected edge or largest"),
     ({"target": {"fair": 2, "labels": [float("nan"), "x"]}}, "target.labels.0: .*string, got nan"),
     ({"size_mm": float("nan")}, "size_mm: .*got nan"),
     ({"center_of_mass": [0, float("inf"), 0]}, "center_of_mass.1: .*finite number, got inf"),

@@ -11,18 +11,29 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from manifold3d import CrossSection
 
 from dicedesign.errors import InputError, LabelRoomError
-from dicedesign.fabricate.labels.glyphs import text_section
+from dicedesign.fabricate.labels.label_art import LabelArt, label_arts
 from dicedesign.fabricate.labels.options import EngravingOptions
-from dicedesign.geometry.hulls.polygons import inscribed_circle, signed_area
+from dicedesign.geometry.hulls.polygons import inscribed_box, signed_area
 from dicedesign.geometry.sphere import rotation_between
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["Placement", "place_labels", "require_room"]
 
 CENTERING: Final = 0.12
-"""Part of the inscribed radius given up to bring a label nearer to the middle of its facet."""
+"""Part of the largest height given up to bring a label nearer to the middle of its facet."""
+
+STEEPEST: Final = 1e-3
+"""Sine of the angle between a facet's normal and the direction toward which labels are upright
+below which that direction says nothing on this facet."""
+
+LONGER: Final = 1e-6
+"""Relative difference of two heights or lengths of edges that counts."""
+
+MOST_ROUNDS: Final = 20
+"""Of fitting a label and the growth of its strokes to each other, which takes three."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +47,29 @@ class Placement:
     frame: (4, 4) rigid motion from local x (right), y (up), z (out of the facet) to the body, in
         mm.
     height: digit height in mm.
+    art: what it looks like, in digit heights.
+    facet: index of the facet.
+    growth: distance in mm by which its outlines move outward, for strokes wide enough.
     """
 
     text: str
     frame: Floats
     height: float
+    art: LabelArt
+    facet: int
+    growth: float = 0.0
+
+    @property
+    def where(self) -> str:
+        """The label and its facet, as messages call them."""
+        return f"{self.text!r} on facet {self.facet}"
+
+    def section(self) -> CrossSection:
+        """The label in the plane of its facet, in mm about the origin of the frame.
+
+        Raises EngravingError where its strokes cannot be as wide as asked for.
+        """
+        return self.art.cut(self.height, self.growth, f"label {self.where}")
 
     def moved(self, shift: Floats) -> Placement:
         """The same elsewhere, by a shift (3,) in mm."""
@@ -57,10 +86,28 @@ class Placement:
         return replace(self, frame=frame)
 
 
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A label as large as it fits on a facet.
+
+    room: width and height in mm of the rectangle that it fills; needed: by which factor the facet
+    must grow, at least, for digits of `min_height_mm`.
+    """
+
+    placement: Placement
+    room: tuple[float, float]
+    needed: float
+
+
 def _fit(
-    text: str, polygon: Floats, normal: Floats, facet: int, options: EngravingOptions
-) -> tuple[Placement, float]:
-    """The label as large as it fits, and the radius of the circle it fits in."""
+    text: str,
+    polygon: Floats,
+    normal: Floats,
+    facet: int,
+    options: EngravingOptions,
+    margins: float | Floats,
+) -> _Fit:
+    """The label as large as it fits, in any number of lines and of any upright that it may have."""
     polygon = np.asarray(polygon, dtype=np.float64)
     outward = np.asarray(normal, dtype=np.float64)
     if polygon.ndim != 2 or polygon.shape[1] != 3 or outward.shape != (3,) or not outward.any():
@@ -69,10 +116,48 @@ def _fit(
             f"not zero, got shape {polygon.shape} and normal {outward.tolist()}; correct them"
         )
     outward = outward / np.linalg.norm(outward)
+    arts = label_arts(text, options)
+    fits = [
+        _fit_along(text, art, polygon, right, outward, facet, options, margins)
+        for right in _rights(polygon, outward, options)
+        for art in arts
+    ]
+    best = fits[0]
+    for fit in fits[1:]:
+        if fit.placement.height > (1.0 + LONGER) * best.placement.height:
+            best = fit
+    return best
+
+
+def _rights(polygon: Floats, outward: Floats, options: EngravingOptions) -> list[Floats]:
+    """Directions (3,) that may be right on a label, the preferred ones first."""
+    if not isinstance(options.upright, str):
+        up = np.array(options.upright) / np.linalg.norm(options.upright)
+        right = np.cross(up, outward)
+        length = float(np.linalg.norm(right))
+        if length > STEEPEST:
+            return [right / length]
     edges = np.roll(polygon, -1, axis=0) - polygon
     edges -= np.outer(edges @ outward, outward)
     lengths = np.linalg.norm(edges, axis=1)
-    right = edges[lengths.argmax()] / lengths.max()
+    longest = int(lengths.argmax())
+    if options.upright != "largest":
+        return [edges[longest] / lengths[longest]]
+    order = sorted(range(len(edges)), key=lambda k: (k != longest, -lengths[k]))
+    return [edges[k] / lengths[k] for k in order if lengths[k] > LONGER * lengths[longest]]
+
+
+def _fit_along(
+    text: str,
+    art: LabelArt,
+    polygon: Floats,
+    right: Floats,
+    outward: Floats,
+    facet: int,
+    options: EngravingOptions,
+    margins: float | Floats,
+) -> _Fit:
+    """The label as large as it fits with a direction to its right."""
     up = np.cross(outward, right)
     origin = polygon.mean(axis=0)
     flat = (polygon - origin) @ np.column_stack([right, up])
@@ -81,14 +166,34 @@ def _fit(
             f"facet {facet}: expected corners that run counter-clockwise seen from outside, got "
             "them clockwise; reverse them or turn the normal"
         )
-    center, radius = inscribed_circle(flat, CENTERING)
-    left, bottom, far_right, top = text_section(text).bounds()
-    height = (1 - options.margin) * 2 * radius / math.hypot(far_right - left, top - bottom)
-    height = min(height, options.max_height_mm)
+    least, most = options.min_height_mm, options.max_height_mm
+    growth = 0.0
+    for _ in range(MOST_ROUNDS):
+        center, height = inscribed_box(
+            flat,
+            art.size,
+            margin=margins + growth,
+            slack=CENTERING,
+            least=least,
+            most=most,
+        )
+        wanted = art.growth(height, options.stroke_mm) if height > 0.0 else growth
+        if wanted <= growth:
+            break
+        # Smaller digits need to grow more.
+        growth = min(wanted + LONGER * options.stroke_mm, 0.5 * options.stroke_mm)
+    width, tall = art.size
+    needed = 0.0
+    if height < least:
+        # A facet as many times as large has room for digits of the least height and the margin.
+        rim = margins + 0.5 * options.stroke_mm
+        needed = 1.0 / inscribed_box(flat, (width * least, tall * least), rim=rim)[1]
+    left, bottom, far_right, top = art.box
     start = center - 0.5 * height * np.array([left + far_right, bottom + top])
     frame = np.eye(4)
     frame[:3] = np.column_stack([right, up, outward, origin + start[0] * right + start[1] * up])
-    return Placement(text, frame, height), radius
+    placement = Placement(text, frame, height, art, facet, growth)
+    return _Fit(placement, (width * height, tall * height), needed)
 
 
 def place_labels(
@@ -98,21 +203,25 @@ def place_labels(
     facets: Sequence[int],
     options: EngravingOptions,
     size_mm: float,
+    margins: Sequence[Floats] | None = None,
 ) -> list[Placement]:
     """Place labels on their facets, each as large as fits.
 
-    A label's bounding box, bar included, is centred on a circle in the facet, nearly the largest
-    and nearly in the middle, and fits within that circle less the margin. The longest edge of the
-    facet is at the bottom of the text.
+    A label's bounding box, the mark of an ambiguous one included, is nearly the largest upright
+    rectangle of its proportions that keeps the margins from the edges of the facet, and nearly in
+    the middle.
 
     Parameters
     ----------
     texts: k labels.
-    polygons: k arrays (m, 3) in mm, convex facets, counter-clockwise seen from outside.
+    polygons: k arrays (m, 3) in mm, convex facets or parts of facets, counter-clockwise seen from
+        outside.
     normals: k arrays (3,), outward, of any length above 0.
     facets: k indices of the facets, for messages and placements.
-    options: sizes and margin.
+    options: looks, sizes, upright and margin.
     size_mm: present largest distance between two vertices of the die, above 0.
+    margins: k arrays (m,) of distances in mm from the edges of a polygon, each from a corner to the
+        next, such as `edge_margins` gives; by default `options.margin_mm` from all.
 
     Returns
     -------
@@ -120,8 +229,8 @@ def place_labels(
 
     Raises
     ------
-    InputError: the sequences differ in length, a facet is clockwise or degenerate, or size_mm is
-        not above 0.
+    InputError: the sequences differ in length, a facet is clockwise or degenerate, size_mm is not
+        above 0, or a font or an icon cannot be read.
     LabelRoomError: a label is too small to read. Of several the message is about that which needs
         the largest die; the size it gives does for all.
     EngravingError: a label cannot be drawn.
@@ -134,44 +243,56 @@ def place_labels(
         )
     if not (math.isfinite(size_mm) and size_mm > 0):
         raise InputError(f"size_mm: expected a finite number above 0, got {size_mm}; correct it")
+    kept: Sequence[float | Floats] = [options.margin_mm] * len(texts)
+    if margins is not None:
+        kept = margins
     fits = [
-        _fit(text, polygon, normal, facet, options)
-        for text, polygon, normal, facet in zip(texts, polygons, normals, facets, strict=True)
+        _fit(text, polygon, normal, facet, options, margin)
+        for text, polygon, normal, facet, margin in zip(
+            texts, polygons, normals, facets, kept, strict=True
+        )
     ]
     require_room(
-        [placement.height for placement, _ in fits],
+        [fit.placement.height for fit in fits],
+        [fit.needed for fit in fits],
         [
-            (f"label {text!r}", f"facet {facet}", f" in its circle of diameter {2 * radius:.2f} mm")
-            for text, facet, (_, radius) in zip(texts, facets, fits, strict=True)
+            (
+                f"label {text!r}",
+                f"facet {facet}",
+                f" in a rectangle of {fit.room[0]:.2f} by {fit.room[1]:.2f} mm",
+            )
+            for text, facet, fit in zip(texts, facets, fits, strict=True)
         ],
         size_mm,
         options,
     )
-    return [placement for placement, _ in fits]
+    return [fit.placement for fit in fits]
 
 
 def require_room(
     heights: Sequence[float],
+    needed: Sequence[float],
     rooms: Sequence[tuple[str, str, str]],
     size_mm: float,
     options: EngravingOptions,
 ) -> None:
-    """Raise LabelRoomError if a label is too small to read: about the smallest, with a size of the
-    die at which all are large enough.
+    """Raise LabelRoomError if a label is too small to read: about that which needs the largest die,
+    with a size of the die at which all are large enough.
 
-    heights: k of digits, in mm; rooms: k times what messages call a label, what it is on, and more
-    about its room there; size_mm: present largest distance between two vertices of the die.
+    heights: k of digits, in mm; needed: k factors by which the die must grow for those that are too
+    small; rooms: k times what messages call a label, what it is on, and more about its room there;
+    size_mm: present largest distance between two vertices of the die.
     """
-    few = sum(height < options.min_height_mm for height in heights)
-    if few == 0:
+    small = [k for k, height in enumerate(heights) if height < options.min_height_mm]
+    if not small:
         return
-    least = min(heights)
-    label, place, more = rooms[list(heights).index(least)]
-    needed = (math.floor(10 * size_mm * options.min_height_mm / least) + 1) / 10
+    worst = max(small, key=lambda k: needed[k])
+    label, place, more = rooms[worst]
+    size = (math.floor(10 * size_mm * needed[worst]) + 1) / 10
     raise LabelRoomError(
         f"{label}: expected room on {place} for digits of at least min_height_mm = "
-        f"{options.min_height_mm:g}, got {least:.2f} mm{more} ({few} of {len(heights)} "
-        f"{label.split()[0]}s are too small at size_mm = {size_mm:g}); use size_mm = {needed:.1f} "
-        "or more, or a shorter label, a smaller margin or a smaller min_height_mm",
-        needed,
+        f"{options.min_height_mm:g}, got {heights[worst]:.2f} mm{more} ({len(small)} of "
+        f"{len(heights)} {label.split()[0]}s are too small at size_mm = {size_mm:g}); use size_mm "
+        f"= {size:.1f} or more, or a shorter label, a smaller margin_mm, depth_mm or min_height_mm",
+        size,
     )

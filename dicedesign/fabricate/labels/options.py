@@ -3,20 +3,45 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from numbers import Real
-from typing import Literal
+from typing import Any, Final, Literal, get_args
 
 from dicedesign.errors import InputError
 from dicedesign.optimize.options import require_choice
 from dicedesign.runtime.registry import STRICT
 
-__all__ = ["EngravingOptions"]
+__all__ = ["BUNDLED_FONT", "EngravingOptions", "is_font_file"]
+
+BUNDLED_FONT: Final = "DejaVu Sans Bold"
+"""Name of the font that labels are set in unless another is asked for. It comes with matplotlib;
+its digits are all equally wide."""
+
+FONT_FILES: Final = (".ttf", ".otf", ".ttc")
+
+Content = Literal["text", "pips"]
+Ambiguous = Literal["bar", "dot", "none"]
+Style = Literal["engraved", "raised"]
+Balancing = Literal["shape", "opposite", "fill", "none"]
+
+_WORDS: Final = {
+    "content": Content,
+    "ambiguous": Ambiguous,
+    "style": Style,
+    "balance": Balancing,
+}
+
+UPRIGHTS: Final = ("edge", "largest")
+
+
+def is_font_file(font: str) -> bool:
+    """Whether a font is given by the path of its file, and not by its name."""
+    return font.lower().endswith(FONT_FILES)
 
 
 @dataclass(frozen=True)
 class EngravingOptions:
-    """Sizes and depth of labels.
+    """What labels look like, their sizes and their depth.
 
     Raises InputError for a value out of its range.
     """
@@ -25,39 +50,91 @@ class EngravingOptions:
 
     depth_mm: float = 0.6
     """Depth of the pockets below the facet, above 0. It does not scale with the die."""
-    margin: float = 0.15
-    """Part of the facet's inscribed radius that labels keep free, in [0, 1)."""
+    margin_mm: float = 0.5
+    """Distance that labels keep from the edges of their facet, at least 0; pockets keep more from
+    sharp edges, so that they do not meet."""
     min_height_mm: float = 2.5
     """Smallest legible digit height, above 0."""
     max_height_mm: float = 8.0
     """Largest digit height, at least `min_height_mm`."""
-    style: Literal["engraved", "raised"] = "engraved"
+    stroke_mm: float = 0.0
+    """Width that all strokes have at least, such as that of the printer's line; outlines grow where
+    theirs are thinner. 0 leaves them as they are."""
+    content: Content = "text"
+    """"text", or "pips" for numbers from 1 to 20 as on ordinary dice."""
+    icons: dict[str, str] = field(default_factory=dict)
+    """SVG files by the labels that they are shown instead of; paths are relative to the recipe.
+    What is dark in them is cut, as tall as a digit."""
+    font: str = BUNDLED_FONT
+    """The bundled font, the family of an installed one, of which the bold face is taken, or the
+    path of a .ttf or .otf file, relative to the recipe."""
+    upright: str | list[float] | tuple[float, ...] = "edge"
+    """Up on the label: away from the longest edge of the facet ("edge"), from that edge which
+    leaves most room ("largest"), or toward a direction [x, y, z] in the coordinates of
+    die_plain.stl."""
+    ambiguous: Ambiguous = "bar"
+    """What marks numbers such as 6, 9 and 68 that are others upside down: a "bar" beneath, a "dot"
+    after them, or "none"."""
+    style: Style = "engraved"
     """`engraved` cuts labels in; `raised` sinks the field around them and leaves them standing, as
     high as the border of the facet, so that the die rests as without labels."""
     border_mm: float = 1.0
     """Width of the border around a sunk field, above 0."""
-    balance: Literal["shape", "opposite", "fill", "none"] = "shape"
+    balance: Balancing = "shape"
     """What makes up for the material that labels take away: `shape` moves the facets until the
     finished die has the odds; `opposite` hollows a hidden ball opposite to them; `fill` makes
     bodies that fill the labels in another color, equally dense; `none` leaves the odds as they
     come out."""
 
     def __post_init__(self) -> None:
-        for name in ("depth_mm", "margin", "min_height_mm", "max_height_mm", "border_mm"):
+        for name in (
+            "depth_mm",
+            "margin_mm",
+            "min_height_mm",
+            "max_height_mm",
+            "stroke_mm",
+            "border_mm",
+        ):
             value = getattr(self, name)
-            if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
+            if not _is_finite(value):
                 raise InputError(f"{name}: expected a finite number, got {value!r}; correct it")
         for name in ("depth_mm", "min_height_mm", "border_mm"):
             if getattr(self, name) <= 0:
                 raise InputError(
                     f"{name}: expected a number above 0, got {getattr(self, name)}; enlarge it"
                 )
-        if not 0 <= self.margin < 1:
-            raise InputError(f"margin: expected a number in [0, 1), got {self.margin}; correct it")
-        require_choice("style", self.style, "engraved", "raised")
-        require_choice("balance", self.balance, "shape", "opposite", "fill", "none")
+        for name in ("margin_mm", "stroke_mm"):
+            if getattr(self, name) < 0:
+                raise InputError(
+                    f"{name}: expected a number of at least 0, got {getattr(self, name)}; enlarge "
+                    "it"
+                )
         if self.max_height_mm < self.min_height_mm:
             raise InputError(
                 f"max_height_mm: expected at least min_height_mm = {self.min_height_mm}, got "
                 f"{self.max_height_mm}; enlarge it or reduce min_height_mm"
             )
+        for name, words in _WORDS.items():
+            require_choice(name, getattr(self, name), *get_args(words))
+        if not isinstance(self.font, str) or not self.font.strip():
+            raise InputError(f"font: expected a name or a path, got {self.font!r}; write one")
+        self._check_upright()
+
+    def _check_upright(self) -> None:
+        given: Any = self.upright
+        if isinstance(given, str):
+            fits = given in UPRIGHTS
+        else:
+            fits = isinstance(given, list | tuple) and len(given) == 3
+            fits = fits and all(map(_is_finite, given)) and any(given)
+        if not fits:
+            raise InputError(
+                f"upright: expected {' or '.join(UPRIGHTS)}, or a direction of three "
+                f"finite numbers that are not all 0, got {given!r}; correct it"
+            )
+        if not isinstance(given, str):
+            object.__setattr__(self, "upright", tuple(map(float, given)))
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)

@@ -14,12 +14,11 @@ import numpy as np
 from manifold3d import CrossSection, Error, Manifold, OpType
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.labels.glyphs import text_section
+from dicedesign.fabricate.labels.edge_margins import border_widths
 from dicedesign.fabricate.labels.layout import Placement
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.manifold import mesh_of, solid
-from dicedesign.geometry.sphere import angle_between
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
@@ -33,12 +32,12 @@ class Cut:
 
     Attributes
     ----------
-    text: the label.
+    where: the label and what it is on, as messages call it.
     cutter: solid to subtract.
     volume: of that part of it that lies in the body, in mm3, where it is as it should be.
     """
 
-    text: str
+    where: str
     cutter: Manifold
     volume: float
 
@@ -47,17 +46,14 @@ def _pocket(section: CrossSection, placement: Placement, depth: float) -> Cut:
     """The cut of a section into the plane of its label's facet."""
     # It reaches as far above the facet as below, so that no face of it lies in the facet.
     cutter = section.extrude(2 * depth).translate((0.0, 0.0, -depth))
-    return Cut(placement.text, cutter.transform(placement.frame[:3]), section.area() * depth)
+    return Cut(placement.where, cutter.transform(placement.frame[:3]), section.area() * depth)
 
 
 def _cuts(
     hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
 ) -> list[Cut]:
     """What all labels take away from the solid with this hull."""
-    sections = [
-        text_section(placement.text).scale((placement.height, placement.height))
-        for placement in placements
-    ]
+    sections = [placement.section() for placement in placements]
     if options.style == "raised":
         sections = [
             _field(hull, placement, section, options)
@@ -72,28 +68,19 @@ def _cuts(
 def _field(
     hull: ConvexHull, placement: Placement, label: CrossSection, options: EngravingOptions
 ) -> CrossSection:
-    """The facet within its border, without its label.
-
-    Along a sharp edge the border is wider, so that the fields of both sides of it do not meet
-    inside: by half its width they stay apart.
-    """
+    """The facet within its border, without its label."""
     frame = placement.frame
     facet = int(np.argmax(hull.normals @ frame[:3, 2]))
     corners = (hull.polygon(facet) - frame[:3, 3]) @ frame[:3, :2]
-    edges = slice(hull.facet_start[facet], hull.facet_start[facet + 1])
-    beside = hull.normals[hull.facet[hull.twin[edges]]]
-    turns = angle_between(beside, hull.normals[facet])
-    # In the middle between two planes that meet at an angle a, a depth d is d / tan(a / 2) from
-    # the edge; the outward normals turn by what a lacks to a half turn.
-    widths = 0.5 * options.border_mm + options.depth_mm * np.tan(0.5 * turns)
+    widths = border_widths(hull, facet, options)
     field = CrossSection([corners])
     for start, end, width in zip(corners, np.roll(corners, -1, axis=0), widths, strict=True):
-        field -= _band(start, end, max(float(width), options.border_mm), hull.diameter)
+        field -= _band(start, end, float(width), hull.diameter)
     if (label - field).area() > ENGRAVED_VOLUME_TOLERANCE * label.area():
         raise EngravingError(
-            f"label {placement.text!r}: expected room within a border of {options.border_mm:g} mm "
-            f"on facet {facet}, got a label that reaches into it; reduce border_mm or depth_mm, or "
-            "increase margin or size_mm"
+            f"label {placement.where}: expected room within a border of {options.border_mm:g} mm, "
+            "got a label that reaches into it; reduce border_mm or depth_mm, or increase margin_mm "
+            "or size_mm"
         )
     return field - label
 
@@ -161,7 +148,7 @@ def cut_out(plain: Manifold, cuts: Sequence[Cut], options: EngravingOptions) -> 
     if failure:
         raise EngravingError(
             f"engraved solid: {failure}; {_culprits(plain, cuts)}: reduce depth_mm "
-            f"(now {options.depth_mm:g}) or increase size_mm or margin"
+            f"(now {options.depth_mm:g}) or increase size_mm or margin_mm"
         )
     return Surface(*mesh_of(body))
 
@@ -193,5 +180,5 @@ def _culprits(plain: Manifold, cuts: Sequence[Cut]) -> str:
     for (first, a), (second, b) in combinations(enumerate(cuts), 2):
         if (a.cutter ^ b.cutter ^ plain).volume() > 0.0:
             involved |= {first, second}
-    labels = ", ".join(repr(cuts[index].text) for index in sorted(involved)) or "some labels"
+    labels = ", ".join(cuts[index].where for index in sorted(involved)) or "some labels"
     return f"pockets meet, or break through another facet, at {labels}"

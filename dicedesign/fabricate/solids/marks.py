@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import EngravingError, InputError
-from dicedesign.fabricate.labels.glyphs import text_section
+from dicedesign.fabricate.labels.label_art import LabelArt, label_arts
 from dicedesign.fabricate.labels.layout import require_room
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.solids.engraving import Cut, cut_out
@@ -53,11 +53,15 @@ class Mark:
     frame: (4, 4) rigid motion from local x (right), y (up) and z (from the table upward) to the
         body; its origin is the point of the surface beneath the middle of the label.
     height: digit height.
+    art: what it looks like, in digit heights.
+    growth: distance by which its outlines move outward, for strokes wide enough.
     """
 
     text: str
     frame: Floats
     height: float
+    art: LabelArt
+    growth: float = 0.0
 
 
 def engrave_marks(
@@ -81,7 +85,7 @@ def engrave_marks(
     triangles: (t, 3) counter-clockwise seen from outside; closed.
     downs: (k, 3) directions in the body that point to the table, of any length above 0.
     texts: k labels.
-    options: depth, sizes, and the part of its room that a label keeps free.
+    options: looks, depth, sizes, and how much room a label keeps free; `upright` says nothing here.
 
     Returns
     -------
@@ -109,8 +113,10 @@ def engrave_marks(
         mark, cut = _fit(side, text, marks, options)
         marks.append(mark)
         cuts.append(cut)
+    heights = [mark.height for mark in marks]
     require_room(
-        [mark.height for mark in marks],
+        heights,
+        [options.min_height_mm / height for height in heights],
         [(f"mark {mark.text!r}", "the upper side", "") for mark in marks],
         convex_hull(points).diameter,
         options,
@@ -122,12 +128,14 @@ def _fit(
     side: UpperSide, text: str, others: Sequence[Mark], options: EngravingOptions
 ) -> tuple[Mark, Cut]:
     """The best mark of a label and its cut; it is too small to read where nothing else fits."""
+    # Of several lines, the shape that is nearest to a square.
+    art = min(label_arts(text, options), key=lambda each: math.hypot(*each.size))
     for legible in (True, False):
-        places = _places(side, text, others, options, legible)
+        places = _places(side, art, others, options, legible)
         for middle, height in places:
             frame = np.eye(4)
             frame[:3] = np.column_stack([side.turn.T, middle @ side.turn])
-            mark = Mark(text, frame, height)
+            mark = Mark(text, frame, height, art, art.growth(height, options.stroke_mm))
             cut = _cut(side, mark, middle, options)
             if cut is not None:
                 return mark, cut
@@ -140,7 +148,7 @@ def _fit(
 
 def _places(
     side: UpperSide,
-    text: str,
+    art: LabelArt,
     others: Sequence[Mark],
     options: EngravingOptions,
     legible: bool,
@@ -157,12 +165,12 @@ def _places(
     rise = (grid.height - low) / (high - low)
     clear = [
         np.linalg.norm(centers - side.turn @ other.frame[:3, 3], axis=-1)
-        - 0.5 * math.hypot(*_room(other.text, other.height, options))
+        - 0.5 * math.hypot(*_room(other.art, other.height, other.growth, options))
         for other in others
     ]
     places = []
     for height in _digit_heights(options, legible, SMALLEST * grid.spacing):
-        width, tall = _room(text, height, options)
+        width, tall = _room(art, height, art.growth(height, options.stroke_mm), options)
         uneven = side.unevenness(options.depth_mm, width, tall)
         good = np.isfinite(uneven)
         for distance in clear:
@@ -194,21 +202,25 @@ def _digit_heights(options: EngravingOptions, legible: bool, smallest: float) ->
     return [*(largest * SHRINKING**k for k in range(steps)), least]
 
 
-def _room(text: str, height: float, options: EngravingOptions) -> tuple[float, float]:
-    """Width and height of a label of a digit height and of what it keeps free around it."""
-    left, bottom, right, top = text_section(text).bounds()
-    scale = height / (1.0 - options.margin)
-    return scale * (right - left), scale * (top - bottom)
+def _room(
+    art: LabelArt, height: float, growth: float, options: EngravingOptions
+) -> tuple[float, float]:
+    """Width and height of a label of a digit height and of what it keeps free around it: the
+    margin, or for one too small to read what the margin would be on a die as large as it needs."""
+    width, tall = art.size
+    rim = 2.0 * (growth + options.margin_mm * min(1.0, height / options.min_height_mm))
+    return height * width + rim, height * tall + rim
 
 
 def _cut(side: UpperSide, mark: Mark, middle: Floats, options: EngravingOptions) -> Cut | None:
     """The outlines of a mark cut out of the surface; None where it is no whole sheet there."""
     above, depth = CLEARANCE * options.depth_mm, options.depth_mm
-    layer = side.layer(middle, *_room(mark.text, mark.height, options), above, depth)
+    room = _room(mark.art, mark.height, mark.growth, options)
+    layer = side.layer(middle, *room, above, depth)
     if layer is None:
         return None
-    section = text_section(mark.text).scale((mark.height, mark.height))
-    left, bottom, right, top = section.bounds()
+    section = mark.art.cut(mark.height, mark.growth, f"mark {mark.text!r}")
+    left, bottom, right, top = (mark.height * edge for edge in mark.art.box)
     low, high = layer.bounding_box()[2], layer.bounding_box()[5]
     prism = section.extrude(high - low + 2.0 * depth).translate(
         (middle[0] - 0.5 * (left + right), middle[1] - 0.5 * (bottom + top), low - depth)
@@ -218,4 +230,4 @@ def _cut(side: UpperSide, mark: Mark, middle: Floats, options: EngravingOptions)
     if abs(cutter.volume() - whole) > ENGRAVED_VOLUME_TOLERANCE * whole:
         return None
     back = np.column_stack([side.turn.T, np.zeros(3)])
-    return Cut(mark.text, cutter.transform(back), section.area() * depth)
+    return Cut(repr(mark.text), cutter.transform(back), section.area() * depth)

@@ -1,4 +1,4 @@
-"""The largest circle in a convex polygon."""
+"""The largest circle and the largest upright rectangle of a shape in a convex polygon."""
 
 from __future__ import annotations
 
@@ -13,13 +13,16 @@ from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import rotation_between
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["facet_inradius", "inscribed_circle", "signed_area"]
+__all__ = ["facet_inradius", "inscribed_box", "inscribed_circle", "signed_area"]
 
 MOST_TRIPLED: Final = 24
 """Constraints up to which all triples of them are tried."""
 
 PARALLEL: Final = 1e-12
 """Determinant of three unit constraints below which they meet in no point."""
+
+ROUNDING: Final = 1e-9
+"""Relative, well above what rounding changes of a factor."""
 
 MET: Final = 1e-12
 """By how much a constraint may be missed, relative to the root of the polygon's area."""
@@ -65,42 +68,119 @@ def inscribed_circle(polygon: Floats, slack: float = 0.0) -> tuple[Floats, float
     ------
     InputError: fewer than three corners, not finite, no area, or no circle (not convex).
     """
-    polygon = np.asarray(polygon, dtype=np.float64)
-    if polygon.ndim != 2 or polygon.shape[1] != 2 or len(polygon) < 3:
-        raise InputError(
-            f"polygon: expected corners of shape (m, 2) with m >= 3, got shape {polygon.shape}; "
-            "pass one row x, y for each corner"
-        )
-    area = signed_area(polygon) if np.isfinite(polygon).all() else math.nan
-    if math.isnan(area) or area == 0.0:
-        raise InputError(
-            f"polygon: expected finite corners around an area, got area {area}; pass them in order"
-        )
-    middle = centroid(polygon)
-    scale = math.sqrt(abs(area))
-    corners = (polygon - middle) / scale
-    edges = np.roll(corners, -1, axis=0) - corners
-    lengths = np.linalg.norm(edges, axis=1)
-    corners, edges, lengths = corners[lengths > 0], edges[lengths > 0], lengths[lengths > 0]
-    outward = np.sign(area) * np.column_stack([edges[:, 1], -edges[:, 0]]) / lengths[:, None]
-    offsets = np.einsum("ij,ij->i", outward, corners)
-
-    widest = _least_third(-1.0, np.column_stack([outward, np.ones(len(outward))]), offsets)
+    sides = _Sides(polygon)
+    widest = sides.largest(np.ones(len(sides.offsets)), sides.offsets)
     if widest is None or widest[2] <= 0:
         raise InputError(
             f"polygon: expected {len(polygon)} corners that run around a convex one, got none that "
             "a circle fits in; pass them in order"
         )
-    # Between parallel edges the center is free to slide, and in a long facet nearly so.
-    reach = np.array([(1, 0, -1), (-1, 0, -1), (0, 1, -1), (0, -1, -1)])
-    nearest = _least_third(
-        1.0,
-        np.vstack([np.column_stack([outward, np.zeros(len(outward))]), reach]),
-        np.concatenate([offsets - (1.0 - slack) * widest[2], np.zeros(4)]),
-    )
-    center = widest[:2] if nearest is None else nearest[:2]
-    radius = float((offsets - outward @ center).min())
-    return middle + scale * center, scale * radius
+    center = sides.nearest(sides.offsets - (1.0 - slack) * widest[2])
+    center = widest[:2] if center is None else center
+    radius = float((sides.offsets - sides.outward @ center).min())
+    return sides.middle + sides.scale * center, sides.scale * radius
+
+
+def inscribed_box(
+    polygon: Floats,
+    size: tuple[float, float],
+    *,
+    margin: float | Floats = 0.0,
+    rim: float | Floats = 0.0,
+    slack: float = 0.0,
+    least: float = 0.0,
+    most: float = math.inf,
+) -> tuple[Floats, float]:
+    """Largest upright rectangle of given proportions in a convex polygon, a margin away from its
+    edges; of several, the one nearest to the polygon's centroid.
+
+    Parameters
+    ----------
+    polygon: (m, 2) corners in order, either way around.
+    size: width and height of the rectangle of factor 1, at least 0 and not both 0.
+    margin: distance of the rectangle from the polygon's edges, at least 0; one, or (m,) for the
+        edges from each corner to the next.
+    rim: such distances for the rectangle of factor 1, which grow with the factor.
+    slack: in [0, 1), the part of the largest factor that may be given up to come nearer to the
+        centroid, but for which a factor stays at `least` where it can.
+    most: factor that none exceeds, at least `least`; what is left is room to come nearer to it.
+
+    Returns
+    -------
+    (2,) the center, and the factor, 0 where not even a point fits.
+
+    Raises
+    ------
+    InputError: as `inscribed_circle`, but for the circle.
+    """
+    sides = _Sides(polygon)
+    unit = sides.scale / max(size)
+    reach = np.abs(sides.outward) @ (0.5 * np.asarray(size) / max(size))
+    reach += sides.of_edges(rim) / max(size)
+    offsets = sides.offsets - sides.of_edges(margin) / sides.scale
+    widest = sides.largest(reach, offsets)
+    if widest is None or widest[2] <= 0.0:
+        return sides.middle, 0.0
+    largest = unit * float(widest[2])
+    # A little more than the least, so that rounding takes nothing from it.
+    wanted = min(max((1.0 - slack) * largest, min((1.0 + ROUNDING) * least, largest)), most)
+    center = sides.nearest(offsets - wanted / unit * reach)
+    center = widest[:2] if center is None else center
+    factor = unit * float(((offsets - sides.outward @ center) / reach).min())
+    return sides.middle + sides.scale * center, min(factor, most)
+
+
+class _Sides:
+    """A polygon as sides `outward @ x <= offsets`, about its centroid and of area 1.
+
+    middle: (2,) the centroid; scale: the root of the area. Raises InputError for fewer than three
+    corners, or corners that are not finite or have no area.
+    """
+
+    def __init__(self, polygon: Floats) -> None:
+        polygon = np.asarray(polygon, dtype=np.float64)
+        if polygon.ndim != 2 or polygon.shape[1] != 2 or len(polygon) < 3:
+            raise InputError(
+                f"polygon: expected corners of shape (m, 2) with m >= 3, got shape "
+                f"{polygon.shape}; pass one row x, y for each corner"
+            )
+        area = signed_area(polygon) if np.isfinite(polygon).all() else math.nan
+        if math.isnan(area) or area == 0.0:
+            raise InputError(
+                f"polygon: expected finite corners around an area, got area {area}; pass them in "
+                "order"
+            )
+        self.middle = centroid(polygon)
+        self.scale = math.sqrt(abs(area))
+        corners = (polygon - self.middle) / self.scale
+        edges = np.roll(corners, -1, axis=0) - corners
+        lengths = np.linalg.norm(edges, axis=1)
+        self.edges = lengths > 0
+        corners, edges, lengths = corners[self.edges], edges[self.edges], lengths[self.edges]
+        self.outward = np.sign(area) * np.column_stack([edges[:, 1], -edges[:, 0]])
+        self.outward /= lengths[:, None]
+        self.offsets = np.einsum("ij,ij->i", self.outward, corners)
+
+    def of_edges(self, values: float | Floats) -> Floats:
+        """Values for all edges, or each, of those that have a length."""
+        return np.broadcast_to(values, self.edges.shape)[self.edges]
+
+    def largest(self, reach: Floats, offsets: Floats) -> Floats | None:
+        """Center and factor (3,) of the largest shape that reaches `factor * reach` (m,) beyond its
+        center toward each side."""
+        return _least_third(-1.0, np.column_stack([self.outward, reach]), offsets)
+
+    def nearest(self, offsets: Floats) -> Floats | None:
+        """(2,) the point nearest to the centroid within `outward @ x <= offsets` (m,).
+
+        Between parallel edges a center is free to slide, and in a long facet nearly so."""
+        along = np.array([(1, 0, -1), (-1, 0, -1), (0, 1, -1), (0, -1, -1)])
+        point = _least_third(
+            1.0,
+            np.vstack([np.column_stack([self.outward, np.zeros(len(self.outward))]), along]),
+            np.concatenate([offsets, np.zeros(4)]),
+        )
+        return None if point is None else point[:2]
 
 
 def _least_third(sign: float, rows: Floats, bounds: Floats) -> Floats | None:

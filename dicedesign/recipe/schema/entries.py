@@ -25,8 +25,8 @@ from dicedesign.optimize.targets import Target, binomial, fair, listed, relabell
 
 __all__ = ["STARTS", "Label", "StartRecipe", "Strict", "TargetRecipe", "one_of"]
 
-LONGEST_LABEL: Final = 12
-"""Characters that a facet may bear."""
+LONGEST_LABEL: Final = 24
+"""Characters that a facet may bear, in one line or more."""
 
 
 def _fraction(value: object) -> object:
@@ -52,6 +52,11 @@ def _text(value: object) -> object:
     text = str(value) if is_number else value
     if isinstance(text, str) and not 1 <= len(text) <= LONGEST_LABEL:
         raise ValueError(f"expected 1 to {LONGEST_LABEL} characters, got {text!r}; rewrite it")
+    if isinstance(text, str) and "\n" in text:
+        raise ValueError(
+            "expected a label in one line, which is broken at spaces where that makes it larger, "
+            f"got {text!r}; write spaces"
+        )
     return text
 
 
@@ -84,7 +89,7 @@ class TargetRecipe(Strict):
     sum_of_dice: the total of fair dice with these numbers of sides, each at least 2.
     fair: so many equally probable outcomes, at least 2.
     probabilities: of the outcomes, above 0 and summing to 1; numbers or fractions such as 1/36.
-    labels: of the outcomes, 1 to 12 characters each; the distribution's own unless given.
+    labels: of the outcomes, 1 to 24 characters each; the distribution's own unless given.
     """
 
     binomial: int | None = None

@@ -17,6 +17,7 @@ import yaml
 from pydantic import ValidationError
 
 from dicedesign.errors import RecipeError
+from dicedesign.fabricate.labels.options import is_font_file
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.runtime.files import read_text
 
@@ -38,8 +39,8 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
     Parameters
     ----------
     path: the file.
-    changes: texts "dotted.key=value" that replace or add entries, values in YAML; a mesh path in
-        one is relative to the working directory.
+    changes: texts "dotted.key=value" that replace or add entries, values in YAML; the path of a
+        mesh, a font or an icon in one is relative to the working directory.
 
     Raises
     ------
@@ -52,11 +53,11 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
             f"{path}: expected keys and values, got {reprlib.repr(data)}; write name: ... and "
             "target: ..."
         )
-    _resolve_mesh_path(data, path.parent)
+    _resolve_paths(data, path.parent)
     for change in changes:
         _apply(data, change)
     # What a change brought is relative to where the command runs; absolute paths stay.
-    _resolve_mesh_path(data, Path())
+    _resolve_paths(data, Path())
     try:
         return checked_recipe(data)
     except RecipeError as error:
@@ -181,13 +182,25 @@ def _apply(data: dict[str, Any], change: str) -> None:
     data[last] = _load(value, f"--set {key}")
 
 
-def _resolve_mesh_path(data: Mapping[str, Any], folder: Path) -> None:
-    start = data.get("start")
-    mesh = start.get("mesh") if isinstance(start, dict) else None
-    if isinstance(mesh, dict) and isinstance(mesh.get("path"), str):
-        # Of one that cannot be a path, the mesh's reader says so.
-        with contextlib.suppress(ValueError):
-            mesh["path"] = os.path.realpath(folder / mesh["path"])
+def _resolve_paths(data: Mapping[str, Any], folder: Path) -> None:
+    """Make the paths of a recipe absolute that count from a folder."""
+    start, engrave = data.get("start"), data.get("engrave")
+    if isinstance(start, dict):
+        _resolve(start.get("mesh"), ("path",), folder)
+    if isinstance(engrave, dict):
+        if isinstance(engrave.get("font"), str) and is_font_file(engrave["font"]):
+            _resolve(engrave, ("font",), folder)
+        icons = engrave.get("icons")
+        if isinstance(icons, dict):
+            _resolve(icons, tuple(icons), folder)
+
+
+def _resolve(entries: object, keys: Sequence[Any], folder: Path) -> None:
+    for key in keys:
+        if isinstance(entries, dict) and isinstance(entries.get(key), str):
+            # Of one that cannot be a path, the reader of the file says so.
+            with contextlib.suppress(ValueError):
+                entries[key] = os.path.realpath(folder / entries[key])
 
 
 def _explain(error: ValidationError) -> str:

@@ -179,6 +179,13 @@ class Recipe(Strict):
                 f"start.{self.start.name}: expected method: {{concave: {{}}}} with it, got "
                 f"{self.method.name}; change the method, or take another start"
             )
+        if self.engrave is not None:
+            for label in self.engrave.icons:
+                if label not in labels:
+                    raise ValueError(
+                        f"engrave.icons: expected labels of the target, {', '.join(labels)}, got "
+                        f"{label!r}; rename or remove it"
+                    )
         if self.any_order:
             self._check_any_order()
         elif self.assignment is not None and sorted(self.assignment) != sorted(labels):

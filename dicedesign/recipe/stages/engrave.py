@@ -101,6 +101,7 @@ def place_on_facets(
 
     Raises EngravingError where a label has no facet or does not fit on it.
     """
+    from dicedesign.fabricate.labels.edge_margins import edge_margins
     from dicedesign.fabricate.labels.layout import place_labels
 
     hull, main = core_of(solid, edges), solid.outcomes.main
@@ -113,6 +114,7 @@ def place_on_facets(
         facets,
         options,
         solid.poses.hull.diameter,
+        [edge_margins(hull, facet, options) for facet in facets],
     )
 
 

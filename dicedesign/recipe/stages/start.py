@@ -21,7 +21,7 @@ def make_start(work: Work) -> None:
     Raises InputError if a mesh cannot be read or has too few rests, the center of mass is not
     inside the shape, a symmetry does not permute its facets or carries labels to less probable
     ones, the surface is no closed one of one solid, the die cannot be thrown as the recipe says, or
-    a label has a character that no glyph is known of.
+    the art of a label cannot be made.
     """
     recipe = work.recipe
     if recipe.method.concave is not None:
@@ -29,9 +29,9 @@ def make_start(work: Work) -> None:
     else:
         _make_shape(work)
     if recipe.engrave is not None:
-        from dicedesign.fabricate.labels.glyphs import require_glyphs
+        from dicedesign.fabricate.labels.label_art import require_art
 
-        require_glyphs(work.target.labels)
+        require_art(work.target.labels, recipe.engrave)
 
 
 STAGES.register(

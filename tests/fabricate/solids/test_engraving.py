@@ -10,7 +10,8 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import EngravingError, InputError
-from dicedesign.fabricate.labels.glyphs import label_contours
+from dicedesign.fabricate.labels.ambiguity import BAR_THICKNESS, reads_upside_down
+from dicedesign.fabricate.labels.glyphs import text_contours
 from dicedesign.fabricate.labels.layout import place_labels
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.solids.engraving import engrave
@@ -30,11 +31,13 @@ def engraved(body, texts, options=OPTIONS):
 
 
 def outline_area(text: str) -> float:
+    contours = text_contours(text)
     total = 0.0
-    for contour in label_contours(text):
+    for contour in contours:
         following = np.roll(contour, -1, axis=0)
         total += 0.5 * (contour[:, 0] @ following[:, 1] - contour[:, 1] @ following[:, 0])
-    return total
+    bar = BAR_THICKNESS * np.ptp(np.concatenate(contours)[:, 0]) if reads_upside_down(text) else 0.0
+    return abs(total) + bar
 
 
 def engraved_volume(placements) -> float:
@@ -150,7 +153,10 @@ def test_the_labels_at_fault_are_named(box, depth):
     plate = box(20.0, 20.0, 4.0)
     arguments = (plate.polygons[:3], plate.normals[:3], range(3), OPTIONS, plate.size_mm)
     placements = place_labels(["8", "7", "1"], *arguments)
-    with pytest.raises(EngravingError, match="break through another facet, at '8', '7': reduce"):
+    with pytest.raises(
+        EngravingError,
+        match="break through another facet, at '8' on facet 0, '7' on facet 1: reduce",
+    ):
         engrave(plate.vertices, plate.triangles, placements, EngravingOptions(depth_mm=depth))
 
 

@@ -8,7 +8,6 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import EngravingError, InputError, LabelRoomError
-from dicedesign.fabricate.labels.glyphs import text_section
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.solids.marks import engrave_marks
 from dicedesign.fabricate.solids.upper_side import relief
@@ -76,9 +75,7 @@ def test_nothing_of_the_body_hides_a_mark_from_above(marked):
 
 def test_outline_area_times_depth_is_removed(marked):
     points, triangles, _, die, marks = marked
-    expected = sum(
-        text_section(mark.text).area() * mark.height**2 * OPTIONS.depth_mm for mark in marks
-    )
+    expected = sum(mark.art.section.area() * mark.height**2 * OPTIONS.depth_mm for mark in marks)
     plain, _ = solid_properties(points, triangles)
     engraved, _ = solid_properties(die.points, die.triangles)
     assert plain - engraved == pytest.approx(expected, rel=1e-4)
@@ -104,8 +101,26 @@ def test_a_mark_is_cut_straight_down_by_the_depth_all_over():
     cut = fall > 0.5 * OPTIONS.depth_mm
     assert fall[cut] == pytest.approx(OPTIONS.depth_mm, abs=1e-9)
     assert fall[~cut] == pytest.approx(0.0, abs=1e-9)
-    area = text_section("8").area() * mark.height**2
+    area = mark.art.section.area() * mark.height**2
     assert cut.sum() * before.spacing**2 == pytest.approx(area, rel=0.05)
+
+
+def test_pips_icons_and_wide_strokes_are_cut_as_on_flat_faces(tmp_path):
+    icon = tmp_path / "ring.svg"
+    ring = '<path fill-rule="evenodd" d="M0 0h10v10h-10zM2 2h6v6h-6z"/>'
+    icon.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{ring}</svg>')
+    options = EngravingOptions(content="pips", icons={"x": str(icon)}, stroke_mm=2.0)
+    points, triangles = ellipsoid(40.0, 38.0, 36.0)
+    die, marks = engrave_marks(points, triangles, DOWNS[:2], ["5", "x"], options)
+    dots, square = marks
+    assert len(dots.art.section.decompose()) == 5
+    assert square.art.section.area() == pytest.approx(0.64)
+    # The sides of the square are a fifth of its height wide, and grow by half of what they lack.
+    lacking = 2.0 - 0.2 * square.height
+    assert square.growth == pytest.approx(0.5 * lacking, abs=0.15)
+    expected = sum(mark.art.cut(mark.height, mark.growth, "").area() for mark in marks)
+    removed = solid_properties(points, triangles)[0] - solid_properties(*_arrays(die))[0]
+    assert removed == pytest.approx(expected * options.depth_mm, rel=1e-4)
 
 
 def test_an_l_reads_upright_and_is_not_mirrored():
@@ -160,9 +175,7 @@ def test_turned_and_noisy_bodies_with_many_triangles_are_marked():
     points += np.random.default_rng(0).normal(scale=1e-6, size=points.shape)
     triangles = np.array(mesh.faces[:], dtype=np.int64)
     die, marks = engrave_marks(points, triangles, DOWNS, ["1", "2", "●", "16"], OPTIONS)
-    expected = sum(
-        text_section(mark.text).area() * mark.height**2 * OPTIONS.depth_mm for mark in marks
-    )
+    expected = sum(mark.art.section.area() * mark.height**2 * OPTIONS.depth_mm for mark in marks)
     removed = solid_properties(points, triangles)[0] - solid_properties(*_arrays(die))[0]
     assert removed == pytest.approx(expected, rel=1e-4)
 

@@ -57,7 +57,7 @@ def test_a_size_that_need_not_change_is_kept(options: dict[str, Any]) -> None:
 
 
 def test_a_large_die_is_told_how_to_be_smaller() -> None:
-    work = sized_work(30.0, label="not so short", thin=1.3)
+    work = sized_work(30.0, label="not so short", thin=0.25)
     assert 100.0 < work.recipe.size_mm < 200.0
     assert fits(work, work.recipe.size_mm)
     assert "rare outcomes" in work.notes[0]

@@ -64,7 +64,7 @@ def page_of(images: dict[str, bytes] | None = None, **changes: Any) -> Checker:
 
 
 def test_a_convex_die() -> None:
-    images = dict.fromkeys(("bars", "convergence", "gauss_map", "views", "labels"), PNG)
+    images = dict.fromkeys(("bars", "convergence", "gauss_map", "views", "faces"), PNG)
     page = page_of(images)
     assert len(page.sources) == 5
     at = page.cells.index("<6>")

@@ -1,0 +1,107 @@
+"""Plane sections of closed contours by winding number, and sections with strokes that are wide
+enough to print.
+
+Contours run either way around: outer ones of TrueType fonts run clockwise, those of other fonts
+counter-clockwise, and variable fonts have contours that overlap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from manifold3d import CrossSection, JoinType
+
+from dicedesign.errors import InputError
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["even_odd", "grown", "holes_and_parts", "non_zero", "stroke_growth"]
+
+MOST_LEVELS: Final = 64
+"""Winding numbers that the even-odd rule is applied to."""
+
+MITER: Final = 2.0
+"""Corners stay sharp unless they stick out by more, over the distance of the offset."""
+
+CORNERS: Final = 0.1
+"""Part of a stroke's width that may stick out of the discs of that width which cover it."""
+
+HALVINGS: Final = 10
+"""Of the interval in which the least growth is looked for."""
+
+
+def non_zero(contours: Sequence[Floats]) -> CrossSection:
+    """The points about which contours (n, 2) wind, in either sense."""
+    return _above(contours, 0) + _above(_reversed(contours), 0)
+
+
+def even_odd(contours: Sequence[Floats]) -> CrossSection:
+    """The points about which contours (n, 2) wind an odd number of times.
+
+    Raises InputError where they wind more than `MOST_LEVELS` times.
+    """
+    section = CrossSection()
+    for side in (contours, _reversed(contours)):
+        level = 0
+        while not (above := _above(side, level)).is_empty():
+            if level > MOST_LEVELS:
+                raise InputError(
+                    f"contours: expected at most {MOST_LEVELS} on top of each other, got more; "
+                    "simplify the path"
+                )
+            section += above - _above(side, level + 1)
+            level += 2
+    return section
+
+
+def _reversed(contours: Sequence[Floats]) -> list[Floats]:
+    return [contour[::-1] for contour in contours]
+
+
+def _above(contours: Sequence[Floats], level: int) -> CrossSection:
+    """The points with a winding number above a level, at least 0."""
+    if not contours:
+        return CrossSection()
+    points = np.concatenate(contours)
+    (left, bottom), (right, top) = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0
+    # Each frame, clockwise around them all, takes one off every winding number.
+    frame = np.array([(left, bottom), (left, top), (right, top), (right, bottom)])
+    return CrossSection([*contours, *[frame] * level])
+
+
+def holes_and_parts(section: CrossSection) -> tuple[int, int]:
+    """Number of holes in a section and of pieces that it falls into."""
+    parts = len(section.decompose())
+    return section.num_contour() - parts, parts
+
+
+def stroke_growth(section: CrossSection, width: float) -> float:
+    """The least distance by which the outlines of a section move outward so that its strokes are as
+    wide as `width`, in its unit; 0 where they are.
+
+    A stroke is as wide where discs of that diameter in the grown section cover it, but for corners.
+    """
+    if width <= 0.0 or _covered(section, section, width):
+        return 0.0
+    low, high = 0.0, 0.5 * width
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if _covered(section, grown(section, middle), width):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def grown(section: CrossSection, distance: float) -> CrossSection:
+    """A section with outlines moved outward by a distance, at least 0; corners stay sharp."""
+    if distance == 0.0:
+        return section
+    return section.offset(distance, JoinType.Miter, MITER)
+
+
+def _covered(section: CrossSection, whole: CrossSection, width: float) -> bool:
+    opened = grown(whole.offset(-0.5 * width, JoinType.Miter, MITER), 0.5 * width)
+    left = section - opened
+    return left.is_empty() or left.offset(-0.5 * CORNERS * width, JoinType.Miter, MITER).is_empty()
