@@ -10,8 +10,8 @@ from dicedesign.recipe.planning.work import Work
 
 __all__ = ["write_data_sheet"]
 
-FIGURES_SHOWN: Final = ("faces", "labels", "rests", "reading")
-"""Figures of the report that the sheet shows where there is room: one of the first two."""
+FIGURES_SHOWN: Final = ("faces", "rests", "reading")
+"""Figures of the report that the sheet shows where there is room."""
 
 
 def write_data_sheet(work: Work) -> None:
@@ -31,7 +31,7 @@ def write_data_sheet(work: Work) -> None:
     checksum = hashlib.sha256(work.files[file]).hexdigest()
     facts = sheet_facts(die, file, checksum)
     views = four_views(surface, die.upward, FINE * VIEW)
-    figures = [decoded(work.images[name]) for name in _shown(work)]
+    figures = [decoded(work.images[name]) for name in FIGURES_SHOWN if name in work.images]
     png, pdf = PngPage(), PdfPage(facts.title)
     for page in (png, pdf):
         draw_data_sheet(page, facts, views, figures)
@@ -47,9 +47,3 @@ STAGES.register(
         run=write_data_sheet,
     )
 )
-
-
-def _shown(work: Work) -> list[str]:
-    """Names of the figures to show."""
-    names = [name for name in FIGURES_SHOWN if name in work.images]
-    return [name for name in names if name != "labels" or "faces" not in names]

@@ -7,7 +7,6 @@ import pytest
 from manifold3d import Manifold
 
 from dicedesign.fabricate.files.label_triangles import labels_below_hull, labels_off_surface
-from dicedesign.fabricate.labels.glyphs import label_contours
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.solids.edge_options import EdgeOptions
 from dicedesign.fabricate.solids.engraving import engrave
@@ -29,11 +28,11 @@ def floors_and_walls(placements) -> tuple[float, float]:
     """Areas by the outlines of the labels."""
     floors = walls = 0.0
     for placement in placements:
-        for contour in label_contours(placement.text):
+        for contour in placement.section().to_polygons():
             edges = np.roll(contour, -1, axis=0) - contour
-            walls += DEPTH * placement.height * np.linalg.norm(edges, axis=1).sum()
+            walls += DEPTH * np.linalg.norm(edges, axis=1).sum()
             doubled = contour[:, 0] @ edges[:, 1] - contour[:, 1] @ edges[:, 0]
-            floors += 0.5 * doubled * placement.height**2
+            floors += 0.5 * doubled
     return floors, walls
 
 
