@@ -341,7 +341,7 @@ def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -
     loaded = modules_after(["run", "d4.yaml", "--out", "d4"], tmp_path)
     assert {"torch", "dicedesign.recipe.run"} <= loaded
     others = {"manifold3d", "trimesh", "lxml", "fontTools", "uharfbuzz", "matplotlib"}
-    others |= {"sympy", "mpmath", "functorch", "torch._dynamo"}
+    others |= {"sympy", "mpmath", "functorch", "torch._dynamo", "reportlab", "OCP"}
     assert loaded & (others | SOLVERS) == set()
     own = {name for name in loaded if name.startswith("dicedesign.")}
     # What a recipe may say of a concave die is read, what makes one is not.

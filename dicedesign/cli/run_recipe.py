@@ -22,9 +22,18 @@ __all__ = ["add_result_options", "run_and_print", "with_result_options"]
 
 
 def add_result_options(parser: Any) -> None:
-    """Add `--out`, `--no-figures` and `--no-clock` to an argparse parser."""
+    """Add the options of what is written to an argparse parser."""
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for the results (default: outputs/NAME)"
+    )
+    parser.add_argument(
+        "--files",
+        type=lambda text: [name.strip() for name in text.split(",")],
+        metavar="FORMATS",
+        help="formats of the die beside STL, such as 3mf,obj,glb",
+    )
+    parser.add_argument(
+        "--data-sheet", action="store_true", help="add a page to print, as PDF and PNG"
     )
     parser.add_argument(
         "--no-figures", action="store_true", help="leave out the pictures and the page"
@@ -37,8 +46,14 @@ def add_result_options(parser: Any) -> None:
 
 
 def with_result_options(recipe: Recipe, options: argparse.Namespace) -> Recipe:
-    """The recipe as the options change it."""
-    changes: dict[str, bool] = {}
+    """The recipe as the options change it. Raises InputError for a format that there is not."""
+    from dicedesign.fabricate.files.formats import with_stl
+
+    changes: dict[str, Any] = {}
+    if options.files:
+        changes |= {"files": with_stl(options.files, "--files")}
+    if options.data_sheet:
+        changes |= {"data_sheet": True}
     if options.no_figures:
         changes |= {"figures": False, "report": False}
     if options.no_clock:

@@ -136,13 +136,16 @@ class Die:
         return self
 
     def save(self, path: Path | str) -> None:
-        """Write the solid to a file in the format of its ending: .stl, .obj, .3mf, .ply or .off.
+        """Write the solid to a file in the format of its ending, one of `FILE_FORMATS`: .stl, .3mf,
+        .obj, .glb, .ply, .off or .step.
 
-        Raises InputError for another ending, and OutputError where the file cannot be written.
+        Raises InputError for another ending, or where a library that the format needs is missing,
+        and OutputError where the file cannot be written.
         """
-        from dicedesign.fabricate.files.formats import save_mesh
+        from dicedesign.fabricate.files.formats import save_contents
+        from dicedesign.recipe.stages.files import die_contents
 
-        save_mesh(Path(path), *self._solid)
+        save_contents(Path(path), die_contents(self._work))
 
     def report(self, folder: Path | str) -> Result:
         """Write what `run` leaves: the solids, result.json, recipe, figures and report.html.

@@ -76,6 +76,7 @@ def run(
 
 def finish(work: Work) -> Result:
     """Write the files of a run whose stages are done. Raises OutputError."""
+    from dicedesign.fabricate.files.file_format import FILE_FORMATS
     from dicedesign.report.figures.figure import FIGURES
     from dicedesign.results.folder import RECIPE, write_results
 
@@ -84,5 +85,6 @@ def finish(work: Work) -> Result:
     checksums = {name: hashlib.sha256(data).hexdigest() for name, data in work.files.items()}
     result = dataclasses.replace(work.result(), sha256=checksums)
     names = [f"{figure.name}{figure.suffix}" for figure in FIGURES]
+    names += [f"{stem}.{kind}" for stem in ("die", "die_plain") for kind in FILE_FORMATS.names]
     write_results(work.folder, work.files, result, names)
     return result

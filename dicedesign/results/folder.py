@@ -15,7 +15,14 @@ from dicedesign.runtime.files import atomic_write, make_writable_folder, remove_
 from dicedesign.runtime.folder_lock import locked_folder
 from dicedesign.runtime.interrupts import interrupts_held
 
-__all__ = ["CHECKPOINT", "PAGE", "RECIPE", "folder_of_results", "write_results"]
+__all__ = [
+    "CHECKPOINT",
+    "DATA_SHEETS",
+    "PAGE",
+    "RECIPE",
+    "folder_of_results",
+    "write_results",
+]
 
 CHECKPOINT: Final = "checkpoint.npz"
 """State of a search that can be resumed; gone once the search is finished."""
@@ -26,12 +33,15 @@ RECIPE: Final = "recipe.yaml"
 PAGE: Final = "report.html"
 """The report."""
 
-SOLIDS: Final = ("die.stl", "die_plain.stl")
-"""The die with its labels cut in, and without."""
+DATA_SHEETS: Final = ("data_sheet.pdf", "data_sheet.png")
+"""The page to print."""
+
+SOLIDS: Final = ("die.stl", "die_inlay.stl", "die_plain.stl")
+"""The die with its labels cut in, bodies that fill these, and the die without."""
 
 
 def write_results(
-    folder: Path, files: Mapping[str, bytes], result: Result, figures: Iterable[str]
+    folder: Path, files: Mapping[str, bytes], result: Result, names: Iterable[str]
 ) -> None:
     """Write the files of a finished run, and remove those that an earlier run left.
 
@@ -42,13 +52,13 @@ def write_results(
     ----------
     folder: an existing one.
     files: contents by name. result: the content of `RESULT`.
-    figures: names of the files that runs may leave beside `SOLIDS`, `RECIPE` and `PAGE`.
+    names: of the files that runs may leave beside `SOLIDS`, `RECIPE`, `PAGE` and `DATA_SHEETS`.
 
     Raises
     ------
     OutputError: a file cannot be removed or written.
     """
-    owned = dict.fromkeys([*SOLIDS, RECIPE, PAGE, *figures])
+    owned = dict.fromkeys([*SOLIDS, RECIPE, PAGE, *DATA_SHEETS, *names])
     told = result.json_text().encode("utf-8")
     with interrupts_held("the results were complete by then"):
         _remove(folder, [RESULT, *(name for name in owned if name not in files)])

@@ -52,6 +52,29 @@ def test_decimals_and_all_options(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert recipe.target.probabilities == [0.1, 0.2, 0.3, 0.4]
 
 
+def test_other_files_and_a_sheet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["design", "--target", "1/2,1/3,1/6", "--out", str(tmp_path / "coin"), "--no-figures"]
+    assert main([*command, "--files", "obj, glb", "--data-sheet"]) == 0
+    told = capsys.readouterr().out.splitlines()[-1]
+    for name in ("die.stl", "die.obj", "die.glb", "data_sheet.pdf", "data_sheet.png"):
+        assert (tmp_path / "coin" / name).is_file()
+        assert name in told
+    recipe = read_recipe(tmp_path / "coin" / "recipe.yaml")
+    assert (recipe.files, recipe.data_sheet) == (["stl", "obj", "glb"], True)
+
+
+@pytest.mark.parametrize("files", ["dxf", "obj,dxf", "", ".obj"])
+def test_files_of_no_known_format(
+    files: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["design", "--target", "1/2,1/3,1/6", "--out", str(tmp_path / "coin")]
+    assert main([*command, "--files", files]) == 2
+    error = capsys.readouterr().err
+    assert "--files: expected formats out of stl, 3mf, obj" in error
+    assert error.endswith("; choose among them\n")
+    assert not (tmp_path / "coin").exists()
+
+
 def test_the_size_grows_until_the_labels_fit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

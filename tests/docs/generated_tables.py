@@ -29,6 +29,7 @@ from pydantic import BaseModel
 from pydantic_core import to_jsonable_python
 
 import dicedesign
+from dicedesign.fabricate.files.file_format import FILE_FORMATS
 from dicedesign.optimize.starts.start import STARTS
 from dicedesign.recipe.schema.entries import StartRecipe
 from dicedesign.recipe.schema.recipe import Recipe
@@ -88,6 +89,7 @@ def tables() -> dict[str, Callable[[], str]]:
         "recipe keys": recipe_table,
         "public names": names_table,
         "statuses": status_table,
+        "file formats": format_table,
         **registries,
     }
 
@@ -130,6 +132,15 @@ def status_table() -> str:
     return markdown(
         ("status", "message"), [(f"`{status.name.lower()}`", status.value) for status in Status]
     )
+
+
+def format_table() -> str:
+    """What files of solids hold, by format."""
+    rows = [
+        (f"`{kind.name}`", kind.line, kind.unit, kind.upward, kind.precision, kind.carries)
+        for kind in FILE_FORMATS
+    ]
+    return markdown(("format", "meaning", "unit", "upward", "coordinates", "holds besides"), rows)
 
 
 def names_table() -> str:

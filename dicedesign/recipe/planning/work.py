@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 __all__ = ["Listeners", "Work"]
 
 
+def _is_stl(name: str) -> bool:
+    return name.endswith(".stl")
+
+
 def _ignore(_: Any) -> None:
     pass
 
@@ -160,4 +164,6 @@ class Work:
             return {}
         page = [PAGE] if self.recipe.report else []
         names = dict.fromkeys([*sorted(self.files), RECIPE, *page, RESULT])
-        return {Path(name).stem: name for name in names}
+        # A solid is known by its STL, and other files called like it by their whole names.
+        known = {Path(name).stem: name for name in sorted(names, key=_is_stl)}
+        return {stem if known[stem := Path(name).stem] == name else name: name for name in names}

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from dicedesign.concave.options import ConcaveOptions
+from dicedesign.fabricate.files.formats import with_stl
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.solids.edge_options import EdgeOptions, core_scale
 from dicedesign.geometry.point_groups import point_group
@@ -47,6 +48,12 @@ def _known_group(name: str | None) -> str | None:
 
 def _word(word: str, meaning: object) -> BeforeValidator:
     return BeforeValidator(lambda value: meaning if value == word else value)
+
+
+def _listed(names: object) -> object:
+    """A word as a list of one; a bare `off` is false in YAML."""
+    listed = names if isinstance(names, list) else [names]
+    return ["off" if name is False else name for name in listed]
 
 
 def _switch(value: object) -> object:
@@ -119,6 +126,8 @@ class Recipe(Strict):
     engrave: engraving options, or None for a plain die, which a concave one is unless the recipe
         says otherwise.
     edges: how edges and corners are rounded, or None for sharp ones.
+    files: formats of the printed die; STL, by which it is judged, is always among them.
+    data_sheet: whether a page to print about the die is made, as PDF and PNG.
     figures: whether pictures are drawn. report: whether the page is made.
     clock: whether run times and memory are told; without them, and where no limit of seconds is
         reached, the same recipe gives the same bytes in every file.
@@ -143,6 +152,12 @@ class Recipe(Strict):
         default_factory=EngravingOptions
     )
     edges: Annotated[EdgeOptions | None, BeforeValidator(_switch)] = None
+    files: Annotated[
+        list[str],
+        AfterValidator(with_stl),
+        BeforeValidator(_listed),
+    ] = Field(default_factory=lambda: ["stl"])
+    data_sheet: bool = False
     figures: bool = True
     report: bool = True
     clock: bool = True

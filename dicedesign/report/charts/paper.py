@@ -23,7 +23,7 @@ from dicedesign.runtime.arrays import Floats
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw, ImageFont
 
-__all__ = ["BODY", "NOTE", "SMALL", "TINY", "TITLE", "Paper", "Picture", "text_width"]
+__all__ = ["BODY", "NOTE", "SMALL", "TINY", "TITLE", "Paper", "Picture", "font_file", "text_width"]
 
 Picture: TypeAlias = NDArray[np.uint8]
 """(h, w, 3) red, green and blue."""
@@ -50,10 +50,8 @@ _SPACING: Final = 0.12
 _FONT: Final = Path("mpl-data", "fonts", "ttf", "DejaVuSans.ttf")
 
 
-@cache
-def _font(size: int) -> ImageFont.FreeTypeFont:
-    from PIL import ImageFont
-
+def font_file() -> Path:
+    """The font of figures, DejaVu Sans. Raises InputError where it is missing."""
     spec = importlib.util.find_spec("matplotlib")
     folders = spec.submodule_search_locations if spec else None
     path = Path(folders[0], _FONT) if folders else _FONT
@@ -62,7 +60,14 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
             f"font of figures: expected {path} in the installed package matplotlib, got no such "
             "file; reinstall matplotlib from its wheel"
         )
-    return ImageFont.truetype(str(path), size, layout_engine=ImageFont.Layout.BASIC)
+    return path
+
+
+@cache
+def _font(size: int) -> ImageFont.FreeTypeFont:
+    from PIL import ImageFont
+
+    return ImageFont.truetype(str(font_file()), size, layout_engine=ImageFont.Layout.BASIC)
 
 
 def text_width(text: str, size: int) -> float:
