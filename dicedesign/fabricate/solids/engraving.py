@@ -24,7 +24,7 @@ from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
-__all__ = ["Cut", "cut_out", "engrave", "inlay"]
+__all__ = ["Cut", "cut_out", "engrave", "inlay", "require_fields"]
 
 JOINED: Final = 0.02
 """Part of a raised label that may run into the border: facets that are moved a little afterwards
@@ -133,6 +133,15 @@ def engrave(
     """
     cuts = _cuts(convex_hull(vertices), placements, options)
     return cut_out(solid(vertices, triangles), cuts, options)
+
+
+def require_fields(
+    hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
+) -> None:
+    """Raise EngravingError where a label on a hull does not stand within the field that is to be
+    sunk around it."""
+    if options.style == "raised":
+        _cuts(hull, placements, options)
 
 
 def inlay(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.errors import EngravingError, LabelRoomError
+from dicedesign.errors import EngravingError
 from dicedesign.fabricate.designed_die import SizedDie
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.solids.edge_options import EdgeOptions, core_scale
@@ -109,6 +109,7 @@ def place_on_facets(
     from dicedesign.fabricate.labels.edge_margins import edge_margins
     from dicedesign.fabricate.labels.layout import place_labels
     from dicedesign.fabricate.labels.reading import die_readings
+    from dicedesign.fabricate.solids.engraving import require_fields
 
     hull, main = core_of(solid, edges), solid.outcomes.main
     _require_rests(labels, main, "a facet")
@@ -128,8 +129,10 @@ def place_on_facets(
         )
 
     for reading in better:
-        with suppress(LabelRoomError):
-            return reading, placed(reading)
+        with suppress(EngravingError):
+            placements = placed(reading)
+            require_fields(hull, placements, options)
+            return reading, placements
     return last, placed(last)
 
 

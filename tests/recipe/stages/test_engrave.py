@@ -145,3 +145,18 @@ def test_labels_without_room_on_top_lie_below_unless_asked_for() -> None:
     assert way(30.0, "auto") == "down"
     assert way(30.0, "up") is None
     assert way(8.0, "auto") is None
+
+
+def test_raised_labels_lie_below_where_the_border_leaves_no_room_around_a_corner() -> None:
+    """Of a tetrahedron, whose labels around the top corner are near to its edges."""
+    points = np.array([(1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)])
+
+    def way(border_mm: float) -> str | None:
+        options = {"style": "raised", "border_mm": border_mm}
+        target = {"fair": 4, "labels": ["10", "20", "30", "40"]}
+        work = designed(points, -points / np.sqrt(3.0), target=target, entries={"engrave": options})
+        plan(work, after="design", last="engrave")
+        return None if work.engraved is None or work.reading is None else work.reading.way
+
+    assert way(0.1) == "corner"
+    assert way(1.0) == "down"
