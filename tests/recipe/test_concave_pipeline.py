@@ -28,7 +28,15 @@ from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.record import Result
 
-PICTURES = ("rests", "before_after", "odds", "hull", "displacement", "energy")
+PICTURES = (
+    "rests",
+    "before_after",
+    "odds",
+    "hull",
+    "displacement",
+    "energy",
+    "print_orientation",
+)
 
 
 @pytest.fixture

@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
 
 from dicedesign.report.pages.html_parts import number, table_section
 from dicedesign.results.printing import Printability, PrintPose
 
 __all__ = ["print_sections"]
 
-LONGEST: Final = 60
-"""Poses that are listed at most."""
-
 
 def print_sections(found: Printability) -> Iterator[str]:
     """What the printer makes of a die, its labels and the ways to lay it on the bed."""
-    x, y, z = (number(extent, 4) for extent in found.bounding_box_mm)
+    x, y, z = (f"{extent:.1f}" for extent in found.bounding_box_mm)
     file = found.file
     rows = [
         ["printer", f"{found.printer}, {found.spot_mm:g} mm, layers of {found.layer_mm:g} mm"],
         ["weight", f"{number(found.weight_g, 3)} g of {_material(found)}, solid"],
         ["extent in the file", f"{x} × {y} × {z} mm"],
-        ["height as it is best printed", f"{number(found.best.height_mm, 4)} mm"],
+        ["height as it is best printed", f"{found.best.height_mm:.1f} mm"],
         ["on the bed then", _bed(found.best)],
         ["needs supports then", _supports(found.best)],
         ["labels on the bed or on supports", ", ".join(found.best.spoiled) or "none"],
@@ -39,17 +35,13 @@ def print_sections(found: Printability) -> Iterator[str]:
         rows.append(
             [
                 "smallest facet",
-                f"{number(facet.area_mm2, 3)} mm², a circle of radius "
-                f"{number(facet.inradius_mm, 3)} mm",
+                f"{facet.area_mm2:.1f} mm², a circle of radius {facet.inradius_mm:.2f} mm",
             ]
         )
     note = (
-        "Limits of this kind of printer, by design guides; yours may do better or worse. The print "
-        "bed spoils a label less than supports do."
+        "Limits are those of design guides for this kind of printer; yours may do better or worse."
     )
-    yield table_section(
-        "Printing", ["", ""], [*rows, *(["✗", told] for told in found.warnings)], note
-    )
+    yield table_section("Printing", ["", ""], rows, note)
     if found.labels:
         yield table_section(
             "Labels in print (mm)",
@@ -58,14 +50,14 @@ def print_sections(found: Printability) -> Iterator[str]:
                 [
                     label.text,
                     *(
-                        number(width, 3)
+                        number(width, 2)
                         for width in (label.stroke_mm, label.ridge_mm, label.wall_mm)
                     ),
                 ]
                 for label in found.labels
             ],
         )
-    if len(found.poses) <= LONGEST:
+    if found.smallest_facet is not None:
         yield table_section(
             "Printed as it rests",
             [
@@ -79,10 +71,10 @@ def print_sections(found: Printability) -> Iterator[str]:
             [
                 [
                     pose.label or "-",
-                    number(pose.contact_mm2, 3),
-                    number(pose.height_mm, 3),
-                    number(pose.overhang_mm2, 3),
-                    number(pose.support_mm3, 3),
+                    f"{pose.contact_mm2:.1f}",
+                    f"{pose.height_mm:.1f}",
+                    f"{pose.overhang_mm2:.1f}",
+                    f"{pose.support_mm3:.0f}",
                     ", ".join(pose.spoiled) or "-",
                 ]
                 for pose in found.poses
@@ -97,10 +89,10 @@ def _material(found: Printability) -> str:
 
 def _bed(pose: PrintPose) -> str:
     where = "a facet without label" if pose.label is None else f"the facet of {pose.label}"
-    return f"{where}, {number(pose.contact_mm2, 3)} mm²"
+    return f"{where}, {pose.contact_mm2:.1f} mm²"
 
 
 def _supports(pose: PrintPose) -> str:
     if pose.overhang_mm2 == 0.0:
         return "nothing"
-    return f"{number(pose.overhang_mm2, 3)} mm², {number(pose.support_mm3, 3)} mm³ beneath"
+    return f"{pose.overhang_mm2:.1f} mm², {pose.support_mm3:.0f} mm³ beneath"
