@@ -17,25 +17,23 @@ class Material:
 
     Attributes
     ----------
-    printer: the kind of printer that takes it.
     density_g_cm3: of the printed solid.
     source: of the density: author, title, year.
     """
 
-    printer: str
     density_g_cm3: float
     source: str
 
 
 MATERIALS: Final = MappingProxyType(
     {
-        "pla": Material("fdm", 1.24, _SLICER),
-        "petg": Material("fdm", 1.27, _SLICER),
-        "abs": Material("fdm", 1.04, _SLICER),
-        "asa": Material("fdm", 1.07, _SLICER),
-        "pc": Material("fdm", 1.22, _SLICER),
-        "resin": Material("sla", 1.15, "the middle of what makers of resins give, 1.1 to 1.2"),
-        "pa12": Material("sls", 0.93, "EOS, material data sheet PA 2200, 2010"),
+        "pla": Material(1.24, _SLICER),
+        "petg": Material(1.27, _SLICER),
+        "abs": Material(1.04, _SLICER),
+        "asa": Material(1.07, _SLICER),
+        "pc": Material(1.22, _SLICER),
+        "resin": Material(1.15, "the middle of what makers of resins give, 1.1 to 1.2"),
+        "pa12": Material(0.93, "EOS, material data sheet PA 2200, 2010"),
     }
 )
 """All materials by name."""

@@ -61,13 +61,12 @@ class PrintOptions:
                 )
         if self.nozzle_mm is not None:
             PRINTERS[self.printer].with_nozzle(self.nozzle_mm)
-        if self.material is not None:
-            fitting = [name for name in MATERIALS if MATERIALS[name].printer == self.printer]
-            if self.material not in fitting:
-                raise InputError(
-                    f"material: expected {', '.join(fitting)} for {self.printer}, got "
-                    f"{self.material!r}; take one of them, or leave it out and give density_g_cm3"
-                )
+        fitting = PRINTERS[self.printer].materials
+        if self.material is not None and self.material not in fitting:
+            raise InputError(
+                f"material: expected {', '.join(fitting)} for {self.printer}, got "
+                f"{self.material!r}; take one of them, or leave it out and give density_g_cm3"
+            )
 
     @property
     def chosen(self) -> Printer:
@@ -78,7 +77,7 @@ class PrintOptions:
     @property
     def substance(self) -> str:
         """Name of the material."""
-        return self.material or PRINTERS[self.printer].material
+        return self.material or PRINTERS[self.printer].materials[0]
 
     @property
     def density(self) -> float:

@@ -24,14 +24,14 @@ class Printer(Extension):
     has_nozzle: whether that is a nozzle, which its owner may change.
     layer_mm: usual height of a layer.
     wall_mm: least thickness of a wall.
-    groove_mm, groove_depth_mm: least width and depth of what is engraved.
+    groove_mm: least width of what is engraved; groove_depth_mm: its least depth.
     ridge_mm: least width of what stands between two grooves.
     raised_mm: least width of what is raised.
     overhang_deg: surfaces that look down and are nearer than this to level need supports; 0 where
         none do.
     dimensional_error_mm: by how much a dimension of a die's size is off at most, either way.
     shrinkage: linear, left after the printer's own compensation, as a share.
-    material: name of the usual one, see `MATERIALS`.
+    materials: names of those it takes, the usual one first, see `MATERIALS`.
     sources: of these numbers: author, title, year.
     """
 
@@ -46,7 +46,7 @@ class Printer(Extension):
     overhang_deg: float
     dimensional_error_mm: float
     shrinkage: float
-    material: str
+    materials: tuple[str, ...]
     sources: tuple[str, ...]
 
     def with_nozzle(self, diameter: float) -> Printer:

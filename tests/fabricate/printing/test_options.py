@@ -16,7 +16,7 @@ RECIPE = {"name": "d4", "target": {"fair": 4}}
 @pytest.mark.parametrize("name", ["fdm", "sla", "sls"])
 def test_presets_are_complete_and_say_where_from(name: str) -> None:
     printer = PRINTERS[name]
-    assert MATERIALS[printer.material].printer == name
+    assert set(printer.materials) <= set(MATERIALS)
     assert 0.0 < printer.spot_mm <= printer.groove_mm
     assert printer.layer_mm <= printer.groove_depth_mm <= 1.0
     assert 0.0 < printer.dimensional_error_mm < 1.0

@@ -20,7 +20,7 @@ PRINTERS.register(
         overhang_deg=45.0,
         dimensional_error_mm=0.2,
         shrinkage=0.002,
-        material="pla",
+        materials=("pla", "petg", "abs", "asa", "pc"),
         sources=(
             "wall, overhang, error: Print It 4 Me, Designing parts for 3D printing, read 2026",
             "groove, raised: Smith3D, 3D printing design guide, read 2026",

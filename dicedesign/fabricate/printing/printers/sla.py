@@ -20,7 +20,7 @@ PRINTERS.register(
         overhang_deg=19.0,
         dimensional_error_mm=0.1,
         shrinkage=0.002,
-        material="resin",
+        materials=("resin",),
         sources=(
             "spot, layer: Prusa Research, profile of the Original Prusa SL1 in PrusaSlicer 2.5, "
             "2022 (2560 pixels over 121 mm; layers of 0.05 mm)",

@@ -20,7 +20,7 @@ PRINTERS.register(
         overhang_deg=0.0,
         dimensional_error_mm=0.3,
         shrinkage=0.003,
-        material="pa12",
+        materials=("pa12",),
         sources=(
             "spot, layer: Formlabs, Fuse 1 technical specifications, 2021",
             "wall, ridge, overhang, error: Print It 4 Me, Designing parts for 3D printing, read "
