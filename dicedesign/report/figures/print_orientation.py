@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.report.charts.paper import Paper, Picture
+from dicedesign.report.charts.paper import Paper
 from dicedesign.report.charts.picture_grid import picture_grid, trimmed
 from dicedesign.report.figures.figure import FIGURES, Figure
 from dicedesign.report.render.cameras import framed
@@ -27,7 +27,7 @@ _HANGING: Final = (0.87, 0.35, 0.22)
 
 _TOUCHING: Final = (0.42, 0.60, 0.80)
 
-_SIDES: Final = ((1.0, -0.8, 0.55), (-0.8, 1.0, 0.55))
+_SIDE: Final = (1.0, -0.8, 0.55)
 
 _UP: Final = np.array([0.0, 0.0, 1.0])
 
@@ -35,31 +35,29 @@ _UP: Final = np.array([0.0, 0.0, 1.0])
 def print_orientation_figure(
     points: Floats, triangles: Integers, hanging: Booleans, touching: Booleans
 ) -> Paper:
-    """A solid on the bed z = 0 from two sides, and from beneath.
+    """A solid on the bed z = 0, from the side and from beneath.
 
     points: (n, 3) in any length unit, none of them below the bed; triangles: (t, 3); hanging,
     touching: (t,) those that need supports, and those on the bed, which are coloured.
     """
+    beside = Camera(np.array(_SIDE), _UP, np.zeros(3), 1.0)
+    beneath = Camera(-_UP, np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.0)
+    shadow = points * (1.0, 1.0, 0.0)
+    beside, beneath = framed([beside, beneath], [np.concatenate([points, shadow]), points])
     # Each triangle has corners of its own, for a colour of its own.
     colors = np.where(touching[:, None], _TOUCHING, MATERIAL.astype(np.float64))
     colors = np.where(hanging[:, None], _HANGING, colors).repeat(3, axis=0)
     corners = points[triangles].reshape(-1, 3)
-    own = np.arange(len(corners)).reshape(-1, 3)
-    surface = Surface(corners, own, colors, smooth=False)
-    above = [Camera(np.array(side), _UP, np.zeros(3), 1.0) for side in _SIDES]
-    beneath = Camera(-_UP, np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.0)
-    shadow = points * (1.0, 1.0, 0.0)
-    cameras = framed([*above, beneath], [np.concatenate([points, shadow])] * 2 + [points])
-    pictures: list[Picture] = []
-    for camera in cameras:
-        table = None
-        if camera.direction[2] > 0.0:
-            reach = camera.half_width
-            heights = points[:, 2].clip(0.0)
-            table = shadowed_table(points, triangles, heights, _UP, camera, _PIXELS, reach)
-        pictures.append(render(surface, camera, _PIXELS, backdrop=table))
-    titles = ["on the bed", "from the other side", "from beneath"]
-    return picture_grid(trimmed(pictures), titles, 3)
+    colored = Surface(corners, np.arange(len(corners)).reshape(-1, 3), colors, smooth=False)
+    # From beside nothing is coloured where nothing hangs over.
+    solid = colored if hanging.any() else Surface(points, triangles, smooth=False)
+    heights = points[:, 2].clip(0.0)
+    table = shadowed_table(points, triangles, heights, _UP, beside, _PIXELS, beside.half_width)
+    pictures = [
+        render(solid, beside, _PIXELS, backdrop=table),
+        render(colored, beneath, _PIXELS),
+    ]
+    return picture_grid(trimmed(pictures), ["on the bed", "from beneath"], 2)
 
 
 def _draw(die: FinishedDie) -> bytes:
