@@ -70,14 +70,15 @@ class FileCheck:
     ----------
     open_edges: edges that do not lie between two triangles which run along it in opposite
         directions.
-    pieces: closed parts.
-    self_intersections: pairs of triangles that meet and should not.
+    pieces: closed parts that face outward; cavities: those that face inward.
+    self_intersections: pairs of triangles that meet and should not, but for lines.
     flat_triangles: triangles without area.
-    volume_mm3: negative where triangles face inward.
+    volume_mm3: without its cavities.
     """
 
     open_edges: int
     pieces: int
+    cavities: int
     self_intersections: int
     flat_triangles: int
     volume_mm3: float
@@ -97,12 +98,12 @@ class Printability:
     ----------
     printer, material: names; spot_mm, layer_mm: width of its nozzle, pixel or spot, and height of
         its layers; density_g_cm3: of the material.
-    weight_g: of the die, solid through and through.
+    weight_g: of the die, solid but for cavities, with what fills its labels.
     bounding_box_mm: (3,) extents along the axes of the file.
     file: the check of die.stl, or of die_plain.stl where there are no labels.
     smallest_facet: None of a die that is not convex.
     labels: of a die that has them on its facets.
-    poses: the die on each facet that it can rest on, in the order of the result's facets.
+    poses: the die on each facet that it can rest on, the most probable first.
     best: the pose to print it in; placement: 4 rows of 4, the rigid motion from the file to the bed
         z = 0, about whose origin it then lies.
     warnings: what this printer will not make, one sentence each.

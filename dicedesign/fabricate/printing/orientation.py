@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from dicedesign.fabricate.printing.printer import Printer
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.sphere import norms, rotation_between
@@ -26,8 +27,15 @@ __all__ = ["PrintedSolid", "beds", "best_pose", "depths_in", "placement_on_bed"]
 ON_BED: Final = 1e-3
 """Height in mm up to which a triangle lies on the bed: less than a hundredth of a layer."""
 
+LOW: Final = 2.0
+"""Layers above the bed that need no supports: the feet of rounded edges."""
+
 LEVEL: Final = 1e-6
 """By how much the cosine of an angle is to exceed that of a limit."""
+
+ALMOST_DEG: Final = 0.5
+"""Angle by which a printer's limit may be missed: facets that were meant to be at 45 degrees are a
+little off where they were moved."""
 
 FOOTING: Final = 0.2
 """Diameter of the largest circle in a facet, over the height of the die on it, from which on the
@@ -56,18 +64,15 @@ class PrintedSolid:
     labels: Sequence[str]
     normals: Floats
 
-    def poses(self, downs: Floats, overhang_deg: float) -> list[PrintPose]:
-        """The die on the bed for each direction (d, 3), unit, that points to the bed.
-
-        overhang_deg: see `Printer`.
-        """
+    def poses(self, downs: Floats, printer: Printer) -> list[PrintPose]:
+        """The die on the bed for each direction (d, 3), unit, that points to the bed."""
         lowest = self._heights(downs)[self.triangles]
-        hangs = self.overhanging(downs, overhang_deg)
+        hangs = self.overhanging(downs, printer)
         contacts = self._areas @ (lowest.max(axis=1) < ON_BED)
         overhangs = self._areas @ hangs
         supports = self._areas @ (hangs * (self._units @ downs.T) * lowest.mean(axis=1))
         toward = self.normals @ downs.T
-        spoiled = toward > min(_limit(overhang_deg), 1.0 - LEVEL)
+        spoiled = toward > min(_limit(printer), 1.0 - LEVEL)
         return [
             PrintPose(
                 label=next(iter(self._named(toward[:, k] > 1.0 - LEVEL)), None),
@@ -85,11 +90,12 @@ class PrintedSolid:
         """The labels that are chosen, (k,)."""
         return tuple(compress(self.labels, chosen.tolist()))
 
-    def overhanging(self, downs: Floats, overhang_deg: float) -> Booleans:
-        """(t, d) whether a triangle needs supports when a unit direction (d, 3) points to the
-        bed."""
-        above = self._heights(downs)[self.triangles].max(axis=1) >= ON_BED
-        level = self._units @ downs.T > _limit(overhang_deg)
+    def overhanging(self, downs: Floats, printer: Printer) -> Booleans:
+        """(t, d) whether a triangle needs supports when a unit direction (d, 3) points to the bed:
+        it looks down too nearly level, and is no part of a pocket nor of the lowest `LOW`
+        layers."""
+        above = self._heights(downs)[self.triangles].max(axis=1) >= LOW * printer.layer_mm
+        level = self._units @ downs.T > _limit(printer)
         return np.asarray(level & above & self._outside[:, None])
 
     def _heights(self, downs: Floats) -> Floats:
@@ -124,9 +130,9 @@ def depths_in(hull: ConvexHull, points: Floats) -> Floats:
     return np.asarray((hull.normals * corners).sum(axis=1) - points @ hull.normals.T)
 
 
-def _limit(overhang_deg: float) -> float:
+def _limit(printer: Printer) -> float:
     """Cosine of the angle to level that a surface which looks down is not to exceed."""
-    return math.cos(math.radians(overhang_deg)) + LEVEL
+    return math.cos(math.radians(max(printer.overhang_deg - ALMOST_DEG, 0.0))) + LEVEL
 
 
 def beds(hull: ConvexHull, rests: Integers, is_convex: bool) -> Floats:

@@ -45,11 +45,13 @@ class PrintedDie:
     Attributes
     ----------
     body: the file that is printed, read back.
-    poses: the rests of the die without labels.
-    designed: its designed hull, of a convex die; None of one that keeps the shape of a surface.
+    poses: its rests.
+    designed: the hull before edges were rounded, of a convex die; None of one that keeps the shape
+        of a surface.
     labels: k texts; normals: (k, 3) outward where they are.
     placements: of the labels that lie on facets.
-    depth: of labels in mm; raised: whether they stand out.
+    depth: of labels in mm; raised: whether they stand in sunk fields.
+    filling_mm3: volume of bodies of another color that fill the labels.
     """
 
     body: Body
@@ -60,6 +62,7 @@ class PrintedDie:
     placements: Sequence[Placement] = ()
     depth: float = 0.0
     raised: bool = False
+    filling_mm3: float = 0.0
 
     @property
     def solid(self) -> PrintedSolid:
@@ -74,7 +77,7 @@ def printability(die: PrintedDie, options: PrintOptions) -> Printability:
     printer = options.chosen
     solid = die.solid
     directions = beds(die.poses.hull, die.poses.facets, die.designed is not None)
-    best = best_pose(solid.poses(directions, printer.overhang_deg))
+    best = best_pose(solid.poses(directions, printer))
     check = checked_file(die.body)
     labels = _labels(die)
     return Printability(
@@ -83,12 +86,12 @@ def printability(die: PrintedDie, options: PrintOptions) -> Printability:
         layer_mm=printer.layer_mm,
         material=options.substance,
         density_g_cm3=options.density,
-        weight_g=1e-3 * options.density * check.volume_mm3,
+        weight_g=1e-3 * options.density * (check.volume_mm3 + die.filling_mm3),
         bounding_box_mm=tuple(np.ptp(die.body.points, axis=0).tolist()),
         file=check,
         smallest_facet=_smallest_facet(die.designed),
         labels=labels,
-        poses=tuple(solid.poses(die.poses.normals, printer.overhang_deg)),
+        poses=tuple(solid.poses(die.poses.normals, printer)),
         best=best,
         placement=_rows(placement_on_bed(die.body.points, np.array(best.normal))),
         warnings=tuple(_warnings(die, printer, labels, check)),
@@ -179,6 +182,11 @@ def _warnings(
         yield (
             f"labels are {die.depth:.2g} mm deep, {_called(printer)} shows them from "
             f"{printer.groove_depth_mm:.2g} mm on: raise engrave.depth_mm"
+        )
+    if check.cavities and not printer.has_nozzle:
+        yield (
+            f"the hidden hollow stays full of what {printer.name} prints with, and the odds are "
+            "others: take engrave.balance: shape"
         )
     if not check.is_solid:
         yield (

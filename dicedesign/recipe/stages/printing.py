@@ -22,15 +22,16 @@ def prepare_print(work: Work) -> None:
     from dicedesign.geometry.hulls.hull import convex_hull
     from dicedesign.geometry.meshes.stl import stl_bytes
 
-    options, engraving = work.recipe.print, work.recipe.engrave
+    options, engraving, made = work.recipe.print, work.recipe.engrave, work.engraved
     assert options is not None
-    body, poses = _printed(work), work.plain.poses
-    placements = () if work.engraved is None else work.engraved.placements
+    body = _printed(work)
+    poses = ((made and made.verdict) or work.plain).poses
+    placements = () if made is None else made.placements
     labels = tuple(placement.text for placement in placements)
     normals = np.array([placement.frame[:3, 2] for placement in placements]).reshape(-1, 3)
-    if work.engraved is not None and not placements:
+    if made is not None and work.die.reshaped is not None:
         # Marks are on the side that is up.
-        labels, normals = work.target.labels, -poses.normals[work.plain.outcomes.main]
+        labels, normals = work.target.labels, -work.plain.poses.normals[work.plain.outcomes.main]
     die = PrintedDie(
         body=body,
         poses=poses,
@@ -39,6 +40,8 @@ def prepare_print(work: Work) -> None:
         normals=normals,
         placements=placements,
         depth=0.0 if engraving is None else engraving.depth_mm,
+        raised=engraving is not None and engraving.style == "raised",
+        filling_mm3=0.0 if made is None or made.inlay is None else made.inlay.volume,
     )
     found = printability(die, options)
     work.details["printability"] = found
@@ -69,7 +72,5 @@ def _printed(work: Work) -> Body:
 
     if work.engraved is None:
         return work.plain.body
-    if work.engraved.verdict is not None:
-        return work.engraved.verdict.body
     points, triangles = parsed_stl(work.files["die.stl"], Path("die.stl"))
     return make_body(points, triangles, "die.stl", single_precision=True)

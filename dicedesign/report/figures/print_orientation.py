@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -68,14 +69,16 @@ def _draw(die: FinishedDie) -> bytes:
     assert found is not None
     solid = die.plain.body if die.engraved is None else die.engraved
     assert solid.triangles is not None
-    hull = die.plain.poses.hull if die.reshaped is None else None
+    judged = die.plain if die.engraved is None else die.engraved.verdict or die.plain
+    hull = judged.poses.hull if die.reshaped is None else None
     printed = PrintedSolid(solid.points, solid.triangles, hull, (), np.zeros((0, 3)))
     placement, down = np.array(found.placement), np.array([found.best.normal])
+    printer = replace(PRINTERS[found.printer], layer_mm=found.layer_mm)
     points = solid.points @ placement[:3, :3].T + placement[:3, 3]
     return print_orientation_figure(
         points,
         solid.triangles,
-        printed.overhanging(down, PRINTERS[found.printer].overhang_deg)[:, 0],
+        printed.overhanging(down, printer)[:, 0],
         points[solid.triangles][:, :, 2].max(axis=1) < ON_BED,
     ).png()
 

@@ -24,7 +24,7 @@ def print_sections(found: Printability) -> Iterator[str]:
         ["labels on the bed or on supports", ", ".join(found.best.spoiled) or "none"],
         [
             "file",
-            "one closed solid without a flaw"
+            f"one closed solid without a flaw{', with a cavity' if file.cavities else ''}"
             if file.is_solid
             else f"{file.open_edges} open edges, {file.pieces} pieces, {file.self_intersections} "
             f"pairs of triangles that meet, {file.flat_triangles} without area",
@@ -79,7 +79,6 @@ def print_sections(found: Printability) -> Iterator[str]:
                 ]
                 for pose in found.poses
             ],
-            "In the order of the facets above.",
         )
 
 
@@ -93,6 +92,6 @@ def _bed(pose: PrintPose) -> str:
 
 
 def _supports(pose: PrintPose) -> str:
-    if pose.overhang_mm2 == 0.0:
+    if round(pose.overhang_mm2, 1) == 0.0:
         return "nothing"
     return f"{pose.overhang_mm2:.1f} mm², {pose.support_mm3:.0f} mm³ beneath"

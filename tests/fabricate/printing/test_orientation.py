@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,10 +15,16 @@ from dicedesign.fabricate.printing.orientation import (
     best_pose,
     placement_on_bed,
 )
+from dicedesign.fabricate.printing.printer import PRINTERS, Printer
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.rest.poses import rest_poses
 
 GOLDEN = (1.0 + math.sqrt(5.0)) / 2.0
+
+
+def upto(degrees: float) -> Printer:
+    """A printer that needs supports up to an angle from level."""
+    return replace(PRINTERS["fdm"], overhang_deg=degrees)
 
 
 def icosahedron(edge: float) -> ConvexHull:
@@ -36,7 +43,7 @@ def plain(hull: ConvexHull) -> PrintedSolid:
 
 def test_a_box_hangs_over_nowhere() -> None:
     hull = convex_hull(np.array([(x, y, z) for x in (0, 2) for y in (0, 3) for z in (0, 5)]))
-    poses = plain(hull).poses(hull.normals, 45.0)
+    poses = plain(hull).poses(hull.normals, upto(45.0))
     assert [pose.overhang_mm2 for pose in poses] == [0.0] * 6
     for pose in poses:
         side = int(np.abs(pose.normal).argmax())
@@ -48,7 +55,7 @@ def test_an_icosahedron_hangs_over_by_three_faces() -> None:
     """Its neighbors rise at 41.8 degrees: filament cannot, resin can."""
     hull, face = icosahedron(10.0), math.sqrt(3.0) / 4.0 * 100.0
     solid = plain(hull)
-    for pose in solid.poses(hull.normals, 45.0):
+    for pose in solid.poses(hull.normals, upto(45.0)):
         assert pose.contact_mm2 == pytest.approx(face)
         assert pose.overhang_mm2 == pytest.approx(3.0 * face)
         # Beneath a face that rises from an edge on the bed is a prism: its height is a third of
@@ -58,9 +65,9 @@ def test_an_icosahedron_hangs_over_by_three_faces() -> None:
         beneath = 3.0 * face * math.cos(rise) * tip / 3.0
         assert pose.support_mm3 == pytest.approx(beneath)
     for limit in (0.0, 19.0, 41.8):
-        poses = solid.poses(hull.normals, limit)
+        poses = solid.poses(hull.normals, upto(limit))
         assert [pose.overhang_mm2 for pose in poses] == [0.0] * 20
-    assert solid.overhanging(hull.normals, 45.0).sum(axis=0).tolist() == [3] * 20
+    assert solid.overhanging(hull.normals, upto(45.0)).sum(axis=0).tolist() == [3] * 20
 
 
 def test_what_is_at_the_limit_needs_no_supports() -> None:
@@ -70,8 +77,8 @@ def test_what_is_at_the_limit_needs_no_supports() -> None:
     down = np.array([[0.0, 0.0, 1.0]])
     for turn in Rotation.random(8, rng=np.random.default_rng(3)):
         turned = convex_hull(turn.apply(hull.vertices))
-        for limit, area in ((45.0, 0.0), (45.1, 4.0 * math.sqrt(2.0) * 6.0)):
-            (pose,) = plain(turned).poses(turn.apply(down), limit)
+        for limit, area in ((45.0, 0.0), (45.4, 0.0), (45.6, 4.0 * math.sqrt(2.0) * 6.0)):
+            (pose,) = plain(turned).poses(turn.apply(down), upto(limit))
             assert pose.overhang_mm2 == pytest.approx(area, abs=1e-9)
 
 
@@ -79,7 +86,7 @@ def test_of_dice_with_some_numbers_one_lies_on_a_bare_facet() -> None:
     hull = convex_hull(np.array([(x, y, z) for x in (0, 9) for y in (0, 10) for z in (0, 11)]))
     normals = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)], dtype=float)
     solid = PrintedSolid(hull.vertices, hull.triangles, hull, ("1", "2", "3", "4", "5"), normals)
-    poses = solid.poses(hull.normals, 45.0)
+    poses = solid.poses(hull.normals, upto(45.0))
     assert {pose.label for pose in poses} == {"1", "2", "3", "4", "5", None}
     assert all(pose.spoiled == (() if pose.label is None else (pose.label,)) for pose in poses)
     best = best_pose(poses)
@@ -93,7 +100,7 @@ def test_numbers_on_supports_are_spoiled_too() -> None:
     labels = tuple(str(n) for n in range(1, 21))
     solid = PrintedSolid(hull.vertices, hull.triangles, hull, labels, hull.normals)
     for limit, count in ((45.0, 4), (19.0, 1), (0.0, 1)):
-        for n, pose in enumerate(solid.poses(hull.normals, limit)):
+        for n, pose in enumerate(solid.poses(hull.normals, upto(limit))):
             assert pose.label == labels[n]
             assert len(pose.spoiled) == count
             assert pose.label in pose.spoiled

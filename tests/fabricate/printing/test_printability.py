@@ -22,8 +22,11 @@ from dicedesign.recipe.planning.work import Work
 from dicedesign.results.printing import Printability
 
 
-def printed(points: np.ndarray, directions: np.ndarray, **entries: object) -> Work:
-    work = checked(points, directions, entries={"engrave": True, "size_mm": 30.0, **entries})
+def printed(
+    points: np.ndarray, directions: np.ndarray, target: object = None, **entries: object
+) -> Work:
+    given = {"engrave": True, "size_mm": 30.0, **entries}
+    work = checked(points, directions, target=target, entries=given)
     plan(work, after="check", last="printing")
     return work
 
@@ -37,16 +40,19 @@ def found(work: Work) -> Printability:
 @pytest.fixture(scope="module")
 def cube() -> Work:
     """With a diagonal of 30 mm."""
-    return printed(box(1.0, 1.0, 1.0), SIDES, engrave={"depth_mm": 0.75}, print={"oriented": True})
+    engrave = {"depth_mm": 0.75, "balance": "none"}
+    return printed(box(1.0, 1.0, 1.0), SIDES, engrave=engrave, print={"oriented": True})
 
 
 SIDE = 30.0 / np.sqrt(3.0)
 
 
 def test_one_number_alone_has_the_whole_side_under_it() -> None:
-    work = printed(box(1.0, 1.0, 1.0), SIDES, engrave={"depth_mm": 0.75})
+    work = printed(box(1.0, 1.0, 1.0), SIDES, engrave={"depth_mm": 0.75, "balance": "none"})
     assert work.engraved is not None
-    (wall,) = walls_under(work.engraved.placements[:1], 0.75, work.solid.poses.hull)
+    assert work.engraved.verdict is not None
+    hull = work.engraved.verdict.poses.hull
+    (wall,) = walls_under(work.engraved.placements[:1], 0.75, hull)
     assert wall == pytest.approx(SIDE - 0.75, rel=1e-6)
 
 
@@ -199,6 +205,7 @@ def test_flaws_of_a_file_are_counted() -> None:
     assert (open_box.open_edges, open_box.is_solid) == (3, False)
     inward = checked_file(make_body(hull.vertices, hull.triangles[:, ::-1]))
     assert inward.volume_mm3 == pytest.approx(-8.0)
+    assert (inward.pieces, inward.cavities) == (0, 1)
     assert not inward.is_solid
     both = np.concatenate([hull.vertices, hull.vertices + 1.0])
     crossed = checked_file(make_body(both, np.concatenate([hull.triangles, hull.triangles + 8])))
@@ -207,6 +214,11 @@ def test_flaws_of_a_file_are_counted() -> None:
     apart = np.concatenate([hull.vertices, hull.vertices + 3.0])
     two = checked_file(make_body(apart, np.concatenate([hull.triangles, hull.triangles + 8])))
     assert (two.pieces, two.self_intersections, two.is_solid) == (2, 0, False)
+    nested = np.concatenate([hull.vertices, 0.5 * hull.vertices])
+    triangles = np.concatenate([hull.triangles, hull.triangles[:, ::-1] + 8])
+    hollow = checked_file(make_body(nested, triangles))
+    assert (hollow.pieces, hollow.cavities, hollow.is_solid) == (1, 1, True)
+    assert hollow.volume_mm3 == pytest.approx(7.0)
 
 
 def test_raised_labels_have_no_walls_and_wider_strokes(cube: Work) -> None:
@@ -230,3 +242,44 @@ def test_raised_labels_have_no_walls_and_wider_strokes(cube: Work) -> None:
     assert all(label.wall_mm is None for label in raised.labels)
     assert any("strokes" in warning for warning in raised.warnings)
     assert printability(replace(die, raised=False), options).warnings == ()
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"edges": {"radius_mm": 1.0}},
+        {"engrave": {"style": "raised"}},
+        {"engrave": {"balance": "fill"}, "edges": True},
+        {"engrave": {"balance": "opposite"}},
+        {"engrave": False, "edges": True},
+    ],
+    ids=["fillets", "raised", "inlaid", "hollow", "plain fillets"],
+)
+def test_finished_cubes_of_all_kinds_lie_on_a_side(entries: dict) -> None:
+    """Rounded edges need no supports, nor do sunk fields."""
+    work = printed(box(1.0, 1.0, 1.0), SIDES, target={"fair": 6}, **entries)
+    measured = found(work)
+    assert (measured.file.open_edges, measured.file.pieces) == (0, 1)
+    for pose in (*measured.poses, measured.best):
+        assert pose.overhang_mm2 < 1e-6
+        assert np.abs(pose.normal).max() == pytest.approx(1.0, abs=1e-3)
+        assert 0.3 * SIDE**2 < pose.contact_mm2 < SIDE**2
+    labels = {label.text for label in measured.labels}
+    assert {pose.label for pose in measured.poses} == (labels or {None})
+    assert work.engraved is not None
+    bodies = (
+        [work.engraved] if work.engraved.inlay is None else [work.engraved, work.engraved.inlay]
+    )
+    volume = sum(trimesh.Trimesh(b.points, b.triangles, process=False).volume for b in bodies)
+    assert measured.weight_g == pytest.approx(1.24e-3 * volume, rel=1e-5)
+
+
+def test_a_hollow_that_keeps_its_powder_is_told() -> None:
+    entries = {"engrave": {"balance": "opposite"}}
+    corners = TETRAHEDRON * (1.0, 1.1, 1.3)
+    downs = convex_hull(corners).normals
+    for printer, told in (("fdm", False), ("sls", True)):
+        work = printed(corners, downs, print=printer, **entries)
+        measured = found(work)
+        assert measured.file.cavities == 1
+        assert any("hollow" in warning for warning in measured.warnings) is told

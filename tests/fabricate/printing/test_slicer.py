@@ -103,7 +103,7 @@ def test_supports_are_where_an_overhang_is_and_nowhere_else(tmp_path: Path) -> N
         points = np.random.default_rng(seed).normal(size=(9, 3)) * (6.0, 7.0, 8.0)
         hull = convex_hull(points)
         solid = PrintedSolid(hull.vertices, hull.triangles, hull, (), np.zeros((0, 3)))
-        for pose in solid.poses(hull.normals, 45.0)[:4]:
+        for pose in solid.poses(hull.normals, PRINTERS["fdm"])[:4]:
             if 0.0 < pose.support_mm3 < 60.0:
                 continue
             placement = placement_on_bed(hull.vertices, np.array(pose.normal))

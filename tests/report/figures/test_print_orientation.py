@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dicedesign.fabricate.printing.orientation import PrintedSolid, placement_on_bed
+from dicedesign.fabricate.printing.printer import PRINTERS, Printer
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.report.figures.print_orientation import print_orientation_figure
+
+
+def upto(degrees: float) -> Printer:
+    """A printer that needs supports up to an angle from level."""
+    return replace(PRINTERS["fdm"], overhang_deg=degrees)
 
 
 def icosahedron() -> ConvexHull:
@@ -38,7 +45,7 @@ def test_colors_cover_what_touches_and_what_hangs(limit: float) -> None:
     placement = placement_on_bed(hull.vertices, down[0])
     points = hull.vertices @ placement[:3, :3].T + placement[:3, 3]
     touching = points[hull.triangles][:, :, 2].max(axis=1) < 1e-3
-    hanging = solid.overhanging(down, limit)[:, 0]
+    hanging = solid.overhanging(down, upto(limit))[:, 0]
     figure = print_orientation_figure(points, hull.triangles, hanging, touching)
     assert len(figure.pictures) == len(figure.texts) == 2
     (blue, red), beneath = (colored(picture) for picture in figure.pictures)
