@@ -10,6 +10,9 @@ from dicedesign.errors import NoStartError as NoStartError
 from dicedesign.errors import OutputError as OutputError
 from dicedesign.errors import OutsideHullError as OutsideHullError
 from dicedesign.errors import RecipeError as RecipeError
+from dicedesign.fabricate.printing.options import PrintOptions as PrintOptions
+from dicedesign.fabricate.printing.printer import PRINTERS as PRINTERS
+from dicedesign.fabricate.printing.printer import Printer as Printer
 from dicedesign.geometry.meshes.body import Body as Body
 from dicedesign.geometry.meshes.body import make_body as make_body
 from dicedesign.geometry.meshes.reading import read_body as read_body

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from common.paths import DATA, MISSING_DATA, ROOT
+from common.slicer import MISSING_SLICER, PROGRAM
 
 # Small tensors and matrices: threads only get into each other's way.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
@@ -27,6 +28,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="tests fail that are otherwise skipped where public data are missing",
     )
+    parser.addoption(
+        "--require-slicer",
+        action="store_true",
+        help=f"tests fail that are otherwise skipped where {PROGRAM} is not installed",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -34,30 +40,39 @@ def pytest_configure(config: pytest.Config) -> None:
         sys.modules["dicedesign_kernels"] = None  # type: ignore[assignment]
 
 
-def lacks_data(report: pytest.TestReport) -> bool:
-    """True if a test was skipped because public data are missing."""
+def lacks(report: pytest.TestReport, reason: str) -> bool:
+    """True if a test was skipped for a reason, by how the reason begins."""
     return (
         report.skipped
         and isinstance(report.longrepr, tuple | list)
-        and (MISSING_DATA in report.longrepr[2])
+        and (reason in report.longrepr[2])
     )
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport]:
     report = yield
-    if item.config.getoption("--require-public-data") and lacks_data(report):
-        report.outcome = "failed"
+    for option, reason in (
+        ("--require-public-data", MISSING_DATA),
+        ("--require-slicer", MISSING_SLICER),
+    ):
+        if item.config.getoption(option) and lacks(report, reason):
+            report.outcome = "failed"
     return report
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Count and name the tests that public data were missing for."""
-    skipped = sorted(r.nodeid for r in terminalreporter.stats.get("skipped", []) if lacks_data(r))
-    if skipped:
-        terminalreporter.section(f"{len(skipped)} skipped: no public data in {DATA}")
-        for name in skipped:
-            terminalreporter.line(name)
+    """Count and name the tests that public data or the slicer were missing for."""
+    for reason, title in (
+        (MISSING_DATA, f"no public data in {DATA}"),
+        (MISSING_SLICER, f"{PROGRAM} is not installed"),
+    ):
+        skipped = terminalreporter.stats.get("skipped", [])
+        names = sorted(r.nodeid for r in skipped if lacks(r, reason))
+        if names:
+            terminalreporter.section(f"{len(names)} skipped: {title}")
+            for name in names:
+                terminalreporter.line(name)
 
 
 @pytest.fixture(scope="session")

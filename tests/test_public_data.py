@@ -1,4 +1,4 @@
-"""Tests that need public data: what a run says where these are missing."""
+"""Tests that need public data or a slicer: what a run says where these are missing."""
 
 from __future__ import annotations
 
@@ -13,10 +13,14 @@ import pytest
 TESTS = """
 import pytest
 from common.paths import public_data
+from common.slicer import told_of
 
 @pytest.mark.parametrize("name", ["here.obj", "missing.obj"])
 def test_of_data(name):
     assert public_data(f"models/{name}").read_text() == "v 0 0 0"
+
+def test_of_slices(tmp_path):
+    told_of(tmp_path / "die.stl")
 
 def test_of_another_kind():
     pytest.skip("no compiler")
@@ -28,7 +32,7 @@ def checkout(repository: Path, tmp_path: Path) -> Path:
     """A checkout that has these tests only, with one file of public data beside it."""
     folder = tmp_path / "checkout"
     (folder / "tests" / "common").mkdir(parents=True)
-    for name in ("tests/conftest.py", "tests/common/paths.py"):
+    for name in ("tests/conftest.py", "tests/common/paths.py", "tests/common/slicer.py"):
         shutil.copy(repository / name, folder / name)
     (folder / "tests" / "test_data.py").write_text(TESTS)
     models = tmp_path / "shared" / "data" / "models"
@@ -37,18 +41,35 @@ def checkout(repository: Path, tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(("option", "status"), [([], 0), (["--require-public-data"], 1)])
-def test_missing_data(checkout: Path, option: list[str], status: int) -> None:
+DATA = ("no public data in ", "tests/test_data.py::test_of_data[missing.obj]")
+
+SLICER = ("prusa-slicer is not installed", "tests/test_data.py::test_of_slices")
+
+
+@pytest.mark.parametrize(
+    ("option", "required"),
+    [
+        ([], ()),
+        (["--require-public-data"], (DATA,)),
+        (["--require-slicer"], (SLICER,)),
+    ],
+)
+def test_what_is_missing(
+    checkout: Path, option: list[str], required: tuple[tuple[str, str], ...]
+) -> None:
     """Told and counted at the end of a run, also of one in several processes, or a failure."""
     command = [sys.executable, "-m", "pytest", "-n", "1", *option]
     # Options of the run that this test is part of are not those of the run it starts.
     own = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
+    # No program is found there.
+    own["PATH"] = str(checkout)
     done = subprocess.run(
         command, cwd=checkout, env=own, capture_output=True, text=True, check=False
     )
-    assert done.returncode == status, done.stdout + done.stderr
-    _, _, told = done.stdout.partition("1 skipped: no public data in ")
-    name = "tests/test_data.py::test_of_data[missing.obj]"
-    assert (name in told.splitlines()) is (status == 0)
-    assert (f"FAILED {name}" in done.stdout) is (status == 1)
+    assert done.returncode == (1 if required else 0), done.stdout + done.stderr
+    for missing in (DATA, SLICER):
+        title, name = missing
+        _, _, told = done.stdout.partition(f"1 skipped: {title}")
+        assert (name in told.splitlines()) is (missing not in required)
+        assert (f"FAILED {name}" in done.stdout) is (missing in required)
     assert "test_of_another_kind" not in done.stdout

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dicedesign.cli.options import note_missing_kernels
+from dicedesign.errors import named
 from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from dicedesign.fabricate.printing.options import PrintOptions
     from dicedesign.optimize.refinement import Round
     from dicedesign.recipe.schema.recipe import Recipe
     from dicedesign.results.record import Result, Step
@@ -36,6 +39,12 @@ def add_result_options(parser: Any) -> None:
         "--data-sheet", action="store_true", help="add a page to print, as PDF and PNG"
     )
     parser.add_argument(
+        "--printer",
+        metavar="NAME",
+        help="judge how the die prints by the limits of fdm (filament), sla (resin) or sls "
+        "(powder), and write die_oriented.stl, which lies on the bed as is best",
+    )
+    parser.add_argument(
         "--no-figures", action="store_true", help="leave out the pictures and the page"
     )
     parser.add_argument(
@@ -46,7 +55,7 @@ def add_result_options(parser: Any) -> None:
 
 
 def with_result_options(recipe: Recipe, options: argparse.Namespace) -> Recipe:
-    """The recipe as the options change it. Raises InputError for a format that there is not."""
+    """The recipe as the options change it. Raises InputError for an unknown format or printer."""
     from dicedesign.fabricate.files.formats import with_stl
 
     changes: dict[str, Any] = {}
@@ -54,11 +63,23 @@ def with_result_options(recipe: Recipe, options: argparse.Namespace) -> Recipe:
         changes |= {"files": with_stl(options.files, "--files")}
     if options.data_sheet:
         changes |= {"data_sheet": True}
+    if options.printer is not None:
+        with named("--printer"):
+            changes["print"] = _with_printer(recipe, options.printer)
     if options.no_figures:
         changes |= {"figures": False, "report": False}
     if options.no_clock:
         changes |= {"clock": False}
     return recipe.model_copy(update=changes)
+
+
+def _with_printer(recipe: Recipe, name: str) -> PrintOptions:
+    """The recipe's options of printing where they are for this printer, else its usual ones."""
+    from dicedesign.fabricate.printing.options import PrintOptions
+
+    if recipe.print is not None and recipe.print.printer == name:
+        return dataclasses.replace(recipe.print, oriented=True)
+    return PrintOptions(printer=name, oriented=True)
 
 
 def run_and_print(

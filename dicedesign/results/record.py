@@ -16,6 +16,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.results.balance import Balance
+from dicedesign.results.printing import Printability
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text
@@ -228,6 +229,7 @@ class Result:
     attempts, search_seconds, attempt: of the search for a concave die, over all sessions, the
         seconds not without a clock, and the number of the attempt that led to this one.
     thrown: what the die does on the recipe's table.
+    printability: how it is printed, and what its printer will not make.
     notes: what was repaired or assumed, one sentence each.
     extra: what stages from outside the package found, by names of their own.
     files: names of the files of the folder by what they are; sha256: the checksum of each but
@@ -275,6 +277,7 @@ class Result:
     search_seconds: float | None = None
     attempt: int | None = None
     thrown: ThrownOdds | None = None
+    printability: Printability | None = None
     extra: dict[str, Any] = dataclasses.field(default_factory=dict)
     files: dict[str, str] = dataclasses.field(default_factory=dict)
     sha256: dict[str, str] = dataclasses.field(default_factory=dict)

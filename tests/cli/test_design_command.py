@@ -86,7 +86,8 @@ def test_the_size_grows_until_the_labels_fit(
     assert main([*target, "--out", str(grown)]) == 0
     size = yaml.safe_load((grown / "recipe.yaml").read_text())["size_mm"]
     assert size > 30
-    assert capsys.readouterr().err == f"note: size_mm: {size:g}, so that the labels fit\n"
+    told = capsys.readouterr().err
+    assert told.startswith(f"note: size_mm: {size:g}, so that the labels fit\n")
     check(grown)
     facets = json.loads((grown / "result.json").read_text())["facets"]
     assert sorted(facet["label"] for facet in facets) == sorted(labels)
@@ -211,3 +212,36 @@ def test_bad_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> 
         main(["design", *arguments])
     assert caught.value.code == 2
     assert "dicedesign design: error: " in capsys.readouterr().err
+
+
+def test_a_printer_that_is_named_gets_its_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "die"
+    command = ["design", "--target", "1/2,1/2", "--no-figures", "--printer", "sla"]
+    assert main([*command, "--out", str(folder)]) == 0
+    assert "die_oriented.stl" in capsys.readouterr().out
+    result = json.loads((folder / "result.json").read_text())
+    assert result["printability"]["printer"] == "sla"
+    points = read_body(folder / "die_oriented.stl").points
+    assert points[:, 2].min() == pytest.approx(0.0, abs=1e-5)
+    assert np.ptp(points[:, 2]) == pytest.approx(result["printability"]["best"]["height_mm"])
+    # The recipe that is written says it, and what is said of that printer stays.
+    recipe = tmp_path / "again.yaml"
+    entries = yaml.safe_load((folder / "recipe.yaml").read_text())
+    assert entries["print"]["printer"] == "sla"
+    recipe.write_text(yaml.safe_dump({**entries, "print": {"nozzle_mm": 0.6}}))
+    for name, nozzle in (("fdm", 0.6), ("sls", 0.2)):
+        again = tmp_path / name
+        options = ["--no-figures", "--printer", name, "--out", str(again)]
+        assert main(["run", str(recipe), *options]) == 0
+        told = json.loads((again / "result.json").read_text())["printability"]
+        assert (told["printer"], told["spot_mm"]) == (name, pytest.approx(nozzle))
+        assert (again / "die_oriented.stl").exists()
+
+
+def test_an_unknown_printer_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["design", "--target", "1/2,1/2", "--printer", "lathe", "--out", str(tmp_path / "d")]
+    assert main(command) == 2
+    assert "--printer: printer: expected fdm, sla, sls, got 'lathe'" in capsys.readouterr().err
+    assert not (tmp_path / "d").exists()

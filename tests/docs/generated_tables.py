@@ -30,6 +30,8 @@ from pydantic_core import to_jsonable_python
 
 import dicedesign
 from dicedesign.fabricate.files.file_format import FILE_FORMATS
+from dicedesign.fabricate.printing.materials import MATERIALS
+from dicedesign.fabricate.printing.printer import PRINTERS, Printer
 from dicedesign.optimize.starts.start import STARTS
 from dicedesign.recipe.schema.entries import StartRecipe
 from dicedesign.recipe.schema.recipe import Recipe
@@ -43,6 +45,7 @@ REGISTRIES = {
     "energy terms": "dicedesign.optimize.energy.term:TERMS",
     "preferences": "dicedesign.optimize.preferences.preference:PREFERENCES",
     "engines": "dicedesign.throws.engines.engine:ENGINES",
+    "printers": "dicedesign.fabricate.printing.printer:PRINTERS",
     "stages": "dicedesign.recipe.planning.stage:STAGES",
     "figures": "dicedesign.report.figures.figure:FIGURES",
     "benches": "dicedesign.bench.frame:BENCHES",
@@ -62,6 +65,7 @@ SUBJECTS = {
     "geometry.point_groups": "coordinates",
     "rest": "rests",
     "gradient": "gradients",
+    "fabricate.printing": "printing",
     "optimize.starts": "starting shapes",
     "optimize.coordinates": "coordinates",
     "optimize.energy": "energies",
@@ -91,6 +95,8 @@ def tables() -> dict[str, Callable[[], str]]:
         "statuses": status_table,
         "file formats": format_table,
         **registries,
+        "limits of printers": limits_table,
+        "sources of printers": sources_table,
     }
 
 
@@ -125,6 +131,34 @@ def registry_table(place: str, command: str) -> str:
     return markdown(
         ("name", "meaning"), [(f"`{command}{entry.name}`", entry.line) for entry in entries]
     )
+
+
+def limits_table() -> str:
+    """Numbers of each kind of printer, a column each."""
+    printers = list(PRINTERS)
+    names = [field.name for field in dataclasses.fields(Printer)]
+    rows = []
+    for name in names[names.index("spot_mm") : names.index("sources")]:
+        values = [getattr(printer, name) for printer in printers]
+        if name == "materials":
+            cells = [
+                ", ".join(f"{word} {MATERIALS[word].density_g_cm3:g}" for word in value)
+                for value in values
+            ]
+            rows.append(("`materials`, with their densities in g/cm³", *cells))
+        elif name != "has_nozzle":
+            rows.append((f"`{name}`: {documented(Printer)[name]}", *(f"{v:g}" for v in values)))
+    return markdown(("", *(f"`{printer.name}`" for printer in printers)), rows)
+
+
+def sources_table() -> str:
+    """Where the numbers of each kind of printer, and of the materials, are from."""
+    rows = [(f"`{printer.name}`", "; ".join(printer.sources)) for printer in PRINTERS]
+    by_source: dict[str, list[str]] = {}
+    for name, material in MATERIALS.items():
+        by_source.setdefault(material.source, []).append(f"`{name}`")
+    rows += [(", ".join(names), source) for source, names in by_source.items()]
+    return markdown(("of", "source"), rows)
 
 
 def status_table() -> str:

@@ -14,6 +14,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.fabricate.files.formats import with_stl
 from dicedesign.fabricate.labels.options import EngravingOptions
+from dicedesign.fabricate.printing.options import PrintOptions
 from dicedesign.fabricate.solids.edge_options import EdgeOptions, core_scale
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.options import ExactOptions
@@ -58,6 +59,10 @@ def _listed(names: object) -> object:
 
 def _switch(value: object) -> object:
     return {True: {}, False: None}[value] if isinstance(value, bool) else value
+
+
+def _printer(value: object) -> object:
+    return {"printer": value} if isinstance(value, str) else _switch(value)
 
 
 class MethodRecipe(Strict):
@@ -126,6 +131,7 @@ class Recipe(Strict):
     engrave: engraving options, or None for a plain die, which a concave one is unless the recipe
         says otherwise.
     edges: how edges and corners are rounded, or None for sharp ones.
+    print: what it is printed with, or None where nobody asks how it prints.
     files: formats of the printed die; STL, by which it is judged, is always among them.
     data_sheet: whether a page to print about the die is made, as PDF and PNG.
     figures: whether pictures are drawn. report: whether the page is made.
@@ -152,6 +158,9 @@ class Recipe(Strict):
         default_factory=EngravingOptions
     )
     edges: Annotated[EdgeOptions | None, BeforeValidator(_switch)] = None
+    print: Annotated[PrintOptions | None, BeforeValidator(_printer)] = Field(
+        default_factory=PrintOptions
+    )
     files: Annotated[
         list[str],
         AfterValidator(with_stl),
@@ -318,8 +327,8 @@ class Recipe(Strict):
         plain["assignment"] = plain["assignment"] or ("any" if self.any_order else "in_order")
         plain["center_of_mass"] = plain["center_of_mass"] or "uniform"
         plain["symmetry"] = plain["symmetry"] or "none"
-        plain["engrave"] = plain["engrave"] or False
-        plain["edges"] = plain["edges"] or False
+        for part in ("engrave", "edges", "print"):
+            plain[part] = plain[part] or False
         for part in ("target", "start", "method"):
             plain[part] = {key: value for key, value in plain[part].items() if value is not None}
         return plain

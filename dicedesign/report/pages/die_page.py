@@ -16,6 +16,7 @@ from dicedesign.report.pages.html_parts import (
     table_section,
     text_section,
 )
+from dicedesign.report.pages.printing import print_sections
 from dicedesign.report.pages.throwing import throwing_advice, throws_told
 from dicedesign.results.balance import Balance
 from dicedesign.results.record import Result
@@ -74,6 +75,8 @@ def _sections(result: Result, images: Mapping[str, bytes]) -> Iterator[str]:
     if result.quality is not None:
         yield list_section("Quality of the surface", result.quality)
     yield from _measures(result)
+    if result.printability is not None:
+        yield from print_sections(result.printability)
     if result.notes:
         yield list_section("Notes", result.notes)
     if result.stages:

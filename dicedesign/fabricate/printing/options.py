@@ -1,0 +1,85 @@
+"""Options of printing; apart from the measuring, so that a recipe loads no solids."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from numbers import Real
+from typing import Final
+
+from dicedesign.errors import InputError
+from dicedesign.fabricate.printing.materials import MATERIALS
+from dicedesign.fabricate.printing.printer import PRINTERS, Printer
+from dicedesign.runtime.registry import STRICT
+
+__all__ = ["PrintOptions"]
+
+LARGEST_NOZZLE: Final = 2.0
+"""Diameter in mm."""
+
+DENSEST: Final = 25.0
+"""Density in g/cm3, beyond that of any metal."""
+
+
+@dataclass(frozen=True)
+class PrintOptions:
+    """What the die is printed with, which its printability is judged by.
+
+    Raises InputError for a value that is unknown or out of its range.
+    """
+
+    __pydantic_config__ = STRICT
+
+    printer: str = "fdm"
+    """"fdm" for filament, "sla" for resin, "sls" for powder; a word alone, `print: sla`, is the
+    printer."""
+    nozzle_mm: float | None = None
+    """Diameter of the nozzle, above 0 and at most `LARGEST_NOZZLE`; None for the usual 0.4."""
+    material: str | None = None
+    """Of which the die is: "pla", "petg", "abs", "asa" or "pc" for fdm, "resin" for sla, "pa12" for
+    sls; None for the first of the printer's."""
+    density_g_cm3: float | None = None
+    """Density of the printed material, above 0 and at most `DENSEST`; None for the material's."""
+    oriented: bool = False
+    """Whether die_oriented.stl is written, which lies on the print bed as is best."""
+
+    def __post_init__(self) -> None:
+        if self.printer not in PRINTERS:
+            raise InputError(
+                f"printer: expected {', '.join(PRINTERS.names)}, got {self.printer!r}; take one of "
+                "them"
+            )
+        for name, most in (("nozzle_mm", LARGEST_NOZZLE), ("density_g_cm3", DENSEST)):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            is_number = isinstance(value, Real) and not isinstance(value, bool)
+            if not is_number or not math.isfinite(value) or not 0 < value <= most:
+                raise InputError(
+                    f"{name}: expected a number above 0 and at most {most:g}, got {value!r}; "
+                    "correct it"
+                )
+        if self.nozzle_mm is not None:
+            PRINTERS[self.printer].with_nozzle(self.nozzle_mm)
+        fitting = PRINTERS[self.printer].materials
+        if self.material is not None and self.material not in fitting:
+            raise InputError(
+                f"material: expected {', '.join(fitting)} for {self.printer}, got "
+                f"{self.material!r}; take one of them, or leave it out and give density_g_cm3"
+            )
+
+    @property
+    def chosen(self) -> Printer:
+        """The printer, with its nozzle."""
+        printer = PRINTERS[self.printer]
+        return printer if self.nozzle_mm is None else printer.with_nozzle(self.nozzle_mm)
+
+    @property
+    def substance(self) -> str:
+        """Name of the material."""
+        return self.material or PRINTERS[self.printer].materials[0]
+
+    @property
+    def density(self) -> float:
+        """Of the printed material, in g/cm3."""
+        return self.density_g_cm3 or MATERIALS[self.substance].density_g_cm3

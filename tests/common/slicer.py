@@ -1,0 +1,71 @@
+"""A slicer, where it is installed: Debian's package prusa-slicer, without its windows."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+PROGRAM: Final = "prusa-slicer"
+
+MISSING_SLICER: Final = "no slicer: "
+"""Reasons for skipping tests that need it begin so."""
+
+
+@dataclass(frozen=True)
+class Sliced:
+    """What a G-code file says of itself.
+
+    Attributes
+    ----------
+    layers: heights in mm at which it draws. supports: how often it begins to draw supports.
+    volume_mm3: of the filament.
+    """
+
+    layers: list[float]
+    supports: int
+    volume_mm3: float
+
+
+def _run(folder: Path, *arguments: str) -> str:
+    if shutil.which(PROGRAM) is None:
+        pytest.skip(f"{MISSING_SLICER}{PROGRAM}")
+    settings = folder / "settings"
+    settings.mkdir(exist_ok=True)
+    command = [PROGRAM, "--datadir", str(settings), *arguments]
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, check=False, timeout=300
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def told_of(file: Path) -> dict[str, str]:
+    """What the slicer says of a file of a solid, by key; defects that it would repair have keys
+    too."""
+    text = _run(file.parent, "--info", file.name)
+    return dict(re.findall(r"^(\w+) = +(\S+)$", text, re.MULTILINE))
+
+
+def sliced(file: Path, layer_mm: float, supports: bool = False) -> Sliced:
+    """A file of a solid, sliced as it lies, through and through."""
+    code = file.with_suffix(".gcode")
+    code.unlink(missing_ok=True)
+    options = ["--layer-height", f"{layer_mm:g}", "--first-layer-height", f"{layer_mm:g}"]
+    options += ["--fill-density", "100%", "--fill-pattern", "rectilinear", "--skirts", "0"]
+    if supports:
+        options += ["--support-material", "--support-material-threshold", "45"]
+    _run(file.parent, "--export-gcode", *options, "--output", code.name, file.name)
+    text = code.read_text()
+    (filament,) = re.findall(r"^; filament used \[mm\] = ([\d.]+)$", text, re.MULTILINE)
+    (diameter,) = re.findall(r"^; filament_diameter = ([\d.]+)$", text, re.MULTILINE)
+    return Sliced(
+        [float(height) for height in re.findall(r"^;Z:([\d.]+)$", text, re.MULTILINE)],
+        len(re.findall(r"^;TYPE:Support", text, re.MULTILINE)),
+        float(filament) * 3.141592653589793 / 4.0 * float(diameter) ** 2,
+    )

@@ -1,0 +1,72 @@
+"""What may be said of a print, and the presets behind it."""
+
+from __future__ import annotations
+
+import pytest
+
+from dicedesign.errors import InputError
+from dicedesign.fabricate.printing.materials import MATERIALS
+from dicedesign.fabricate.printing.options import PrintOptions
+from dicedesign.fabricate.printing.printer import PRINTERS
+from dicedesign.recipe.schema.reading import checked_recipe
+
+RECIPE = {"name": "d4", "target": {"fair": 4}}
+
+
+@pytest.mark.parametrize("name", ["fdm", "sla", "sls"])
+def test_presets_are_complete_and_say_where_from(name: str) -> None:
+    printer = PRINTERS[name]
+    assert set(printer.materials) <= set(MATERIALS)
+    assert 0.0 < printer.spot_mm <= printer.groove_mm
+    assert printer.layer_mm <= printer.groove_depth_mm <= 1.0
+    assert 0.0 < printer.dimensional_error_mm < 1.0
+    assert 0.0 <= printer.shrinkage < 0.05
+    assert 0.0 <= printer.overhang_deg < 90.0
+    # Each names who says so, and when.
+    said = " ".join(printer.sources)
+    for number in ("wall", "groove", "ridge", "raised", "error", "shrinkage"):
+        assert number in said
+
+
+def test_a_finer_nozzle_draws_finer() -> None:
+    usual, fine = PrintOptions().chosen, PrintOptions(nozzle_mm=0.2).chosen
+    for name in ("spot_mm", "layer_mm", "wall_mm", "groove_mm", "ridge_mm", "raised_mm"):
+        assert getattr(fine, name) == pytest.approx(getattr(usual, name) / 2.0)
+    assert fine.overhang_deg == usual.overhang_deg
+    assert PrintOptions(nozzle_mm=0.4).chosen == usual
+
+
+def test_density_is_the_materials_unless_given() -> None:
+    assert PrintOptions().density == MATERIALS["pla"].density_g_cm3
+    assert PrintOptions(printer="sls").density == MATERIALS["pa12"].density_g_cm3
+    assert PrintOptions(material="abs").density == MATERIALS["abs"].density_g_cm3
+    assert PrintOptions(material="abs", density_g_cm3=1.5).density == 1.5
+
+
+@pytest.mark.parametrize(
+    ("entries", "named"),
+    [
+        ({"printer": "cnc"}, "printer: expected fdm, sla, sls, got 'cnc'"),
+        ({"nozzle_mm": 0.0}, "nozzle_mm: expected a number above 0 and at most 2, got 0"),
+        ({"nozzle_mm": float("nan")}, "nozzle_mm: "),
+        ({"nozzle_mm": True}, "nozzle_mm: "),
+        ({"printer": "sla", "nozzle_mm": 0.2}, "nozzle_mm: expected a printer with a nozzle"),
+        ({"material": "pa12"}, "material: expected pla, petg, abs, asa, pc for fdm, got 'pa12'"),
+        ({"density_g_cm3": -1.0}, "density_g_cm3: expected a number above 0"),
+    ],
+)
+def test_bad_options_are_explained(entries: dict, named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        PrintOptions(**entries)
+
+
+def test_a_recipe_says_it_in_a_word_or_leaves_it_out() -> None:
+    assert checked_recipe(RECIPE).print == PrintOptions()
+    assert checked_recipe({**RECIPE, "print": "sla"}).print == PrintOptions(printer="sla")
+    assert checked_recipe({**RECIPE, "print": False}).print is None
+    given = checked_recipe({**RECIPE, "print": {"printer": "sls", "oriented": True}})
+    assert given.print == PrintOptions(printer="sls", oriented=True)
+    for recipe in (given, checked_recipe({**RECIPE, "print": False})):
+        assert checked_recipe(recipe.resolved()) == recipe
+    with pytest.raises(InputError, match=r"print: printer: expected fdm, sla, sls, got 'laser'"):
+        checked_recipe({**RECIPE, "print": "laser"})
