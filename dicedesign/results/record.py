@@ -15,6 +15,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from dicedesign.errors import InputError
+from dicedesign.results.print_record import InfillOdds, PrintTolerances
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text
@@ -225,6 +226,8 @@ class Result:
     attempts, search_seconds, attempt: of the search for a concave die, over all sessions, the
         seconds not without a clock, and the number of the attempt that led to this one.
     thrown: what the die does on the recipe's table.
+    tolerances: how far the odds of prints are from those of the file. infill: odds with the
+        recipe's infill, None for a solid print.
     notes: what was repaired or assumed, one sentence each.
     extra: what stages from outside the package found, by names of their own.
     files: names of the files of the folder by what they are; sha256: the checksum of each but
@@ -270,6 +273,8 @@ class Result:
     search_seconds: float | None = None
     attempt: int | None = None
     thrown: ThrownOdds | None = None
+    tolerances: PrintTolerances | None = None
+    infill: InfillOdds | None = None
     extra: dict[str, Any] = dataclasses.field(default_factory=dict)
     files: dict[str, str] = dataclasses.field(default_factory=dict)
     sha256: dict[str, str] = dataclasses.field(default_factory=dict)

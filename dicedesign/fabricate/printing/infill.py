@@ -45,7 +45,10 @@ def inside_walls(hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] 
 
     walls_mm: above 0; pockets: solids that are not infill either, from `pocket_walls`.
     """
-    depths, middle = _deepest(hull)
+    middle = hull.centroid
+    depths = hull.heights(middle)
+    if depths.min() <= walls_mm:
+        depths, middle = _deepest(hull)
     if depths.min() <= walls_mm:
         return Inside(0.0, middle)
     inner = convex_hull(middle + polyhedron_corners(hull.normals, depths - walls_mm))
@@ -64,7 +67,7 @@ def inside_walls(hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] 
 
 def _deepest(hull: ConvexHull) -> tuple[Floats, Floats]:
     """Distances (m,) from the planes of the facets of the point (3,) that is farthest from all."""
-    # Imported late: only a print with infill needs it.
+    # Imported late: few dice are so thin that it is needed.
     from scipy.optimize import linprog
 
     heights = hull.heights(hull.centroid)

@@ -60,7 +60,7 @@ def infill_odds(
     shift = center - verdict.poses.center_of_mass
     changes = np.abs(outcomes.odds - verdict.outcomes.odds)
     told = (
-        f"At {infill:.0%} infill with walls of {walls_mm:g} mm the die has {mass:.0%} of its mass, "
+        f"At {100.0 * infill:.0f} % infill with walls of {walls_mm:g} mm the die has {100.0 * mass:.0f} % of its mass, "
         f"its center of mass moves by {norms(shift):.2g} mm, and the odds of "
         f"{verdict.target.labels[int(changes.argmax())]} change most, by {changes.max():.2g}: "
     )
@@ -78,8 +78,8 @@ def infill_odds(
 
 
 def _advice(infill: float, least: float, is_noticed: bool) -> str:
-    test = f"a chi-square test at {LEVEL:.0%} of {ROLLS:,} rolls"
+    test = f"a chi-square test at {100.0 * LEVEL:.0f} % of {ROLLS:,} rolls"
     if not is_noticed:
         return f"{test} does not notice. Print it so, or solid."
-    enough = "" if least == 1.0 else f", or with {least:.0%} or more"
+    enough = "" if least == 1.0 else f", or with {100.0 * least:.0f} % or more"
     return f"{test} notices. Print it solid, at 100 % infill{enough}."

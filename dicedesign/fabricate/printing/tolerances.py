@@ -28,7 +28,7 @@ NOTICED: Final = 0.1
 """Part of the prints that the test may notice: twice as many as of perfect dice."""
 
 FINENESS: Final = 1e-6
-"""Relative, to which the allowed offset is found."""
+"""Part of the die's size to which the allowed offset is found."""
 
 NEVER: Final = 1.0
 """Offset, over the die's size, beyond which nobody asks whether a test notices."""
@@ -117,9 +117,11 @@ def allowed_offset(spread: OddsSpread, target: Floats, bias: Floats) -> float | 
         return 0.0
     if excess(NEVER * size) <= 0.0:
         return None
-    from scipy.optimize import brentq
-
-    return float(brentq(excess, 0.0, NEVER * size, xtol=FINENESS * size))
+    least, most = 0.0, NEVER * size
+    while most - least > FINENESS * size:
+        middle = (least + most) / 2.0
+        least, most = (middle, most) if excess(middle) < 0.0 else (least, middle)
+    return least
 
 
 def _deviations(covariance: Floats) -> Floats:
@@ -133,10 +135,10 @@ def _answer(spread: OddsSpread, allowed: float | None) -> str:
     if allowed == 0.0:
         return (
             f"{ROLLS:,} rolls notice that this die is not exact, however well it is printed: "
-            f"a chi-square test at {LEVEL:.0%} finds more than {NOTICED:.0%} of perfect prints."
+            f"a chi-square test at {100.0 * LEVEL:.0f} % finds more than {100.0 * NOTICED:.0f} % of perfect prints."
         )
     return (
         f"Printed to within ±{allowed:.2g} mm (standard deviation of each {what}), {ROLLS:,} rolls "
-        f"show nothing: a chi-square test at {LEVEL:.0%} finds {NOTICED:.0%} of such prints, and "
-        f"{LEVEL:.0%} of perfect ones."
+        f"show nothing: a chi-square test at {100.0 * LEVEL:.0f} % finds {100.0 * NOTICED:.0f} % of such prints, and "
+        f"{100.0 * LEVEL:.0f} % of perfect ones."
     )

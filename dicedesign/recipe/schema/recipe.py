@@ -13,6 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.fabricate.labels.options import EngravingOptions
+from dicedesign.fabricate.printing.options import PrintOptions
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.paper_options import PaperOptions
@@ -111,6 +112,7 @@ class Recipe(Strict):
     min_inradius_mm: radius of a circle that the facet of each outcome has room for.
     engrave: engraving options, or None for a plain die, which a concave one is unless the recipe
         says otherwise.
+    print: how the die will be printed.
     figures: whether pictures are drawn. report: whether the page is made.
     clock: whether run times and memory are told; without them, and where no limit of seconds is
         reached, the same recipe gives the same bytes in every file.
@@ -133,6 +135,7 @@ class Recipe(Strict):
     engrave: Annotated[EngravingOptions | None, BeforeValidator(_switch)] = Field(
         default_factory=EngravingOptions
     )
+    print: PrintOptions = Field(default_factory=PrintOptions)
     figures: bool = True
     report: bool = True
     clock: bool = True
