@@ -94,6 +94,8 @@ def _print(result: Result) -> None:
         )
     if result.engraved_max_abs_error is not None and result.thrown is None:
         print(f"engraved: max |p - q| {result.engraved_max_abs_error:.2e}")
+    if result.tolerances is not None:
+        print(result.tolerances.answer)
     print(f"files in {printable(result.folder)}: {', '.join(result.files.values())}")
 
 

@@ -77,4 +77,3 @@ def offset_derivatives(rests: RestEvaluation, rows: Floats) -> Floats:
     moves = _corner_moves(hull, torch.from_numpy(hull.normals))
     by_vertices = torch.from_numpy(rows.reshape(len(rows), -1, 3))
     return _by_offsets(hull, moves, by_vertices).numpy()
-

@@ -69,14 +69,14 @@ class SpreadRow(Row):
 
     Attributes
     ----------
-    predicted, printed: root mean square over the outcomes of the standard deviation of the odds.
+    predicted, measured: root mean square over the outcomes of the standard deviation of the odds.
     ratio: of the two; lost: prints that have become no die.
     """
 
     die: str = column("die", -20)
     error: str = column("error", -18)
     predicted: float = column("predicted %", 12, percent(4))
-    printed: float = column("printed %", 11, percent(4))
+    measured: float = column("printed %", 11, percent(4))
     ratio: float = column("ratio", 7, ".3f")
     lost: int = column("lost", 6)
 
@@ -99,7 +99,7 @@ class PreferenceRow(Row):
 
     Attributes
     ----------
-    predicted, printed: as of `SpreadRow`; circle: radius of the smallest circle in mm.
+    predicted, measured: as of `SpreadRow`; circle: radius of the smallest circle in mm.
     """
 
     table = "preferences"
@@ -107,7 +107,7 @@ class PreferenceRow(Row):
     die: str = column("die", -20)
     prefer: str = column("made better by", -24)
     predicted: float = column("predicted %", 12, percent(4))
-    printed: float = column("printed %", 11, percent(4))
+    measured: float = column("printed %", 11, percent(4))
     allowed: float = column("allowed mm", 11, ".3f")
     circle: float = column("circle mm", 10, ".2f")
 
@@ -120,7 +120,7 @@ def _rows(run: Run) -> Items:
     made, is_good = {}, True
     for name, entries in dice.items():
         run.begin(name)
-        made[name] = _made(name, entries, {})
+        made[name] = _made(entries, {})
         for error, predicted, printed, lost in print_spreads.by_error(
             made[name], extent.prints, extent.seed
         ):
@@ -135,14 +135,14 @@ def _rows(run: Run) -> Items:
     for name, entries in dice.items():
         for prefer, weights in PREFERENCES.items():
             run.begin(f"{name}, {prefer}")
-            work = _made(name, entries, weights)
+            work = _made(entries, weights)
             found = print_spreads.of_facets(work, extent.prints, extent.seed)
             yield PreferenceRow(name, prefer, *found)
             run.advance()
     return is_good
 
 
-def _made(name: str, entries: dict[str, Any], prefer: dict[str, float]) -> Work:
+def _made(entries: dict[str, Any], prefer: dict[str, float]) -> Work:
     """The die, checked."""
     from dicedesign.bench.measures.recipes import begun, checked, designed
     from dicedesign.recipe.schema.reading import checked_recipe

@@ -20,7 +20,9 @@ __all__ = ["PrintedDie", "only"]
 
 def only(errors: PrintErrors, name: str) -> PrintErrors:
     """Errors of which all but one are 0."""
-    return PrintErrors(**{key: value if key == name else 0.0 for key, value in asdict(errors).items()})
+    return PrintErrors(
+        **{key: value if key == name else 0.0 for key, value in asdict(errors).items()}
+    )
 
 
 @dataclass(frozen=True, eq=False)

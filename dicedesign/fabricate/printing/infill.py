@@ -1,8 +1,8 @@
 """A print of solid walls and less material inside, as a body of two densities.
 
-The walls are all that is nearer to the surface than they are thick, and solid. What is left inside,
-the outer body moved inward by that much, has the density of the infill, as if it were spread evenly:
-its lattice is fine beside the die. Lengths are in mm.
+The walls are all that is nearer to the surface than they are thick, and solid. What is left
+inside, the outer body moved inward by that much, has the density of the infill, as if it were
+spread evenly: its lattice is fine beside the die. Lengths are in mm.
 """
 
 from __future__ import annotations

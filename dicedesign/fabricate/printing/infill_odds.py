@@ -60,9 +60,10 @@ def infill_odds(
     shift = center - verdict.poses.center_of_mass
     changes = np.abs(outcomes.odds - verdict.outcomes.odds)
     told = (
-        f"At {100.0 * infill:.0f} % infill with walls of {walls_mm:g} mm the die has {100.0 * mass:.0f} % of its mass, "
-        f"its center of mass moves by {norms(shift):.2g} mm, and the odds of "
-        f"{verdict.target.labels[int(changes.argmax())]} change most, by {changes.max():.2g}: "
+        f"At {100.0 * infill:.0f} % infill with walls of {walls_mm:g} mm the die has "
+        f"{100.0 * mass:.0f} % of its mass, its center of mass moves by "
+        f"{norms(shift):.2g} mm, and the odds of {verdict.target.labels[int(changes.argmax())]} "
+        f"change most, by {changes.max():.2g}: "
     )
     return InfillOdds(
         infill=infill,

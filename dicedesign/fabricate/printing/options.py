@@ -35,6 +35,6 @@ class PrintOptions:
             )
         if not 0.0 < self.walls_mm < math.inf:
             raise InputError(
-                f"walls_mm: expected a number above 0, got {self.walls_mm:g}; two lines of a 0.4 mm "
-                "nozzle are 0.8"
+                f"walls_mm: expected a number above 0, got {self.walls_mm:g}; two lines of a "
+                "0.4 mm nozzle are 0.8"
             )

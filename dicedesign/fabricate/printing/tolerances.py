@@ -130,15 +130,16 @@ def _deviations(covariance: Floats) -> Floats:
 
 def _answer(spread: OddsSpread, allowed: float | None) -> str:
     what = "facet's place" if spread.has_planes else "corner's place, in every direction"
+    level, noticed = f"{100.0 * LEVEL:.0f} %", f"{100.0 * NOTICED:.0f} %"
     if allowed is None:
         return f"{ROLLS:,} rolls show nothing, however badly the die is printed."
     if allowed == 0.0:
         return (
-            f"{ROLLS:,} rolls notice that this die is not exact, however well it is printed: "
-            f"a chi-square test at {100.0 * LEVEL:.0f} % finds more than {100.0 * NOTICED:.0f} % of perfect prints."
+            f"{ROLLS:,} rolls notice that this die is not exact, however well it is printed: a "
+            f"chi-square test at {level} finds more than {noticed} of perfect prints."
         )
     return (
         f"Printed to within ±{allowed:.2g} mm (standard deviation of each {what}), {ROLLS:,} rolls "
-        f"show nothing: a chi-square test at {100.0 * LEVEL:.0f} % finds {100.0 * NOTICED:.0f} % of such prints, and "
-        f"{100.0 * LEVEL:.0f} % of perfect ones."
+        f"show nothing: a chi-square test at {level} finds {noticed} of such prints, and {level} "
+        "of perfect ones."
     )

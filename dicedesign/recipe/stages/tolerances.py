@@ -26,7 +26,7 @@ def find_tolerances(work: Work) -> None:
     thrown = _table_odds(work)
     slopes = OddsSlopes.of(verdict.body, verdict.poses, verdict.outcomes, thrown)
     spread = OddsSpread(slopes, work.recipe.print.errors, work.die.reshaped is None)
-    # Odds of throws are known from so many only, so that nobody knows what is missing to the target.
+    # The odds of throws are known from counts alone: what they lack is in doubt.
     bias = np.zeros(len(target)) if thrown is not None else verdict.outcomes.odds - target
     work.details["tolerances"] = print_tolerances(spread, target, bias)
     if work.recipe.print.infill < 1.0:

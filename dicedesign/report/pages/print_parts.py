@@ -44,8 +44,8 @@ def _deviations(result: Result, found: PrintTolerances) -> str:
     ]
     assumed = ", ".join(_ERRORS[name][1].format(found.assumed[name]) for name in names)
     note = (
-        f"Standard deviations of the odds of prints, by all errors and by each alone, of {assumed}; "
-        "to first order. Odds of such prints are off by a total variation of "
+        f"Standard deviations of the odds of prints, by all errors and by each alone, of "
+        f"{assumed}; to first order. Odds of such prints are off by a total variation of "
         f"{number(found.total_variation, 2)} on the mean, and {found.rolls:,} rolls notice "
         f"{100.0 * found.noticed:.1f} % of them, where of perfect dice they notice 5.0 %."
     )

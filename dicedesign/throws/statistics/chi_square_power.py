@@ -27,8 +27,8 @@ def chance_noticed(target: Floats, rolls: int, covariance: Floats, bias: Floats)
     """Chance that a test at the level `LEVEL` of rolls of a die drawn at random says that its odds
     are not the target's.
 
-    The odds of such a die are normal; given these, counts of many rolls are normal too. So Pearson's
-    statistic, over both, is a weighted sum of squares of normal numbers.
+    The odds of such a die are normal; given these, counts of many rolls are normal too. So
+    Pearson's statistic, over both, is a weighted sum of squares of normal numbers.
 
     Parameters
     ----------
@@ -51,8 +51,8 @@ def chance_noticed(target: Floats, rolls: int, covariance: Floats, bias: Floats)
 
 
 def weighted_chi_square_tail(value: float, weights: Floats, noncentralities: Floats) -> float:
-    """Probability that `sum(weights * x)` is above a value, for independent x that are chi-square of
-    one degree of freedom and of noncentralities (r,); weights: (r,) positive.
+    """Probability that `sum(weights * x)` is above a value, for independent x that are chi-square
+    of one degree of freedom and of noncentralities (r,); weights: (r,) positive.
 
     Source: Ruben, Annals of Mathematical Statistics 33, 1962, as a series of central chi-squares
     with the smallest weight as their scale.
