@@ -360,7 +360,7 @@ def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -
     )
     stages = json.loads((tmp_path / "d4" / "result.json").read_text())["stages"]
     assert [stage["name"] for stage in stages] == [
-        "start", "load", "design", "export", "check", "figures", "report",
+        "start", "load", "design", "export", "check", "tolerances", "figures", "report",
     ]  # fmt: skip
     assert all(stage["seconds"] >= 0.0 for stage in stages)
     assert all(50.0 < stage["peak_mb"] < 5000.0 for stage in stages)

@@ -53,7 +53,9 @@ def test_a_recipe_becomes_a_checked_die(repository: Path, tmp_path: Path) -> Non
     assert read_result(result.folder) == result
     assert steps == list(range(len(steps)))
     assert [stage.name for stage in result.stages] == stages
-    assert stages == ["start", "load", "design", "export", "check", "engrave", "figures", "report"]
+    assert stages == [
+        "start", "load", "design", "export", "check", "engrave", "tolerances", "figures", "report",
+    ]  # fmt: skip
     assert all(stage.seconds >= 0.0 for stage in result.stages)
     assert result.stages[2].seconds >= result.history[-1].seconds
     first, last = result.history[0], result.history[-1]

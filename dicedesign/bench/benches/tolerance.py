@@ -95,7 +95,7 @@ class AnswerRow(Row):
 
 @dataclass(frozen=True)
 class PreferenceRow(Row):
-    """A die made better by one set of preferences, with facets 0.1 mm off.
+    """A die made better by one set of preferences, with facets that are off as usual.
 
     Attributes
     ----------

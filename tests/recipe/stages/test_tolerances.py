@@ -50,7 +50,7 @@ def test_errors_are_those_of_the_recipe() -> None:
     assert usual is not None
     assert found is not None
     ratio = np.divide(found.by_error["dimensional_mm"], usual.by_error["dimensional_mm"])
-    np.testing.assert_allclose(ratio, 3.0)
+    np.testing.assert_allclose(ratio, 0.3 / usual.assumed["dimensional_mm"])
     assert found.by_error["bubble_mm3"] == (0.0,) * 6
     assert found.assumed["dimensional_mm"] == 0.3
     assert found.allowed_mm == usual.allowed_mm
