@@ -23,7 +23,7 @@ __all__ = ["offset_derivatives", "offset_jacobian"]
 
 def _corner_moves(hull: ConvexHull, normals: Tensor) -> Tensor:
     """(h, 3) move of the corner at the tail of each half-edge for an outward move by 1 of the plane
-    of the facet to its left.
+    of the facet to its left, the shortest where the facets there leave a direction open.
 
     normals: (m, 3) unit, of the facets.
     """
@@ -31,7 +31,8 @@ def _corner_moves(hull: ConvexHull, normals: Tensor) -> Tensor:
     tails = torch.from_numpy(hull.tail)
     squares = torch.zeros((len(hull.vertices), 3, 3), dtype=torch.float64)
     squares = squares.index_add(0, tails, own[:, :, None] * own[:, None, :])
-    return torch.linalg.solve(squares[tails], own)
+    inverse = torch.linalg.pinv(squares, hermitian=True)
+    return (inverse[tails] @ own[:, :, None])[:, :, 0]
 
 
 def _by_offsets(hull: ConvexHull, moves: Tensor, rows: Tensor) -> Tensor:
