@@ -11,14 +11,67 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.gradient.rest_formulas import rest_probabilities
-from dicedesign.gradient.rest_odds import RestEvaluation
-from dicedesign.gradient.solid_moments import formula_centroid
+from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["offset_derivatives", "offset_jacobian"]
+__all__ = ["offset_derivatives", "offset_secants"]
+
+
+def offset_derivatives(rests: RestEvaluation, rows: Floats) -> Floats:
+    """(k, m) derivatives of functions in the offsets of the facets for those (k, 3 n) in the
+    vertices, per unit of length."""
+    hull = rests.hull
+    moves = _corner_moves(hull, torch.from_numpy(hull.normals)).numpy()
+    along = (rows.reshape(len(rows), -1, 3)[:, hull.tail] * moves).sum(axis=-1)
+    return np.add.reduceat(along, hull.facet_start[:-1], axis=1)
+
+
+def offset_secants(
+    rests: RestEvaluation, thrown: ThrownOdds | None, step: Tensor | float
+) -> Tensor:
+    """(k, m) changes of the odds of the rests, in the order of `rests.paths.rests`, when a facet
+    goes from `step` inside of its place to `step` outside, over that distance; with gradients in
+    the vertices.
+
+    Where separatrices run along an edge odds have a kink, which a derivative sees but one side of.
+    Where a facet breaks, the rests on its parts count together; one that is lost counts as 0. A
+    side on which the body is none is left out.
+
+    thrown: the model of odds when thrown, or None for odds without momentum; step: () positive, in
+        the unit of the vertices.
+    """
+    hull, vertices = rests.hull, rests.vertices
+    moves = _corner_moves(hull, rests.facet_normals(np.arange(len(hull.normals))))
+    here = _odds_by_rest(rests, rests, thrown)
+    columns = []
+    for facet, first in enumerate(hull.facet_start[:-1]):
+        border = slice(int(first), int(hull.facet_start[facet + 1]))
+        tails = torch.from_numpy(hull.tail[border])
+        outward = torch.zeros_like(vertices).index_add(0, tails, moves[border])
+        ends, length = [], 0
+        for side in (1, -1):
+            try:
+                there = vertices + side * step * outward
+                moved = _odds_by_rest(evaluate_rests(there, rests.given_center), rests, thrown)
+                length += 1
+            except DiceError:
+                moved = here
+            ends.append(moved)
+        columns.append((ends[0] - ends[1]) / (max(length, 1) * step))
+    return torch.stack(columns, dim=1)
+
+
+def _odds_by_rest(
+    rests: RestEvaluation, named: RestEvaluation, thrown: ThrownOdds | None
+) -> Tensor:
+    """(k,) odds of rests by the nearest of those of another body, k."""
+    odds = rests.probabilities if thrown is None else thrown.tensor(rests)
+    normals, names = rests.hull.normals[rests.facets], named.hull.normals[named.facets]
+    nearest = torch.from_numpy(np.argmax(normals @ names.T, axis=1))
+    return torch.zeros(len(names), dtype=torch.float64).index_add(0, nearest, odds)
 
 
 def _corner_moves(hull: ConvexHull, normals: Tensor) -> Tensor:
@@ -33,48 +86,3 @@ def _corner_moves(hull: ConvexHull, normals: Tensor) -> Tensor:
     squares = squares.index_add(0, tails, own[:, :, None] * own[:, None, :])
     inverse = torch.linalg.pinv(squares, hermitian=True)
     return (inverse[tails] @ own[:, :, None])[:, :, 0]
-
-
-def _by_offsets(hull: ConvexHull, moves: Tensor, rows: Tensor) -> Tensor:
-    """(k, m) derivatives of functions in the offsets of the facets for those (k, n, 3) in the
-    vertices; moves: (h, 3) as from `_corner_moves`."""
-    along = (rows[:, torch.from_numpy(hull.tail)] * moves).sum(-1)
-    sums = torch.zeros((len(rows), len(hull.normals)), dtype=torch.float64)
-    return sums.index_add(1, torch.from_numpy(hull.facet), along)
-
-
-def offset_jacobian(rests: RestEvaluation, thrown: ThrownOdds | None = None) -> Tensor:
-    """(k, m) derivatives of the odds of the rests, in the order of `rests.paths.rests`, in the
-    offsets of the facets, per unit of length, with which the center of mass of a uniform solid
-    moves.
-
-    They can be differentiated in turn, in `rests.vertices` or what these are made from.
-
-    thrown: the model of odds when thrown, or None for odds without momentum.
-    """
-    hull, vertices = rests.hull, rests.vertices
-    with torch.enable_grad():
-        if not vertices.requires_grad:
-            vertices = vertices.detach().requires_grad_()
-        given = rests.given_center
-        center = formula_centroid(vertices, hull.triangles) if given is None else given
-        odds = rest_probabilities(hull, rests.paths, vertices, center)
-        if thrown is not None:
-            odds = thrown.formula(rests, vertices, odds, given)
-        (rows,) = torch.autograd.grad(
-            odds,
-            vertices,
-            torch.eye(len(odds), dtype=torch.float64),
-            is_grads_batched=True,
-            create_graph=True,
-        )
-    normals = rests.facet_normals(np.arange(len(hull.normals)))
-    return _by_offsets(hull, _corner_moves(hull, normals), rows)
-
-
-def offset_derivatives(rests: RestEvaluation, rows: Floats) -> Floats:
-    """(k, m) the same as numbers, for derivatives (k, 3 n) in the vertices."""
-    hull = rests.hull
-    moves = _corner_moves(hull, torch.from_numpy(hull.normals))
-    by_vertices = torch.from_numpy(rows.reshape(len(rows), -1, 3))
-    return _by_offsets(hull, moves, by_vertices).numpy()

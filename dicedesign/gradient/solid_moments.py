@@ -11,7 +11,7 @@ from dicedesign.gradient.body_function import adjoint_function
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["centroid_gradient", "formula_centroid", "hull_centroid", "hull_inertia"]
+__all__ = ["centroid_gradient", "hull_centroid", "hull_inertia"]
 
 
 def hull_centroid(vertices: Tensor, hull: ConvexHull) -> Tensor:
@@ -19,7 +19,7 @@ def hull_centroid(vertices: Tensor, hull: ConvexHull) -> Tensor:
     return adjoint_function(
         hull.centroid,
         lambda gradient: (centroid_gradient(hull, gradient),),
-        lambda vertices: formula_centroid(vertices, hull.triangles),
+        lambda vertices: _centroid(vertices, hull.triangles),
         vertices,
     )
 
@@ -30,17 +30,14 @@ def centroid_gradient(hull: ConvexHull, gradient: Floats) -> Floats:
     if by_vertices is None:
         leaf = torch.tensor(hull.vertices, requires_grad=True)
         with torch.enable_grad():
-            along = formula_centroid(leaf, hull.triangles) @ torch.as_tensor(gradient)
+            along = _centroid(leaf, hull.triangles) @ torch.as_tensor(gradient)
         by_vertices = torch.autograd.grad(along, leaf)[0].numpy()
     return by_vertices
 
 
-def formula_centroid(vertices: Tensor, triangles: Integers) -> Tensor:
-    """The same by operations of torch, of a surface with triangles (t, 3).
-
-    That of a needle or a plate is computed before it is stretched (`stretch_matrix`); the stretch
-    counts as constant, as it changes the rounding only.
-    """
+def _centroid(vertices: Tensor, triangles: Integers) -> Tensor:
+    """That of a needle or a plate is computed before it is stretched (`stretch_matrix`); the
+    stretch counts as constant, as it changes the rounding only."""
     origin = vertices.detach().mean(dim=0)
     offsets = vertices - origin
     volume, centroid = volume_and_centroid(offsets, triangles, torch)
@@ -55,7 +52,7 @@ def formula_centroid(vertices: Tensor, triangles: Integers) -> Tensor:
 def hull_inertia(vertices: Tensor, hull: ConvexHull) -> tuple[Tensor, Tensor]:
     """Centroid (3,) of the uniform solid in a hull, and its tensor of inertia (3, 3) about that
     over its mass, as functions of the vertices (n, 3); see `dicedesign.geometry.solid`."""
-    centroid = formula_centroid(vertices, hull.triangles)
+    centroid = _centroid(vertices, hull.triangles)
     moments, volume = second_moments(vertices - centroid, hull.triangles, torch)
     moments = moments / volume
     return centroid, moments.trace() * torch.eye(3, dtype=vertices.dtype) - moments

@@ -75,7 +75,7 @@ class ThrownOdds:
             return (by_vertices, by_odds) if given is None else (by_vertices, by_odds, by_center)
 
         def formula(vertices: Tensor, resting: Tensor, given: Tensor | None = None) -> Tensor:
-            return self.formula(rests, vertices, resting, given)
+            return self._formula(rests, vertices, resting, given)
 
         inputs = (rests.vertices, resting) if given is None else (rests.vertices, resting, given)
         return adjoint_function(self.odds(rests), adjoint, formula, *inputs)
@@ -107,7 +107,7 @@ class ThrownOdds:
         vertices = torch.from_numpy(rests.hull.vertices).requires_grad_()
         resting = torch.from_numpy(rests.odds).requires_grad_()
         given = rests.given_center
-        thrown = self.formula(rests, vertices, resting, None if given is None else given.detach())
+        thrown = self._formula(rests, vertices, resting, None if given is None else given.detach())
         rows, by_odds = torch.autograd.grad(
             thrown,
             (vertices, resting),
@@ -118,16 +118,10 @@ class ThrownOdds:
         )
         return rows.reshape(len(thrown), -1).numpy(), by_odds.numpy()
 
-    def formula(
+    def _formula(
         self, rests: RestEvaluation, vertices: Tensor, resting: Tensor, given: Tensor | None
     ) -> Tensor:
-        """The odds (k,) by operations of torch, which can be differentiated as often as one likes.
-
-        vertices: (n, 3) of the hull; resting: (k,) odds without momentum; given: (3,) center of
-            mass, or None for that of the uniform solid.
-        """
-        if self.model is None or len(resting) == 1:
-            return resting
+        assert self.model is not None
         center, inertia = hull_inertia(vertices, rests.hull)
         if given is not None:
             center = given

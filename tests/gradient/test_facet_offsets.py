@@ -9,7 +9,7 @@ from common.thrown import OCTAHEDRON
 
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.gradient.facet_offsets import offset_derivatives, offset_jacobian
+from dicedesign.gradient.facet_offsets import offset_derivatives, offset_secants
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
@@ -60,12 +60,26 @@ def test_derivatives_are_differences(seed: int, given: bool, thrown: ThrownOdds 
     found = of_facets(rests, offset_derivatives(rests, rows)[:, columns], normals)
     np.testing.assert_allclose(found, differences, atol=2e-7)
     assert np.abs(found).max() > 0.1
-    by_torch = offset_jacobian(rests, thrown).detach().numpy()
-    np.testing.assert_allclose(by_torch, offset_derivatives(rests, rows), atol=1e-10)
+    secants = offset_secants(rests, thrown, 1e-6).detach().numpy()
+    np.testing.assert_allclose(secants, offset_derivatives(rests, rows), atol=2e-7)
+
+
+@pytest.mark.parametrize("step", [0.005, 0.05])
+@pytest.mark.parametrize("seed", range(3))
+def test_secants_are_between_bodies_whose_facets_are_off(seed: int, step: float) -> None:
+    normals, distances = half_spaces(seed)
+    rests = evaluated(normals, distances)
+    columns = np.argmax(normals @ rests.hull.normals.T, axis=1)
+    found = of_facets(rests, offset_secants(rests, None, step)[:, columns].numpy(), normals)
+    sides = []
+    for offset in (step, -step):
+        moved = [evaluated(normals, distances + e) for e in offset * np.eye(9)]
+        sides.append(np.stack([of_facets(one, one.odds, normals) for one in moved], axis=1))
+    np.testing.assert_allclose(found, (sides[0] - sides[1]) / (2 * step), atol=1e-9)
 
 
 @pytest.mark.parametrize("thrown", [None, BOARD_GAME], ids=["set down", "thrown"])
-def test_derivatives_can_be_differentiated(thrown: ThrownOdds | None) -> None:
+def test_secants_can_be_differentiated(thrown: ThrownOdds | None) -> None:
     normals, distances = half_spaces(1)
     coordinates = FacetCoordinates(np.zeros(3))
     numbers = np.concatenate([normals.ravel(), np.log(distances)])
@@ -73,7 +87,7 @@ def test_derivatives_can_be_differentiated(thrown: ThrownOdds | None) -> None:
 
     def squares(parameters: torch.Tensor) -> torch.Tensor:
         rests = evaluate_rests(coordinates.points(parameters))
-        return (offset_jacobian(rests, thrown) ** 2).sum()
+        return (offset_secants(rests, thrown, 0.01) ** 2).sum()
 
     parameters = torch.tensor(numbers, requires_grad=True)
     (gradient,) = torch.autograd.grad(squares(parameters), parameters)

@@ -9,11 +9,14 @@ from dicedesign.optimize.preferences.preference import PREFERENCES, BearingFacet
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["USUAL_SLOPE", "tolerance_residuals"]
+__all__ = ["OFF", "USUAL_SLOPE", "tolerance_residuals"]
+
+OFF: Final = 1.0 / 300.0
+"""Distance over the diameter by which facets are off: 0.1 mm of an ordinary die."""
 
 USUAL_SLOPE: Final = 2.0
-"""Root of the summed squares of the derivatives of an ordinary die's odds in the offsets of its
-facets, in units of the diameter."""
+"""Root of the summed squares of the slopes of an ordinary die's odds in the offsets of its facets,
+in units of the diameter."""
 
 
 def tolerance_residuals(die: BearingFacets) -> Tensor:
@@ -21,11 +24,12 @@ def tolerance_residuals(die: BearingFacets) -> Tensor:
     standard deviation, the sum of squares is in proportion to the summed variance of the odds."""
     import torch
 
-    from dicedesign.gradient.facet_offsets import offset_jacobian
+    from dicedesign.gradient.facet_offsets import offset_secants
     from dicedesign.gradient.inscribed_circles import soft_diameter
 
-    slopes = torch.linalg.vector_norm(offset_jacobian(die.rests, die.thrown), dim=0)
-    return slopes * soft_diameter(die.rests) / USUAL_SLOPE
+    diameter = soft_diameter(die.rests)
+    secants = offset_secants(die.rests, die.thrown, OFF * diameter)
+    return torch.linalg.vector_norm(secants, dim=0) * diameter / USUAL_SLOPE
 
 
 PREFERENCES.register(
