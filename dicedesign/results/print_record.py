@@ -16,8 +16,9 @@ class PrintTolerances:
     answer: how well the die must be printed for a test of so many rolls not to notice, in a
         sentence.
     rolls: of that test.
-    allowed_mm: standard deviation of the place of each facet at which it notices one print in ten;
-        0 where it notices more of perfect ones, None where it never does.
+    allowed_mm: standard deviation of the place of each facet at which it notices one print in ten,
+        by derivatives, or where these promise too much by prints that are made one by one; 0 where
+        it notices more of perfect ones, None where it never does.
     noticed: part of the prints with all errors that are assumed that it notices; a perfect die is
         noticed by the level of the test, 0.05.
     assumed: standard deviations of the errors, see `PrintErrors`.

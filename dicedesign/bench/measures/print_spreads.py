@@ -11,8 +11,14 @@ import numpy as np
 from dicedesign.bench.measures.perturbed_dice import PrintedDie, only
 from dicedesign.bench.measures.recipes import Work
 from dicedesign.fabricate.printing.odds_slopes import OddsSlopes
+from dicedesign.fabricate.printing.off_prints import OffPrints
 from dicedesign.fabricate.printing.print_errors import PrintErrors
-from dicedesign.fabricate.printing.tolerances import ROLLS, OddsSpread, allowed_offset
+from dicedesign.fabricate.printing.tolerances import (
+    ROLLS,
+    OddsSpread,
+    allowed_offset,
+    print_tolerances,
+)
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.statistics.chi_square_power import LEVEL, chance_noticed
 from dicedesign.throws.statistics.goodness_of_fit import chi_square
@@ -42,7 +48,8 @@ def answer(work: Work, prints: int, seed: int) -> tuple[float, float, float]:
     prediction, and the part that it notices when such prints are rolled."""
     target, spread = work.target.probabilities, _spread(work, PrintErrors())
     still = np.zeros(len(target))
-    allowed = allowed_offset(spread, target, still) or 0.0
+    made = OffPrints(work.plain.poses, work.die.directions)
+    allowed = print_tolerances(spread, target, still, made).allowed_mm or 0.0
     predicted = chance_noticed(target, ROLLS, allowed**2 * spread.by_unit_offset, still)
     random = np.random.default_rng(seed)
     noticed = []

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.fabricate.printing.odds_slopes import OddsSlopes
+from dicedesign.fabricate.printing.off_prints import OffPrints
 from dicedesign.fabricate.printing.print_errors import PrintErrors
 from dicedesign.results.print_record import PrintTolerances
 from dicedesign.runtime.arrays import Floats
@@ -29,6 +30,12 @@ NOTICED: Final = 0.1
 
 FINENESS: Final = 1e-6
 """Part of the die's size to which the allowed offset is found."""
+
+DOUBT: Final = 0.03
+"""Part that may be noticed beyond that of the prints that are made: their own chance."""
+
+HALVINGS: Final = 10
+"""Of the range of offsets where those of the derivatives are too large."""
 
 NEVER: Final = 1.0
 """Offset, over the die's size, beyond which nobody asks whether a test notices."""
@@ -80,13 +87,17 @@ class OddsSpread:
         return np.asarray(sum(self.by_error.values()))
 
 
-def print_tolerances(spread: OddsSpread, target: Floats, bias: Floats) -> PrintTolerances:
+def print_tolerances(
+    spread: OddsSpread, target: Floats, bias: Floats, prints: OffPrints | None = None
+) -> PrintTolerances:
     """What is known of a die's prints.
 
     target: (k,) wanted odds; bias: (k,) odds of the die that is printed without an error, less
-        those.
+        those; prints: to hold the allowed offset against, or None to trust the derivatives.
     """
     allowed = allowed_offset(spread, target, bias)
+    if allowed and prints is not None:
+        allowed = _let_through(prints, allowed, target, bias)
     deviations = _deviations(spread.covariance)
     return PrintTolerances(
         answer=_answer(spread, allowed),
@@ -121,6 +132,21 @@ def allowed_offset(spread: OddsSpread, target: Floats, bias: Floats) -> float | 
     while most - least > FINENESS * size:
         middle = (least + most) / 2.0
         least, most = (middle, most) if excess(middle) < 0.0 else (least, middle)
+    return least
+
+
+def _let_through(prints: OffPrints, offset: float, target: Floats, bias: Floats) -> float:
+    """The offset, or where more of such prints are noticed the largest with which they are not."""
+
+    def noticed(offset: float) -> float:
+        return prints.noticed(offset, target, bias, ROLLS)
+
+    if noticed(offset) <= NOTICED + DOUBT:
+        return offset
+    least, most = 0.0, offset
+    for _ in range(HALVINGS):
+        middle = (least + most) / 2.0
+        least, most = (middle, most) if noticed(middle) < NOTICED else (least, middle)
     return least
 
 

@@ -20,6 +20,7 @@ def find_tolerances(work: Work) -> None:
     """Say how far the odds of prints are from those of the file, with labels if it has them, and
     what infill does to them if the recipe has some."""
     from dicedesign.fabricate.printing.odds_slopes import OddsSlopes
+    from dicedesign.fabricate.printing.off_prints import OffPrints
     from dicedesign.fabricate.printing.tolerances import OddsSpread, print_tolerances
 
     verdict, target = _printed(work), work.target.probabilities
@@ -28,7 +29,8 @@ def find_tolerances(work: Work) -> None:
     spread = OddsSpread(slopes, work.recipe.print.errors, work.die.reshaped is None)
     # The odds of throws are known from counts alone: what they lack is in doubt.
     bias = np.zeros(len(target)) if thrown is not None else verdict.outcomes.odds - target
-    work.details["tolerances"] = print_tolerances(spread, target, bias)
+    prints = OffPrints(verdict.poses, work.die.directions, thrown, spread.has_planes)
+    work.details["tolerances"] = print_tolerances(spread, target, bias, prints)
     if work.recipe.print.infill < 1.0:
         _find_infill(work, verdict, slopes.volume)
 
