@@ -14,7 +14,7 @@ from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.results.print_record import InfillOdds
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.statistics.chi_square_power import LEVEL, chance_noticed
+from dicedesign.throws.statistics.chi_square_power import LEVEL, chances_noticed
 
 __all__ = ["infill_odds"]
 
@@ -50,8 +50,7 @@ def infill_odds(
         shown = solid > 0.0
         odds = solid[shown] / solid[shown].sum()
         change = printed(part)[2].odds[shown] - solid[shown]
-        still = np.zeros((len(odds), len(odds)))
-        return chance_noticed(odds, ROLLS, still, change) > NOTICED
+        return bool(chances_noticed(odds, ROLLS, change[None])[0] > NOTICED)
 
     least = STEPS
     while least > 0 and not is_noticed((least - 1) / STEPS):

@@ -6,11 +6,11 @@ import math
 from typing import Final
 
 import numpy as np
-from scipy.special import chdtr, chdtri
+from scipy.special import chdtr, chdtri, chndtr
 
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["chance_noticed", "weighted_chi_square_tail"]
+__all__ = ["chance_noticed", "chances_noticed", "weighted_chi_square_tail"]
 
 LEVEL: Final = 0.05
 """Of the test: it finds fault with so many dice that are right."""
@@ -48,6 +48,16 @@ def chance_noticed(target: Floats, rolls: int, covariance: Floats, bias: Floats)
     means = vectors.T @ free @ (bias / root) * math.sqrt(rolls)
     critical = float(chdtri(len(target) - 1, LEVEL))
     return weighted_chi_square_tail(critical, weights, means**2 / weights)
+
+
+def chances_noticed(target: Floats, rolls: int, biases: Floats) -> Floats:
+    """(n,) the same of dice that are known, by their odds less the target's (n, k)."""
+    if len(target) == 1:
+        return np.zeros(len(biases))
+    shares = (biases**2 / target).sum(axis=1) - biases.sum(axis=1) ** 2
+    critical = float(chdtri(len(target) - 1, LEVEL))
+    below = chndtr(critical, len(target) - 1, rolls * np.maximum(shares, 0.0))
+    return np.asarray(1.0 - below)
 
 
 def weighted_chi_square_tail(value: float, weights: Floats, noncentralities: Floats) -> float:

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from dicedesign.throws.statistics.chi_square_power import chance_noticed, weighted_chi_square_tail
+from dicedesign.throws.statistics.chi_square_power import (
+    chance_noticed,
+    chances_noticed,
+    weighted_chi_square_tail,
+)
 
 TARGET = np.array([0.1, 0.2, 0.3, 0.4])
 
@@ -45,6 +49,12 @@ def test_a_bias_alone_is_the_noncentral_test() -> None:
     critical = stats.chi2.isf(0.05, 3)
     expected = stats.ncx2.sf(critical, 3, 1000 * (bias**2 / TARGET).sum())
     assert chance_noticed(TARGET, 1000, np.zeros((4, 4)), bias) == pytest.approx(expected)
+    several = np.array([bias, 0.0 * bias, 3.0 * bias, 50.0 * bias, bias + np.eye(4)[0] / 100.0])
+    found = chances_noticed(TARGET, 1000, several)
+    for one, known in zip(several[[0, 1, 2, 4]], found[[0, 1, 2, 4]], strict=True):
+        assert chance_noticed(TARGET, 1000, np.zeros((4, 4)), one) == pytest.approx(known)
+    assert found[3] == 1.0
+    assert chances_noticed(np.ones(1), 1000, np.zeros((2, 1))).tolist() == [0.0, 0.0]
 
 
 def test_dice_that_are_rolled_are_noticed_as_often() -> None:
