@@ -359,7 +359,7 @@ def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -
     assert own & {f"dicedesign.fabricate.{name}" for name in engravers} == set()
     stages = json.loads((tmp_path / "d4" / "result.json").read_text())["stages"]
     assert [stage["name"] for stage in stages] == [
-        "start", "load", "design", "export", "check", "printing", "figures", "report",
+        "start", "load", "design", "export", "check", "printing", "tolerances", "figures", "report",
     ]  # fmt: skip
     assert all(stage["seconds"] >= 0.0 for stage in stages)
     assert all(50.0 < stage["peak_mb"] < 5000.0 for stage in stages)

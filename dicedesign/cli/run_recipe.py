@@ -133,6 +133,8 @@ def _print(result: Result) -> None:
         if result.balance is not None and len(result.balance.errors) > 1:
             told += f", {result.balance.errors[0]:.2e} before the shape was moved for its labels"
         print(told)
+    if result.tolerances is not None:
+        print(result.tolerances.answer)
     print(f"files in {printable(result.folder)}: {', '.join(result.files.values())}")
 
 

@@ -14,7 +14,7 @@ from dicedesign.gradient.facet_edges import SOFTNESS, FacetEdges
 from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["circle_radii", "soft_circle_radii"]
+__all__ = ["circle_radii", "soft_circle_radii", "soft_diameter"]
 
 MOST_TRIPLED: Final = 24
 """Edges of a facet up to which all triples of them are tried."""
@@ -59,10 +59,14 @@ def soft_circle_radii(rests: RestEvaluation, facets: Integers) -> Tensor:
     edges = FacetEdges.of(rests, facets)
     centers = _soft_centers(edges, *_frames(rests, facets, edges))
     distances = edges.distances(torch.as_tensor(centers[edges.owner]))
+    return edges.mean_power(distances, -SOFTNESS) / soft_diameter(rests)
+
+
+def soft_diameter(rests: RestEvaluation) -> Tensor:
+    """() a little more than the largest distance of two vertices, see `soft_circle_radii`."""
     squared = _squared_distances(rests)
     largest = squared.max().detach()
-    diameter = torch.sqrt(largest) * ((squared / largest) ** SOFTNESS).sum() ** (0.5 / SOFTNESS)
-    return edges.mean_power(distances, -SOFTNESS) / diameter
+    return torch.sqrt(largest) * ((squared / largest) ** SOFTNESS).sum() ** (0.5 / SOFTNESS)
 
 
 def _squared_distances(rests: RestEvaluation) -> Tensor:

@@ -16,6 +16,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.results.balance import Balance
+from dicedesign.results.print_record import InfillOdds, PrintTolerances
 from dicedesign.results.printing import Printability
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats
@@ -230,6 +231,8 @@ class Result:
         seconds not without a clock, and the number of the attempt that led to this one.
     thrown: what the die does on the recipe's table.
     printability: how it is printed, and what its printer will not make.
+    tolerances: how far the odds of prints are from those of the file. infill: odds with the
+        recipe's infill, None for a solid print.
     notes: what was repaired or assumed, one sentence each.
     extra: what stages from outside the package found, by names of their own.
     files: names of the files of the folder by what they are; sha256: the checksum of each but
@@ -278,6 +281,8 @@ class Result:
     attempt: int | None = None
     thrown: ThrownOdds | None = None
     printability: Printability | None = None
+    tolerances: PrintTolerances | None = None
+    infill: InfillOdds | None = None
     extra: dict[str, Any] = dataclasses.field(default_factory=dict)
     files: dict[str, str] = dataclasses.field(default_factory=dict)
     sha256: dict[str, str] = dataclasses.field(default_factory=dict)

@@ -100,7 +100,8 @@ def test_a_recipe_becomes_a_checked_die(
     assert steps == [(k, stage) for k in (1, 2, 3) for stage in ("hull", "fill")]
     assert [stage["name"] for stage in summary["stages"]] == stages
     assert stages == [
-        "start", "load", "design", "export", "check", "engrave", "printing", "figures", "report",
+        "start", "load", "design", "export", "check", "engrave", "printing", "tolerances",
+        "figures", "report",
     ]  # fmt: skip
     assert set(summary["files"]) == {"die", "die_plain", "recipe", "report", "result", *PICTURES}
     # The dents went from 0.1 to 0.13 in 6 of 14 points, where the side is 2.

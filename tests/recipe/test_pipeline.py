@@ -54,7 +54,8 @@ def test_a_recipe_becomes_a_checked_die(repository: Path, tmp_path: Path) -> Non
     assert steps == list(range(len(steps)))
     assert [stage.name for stage in result.stages] == stages
     assert stages == [
-        "start", "load", "design", "export", "check", "engrave", "printing", "figures", "report",
+        "start", "load", "design", "export", "check", "engrave", "printing", "tolerances",
+        "figures", "report",
     ]  # fmt: skip
     assert all(stage.seconds >= 0.0 for stage in result.stages)
     assert result.stages[2].seconds >= result.history[-1].seconds

@@ -9,6 +9,7 @@ from typing import Final
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.printing.materials import MATERIALS
+from dicedesign.fabricate.printing.print_errors import PrintErrors
 from dicedesign.fabricate.printing.printer import PRINTERS, Printer
 from dicedesign.runtime.registry import STRICT
 
@@ -42,6 +43,13 @@ class PrintOptions:
     """Density of the printed material, above 0 and at most `DENSEST`; None for the material's."""
     oriented: bool = False
     """Whether die_oriented.stl is written, which lies on the print bed as is best."""
+    infill: float = 1.0
+    """Part of the inside that is material, from 0, hollow, to 1, solid, which the odds are for."""
+    walls_mm: float = 1.2
+    """Thickness of the solid walls around the infill, floor and ceiling included, above 0."""
+    errors: PrintErrors | None = None
+    """How far prints are from what was asked for, see `PrintErrors`; None for what is usual of the
+    printer."""
 
     def __post_init__(self) -> None:
         if self.printer not in PRINTERS:
@@ -59,6 +67,15 @@ class PrintOptions:
                     f"{name}: expected a number above 0 and at most {most:g}, got {value!r}; "
                     "correct it"
                 )
+        if not 0.0 <= self.infill <= 1.0:
+            raise InputError(
+                f"infill: expected a number from 0 to 1, got {self.infill:g}; 0.2 is 20 %"
+            )
+        if not 0.0 < self.walls_mm < math.inf:
+            raise InputError(
+                f"walls_mm: expected a number above 0, got {self.walls_mm:g}; two lines of a "
+                "0.4 mm nozzle are 0.8"
+            )
         if self.nozzle_mm is not None:
             PRINTERS[self.printer].with_nozzle(self.nozzle_mm)
         fitting = PRINTERS[self.printer].materials
@@ -83,3 +100,13 @@ class PrintOptions:
     def density(self) -> float:
         """Of the printed material, in g/cm3."""
         return self.density_g_cm3 or MATERIALS[self.substance].density_g_cm3
+
+    @property
+    def assumed_errors(self) -> PrintErrors:
+        """Those given, or else those of the printer: two planes are within its error of their
+        distance in 95 of 100 prints."""
+        if self.errors is not None:
+            return self.errors
+        printer = PRINTERS[self.printer]
+        sd = printer.dimensional_error_mm / (2.0 * math.sqrt(2.0))
+        return PrintErrors(dimensional_mm=sd, shrinkage=printer.shrinkage)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from dicedesign.gradient.rest_odds import RestEvaluation
     from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
+    from dicedesign.gradient.thrown_odds import ThrownOdds
     from dicedesign.runtime.arrays import Integers
 
 __all__ = ["PREFERENCES", "BearingFacets", "Preference", "Preferences", "preference_residuals"]
@@ -34,11 +35,13 @@ class BearingFacets:
     facets: (k,) facet of each outcome.
     sensitivity: of its odds when thrown, or None for odds without momentum, the same on every
         table.
+    thrown: the model of its odds when thrown, or None for odds without momentum.
     """
 
     rests: RestEvaluation
     facets: Integers
     sensitivity: RestitutionSensitivity | None = None
+    thrown: ThrownOdds | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

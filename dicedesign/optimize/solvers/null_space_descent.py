@@ -167,10 +167,9 @@ class _Goal:
     def residuals(self, candidate: Candidate) -> list[Tensor]:
         """Vectors whose squares are summed, but for `away`."""
         facets = candidate.outcome_facets
+        die = BearingFacets(candidate.rests, facets, self.sensitivity, candidate.thrown)
         parts = [
-            *preference_residuals(
-                BearingFacets(candidate.rests, facets, self.sensitivity), self.preferences
-            ),
+            *preference_residuals(die, self.preferences),
             np.sqrt(self.preferences.largest or 1.0) * barrier_residuals(candidate.rests),
         ]
         if self.least_circle > 0.0:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -28,6 +28,9 @@ _GROUP: Final = 0.8
 
 _TARGET: Final = 0.92
 """The same, of the wide bar behind them."""
+
+_WITHIN: Final = 1.96
+"""Standard deviations about the mean that hold 95 % of what is normal."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,16 @@ class OddsBars:
         """With the odds in percent above them."""
         values = [f"{100.0 * value:.2f}" for value in np.asarray(odds).tolist()]
         return cls(name, color, odds, values=values)
+
+    def of_prints(self, deviations: ArrayLike | None) -> OddsBars:
+        """With intervals that hold the odds of 95 % of the prints of a die; deviations: (k,)
+        standard deviations among them, or None where they are not known."""
+        if deviations is None:
+            return self
+        odds = np.asarray(self.odds, dtype=np.float64)[:, None]
+        reach = _WITHIN * np.asarray(deviations, dtype=np.float64)[:, None] * [-1.0, 1.0]
+        limits = np.clip(odds + reach, 0.0, 1.0)
+        return replace(self, intervals=limits, interval_name="95 % of prints")
 
 
 def odds_chart(

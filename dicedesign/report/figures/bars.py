@@ -19,17 +19,24 @@ if TYPE_CHECKING:
 __all__ = ["bars_chart"]
 
 
-def bars_chart(labels: Sequence[str], target: ArrayLike, achieved: ArrayLike) -> Chart:
+def bars_chart(
+    labels: Sequence[str],
+    target: ArrayLike,
+    achieved: ArrayLike,
+    deviations: ArrayLike | None = None,
+) -> Chart:
     """A pair of bars for each outcome, with the values above them where they are few.
 
-    labels: k outcomes, at least one; target, achieved: (k,) probabilities in [0, 1].
+    labels: k outcomes, at least one; target, achieved: (k,) probabilities in [0, 1]; deviations:
+        (k,) standard deviations of those of prints, or None where they are not known.
 
     Raises InputError: there is no outcome, or not one of each probability for each.
     """
     worst = float(np.abs(np.subtract(target, achieved)).max(initial=0.0))
+    made = OddsBars.written("achieved", ACCENT, achieved).of_prints(deviations)
     return odds_chart(
         labels,
-        [OddsBars.written("target", PALE, target), OddsBars.written("achieved", ACCENT, achieved)],
+        [OddsBars.written("target", PALE, target), made],
         title=f"target and achieved odds, max |p − q| = {worst:.2g}",
         x_label="outcome (label on the facet that the body rests on)",
     )
@@ -37,7 +44,9 @@ def bars_chart(labels: Sequence[str], target: ArrayLike, achieved: ArrayLike) ->
 
 def _draw(die: FinishedDie) -> bytes:
     result = die.result
-    return sheet([bars_chart(result.labels, result.target, result.probabilities)]).png()
+    deviations = None if result.tolerances is None else result.tolerances.deviations
+    chart = bars_chart(result.labels, result.target, result.probabilities, deviations)
+    return sheet([chart]).png()
 
 
 FIGURES.register(
@@ -46,7 +55,10 @@ FIGURES.register(
         line="target odds beside the achieved ones",
         rank=20,
         title="Target and achieved odds",
-        caption="Probability that the die comes to rest on the facet with each label.",
+        caption=(
+            "Probability that the die comes to rest on the facet with each label; the lines hold "
+            "that of 95 % of its prints."
+        ),
         wanted=lambda die: die.reshaped is None,
         draw=_draw,
     )

@@ -24,18 +24,23 @@ _MODEL: Final = "#f0b88f"
 
 
 def table_chart(
-    labels: Sequence[str], target: ArrayLike, geometric: ArrayLike, thrown: ThrownOdds
+    labels: Sequence[str],
+    target: ArrayLike,
+    geometric: ArrayLike,
+    thrown: ThrownOdds,
+    deviations: ArrayLike | None = None,
 ) -> Chart:
     """Bars of each outcome's odds, in front of a wide one of its target: without momentum, by the
     momentum model and, where there were throws, simulated, with exact intervals.
 
-    labels: k outcomes, at least one; target, geometric: (k,) probabilities in [0, 1].
+    labels: k outcomes, at least one; target, geometric: (k,) probabilities in [0, 1]; deviations:
+        (k,) standard deviations of the model's odds of prints, or None where they are not known.
 
     Raises InputError: there is no outcome, or not one of each probability for each.
     """
     kinds = [
         OddsBars("without momentum", FAINT, geometric),
-        OddsBars("momentum model", _MODEL, thrown.momentum),
+        OddsBars("momentum model", _MODEL, thrown.momentum).of_prints(deviations),
     ]
     simulated = thrown.simulated
     if simulated is None:
@@ -72,8 +77,9 @@ def _measured(simulated: SimulatedThrows) -> str:
 def _draw(die: FinishedDie) -> bytes:
     result = die.result
     assert result.thrown is not None
-    chart = table_chart(result.labels, result.target, result.probabilities, result.thrown)
-    return sheet([chart]).png()
+    deviations = None if result.tolerances is None else result.tolerances.deviations
+    odds = result.target, result.probabilities, result.thrown, deviations
+    return sheet([table_chart(result.labels, *odds)]).png()
 
 
 FIGURES.register(
@@ -85,8 +91,8 @@ FIGURES.register(
         caption=(
             "The wide bar behind each outcome is its target. In front of it is how often the die "
             "would show it if it rolled without momentum, how often the momentum model expects it "
-            "and, where throws were simulated, how often it came up, with the interval that chance "
-            "allows."
+            "of it and of its prints, and, where throws were simulated, how often it came up, with "
+            "the interval that chance allows."
         ),
         wanted=lambda die: die.result.thrown is not None,
         draw=_draw,

@@ -16,6 +16,7 @@ from dicedesign.report.pages.html_parts import (
     table_section,
     text_section,
 )
+from dicedesign.report.pages.print_parts import print_parts
 from dicedesign.report.pages.printing import print_sections
 from dicedesign.report.pages.throwing import throwing_advice, throws_told
 from dicedesign.results.balance import Balance
@@ -23,10 +24,12 @@ from dicedesign.results.record import Result
 
 __all__ = ["die_page"]
 
-_PRINTING: Final = (
+_SOLID: Final = (
     "Print the STL file in millimetres with 100 % infill, so that the density is uniform: the odds "
-    "hold for a solid of one material. Let it cool, and remove supports without rounding "
+    "hold for a solid of one material. "
 )
+
+_COOLING: Final = "Let it cool, and remove supports without rounding "
 
 _UNLABELLED: Final = (
     "The outcome of a throw is the facet that the die rests on, i.e. the face down."
@@ -70,6 +73,7 @@ def _sections(result: Result, images: Mapping[str, bytes]) -> Iterator[str]:
     yield _odds(result)
     if result.balance is not None:
         yield text_section("From the shape to the object", [_balance(result, result.balance)])
+    yield from print_parts(result)
     if result.displacement is None:
         yield _facets(result)
     if result.quality is not None:
@@ -196,4 +200,7 @@ def _instructions(result: Result) -> str:
     is_shape = result.displacement is not None
     reading = _READING_A_SHAPE if is_shape else f"edges. {result.reading or _UNLABELLED} "
     marked = _MARKED if is_shape and "die" in result.files else ""
-    return f"{_PRINTING}{reading}{throwing_advice(result.thrown)}{marked}"
+    filling = _SOLID
+    if result.infill is not None:
+        filling = f"Print the STL file in millimetres. {result.infill.advice} "
+    return f"{filling}{_COOLING}{reading}{throwing_advice(result.thrown)}{marked}"

@@ -37,7 +37,7 @@ from dicedesign.rest.poses import rest_poses
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 BOX = np.array([1.0, 1.5, 2.0])
-TERMS = ["circles", "margin", "asymmetry", "roundness", "areas", "small_helpers"]
+TERMS = ["circles", "margin", "asymmetry", "roundness", "areas", "small_helpers", "tolerance"]
 
 
 def evaluated(points: np.ndarray) -> RestEvaluation:
@@ -146,7 +146,7 @@ def test_the_margin_is_the_distance_of_normals_from_barycenters(seed: int) -> No
 def test_weights_multiply_the_terms() -> None:
     candidate = die(1)
     facets = candidate.outcome_facets
-    weights = dict(zip(TERMS, [0.5, 2.0, 1.0, 0.0, 3.0, 0.25], strict=True))
+    weights = dict(zip(TERMS, [0.5, 2.0, 1.0, 0.0, 3.0, 0.25, 0.75], strict=True))
     residuals = preference_residuals(
         BearingFacets(candidate.rests, facets), Preferences(**weights, nearness=7.0)
     )

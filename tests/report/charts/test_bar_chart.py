@@ -101,3 +101,15 @@ def test_deviations_in_descending_order_with_their_floors() -> None:
         deviation_bars_chart({"a": without, "b": model}, floors[:2], "title")
     with pytest.raises(InputError, match=r"got 1 predictions of 3 dice and 3 floors"):
         deviation_bars_chart({"a": without}, floors, "title")
+
+
+def test_bars_of_prints_hold_95_percent_of_them() -> None:
+    bars = OddsBars.written("die", ACCENT, ODDS)
+    assert bars.of_prints(None) is bars
+    odds_of_prints = np.random.default_rng(0).normal(ODDS, [0.01, 0.02, 0.03], size=(100_000, 3))
+    limits = np.asarray(bars.of_prints([0.01, 0.02, 0.03]).intervals)
+    within = (odds_of_prints > limits[:, 0]) & (odds_of_prints < limits[:, 1])
+    np.testing.assert_allclose(within.mean(axis=0), 0.95, atol=0.005)
+    # Odds are none below 0.
+    wide = np.asarray(bars.of_prints([0.5, 0.0, 0.0]).intervals)
+    np.testing.assert_allclose(wide, [[0.0, 1.0], [0.5, 0.5], [0.3, 0.3]])

@@ -206,3 +206,13 @@ def test_rounds_without_a_verdict() -> None:
     assert set(curves(rounds_chart(thrown(1, False)))) == {"die of the round", "a perfect die"}
     with pytest.raises(InputError, match="rounds: expected at least one, got none"):
         rounds_chart(thrown(0))
+
+
+def test_lines_beside_the_bars_hold_the_odds_of_prints() -> None:
+    chart = bars_chart(["a", "b"], [0.25, 0.75], [0.26, 0.74], [0.01, 0.02])
+    (lines,) = (one for one in chart.series if isinstance(one, Intervals))
+    np.testing.assert_allclose(lines.high, 100.0 * np.array([0.26 + 0.0196, 0.74 + 0.0392]))
+    np.testing.assert_allclose(lines.low, 100.0 * np.array([0.26 - 0.0196, 0.74 - 0.0392]))
+    assert is_whole(sheet([chart]))
+    chart = table_chart(["a", "b", "$c$"], TARGET, GEOMETRIC, thrown(0, False), [0.01] * 3)
+    assert sum(isinstance(one, Intervals) for one in chart.series) == 1

@@ -1,0 +1,71 @@
+"""Odds of dice that came out of the printer a little off, one by one and without any derivative."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from dicedesign.errors import DiceError
+from dicedesign.fabricate.printing.print_errors import PrintErrors
+from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.solid import second_moments, solid_properties
+from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.poses import rest_poses
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["PrintedDie", "only"]
+
+
+def only(errors: PrintErrors, name: str) -> PrintErrors:
+    """Errors of which all but one are 0."""
+    return PrintErrors(
+        **{key: value if key == name else 0.0 for key, value in asdict(errors).items()}
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class PrintedDie:
+    """A uniform convex die that is printed again and again.
+
+    Attributes
+    ----------
+    hull: as it was designed, in mm, with its center of mass at the origin.
+    directions: (k, 3) down in the outcomes.
+    """
+
+    hull: ConvexHull
+    directions: Floats
+
+    def odds(self, errors: PrintErrors, prints: int, seed: int) -> Floats:
+        """(prints, k) odds without momentum of so many prints; NaN where one has become no die."""
+        random = np.random.default_rng(seed)
+        return np.stack([self._printed(errors, random) for _ in range(prints)])
+
+    def _printed(self, errors: PrintErrors, random: np.random.Generator) -> Floats:
+        hull = self.hull
+        moves = errors.dimensional_mm * random.normal(size=len(hull.normals))
+        stretch = 1.0 + errors.shrinkage * random.normal(size=3)
+        gradient = errors.density_gradient * random.normal()
+        try:
+            corners = polyhedron_corners(hull.normals, hull.heights(np.zeros(3)) + moves) * stretch
+            printed = convex_hull(corners)
+            volume, center = solid_properties(printed.vertices, printed.triangles)
+            offsets = printed.vertices - center
+            moments, _ = second_moments(offsets, printed.triangles, np)
+            moved = gradient / np.ptp(offsets[:, 2]) * moments[:, 2] / volume
+            hole = _inside(printed, random) - center
+            moved = moved - hole * errors.bubble_mm3 / (volume - errors.bubble_mm3)
+            return outcome_odds(rest_poses(corners, center + moved), self.directions).odds
+        except DiceError:
+            return np.full(len(self.directions), np.nan)
+
+
+def _inside(hull: ConvexHull, random: np.random.Generator) -> Floats:
+    """A point (3,) anywhere in a hull."""
+    low, high = hull.vertices.min(axis=0), hull.vertices.max(axis=0)
+    while True:
+        point = random.uniform(low, high)
+        if (hull.heights(point) >= 0.0).all():
+            return point

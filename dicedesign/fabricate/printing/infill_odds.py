@@ -1,0 +1,85 @@
+"""Odds of a print with infill, and how much of it is enough."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from dicedesign.fabricate.printing.infill import Inside, weighed
+from dicedesign.fabricate.printing.tolerances import NOTICED, ROLLS
+from dicedesign.fabricate.verdict import Verdict
+from dicedesign.geometry.sphere import norms
+from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
+from dicedesign.rest.poses import analyse
+from dicedesign.results.print_record import InfillOdds
+from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.statistics.chi_square_power import LEVEL, chances_noticed
+
+__all__ = ["infill_odds"]
+
+STEPS: Final = 20
+"""Infills that are tried, up to 100 %."""
+
+
+def infill_odds(
+    verdict: Verdict,
+    directions: Floats,
+    volume: float,
+    inside: Inside,
+    infill: float,
+    walls_mm: float,
+) -> InfillOdds:
+    """What a die does when it is printed with infill.
+
+    Parameters
+    ----------
+    verdict: on the file of the uniform solid.
+    directions: (k, 3) down in the outcomes.
+    volume: of that solid in mm3.
+    inside: what the walls leave of it.
+    infill: part of the inside that is material, 0 to 1; walls_mm: thickness of the walls.
+    """
+
+    def printed(part: float) -> tuple[float, Floats, OutcomeOdds]:
+        mass, center = weighed(volume, verdict.poses.center_of_mass, inside, part)
+        return mass, center, outcome_odds(analyse(verdict.poses.hull, center), directions)
+
+    def is_noticed(part: float) -> bool:
+        solid = verdict.outcomes.odds
+        shown = solid > 0.0
+        odds = solid[shown] / solid[shown].sum()
+        change = printed(part)[2].odds[shown] - solid[shown]
+        return bool(chances_noticed(odds, ROLLS, change[None])[0] > NOTICED)
+
+    least = STEPS
+    while least > 0 and not is_noticed((least - 1) / STEPS):
+        least -= 1
+    mass, center, outcomes = printed(infill)
+    shift = center - verdict.poses.center_of_mass
+    changes = np.abs(outcomes.odds - verdict.outcomes.odds)
+    told = (
+        f"At {100.0 * infill:.0f} % infill with walls of {walls_mm:g} mm the die has "
+        f"{100.0 * mass:.0f} % of its mass, its center of mass moves by "
+        f"{norms(shift):.2g} mm, and the odds of {verdict.target.labels[int(changes.argmax())]} "
+        f"change most, by {changes.max():.2g}: "
+    )
+    return InfillOdds(
+        infill=infill,
+        walls_mm=walls_mm,
+        advice=told + _advice(infill, least / STEPS, is_noticed(infill)),
+        probabilities=tuple(outcomes.odds.tolist()),
+        elsewhere=outcomes.elsewhere,
+        max_abs_error=outcomes.max_abs_error(verdict.target.probabilities),
+        mass=mass,
+        shift_mm=tuple(shift.tolist()),
+        least_infill=least / STEPS,
+    )
+
+
+def _advice(infill: float, least: float, is_noticed: bool) -> str:
+    test = f"a chi-square test at {100.0 * LEVEL:.0f} % of {ROLLS:,} rolls"
+    if not is_noticed:
+        return f"{test} does not notice. Print it so, or solid."
+    enough = "" if least == 1.0 else f", or with {100.0 * least:.0f} % or more"
+    return f"{test} notices. Print it solid, at 100 % infill{enough}."

@@ -1,0 +1,92 @@
+"""Stage tolerances: what errors of printing do to the odds, and infill."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dicedesign.recipe.planning.stage import STAGES, Stage
+from dicedesign.recipe.planning.work import Work
+
+if TYPE_CHECKING:
+    from dicedesign.fabricate.printing.options import PrintOptions
+    from dicedesign.fabricate.verdict import Verdict
+    from dicedesign.gradient.thrown_odds import ThrownOdds
+
+__all__ = ["find_tolerances"]
+
+
+def find_tolerances(work: Work) -> None:
+    """Say how far the odds of prints are from those of the file, with labels if it has them, and
+    what infill does to them if the recipe has some."""
+    from dicedesign.fabricate.printing.odds_slopes import OddsSlopes
+    from dicedesign.fabricate.printing.off_prints import OffPrints
+    from dicedesign.fabricate.printing.tolerances import OddsSpread, print_tolerances
+
+    verdict, target = _printed(work), work.target.probabilities
+    thrown = _table_odds(work)
+    slopes = OddsSlopes.of(verdict.body, verdict.poses, verdict.outcomes, thrown)
+    options = work.recipe.print
+    assert options is not None
+    spread = OddsSpread(slopes, options.assumed_errors, work.die.reshaped is None)
+    # The odds of throws are known from counts alone: what they lack is in doubt.
+    bias = np.zeros(len(target)) if thrown is not None else verdict.outcomes.odds - target
+    prints = OffPrints(verdict.poses, work.die.directions, thrown, spread.has_planes)
+    work.details["tolerances"] = print_tolerances(spread, target, bias, prints)
+    if options.infill < 1.0:
+        _find_infill(work, verdict, options, slopes.volume)
+
+
+STAGES.register(
+    Stage(
+        name="tolerances",
+        line="finds what errors of printing, and infill, do to the odds",
+        rank=74,
+        wanted=lambda work: work.recipe.print is not None,
+        run=find_tolerances,
+    )
+)
+
+
+def _printed(work: Work) -> Verdict:
+    """The verdict on the die with its labels; on the plain one where edges were rounded, whose
+    facets are those that matter."""
+    engraved = None if work.engraved is None else work.engraved.verdict
+    return work.plain if engraved is None or work.recipe.edges is not None else engraved
+
+
+def _table_odds(work: Work) -> ThrownOdds | None:
+    """The model of the odds that the die is designed for, if it is to be thrown."""
+    if not work.recipe.method.thrown:
+        return None
+    from dicedesign.gradient.thrown_odds import ThrownOdds
+    from dicedesign.recipe.methods.exact import exact_options
+
+    return ThrownOdds.on(exact_options(work.recipe).table)
+
+
+def _find_infill(work: Work, verdict: Verdict, options: PrintOptions, volume: float) -> None:
+    from dicedesign.fabricate.printing.infill import inside_walls, pocket_walls
+    from dicedesign.fabricate.printing.infill_odds import infill_odds
+
+    engrave = work.recipe.engrave
+    unknown = None
+    if work.die.reshaped is not None:
+        unknown = "that keeps the shape of a surface"
+    elif work.solid.center_of_mass is not None:
+        unknown = "whose center of mass is given"
+    if unknown is not None:
+        work.notes.append(
+            f"what infill does to a die {unknown} is not computed: its odds are those of 100 %"
+        )
+        return
+    pockets = []
+    if verdict is not work.plain and work.engraved is not None and engrave is not None:
+        pockets = pocket_walls(work.engraved.placements, engrave.depth_mm, options.walls_mm)
+    inside = inside_walls(verdict.poses.hull, options.walls_mm, pockets)
+    found = infill_odds(
+        verdict, work.die.directions, volume, inside, options.infill, options.walls_mm
+    )
+    work.details["infill"] = found
+    work.notes.append(found.advice)

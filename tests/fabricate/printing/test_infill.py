@@ -1,0 +1,119 @@
+"""Bodies of two densities: closed forms, symmetry, and points drawn at random."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from common.made_up_die import box
+
+from dicedesign.fabricate.labels.layout import place_labels
+from dicedesign.fabricate.labels.options import EngravingOptions
+from dicedesign.fabricate.printing.infill import Inside, inside_walls, pocket_walls, weighed
+from dicedesign.fabricate.solids.engraving import engrave
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.surfaces.distances import distances_from_surface
+
+TETRAHEDRON = 10.0 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float)
+PYRAMID = np.array([[12.0, 0, 0], [0, 12, 0], [-12, 0, 0], [0, -12, 0], [3.0, 2.0, 70.0]])
+
+
+def printed(hull: ConvexHull, infill: float, walls: float) -> tuple[float, np.ndarray]:
+    """Mass over that of the solid body, and center of mass."""
+    volume, centroid = solid_properties(hull.vertices, hull.triangles)
+    return weighed(volume, centroid, inside_walls(hull, walls), infill)
+
+
+def drawn(hull: ConvexHull, count: int) -> np.ndarray:
+    """Points all over a body, at random."""
+    rng = np.random.default_rng(7)
+    points = rng.uniform(hull.vertices.min(0), hull.vertices.max(0), size=(count, 3))
+    heights = hull.heights(np.zeros(3)) - points @ hull.normals.T
+    return points[(heights >= 0.0).all(axis=1)]
+
+
+def test_a_box_within_its_walls() -> None:
+    hull = convex_hull(box(20.0, 24.0, 30.0) + np.array([1.0, 2.0, 3.0]))
+    inside = inside_walls(hull, 1.5)
+    assert inside.volume == pytest.approx(17.0 * 21.0 * 27.0)
+    mass, center = printed(hull, 0.2, 1.5)
+    assert mass == pytest.approx(1.0 - 0.8 * 17.0 * 21.0 * 27.0 / (20.0 * 24.0 * 30.0))
+    np.testing.assert_allclose(center, [1.0, 2.0, 3.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("infill", [0.0, 0.15, 0.9])
+def test_a_regular_body_stays_balanced(infill: float) -> None:
+    hull = convex_hull(TETRAHEDRON)
+    np.testing.assert_allclose(printed(hull, infill, 1.2)[1], 0.0, atol=1e-12)
+    # What is left inside is as regular, and smaller by three times the walls at each corner.
+    height = 20.0 / np.sqrt(3.0)
+    whole = solid_properties(hull.vertices, hull.triangles)[0]
+    ratio = 1.0 - 1.2 / (height / 2.0)
+    assert inside_walls(hull, 1.2).volume == pytest.approx(whole * ratio**3)
+
+
+def test_a_solid_print_is_the_uniform_one() -> None:
+    hull = convex_hull(PYRAMID)
+    mass, center = printed(hull, 1.0, 1.2)
+    assert mass == 1.0
+    np.testing.assert_allclose(center, hull.centroid, atol=1e-12)
+
+
+@pytest.mark.parametrize("walls", [0.8, 3.0])
+def test_a_pyramid_against_points_at_random(walls: float) -> None:
+    hull, infill = convex_hull(PYRAMID), 0.2
+    mass, center = printed(hull, infill, walls)
+    points = drawn(hull, 400_000)
+    depth = (hull.heights(np.zeros(3)) - points @ hull.normals.T).min(axis=1)
+    density = np.where(depth > walls, infill, 1.0)
+    assert mass == pytest.approx(density.mean(), abs=4.0 * density.std() / np.sqrt(len(points)))
+    expected = (density[:, None] * points).sum(axis=0) / density.sum()
+    error = np.sqrt((np.square(density[:, None] * (points - expected))).mean(axis=0))
+    error = error / density.mean() / np.sqrt(len(points))
+    np.testing.assert_array_less(np.abs(center - expected), 4.0 * error)
+    # More than that, so that it is seen at all.
+    assert np.linalg.norm(center - hull.centroid) > 5.0 * error.max()
+
+
+def test_walls_that_meet_leave_nothing() -> None:
+    flat = convex_hull(box(20.0, 20.0, 2.0))
+    assert inside_walls(flat, 1.0).volume == 0.0
+    assert inside_walls(flat, 0.9).volume > 0.0
+    assert weighed(1.0, np.ones(3), Inside(0.0, np.zeros(3)), 0.0)[0] == 1.0
+
+
+def test_the_centroid_may_lie_within_a_wall() -> None:
+    """Of a needle with a thin tip, which is hollow at its thick end alone."""
+    hull = convex_hull(np.array([[6.0, 6, 0], [6, -6, 0], [-6, 6, 0], [-6, -6, 0], [0, 0, 60.0]]))
+    walls = float(hull.heights(hull.centroid).min()) + 0.05
+    inside = inside_walls(hull, walls)
+    points = drawn(hull, 400_000)
+    depth = (hull.heights(np.zeros(3)) - points @ hull.normals.T).min(axis=1)
+    part = (depth > walls).mean()
+    volume = solid_properties(hull.vertices, hull.triangles)[0]
+    noise = 4.0 * np.sqrt(part / len(points))
+    assert inside.volume / volume == pytest.approx(part, abs=noise)
+
+
+def test_pockets_have_walls_too() -> None:
+    hull = convex_hull(box(14.0, 15.0, 16.0))
+    options, walls = EngravingOptions(depth_mm=1.5, max_height_mm=7.0), 1.0
+    facet = int(np.argmax(hull.normals[:, 2]))
+    polygon, normal = hull.polygon(facet), hull.normals[facet]
+    placements = place_labels(["8"], [polygon], [normal], [facet], options, hull.diameter)
+    surface = engrave(hull.vertices, hull.triangles, placements, options)
+    inside = inside_walls(hull, walls, pocket_walls(placements, options.depth_mm, walls))
+    plain = inside_walls(hull, walls)
+    points = drawn(hull, 30_000)
+    points = points[np.abs(points[:, 2] - 5.0) < 2.0]
+    depth = (hull.heights(np.zeros(3)) - points @ hull.normals.T).min(axis=1)
+    deep = points[depth > walls]
+    lost = distances_from_surface(surface, deep) < walls
+    cell = 14.0 * 15.0 * 4.0 / len(points)
+    expected = cell * lost.sum()
+    assert expected > 20.0
+    # The rims of the walls below are square here, and round where distance decides.
+    found = plain.volume - inside.volume
+    assert found == pytest.approx(expected, rel=0.25)
+    assert found > expected - 4.0 * cell * np.sqrt(lost.sum())
+    assert inside.centroid[2] < plain.centroid[2] - 0.01

@@ -1,0 +1,127 @@
+"""The stage that says what errors of printing, and infill, do to the odds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from common.made_up_die import SIDES, box, designed
+from common.thrown import thrown
+
+from dicedesign.fabricate.printing.infill import inside_walls, weighed
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.recipe.planning.stage import plan
+from dicedesign.recipe.planning.work import Work
+from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.momentum.momentum_model import momentum_model
+from dicedesign.throws.momentum.momentum_odds import momentum_odds
+
+FRUSTUM = box(4.0, 4.0, 2.5)
+FRUSTUM[FRUSTUM[:, 2] > 0.0] *= [0.7, 0.8, 1.0]
+
+
+def printed(points: np.ndarray, options: dict[str, Any], **more: Any) -> Work:
+    entries = {"size_mm": 30.0, "print": options, **more.pop("entries", {})}
+    work = designed(points, entries=entries, directions=more.pop("directions", SIDES), **more)
+    plan(work, after="design", last="tolerances")
+    return work
+
+
+def test_a_box_is_told_how_well_it_must_be_printed() -> None:
+    result = printed(box(4.0, 5.0, 6.0), {}).result()
+    found = result.tolerances
+    assert found is not None
+    assert result.infill is None
+    # Opposite faces are alike.
+    np.testing.assert_allclose(found.deviations[:3], found.deviations[3:], rtol=1e-6)
+    squares = sum(np.square(one) for one in found.by_error.values())
+    np.testing.assert_allclose(np.square(found.deviations), squares)
+    assert found.allowed_mm is not None
+    assert 0.05 < found.allowed_mm < 1.0
+    assert 0.05 < found.noticed < 0.5
+
+
+def test_errors_are_those_of_the_recipe() -> None:
+    options = {"errors": {"dimensional_mm": 0.3, "bubble_mm3": 0.0}}
+    usual = printed(box(4.0, 5.0, 6.0), {}).result().tolerances
+    found = printed(box(4.0, 5.0, 6.0), options).result().tolerances
+    assert usual is not None
+    assert found is not None
+    ratio = np.divide(found.by_error["dimensional_mm"], usual.by_error["dimensional_mm"])
+    np.testing.assert_allclose(ratio, 0.3 / usual.assumed["dimensional_mm"])
+    assert found.by_error["bubble_mm3"] == (0.0,) * 6
+    assert found.assumed["dimensional_mm"] == 0.3
+    assert found.allowed_mm == usual.allowed_mm
+
+
+def test_infill_moves_the_center_of_mass_and_the_odds() -> None:
+    hollow = printed(FRUSTUM, {"infill": 0.0, "walls_mm": 2.0})
+    found = hollow.result().infill
+    assert found is not None
+    hull = hollow.plain.poses.hull
+    mass, center = weighed(*_uniform(hull.vertices), inside_walls(hull, 2.0), 0.0)
+    odds = outcome_odds(rest_poses(hull.vertices, center), SIDES).odds
+    assert found.mass == pytest.approx(mass, rel=1e-6)
+    np.testing.assert_allclose(found.probabilities, odds, atol=1e-6)
+    np.testing.assert_allclose(
+        found.shift_mm, center - hollow.plain.poses.center_of_mass, atol=1e-5
+    )
+    assert found.max_abs_error > 1e-3
+    assert found.advice in hollow.notes
+    half = printed(FRUSTUM, {"infill": 0.5, "walls_mm": 2.0}).result().infill
+    assert half is not None
+    assert 0.0 < half.max_abs_error < found.max_abs_error
+
+
+def _uniform(points: np.ndarray) -> tuple[float, np.ndarray]:
+    hull = convex_hull(points)
+    ends = hull.vertices[hull.triangles] - hull.centroid
+    return float(np.linalg.det(ends).sum() / 6.0), hull.centroid
+
+
+def test_labels_are_weighed_too() -> None:
+    options = {"infill": 0.1, "walls_mm": 1.0}
+    entries = {"engrave": {"depth_mm": 1.0}}
+    work = printed(box(4.0, 5.0, 6.0), options, entries=entries)
+    plain = printed(box(4.0, 5.0, 6.0), options).result().infill
+    found = work.result().infill
+    assert found is not None
+    assert plain is not None
+    assert work.engraved is not None
+    # Pockets take material away, and their walls bring more than that back.
+    assert found.mass > plain.mass
+    assert np.abs(found.shift_mm).max() > np.abs(plain.shift_mm).max()
+
+
+@pytest.mark.parametrize("center", [None, np.array([0.1, 0.0, 0.05])])
+def test_a_center_of_mass_that_is_given_stays_given(center: np.ndarray | None) -> None:
+    work = printed(box(4.0, 5.0, 6.0), {"infill": 0.2}, center_of_mass=center)
+    result = work.result()
+    assert result.tolerances is not None
+    assert (result.infill is None) == (center is not None)
+    told = [note for note in work.notes if "infill" in note]
+    assert len(told) == 1
+    assert ("center of mass is given" in told[0]) == (center is not None)
+
+
+def test_a_thrown_die_spreads_as_its_odds_on_the_table_do() -> None:
+    method = {"exact": {"odds": "thrown"}}
+    work = printed(FRUSTUM, {}, entries={"method": method})
+    found = work.result().tolerances
+    assert found is not None
+    step = 0.02
+    odds = []
+    points = work.solid.points
+    for factor in (1.0 + step, 1.0 - step):
+        body, poses = thrown(points * [1.0, 1.0, factor])
+        places = np.argmax(SIDES @ poses.normals.T, axis=1)
+        odds.append(momentum_odds(poses, body, momentum_model("board-game"))[places])
+    slope = np.abs(odds[0] - odds[1]) / (2.0 * step)
+    # One of the axes that shrink.
+    deviations = np.array(found.by_error["shrinkage"])
+    assert (deviations > 0.9 * 0.002 * slope).all()
+    resting = printed(FRUSTUM, {}).result().tolerances
+    assert resting is not None
+    assert np.abs(np.subtract(resting.deviations, found.deviations)).max() > 1e-4
