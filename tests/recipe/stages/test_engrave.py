@@ -89,8 +89,7 @@ def test_the_file_has_each_label_where_it_is_read(read: str, sign: float) -> Non
             plain.trim_by_plane(outward.tolist(), height).volume()
             - engraved_solid.trim_by_plane(outward.tolist(), height).volume()
         )
-        label_area = text_section(label).area() * placement.height**2
-        assert taken == pytest.approx(label_area * depth, rel=1e-3)
+        assert taken == pytest.approx(placement.section().area() * depth, rel=1e-3)
     assert (work.result().reading or "").startswith("Lift" if read == "down" else "Read")
     areas = [text_section(label).area() for label in "abcdef"]
     assert np.diff(np.sort(areas)).min() > 2e-3 * max(areas)

@@ -7,7 +7,6 @@ import pytest
 from common.made_up_die import SIDES, box, designed
 
 from dicedesign.bench.bodies.solids import PLATONIC
-from dicedesign.fabricate.labels.glyphs import text_section
 from dicedesign.fabricate.labels.layout import Placement
 from dicedesign.fabricate.labels.reading import LabelPlace
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -24,7 +23,7 @@ from dicedesign.runtime.arrays import Floats
 
 def engraved(points: Floats, directions: Floats, read: str, style: str = "engraved") -> Work:
     target = {"fair": len(directions)}
-    entries = {"engrave": {"read": read, "style": style}, "size_mm": 36.0}
+    entries = {"engrave": {"read": read, "style": style, "border_mm": 0.3}, "size_mm": 36.0}
     work = designed(points, directions, target=target, entries=entries)
     plan(work, after="design", last="engrave")
     assert work.engraved is not None
@@ -63,12 +62,11 @@ def test_what_is_in_colour_is_the_label_that_is_read(
     """Its floor, or its top where it stands with others in a field."""
     work = engraved(points, convex_hull(points).normals, read, style)
     assert work.engraved is not None
-    for outcome, text in enumerate(work.target.labels):
+    for outcome in range(len(work.target.labels)):
         mine = labels_of(work, outcome)
         assert len(mine) == places
-        heights = [placement.height for _, placement in mine]
         surface = painted(work.engraved.points, work.engraved.triangles, mine)
-        area = text_section(text).area() * float(np.square(heights).sum())
+        area = sum(placement.section().area() for _, placement in mine)
         label_color, facet_color = rgb([ACCENT, "#f2dd6e"])
         assert area_of_color(surface, label_color) == pytest.approx(area, rel=1e-3)
         if places == 1:
@@ -95,7 +93,7 @@ def test_the_straight_view_shows_the_label() -> None:
     red, green, blue = np.moveaxis(picture, -1, 0)
     seen = (picture < 255).any(axis=-1)
     part = (seen & (red > 2 * green)).sum() / seen.sum()
-    area = text_section("3").area() * placement.height**2
+    area = placement.section().area()
     assert part == pytest.approx(area / work.solid.poses.hull.areas[place.facet], rel=0.1)
     assert (blue[seen] < red[seen]).all()
 
