@@ -22,7 +22,7 @@ from dicedesign.results.status import Status
 
 NAMES = (
     "accuracy", "concave", "design", "endurance", "exact", "gradients", "lean", "momentum", "paper",
-    "speed", "stability", "table", "thrown",
+    "speed", "stability", "table", "thrown", "tolerance",
 )  # fmt: skip
 
 TOY = '''
