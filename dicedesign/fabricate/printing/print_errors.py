@@ -38,6 +38,12 @@ class PrintErrors:
     bubble_mm3: float = 1.0
     """Volume of a bubble somewhere in the print; at least 0."""
 
+    @classmethod
+    def within(cls, dimensional_mm: float, shrinkage: float) -> PrintErrors:
+        """Those of a printer whose dimensions are off by at most so much, either way: as two
+        standard deviations of the difference of two planes."""
+        return cls(dimensional_mm=dimensional_mm / math.sqrt(8.0), shrinkage=shrinkage)
+
     def __post_init__(self) -> None:
         most = {"shrinkage": 0.2, "density_gradient": 0.5}
         for field in fields(self):
