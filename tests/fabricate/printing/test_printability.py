@@ -248,7 +248,7 @@ def test_raised_labels_have_no_walls_and_wider_strokes(cube: Work) -> None:
     "entries",
     [
         {"edges": {"radius_mm": 1.0}},
-        {"engrave": {"style": "raised"}},
+        {"engrave": {"style": "raised", "balance": "none"}},
         {"engrave": {"balance": "fill"}, "edges": True},
         {"engrave": {"balance": "opposite"}},
         {"engrave": False, "edges": True},
