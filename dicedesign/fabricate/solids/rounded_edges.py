@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dicedesign.fabricate.solids.edge_options import EdgeOptions
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
@@ -25,8 +26,11 @@ TURN: Final = math.radians(11.0)
 """Largest angle between neighbouring flat strips of a fillet: no part of the angles of the regular
 solids, so that a small change of a shape is a small change of its strips."""
 
-SAME_DIRECTION: Final = 1e-6
-"""Directions nearer to each other than this, in radians, are one."""
+NEAR: Final = 0.02
+"""Least distance between two points, over the radius."""
+
+SAME: Final = 2e-3
+"""The same between points that keep the solid from resting where it should not."""
 
 
 def rounded(hull: ConvexHull, center: Floats, options: EdgeOptions) -> ConvexHull:
@@ -39,25 +43,46 @@ def rounded(hull: ConvexHull, center: Floats, options: EdgeOptions) -> ConvexHul
     hull: the core. center: (3,) the center of mass. Returns the hull of the solid.
     """
     turn = TURN if options.shape == "fillet" else math.pi
-    arcs = _arcs(hull, center, turn)
+    saddles, arcs = _arcs(hull, center, turn)
     start, outgoing = hull.outgoing
-    points = []
+    # Corners of facets, then what must not be rested on, then the rest.
+    kinds: tuple[list[Floats], ...] = ([], [], [])
     for vertex, place in enumerate(hull.vertices):
         own = outgoing[start[vertex] : start[vertex + 1]]
-        border = np.concatenate([arcs[edge] for edge in own.tolist()])
+        normals = hull.normals[hull.facet[own]]
         # A corner is a top where all its edges lead down.
         edges = hull.vertices[hull.head[own]] - place
         is_top = bool((edges @ (place - center) < 0.0).all())
         tops = unit_vectors(place - center)[None] if is_top else np.empty((0, 3))
-        inside = _inside(tops, hull.normals[hull.facet[own]], border, turn)
-        points.append(place + options.radius_mm * np.concatenate([border, inside]))
-    return convex_hull(np.concatenate(points))
+        border = np.concatenate([arcs[edge] for edge in own.tolist()])
+        passed = np.concatenate([tops, *(saddles[edge] for edge in own.tolist())])
+        for kind, directions in zip(
+            kinds, (normals, passed, _inside(normals, border, turn)), strict=True
+        ):
+            kind.append(place + options.radius_mm * directions)
+    corners, passed, others = (np.concatenate(kind) for kind in kinds)
+    points = _spread(corners, passed, SAME * options.radius_mm)
+    return convex_hull(_spread(points, others, NEAR * options.radius_mm))
 
 
-def _arcs(hull: ConvexHull, center: Floats, turn: float) -> list[Floats]:
-    """For each half-edge directions (a, 3) between the normals of the facets beside it, these
-    included, with that of the saddle among them."""
-    arcs: list[Floats] = [np.empty((0, 3))] * len(hull.tail)
+def _spread(points: Floats, others: Floats, least: float) -> Floats:
+    """Points (n, 3), and of others (m, 3) those that are farther than a distance from them and from
+    each other: slivers between crowded points would be all that a file in single precision tells.
+    """
+    together = np.concatenate([points, others])
+    kept = np.ones(len(together), dtype=bool)
+    pairs = cKDTree(together).query_pairs(least, output_type="ndarray")
+    for one, other in sorted(map(tuple, np.sort(pairs, axis=1).tolist())):
+        if kept[one] and other >= len(points):
+            kept[other] = False
+    return together[kept]
+
+
+def _arcs(hull: ConvexHull, center: Floats, turn: float) -> tuple[list[Floats], list[Floats]]:
+    """For each half-edge directions between the normals of the facets beside it: (0 or 1, 3) that
+    of the saddle, and (a, 3) all, the normals included."""
+    none = np.empty((0, 3))
+    saddles, arcs = [none] * len(hull.tail), [none] * len(hull.tail)
     radii = hull.vertices - center
     for edge, twin in enumerate(hull.twin.tolist()):
         if edge > twin:
@@ -68,42 +93,38 @@ def _arcs(hull: ConvexHull, center: Floats, turn: float) -> list[Floats]:
         stops = [ends[0], ends[1]]
         if _between(saddle, ends):
             stops.insert(1, saddle)
+            saddles[edge] = saddles[twin] = saddle[None]
         directions = [stops[0][None]]
         for one, other in pairwise(stops):
             directions.append(_along(one, other, turn)[1:])
         arcs[edge] = arcs[twin] = np.concatenate(directions)
-    return arcs
+    return saddles, arcs
 
 
 def _between(direction: Floats, ends: Floats) -> bool:
-    """Whether a direction on the great circle of two ends lies strictly between them."""
-    cosine = float(ends[0] @ ends[1])
+    """Whether a direction on the great circle of two ends lies between them, and near to neither:
+    beside a normal nothing can be rested on but the facet."""
     nearest = float((ends @ direction).min())
     apart = float(np.linalg.norm(ends - direction, axis=1).min())
-    return nearest > cosine and apart > SAME_DIRECTION
+    return nearest > float(ends[0] @ ends[1]) and apart > SAME
 
 
 def _along(one: Floats, other: Floats, turn: float) -> Floats:
     """Directions (a, 3) from one to another, at equal angles of at most a turn."""
     angle = math.acos(min(max(float(one @ other), -1.0), 1.0))
     count = max(1, math.ceil(angle / turn))
-    if angle < SAME_DIRECTION:
+    if angle < SAME:
         return np.stack([one, other])
     parts = np.linspace(0.0, 1.0, count + 1)[:, None]
     directions = np.sin((1.0 - parts) * angle) * one + np.sin(parts * angle) * other
     return np.asarray(directions / math.sin(angle), dtype=np.float64)
 
 
-def _inside(tops: Floats, normals: Floats, border: Floats, turn: float) -> Floats:
-    """Directions (a, 3) within the cone of a corner's normals (m, 3).
-
-    tops: (0 or 1, 3) direction among them in which the corner is the highest; border: directions on
-    the cone's border.
-    """
+def _inside(normals: Floats, border: Floats, turn: float) -> Floats:
+    """Directions (a, 3) of strips at a corner: those on the border of the cone of its normals
+    (m, 3), and some within."""
     if turn >= math.pi:
-        return tops
+        return border
     middle = unit_vectors(normals.sum(axis=0))
     paths = [_along(middle, direction, turn)[1:-1] for direction in border]
-    directions = np.concatenate([middle[None], *paths])
-    apart = np.linalg.norm(directions[:, None] - tops, axis=2) > SAME_DIRECTION
-    return np.concatenate([directions[apart.all(axis=1)], tops])
+    return np.concatenate([border, middle[None], *paths])
