@@ -47,6 +47,8 @@ def test_what_differs_from_print_to_print(given: dict[str, Any], text: str) -> N
 def test_a_recipe_says_how_it_will_be_printed() -> None:
     given = {"infill": 0.2, "walls_mm": 0.8, "errors": {"dimensional_mm": 0.05}}
     recipe = checked_recipe({"name": "d", "target": {"fair": 6}, "print": given})
-    assert recipe.print == PrintOptions(0.2, 0.8, PrintErrors(dimensional_mm=0.05))
+    assert recipe.print == PrintOptions(
+        infill=0.2, walls_mm=0.8, errors=PrintErrors(dimensional_mm=0.05)
+    )
     again = checked_recipe(recipe.resolved())
     assert again.print == recipe.print
