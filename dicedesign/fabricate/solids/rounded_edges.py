@@ -9,11 +9,11 @@ the odds of its core. Lengths are in one unit of any kind, as a rule millimetres
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from dicedesign.fabricate.solids.edge_options import EdgeOptions
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
@@ -26,11 +26,8 @@ TURN: Final = math.radians(11.0)
 """Largest angle between neighbouring flat strips of a fillet: no part of the angles of the regular
 solids, so that a small change of a shape is a small change of its strips."""
 
-NEAR: Final = 0.02
-"""Least distance between two points, over the radius."""
-
 SAME: Final = 2e-3
-"""The same between points that keep the solid from resting where it should not."""
+"""Directions nearer to each other than this, in radians, are one."""
 
 
 def rounded(hull: ConvexHull, center: Floats, options: EdgeOptions) -> ConvexHull:
@@ -43,46 +40,28 @@ def rounded(hull: ConvexHull, center: Floats, options: EdgeOptions) -> ConvexHul
     hull: the core. center: (3,) the center of mass. Returns the hull of the solid.
     """
     turn = TURN if options.shape == "fillet" else math.pi
-    saddles, arcs = _arcs(hull, center, turn)
+    arcs = _arcs(hull, center, turn)
     start, outgoing = hull.outgoing
-    # Corners of facets, then what must not be rested on, then the rest.
-    kinds: tuple[list[Floats], ...] = ([], [], [])
+    points = []
     for vertex, place in enumerate(hull.vertices):
         own = outgoing[start[vertex] : start[vertex + 1]]
-        normals = hull.normals[hull.facet[own]]
+        border = [arcs[edge] for edge in own.tolist()]
         # A corner is a top where all its edges lead down.
         edges = hull.vertices[hull.head[own]] - place
         is_top = bool((edges @ (place - center) < 0.0).all())
-        tops = unit_vectors(place - center)[None] if is_top else np.empty((0, 3))
-        border = np.concatenate([arcs[edge] for edge in own.tolist()])
-        passed = np.concatenate([tops, *(saddles[edge] for edge in own.tolist())])
-        for kind, directions in zip(
-            kinds, (normals, passed, _inside(normals, border, turn)), strict=True
-        ):
-            kind.append(place + options.radius_mm * directions)
-    corners, passed, others = (np.concatenate(kind) for kind in kinds)
-    points = _spread(corners, passed, SAME * options.radius_mm)
-    return convex_hull(_spread(points, others, NEAR * options.radius_mm))
+        normals = hull.normals[hull.facet[own]]
+        middle = unit_vectors(place - center if is_top else normals.sum(axis=0))
+        inside = _inside(middle, border, turn)
+        if is_top and turn >= math.pi:
+            inside = middle[None]
+        points.append(place + options.radius_mm * np.concatenate([*border, inside]))
+    return convex_hull(np.concatenate(points))
 
 
-def _spread(points: Floats, others: Floats, least: float) -> Floats:
-    """Points (n, 3), and of others (m, 3) those that are farther than a distance from them and from
-    each other: slivers between crowded points would be all that a file in single precision tells.
-    """
-    together = np.concatenate([points, others])
-    kept = np.ones(len(together), dtype=bool)
-    pairs = cKDTree(together).query_pairs(least, output_type="ndarray")
-    for one, other in sorted(map(tuple, np.sort(pairs, axis=1).tolist())):
-        if kept[one] and other >= len(points):
-            kept[other] = False
-    return together[kept]
-
-
-def _arcs(hull: ConvexHull, center: Floats, turn: float) -> tuple[list[Floats], list[Floats]]:
-    """For each half-edge directions between the normals of the facets beside it: (0 or 1, 3) that
-    of the saddle, and (a, 3) all, the normals included."""
-    none = np.empty((0, 3))
-    saddles, arcs = [none] * len(hull.tail), [none] * len(hull.tail)
+def _arcs(hull: ConvexHull, center: Floats, turn: float) -> list[Floats]:
+    """For each half-edge directions (a, 3) between the normals of the facets beside it, these
+    included, with that of the saddle among them."""
+    arcs: list[Floats] = [np.empty((0, 3))] * len(hull.tail)
     radii = hull.vertices - center
     for edge, twin in enumerate(hull.twin.tolist()):
         if edge > twin:
@@ -93,12 +72,11 @@ def _arcs(hull: ConvexHull, center: Floats, turn: float) -> tuple[list[Floats], 
         stops = [ends[0], ends[1]]
         if _between(saddle, ends):
             stops.insert(1, saddle)
-            saddles[edge] = saddles[twin] = saddle[None]
         directions = [stops[0][None]]
         for one, other in pairwise(stops):
             directions.append(_along(one, other, turn)[1:])
         arcs[edge] = arcs[twin] = np.concatenate(directions)
-    return saddles, arcs
+    return arcs
 
 
 def _between(direction: Floats, ends: Floats) -> bool:
@@ -120,11 +98,25 @@ def _along(one: Floats, other: Floats, turn: float) -> Floats:
     return np.asarray(directions / math.sin(angle), dtype=np.float64)
 
 
-def _inside(normals: Floats, border: Floats, turn: float) -> Floats:
-    """Directions (a, 3) of strips at a corner: those on the border of the cone of its normals
-    (m, 3), and some within."""
+def _inside(middle: Floats, border: Sequence[Floats], turn: float) -> Floats:
+    """Directions (a, 3) within the cone of a corner's normals: one in the middle, and others on the
+    ways from there to its border, arcs of (m, 3), on fewer of them nearer to the middle, where they
+    crowd.
+
+    Which ways these are depends on numbers of directions alone, counted from the ends of each arc,
+    so that a small change of the shape is a small change of its strips.
+    """
     if turn >= math.pi:
-        return border
-    middle = unit_vectors(normals.sum(axis=0))
-    paths = [_along(middle, direction, turn)[1:-1] for direction in border]
-    return np.concatenate([border, middle[None], *paths])
+        return np.empty((0, 3))
+    directions = [middle[None]]
+    for arc in border:
+        for place, end in enumerate(arc):
+            from_end = min(place, len(arc) - 1 - place)
+            way = _along(middle, end, turn)
+            steps = [
+                step
+                for step in range(1, len(way) - 1)
+                if from_end % round((len(way) - 1) / step) == 0
+            ]
+            directions.append(way[steps])
+    return np.concatenate(directions)
