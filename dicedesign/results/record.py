@@ -16,8 +16,8 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.results.balance import Balance
-from dicedesign.results.print_record import InfillOdds, PrintTolerances
-from dicedesign.results.printing import Printability
+from dicedesign.results.print_odds import InfillOdds, PrintTolerances
+from dicedesign.results.printability import Printability
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text

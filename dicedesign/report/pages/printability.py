@@ -1,16 +1,16 @@
-"""The part of a die's report that is about printing it."""
+"""The part of a report that is about what a printer makes of its die."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from dicedesign.report.pages.html_parts import number, table_section
-from dicedesign.results.printing import Printability, PrintPose
+from dicedesign.results.printability import Printability, PrintPose
 
-__all__ = ["print_sections"]
+__all__ = ["printability_sections"]
 
 
-def print_sections(found: Printability) -> Iterator[str]:
+def printability_sections(found: Printability) -> Iterator[str]:
     """What the printer makes of a die, its labels and the ways to lay it on the bed."""
     x, y, z = (f"{extent:.1f}" for extent in found.bounding_box_mm)
     file = found.file
