@@ -9,7 +9,7 @@ the odds of its core. Lengths are in one unit of any kind, as a rule millimetres
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from dicedesign.fabricate.solids.edge_options import EdgeOptions
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import foot_on_line, unit_vectors
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["rounded"]
 
@@ -44,20 +44,23 @@ def rounded(hull: ConvexHull, center: Floats, options: EdgeOptions) -> ConvexHul
     points = []
     for vertex, place in enumerate(hull.vertices):
         own = outgoing[start[vertex] : start[vertex + 1]]
-        border = np.concatenate([arcs[edge] for edge in own.tolist()])
         # A corner is a top where all its edges lead down.
         edges = hull.vertices[hull.head[own]] - place
-        is_top = bool((edges @ (place - center) < 0.0).all())
-        tops = unit_vectors(place - center)[None] if is_top else np.empty((0, 3))
-        inside = _inside(tops, hull.normals[hull.facet[own]], border, turn)
-        points.append(place + options.radius_mm * np.concatenate([border, inside]))
+        if (edges @ (place - center) < 0.0).all():
+            middle = unit_vectors(place - center)
+        else:
+            middle = unit_vectors(hull.normals[hull.facet[own]].sum(axis=0))
+        border = [arcs[edge] for edge in own.tolist()]
+        outer = [arc for arc, _ in border]
+        directions = np.concatenate([*outer, *_inside(middle, border, turn), middle[None]])
+        points.append(place + options.radius_mm * directions)
     return convex_hull(np.concatenate(points))
 
 
-def _arcs(hull: ConvexHull, center: Floats, turn: float) -> list[Floats]:
+def _arcs(hull: ConvexHull, center: Floats, turn: float) -> list[tuple[Floats, Integers]]:
     """For each half-edge directions (a, 3) between the normals of the facets beside it, these
-    included, with that of the saddle among them."""
-    arcs: list[Floats] = [np.empty((0, 3))] * len(hull.tail)
+    included, with that of the saddle among them; and their numbers (a,), 0 for the saddle."""
+    arcs = [(np.empty((0, 3)), np.empty(0, dtype=np.int64))] * len(hull.tail)
     radii = hull.vertices - center
     for edge, twin in enumerate(hull.twin.tolist()):
         if edge > twin:
@@ -65,13 +68,12 @@ def _arcs(hull: ConvexHull, center: Floats, turn: float) -> list[Floats]:
         ends = hull.normals[[hull.facet[edge], hull.facet[twin]]]
         tail, head = radii[hull.tail[edge]], radii[hull.head[edge]]
         saddle = unit_vectors(foot_on_line(tail, head, head - tail, np))
-        stops = [ends[0], ends[1]]
         if _between(saddle, ends):
-            stops.insert(1, saddle)
-        directions = [stops[0][None]]
-        for one, other in pairwise(stops):
-            directions.append(_along(one, other, turn)[1:])
-        arcs[edge] = arcs[twin] = np.concatenate(directions)
+            before, after = _along(ends[0], saddle, turn), _along(saddle, ends[1], turn)
+            directions, first = np.concatenate([before, after[1:]]), 1 - len(before)
+        else:
+            directions, first = _along(ends[0], ends[1], turn), 0
+        arcs[edge] = arcs[twin] = directions, np.arange(first, first + len(directions))
     return arcs
 
 
@@ -94,16 +96,16 @@ def _along(one: Floats, other: Floats, turn: float) -> Floats:
     return np.asarray(directions / math.sin(angle), dtype=np.float64)
 
 
-def _inside(tops: Floats, normals: Floats, border: Floats, turn: float) -> Floats:
-    """Directions (a, 3) within the cone of a corner's normals (m, 3).
-
-    tops: (0 or 1, 3) direction among them in which the corner is the highest; border: directions on
-    the cone's border.
-    """
-    if turn >= math.pi:
-        return tops
-    middle = unit_vectors(normals.sum(axis=0))
-    paths = [_along(middle, direction, turn)[1:-1] for direction in border]
-    directions = np.concatenate([middle[None], *paths])
-    apart = np.linalg.norm(directions[:, None] - tops, axis=2) > SAME_DIRECTION
-    return np.concatenate([directions[apart.all(axis=1)], tops])
+def _inside(
+    middle: Floats, border: Sequence[tuple[Floats, Integers]], turn: float
+) -> Iterator[Floats]:
+    """Directions (a, 3) between the middle of a corner's cone of normals and the arcs on its
+    border, about as far apart as on these."""
+    for arc, numbers in border:
+        for number, direction in zip(numbers.tolist(), arc, strict=True):
+            path = _along(middle, direction, turn)
+            # Every second, fourth, ... of the paths goes on where they come together, that from
+            # the saddle to the end.
+            parts = np.arange(1, len(path) - 1) / (len(path) - 1)
+            strides = 2.0 ** np.floor(-np.log2(parts))
+            yield path[1:-1][number % strides == 0]
