@@ -74,12 +74,20 @@ def with_result_options(recipe: Recipe, options: argparse.Namespace) -> Recipe:
 
 
 def _with_printer(recipe: Recipe, name: str) -> PrintOptions:
-    """The recipe's options of printing where they are for this printer, else its usual ones."""
+    """The recipe's options of printing where they are for this printer, else its usual ones with
+    the recipe's infill and errors."""
     from dicedesign.fabricate.printing.options import PrintOptions
 
     if recipe.print is not None and recipe.print.printer == name:
         return dataclasses.replace(recipe.print, oriented=True)
-    return PrintOptions(printer=name, oriented=True)
+    asked = recipe.print or PrintOptions()
+    return PrintOptions(
+        printer=name,
+        oriented=True,
+        infill=asked.infill,
+        walls_mm=asked.walls_mm,
+        errors=asked.errors,
+    )
 
 
 def run_and_print(

@@ -21,8 +21,8 @@ from dicedesign.errors import InputError, OutputError
 from dicedesign.results.status import Status
 
 NAMES = (
-    "accuracy", "concave", "design", "endurance", "exact", "gradients", "lean", "momentum", "paper",
-    "speed", "stability", "table", "thrown",
+    "accuracy", "concave", "design", "endurance", "exact", "finished", "gradients", "lean",
+    "momentum", "paper", "speed", "stability", "table", "thrown", "tolerance",
 )  # fmt: skip
 
 TOY = '''

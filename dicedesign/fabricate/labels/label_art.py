@@ -56,7 +56,7 @@ class LabelArt:
         before, after = holes_and_parts(plain), holes_and_parts(wider)
         if before != after:
             raise EngravingError(
-                f"{where}: expected {before[0]} holes and {before[1]} parts to stay open with "
+                f"{where}: expected {before[0]} holes and {before[1]} parts to stay apart with "
                 f"strokes wider by {2.0 * growth:.2f} mm at a digit height of {height:.2f} mm, got "
                 f"{after[0]} and {after[1]}; reduce stroke_mm, increase size_mm, or take another "
                 "font or a shorter label"

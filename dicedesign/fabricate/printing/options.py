@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -48,8 +47,7 @@ class PrintOptions:
     walls_mm: float = 1.2
     """Thickness of the solid walls around the infill, floor and ceiling included, above 0."""
     errors: PrintErrors | None = None
-    """How far prints are from what was asked for, see `PrintErrors`; None for what is usual of the
-    printer."""
+    """How far prints are from what was asked for, see `PrintErrors`; None for the printer's."""
 
     def __post_init__(self) -> None:
         if self.printer not in PRINTERS:
@@ -91,6 +89,14 @@ class PrintOptions:
         return printer if self.nozzle_mm is None else printer.with_nozzle(self.nozzle_mm)
 
     @property
+    def expected_errors(self) -> PrintErrors:
+        """Those that were given, or the printer's."""
+        printer = PRINTERS[self.printer]
+        if self.errors is not None:
+            return self.errors
+        return PrintErrors.within(printer.dimensional_error_mm, printer.shrinkage)
+
+    @property
     def substance(self) -> str:
         """Name of the material."""
         return self.material or PRINTERS[self.printer].materials[0]
@@ -99,13 +105,3 @@ class PrintOptions:
     def density(self) -> float:
         """Of the printed material, in g/cm3."""
         return self.density_g_cm3 or MATERIALS[self.substance].density_g_cm3
-
-    @property
-    def assumed_errors(self) -> PrintErrors:
-        """Those given, or else those of the printer: two planes are within its error of their
-        distance in 95 of 100 prints."""
-        if self.errors is not None:
-            return self.errors
-        printer = PRINTERS[self.printer]
-        sd = printer.dimensional_error_mm / (2.0 * math.sqrt(2.0))
-        return PrintErrors(dimensional_mm=sd, shrinkage=printer.shrinkage)

@@ -41,6 +41,9 @@ FOOTING: Final = 0.2
 """Diameter of the largest circle in a facet, over the height of the die on it, from which on the
 die holds to the bed: a rule of thumb."""
 
+AT_A_TIME: Final = 128
+"""Triangles that are compared with all facets at a time."""
+
 SURFACE: Final = 1e-3
 """Depth in mm below the plain die's hull from which on a triangle is a part of a pocket."""
 
@@ -121,7 +124,9 @@ class PrintedSolid:
         if self.hull is None:
             return np.ones(len(self.triangles), dtype=bool)
         middles = self.points[self.triangles].mean(axis=1)
-        return np.asarray((-depths_in(self.hull, middles)).max(axis=1) > -SURFACE)
+        # In parts that stay in the processor's memory: rounded dice have thousands of facets.
+        parts = np.array_split(middles, len(middles) // AT_A_TIME + 1)
+        return np.concatenate([depths_in(self.hull, part).min(axis=1) < SURFACE for part in parts])
 
 
 def depths_in(hull: ConvexHull, points: Floats) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from typing import Final
 
@@ -46,6 +47,12 @@ class PrintErrors:
     0.5."""
     bubble_mm3: float = 1.0
     """Volume of a bubble somewhere in the print; at least 0, below 1e9."""
+
+    @classmethod
+    def within(cls, dimensional_mm: float, shrinkage: float) -> PrintErrors:
+        """Those of a printer whose dimensions are off by at most so much, either way: as two
+        standard deviations of the difference of two planes."""
+        return cls(dimensional_mm=dimensional_mm / math.sqrt(8.0), shrinkage=shrinkage)
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -115,7 +115,6 @@ def _labels(die: PrintedDie) -> tuple[PrintedLabel, ...]:
     if not die.placements:
         return ()
     # Nothing else here needs what draws labels.
-    from dicedesign.fabricate.labels.glyphs import text_section
     from dicedesign.fabricate.printing.stroke_widths import narrowest_gap, narrowest_stroke
     from dicedesign.fabricate.printing.walls import walls_under
 
@@ -124,13 +123,13 @@ def _labels(die: PrintedDie) -> tuple[PrintedLabel, ...]:
         walls = walls_under(die.placements, die.depth, die.poses.hull)
     labels = []
     for placement, wall in zip(die.placements, walls, strict=True):
-        contours = text_section(placement.text).to_polygons()
+        contours = placement.section().to_polygons()
         stroke, gap = narrowest_stroke(contours), narrowest_gap(contours)
         labels.append(
             PrintedLabel(
                 placement.text,
-                None if stroke is None else stroke * placement.height,
-                None if gap is None else gap * placement.height,
+                stroke,
+                gap,
                 wall,
             )
         )

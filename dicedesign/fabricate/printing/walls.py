@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.fabricate.labels.glyphs import text_section
 from dicedesign.fabricate.printing.orientation import depths_in
 from dicedesign.geometry.hulls.hull import ConvexHull
 
@@ -30,7 +29,7 @@ class _Pocket:
 
     def __init__(self, placement: Placement, depth: float) -> None:
         self.placement, self.depth = placement, depth
-        self.section = text_section(placement.text).scale((placement.height, placement.height))
+        self.section = placement.section()
         flat = np.concatenate(self.section.to_polygons())
         frame = placement.frame
         rim = flat @ frame[:3, :2].T + frame[:3, 3]

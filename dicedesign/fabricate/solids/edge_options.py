@@ -19,6 +19,9 @@ LEAST_OF_SIZE: Final = 0.01
 """Smallest radius of a fillet, over the same: the strips of a finer one are of the size of what
 files in single precision round."""
 
+ROUNDING: Final = 1e-9
+"""By how much a size that is measured may differ from the one that was asked for."""
+
 
 @dataclass(frozen=True)
 class EdgeOptions:
@@ -52,15 +55,16 @@ def core_scale(options: EdgeOptions | None, size_mm: float) -> float:
     """
     if options is None:
         return 1.0
-    if options.radius_mm > MOST_OF_SIZE * size_mm:
+    part = options.radius_mm / size_mm
+    if part > MOST_OF_SIZE * (1.0 + ROUNDING):
         raise InputError(
             f"edges.radius_mm: expected at most {MOST_OF_SIZE * size_mm:.3g}, a fifth of size_mm, "
             f"got {options.radius_mm:g}; lower it, or take a larger size_mm"
         )
-    if options.shape == "fillet" and options.radius_mm < LEAST_OF_SIZE * size_mm:
+    if options.shape == "fillet" and part < LEAST_OF_SIZE * (1.0 - ROUNDING):
         raise InputError(
             f"edges.radius_mm: expected at least {LEAST_OF_SIZE * size_mm:.3g} for a fillet, a "
             f"hundredth of size_mm, got {options.radius_mm:g}; enlarge it, take shape: chamfer, or "
             "leave edges out"
         )
-    return 1.0 - 2.0 * options.radius_mm / size_mm
+    return 1.0 - 2.0 * part

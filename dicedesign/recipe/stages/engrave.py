@@ -36,6 +36,9 @@ __all__ = ["engrave", "place_on_facets"]
 LEFT: Final = 1e-9
 """Largest |p - q| that moving facets may leave."""
 
+MET_BY_STRETCH: Final = 6
+"""Outcomes whose odds a stretch can meet exactly."""
+
 CHANGED: Final = 0.05
 """Relative change of an outcome's odds by labels and edges that is told."""
 
@@ -161,7 +164,9 @@ def _make_convex(work: Work) -> None:
         by, tuple(end.first.odds.tolist()), end.errors, largest_move(core, end.core)
     )
     surface, placed = made.engraved(end.core, end.placements), made.placed(end.placements)
-    if rounds and min(end.errors) > LEFT and not work.recipe.method.thrown and by != "fill":
+    left, few = min(end.errors), len(target) <= MET_BY_STRETCH
+    is_left = left > FILE_ODDS or (few and left > LEFT)
+    if rounds and is_left and not work.recipe.method.thrown and by != "fill":
         # Symmetric shapes whose corners fall apart when single facets move, and those with several
         # facets an outcome.
         _finish_stretched(work, surface, placed, by)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.printing.options import PrintOptions
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.gradient.thrown_odds import ThrownOdds
+    from dicedesign.runtime.arrays import Floats
 
 __all__ = ["find_tolerances"]
 
@@ -23,19 +24,26 @@ def find_tolerances(work: Work) -> None:
     from dicedesign.fabricate.print_odds.odds_slopes import OddsSlopes
     from dicedesign.fabricate.print_odds.off_prints import OffPrints
     from dicedesign.fabricate.print_odds.tolerances import OddsSpread, print_tolerances
+    from dicedesign.geometry.meshes.body import make_body
 
     verdict, target = _printed(work), work.target.probabilities
     thrown = _table_odds(work)
-    slopes = OddsSlopes.of(verdict.body, verdict.poses, verdict.outcomes, thrown)
+    body, poses, outcomes = verdict.body, verdict.poses, verdict.outcomes
+    if work.recipe.edges is not None and work.die.reshaped is None:
+        # What rounds an edge moves with the facets beside it, which the sharp die has alone.
+        poses, outcomes = work.solid.poses, work.solid.outcomes
+        body = make_body(work.solid.points, work.solid.triangles)
+    slopes = OddsSlopes.of(body, poses, outcomes, thrown)
     options = work.recipe.print
     assert options is not None
-    spread = OddsSpread(slopes, options.assumed_errors, work.die.reshaped is None)
+    has_planes = work.die.reshaped is None
+    spread = OddsSpread(slopes, options.expected_errors, has_planes, _axes(work))
     # The odds of throws are known from counts alone: what they lack is in doubt.
     bias = np.zeros(len(target)) if thrown is not None else verdict.outcomes.odds - target
-    prints = OffPrints(verdict.poses, work.die.directions, thrown, spread.has_planes)
+    prints = OffPrints(poses, work.die.directions, thrown, has_planes)
     work.details["tolerances"] = print_tolerances(spread, target, bias, prints)
     if options.infill < 1.0:
-        _find_infill(work, verdict, options, slopes.volume)
+        _find_infill(work, options, verdict)
 
 
 STAGES.register(
@@ -50,10 +58,8 @@ STAGES.register(
 
 
 def _printed(work: Work) -> Verdict:
-    """The verdict on the die with its labels; on the plain one where edges were rounded, whose
-    facets are those that matter."""
     engraved = None if work.engraved is None else work.engraved.verdict
-    return work.plain if engraved is None or work.recipe.edges is not None else engraved
+    return engraved or work.plain
 
 
 def _table_odds(work: Work) -> ThrownOdds | None:
@@ -66,9 +72,16 @@ def _table_odds(work: Work) -> ThrownOdds | None:
     return ThrownOdds.on(exact_options(work.recipe).table)
 
 
-def _find_infill(work: Work, verdict: Verdict, options: PrintOptions, volume: float) -> None:
+def _axes(work: Work) -> Floats | None:
+    """Axes of the printer where the die lies on its bed as is best; None for those of the file."""
+    found = work.details.get("printability")
+    return None if found is None else np.array(found.placement)[:3, :3]
+
+
+def _find_infill(work: Work, options: PrintOptions, verdict: Verdict) -> None:
     from dicedesign.fabricate.print_odds.infill import inside_walls, pocket_walls
     from dicedesign.fabricate.print_odds.infill_odds import infill_odds
+    from dicedesign.geometry.solid import solid_properties
 
     engrave = work.recipe.engrave
     unknown = None
@@ -84,6 +97,8 @@ def _find_infill(work: Work, verdict: Verdict, options: PrintOptions, volume: fl
     pockets = []
     if verdict is not work.plain and work.engraved is not None and engrave is not None:
         pockets = pocket_walls(work.engraved.placements, engrave.depth_mm, options.walls_mm)
+    assert verdict.body.triangles is not None
+    volume, _ = solid_properties(verdict.body.points, verdict.body.triangles)
     inside = inside_walls(verdict.poses.hull, options.walls_mm, pockets)
     found = infill_odds(
         verdict, work.die.directions, volume, inside, options.infill, options.walls_mm

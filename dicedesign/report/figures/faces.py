@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -14,12 +15,14 @@ from dicedesign.geometry.hulls.polygons import signed_area
 from dicedesign.report.charts.palette import DARK, FAINT
 from dicedesign.report.charts.paper import NOTE, Paper
 from dicedesign.report.figures.figure import FIGURES, Figure
+from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.finished_die import FinishedDie
     from dicedesign.fabricate.labels.layout import Placement
     from dicedesign.geometry.hulls.hull import ConvexHull
+    from dicedesign.rest.poses import RestPoses
 
 __all__ = ["Face", "faces_figure", "faces_of"]
 
@@ -168,15 +171,27 @@ def _draw_bar(paper: Paper, scale: float, place: tuple[float, float]) -> None:
     paper.text(f"{length:g} mm", (ends[1][0] + 10.0, y), size=NOTE, anchor="lm")
 
 
-def _titles(die: FinishedDie) -> dict[int, str]:
-    """What the die shows when it lies on a facet, and how often."""
-    poses, outcomes = die.plain.poses, die.plain.outcomes.outcome_of_rest.tolist()
-    titles = {}
-    for facet, outcome, odds in zip(
-        poses.facets.tolist(), outcomes, poses.probabilities.tolist(), strict=True
-    ):
-        label = "other" if outcome < 0 else die.result.labels[outcome]
-        titles[facet] = f"{label}: {_percent(odds)}"
+def _titles(die: FinishedDie, poses: RestPoses) -> dict[int, str]:
+    """What each labelled facet says, and how often that is thrown; how often the die rests on those
+    that count for nothing."""
+    assert die.engraved is not None
+    outcomes = outcome_odds(poses, die.plain.poses.normals[die.plain.outcomes.main])
+    titles = {
+        facet: f"other: {_percent(odds)}"
+        for facet, outcome, odds in zip(
+            poses.facets.tolist(),
+            outcomes.outcome_of_rest.tolist(),
+            poses.probabilities.tolist(),
+            strict=True,
+        )
+        if outcome < 0
+    }
+    shares = dict(zip(die.result.labels, outcomes.odds.tolist(), strict=True))
+    several = Counter(_facet_of(poses.hull, label.frame) for label in die.engraved.placements)
+    for placement in die.engraved.placements:
+        facet = _facet_of(poses.hull, placement.frame)
+        if several[facet] == 1:
+            titles[facet] = f"{placement.text}: {_percent(shares[placement.text])}"
     return titles
 
 
@@ -187,7 +202,9 @@ def _percent(share: float) -> str:
 
 def _draw(die: FinishedDie) -> bytes:
     assert die.engraved is not None
-    return faces_figure(faces_of(die.plain.poses.hull, die.engraved.placements, _titles(die))).png()
+    poses = (die.engraved.verdict or die.plain).poses
+    faces = faces_of(poses.hull, die.engraved.placements, _titles(die, poses))
+    return faces_figure(faces).png()
 
 
 FIGURES.register(
@@ -198,8 +215,8 @@ FIGURES.register(
         title="Every face",
         caption=(
             "Each face seen straight from outside, all on one scale, with its label as it is cut. "
-            "Above it is what counts when the die rests on it, and how often it does without "
-            "momentum. Faces without a title are none that it rests on."
+            "Above it is what it says, and how often that comes up without momentum; around a "
+            "corner on top each face says several things. Rounded edges are left out."
         ),
         wanted=lambda die: die.engraved is not None and len(die.engraved.placements) > 0,
         draw=_draw,

@@ -125,3 +125,12 @@ def test_a_thrown_die_spreads_as_its_odds_on_the_table_do() -> None:
     resting = printed(FRUSTUM, {}).result().tolerances
     assert resting is not None
     assert np.abs(np.subtract(resting.deviations, found.deviations)).max() > 1e-4
+
+
+def test_rounded_edges_move_with_their_facets() -> None:
+    sharp = printed(box(4.0, 5.0, 6.0), {}).result().tolerances
+    entries = {"edges": {"radius_mm": 1.0}, "engrave": True, "size_mm": 30.0}
+    rounded = printed(box(4.0, 5.0, 6.0), {}, entries=entries).result().tolerances
+    assert sharp is not None
+    assert rounded is not None
+    np.testing.assert_allclose(rounded.deviations, sharp.deviations, rtol=0.1)
