@@ -9,7 +9,7 @@ the odds of its core. Lengths are in one unit of any kind, as a rule millimetres
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from dicedesign.fabricate.solids.edge_options import EdgeOptions
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import foot_on_line, unit_vectors
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["rounded"]
 
@@ -53,11 +53,12 @@ def rounded(hull: ConvexHull, center: Floats, options: EdgeOptions) -> ConvexHul
         # A corner is a top where all its edges lead down.
         edges = hull.vertices[hull.head[own]] - place
         is_top = bool((edges @ (place - center) < 0.0).all())
-        tops = unit_vectors(place - center)[None] if is_top else np.empty((0, 3))
-        border = np.concatenate([arcs[edge] for edge in own.tolist()])
+        middle = unit_vectors(place - center if is_top else normals.sum(axis=0))
+        border = [arcs[edge] for edge in own.tolist()]
+        tops = middle[None] if is_top else np.empty((0, 3))
         passed = np.concatenate([tops, *(saddles[edge] for edge in own.tolist())])
         for kind, directions in zip(
-            kinds, (normals, passed, _inside(normals, border, turn)), strict=True
+            kinds, (normals, passed, _inside(middle, border, turn)), strict=True
         ):
             kind.append(place + options.radius_mm * directions)
     corners, passed, others = (np.concatenate(kind) for kind in kinds)
@@ -78,11 +79,15 @@ def _spread(points: Floats, others: Floats, least: float) -> Floats:
     return together[kept]
 
 
-def _arcs(hull: ConvexHull, center: Floats, turn: float) -> tuple[list[Floats], list[Floats]]:
+def _arcs(
+    hull: ConvexHull, center: Floats, turn: float
+) -> tuple[list[Floats], list[tuple[Floats, Integers]]]:
     """For each half-edge directions between the normals of the facets beside it: (0 or 1, 3) that
-    of the saddle, and (a, 3) all, the normals included."""
+    of the saddle; and (a, 3) all, the normals included, with their numbers (a,), 0 for the saddle.
+    """
     none = np.empty((0, 3))
-    saddles, arcs = [none] * len(hull.tail), [none] * len(hull.tail)
+    saddles = [none] * len(hull.tail)
+    arcs = [(none, np.empty(0, dtype=np.int64))] * len(hull.tail)
     radii = hull.vertices - center
     for edge, twin in enumerate(hull.twin.tolist()):
         if edge > twin:
@@ -90,14 +95,12 @@ def _arcs(hull: ConvexHull, center: Floats, turn: float) -> tuple[list[Floats], 
         ends = hull.normals[[hull.facet[edge], hull.facet[twin]]]
         tail, head = radii[hull.tail[edge]], radii[hull.head[edge]]
         saddle = unit_vectors(foot_on_line(tail, head, head - tail, np))
-        stops = [ends[0], ends[1]]
+        directions, first = _along(ends[0], ends[1], turn), 0
         if _between(saddle, ends):
-            stops.insert(1, saddle)
             saddles[edge] = saddles[twin] = saddle[None]
-        directions = [stops[0][None]]
-        for one, other in pairwise(stops):
-            directions.append(_along(one, other, turn)[1:])
-        arcs[edge] = arcs[twin] = np.concatenate(directions)
+            before, after = _along(ends[0], saddle, turn), _along(saddle, ends[1], turn)
+            directions, first = np.concatenate([before, after[1:]]), 1 - len(before)
+        arcs[edge] = arcs[twin] = directions, np.arange(first, first + len(directions))
     return saddles, arcs
 
 
@@ -120,11 +123,19 @@ def _along(one: Floats, other: Floats, turn: float) -> Floats:
     return np.asarray(directions / math.sin(angle), dtype=np.float64)
 
 
-def _inside(normals: Floats, border: Floats, turn: float) -> Floats:
-    """Directions (a, 3) of strips at a corner: those on the border of the cone of its normals
-    (m, 3), and some within."""
+def _inside(middle: Floats, border: Sequence[tuple[Floats, Integers]], turn: float) -> Floats:
+    """Directions (a, 3) of strips at a corner: those of the arcs on the border of the cone of its
+    normals, and some between these and its middle, about as far apart."""
+    directions = [arc for arc, _ in border]
     if turn >= math.pi:
-        return border
-    middle = unit_vectors(normals.sum(axis=0))
-    paths = [_along(middle, direction, turn)[1:-1] for direction in border]
-    return np.concatenate([border, middle[None], *paths])
+        return np.concatenate(directions)
+    directions.append(middle[None])
+    for arc, numbers in border:
+        for number, direction in zip(numbers.tolist(), arc, strict=True):
+            path = _along(middle, direction, turn)
+            # Every second, fourth, ... of the paths goes on where they come together, that from
+            # the saddle to the end.
+            parts = np.arange(1, len(path) - 1) / (len(path) - 1)
+            strides = 2.0 ** np.floor(-np.log2(parts))
+            directions.append(path[1:-1][number % strides == 0])
+    return np.concatenate(directions)
