@@ -21,7 +21,7 @@ def test_a_page_has_the_measures_of_the_print() -> None:
     assert found is not None
     page = parsed(die_page(result, {}))
     for cell in (
-        "sla, 0.05 mm, layers of 0.05 mm",
+        "SLA, 0.05 mm, layers of 0.05 mm",
         f"{found.weight_g:.3g} g of resin, 1.15 g/cm³, solid",
         "17.3 × 17.3 × 17.3 mm",
         "nothing",
