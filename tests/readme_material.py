@@ -23,13 +23,14 @@ def row(result: dict) -> str:
     facets = [facet for facet in result["facets"] if facet["label"] is not None]
     seconds = {stage["name"]: stage["seconds"] for stage in result["stages"]}
     # Unknown for a given center of mass; not there without engraving.
-    engraved = result.get("engraved_max_abs_error")
+    engraved, balance = result.get("engraved_max_abs_error"), result.get("balance")
     cells = [
         f"`{result['name']}`",
         str(len(result["labels"])),
         f"{len(facets)} + {len(result['facets']) - len(facets)}",
         f"{result['design_max_abs_error']:.1e}",
         f"{result['max_abs_error']:.1e}",
+        f"{balance['errors'][0]:.1e}" if balance is not None else "unknown",
         f"{engraved:.1e}" if engraved is not None else "unknown",
         f"{2.0 * min(facet['inradius_mm'] for facet in facets):.1f}",
         f"{min(facet['margin_deg'] for facet in facets):.0f}",

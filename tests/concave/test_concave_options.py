@@ -48,7 +48,7 @@ def test_the_ends_of_the_ranges_are_taken() -> None:
     ("options", "text"),
     [
         ({"step": "newton"}, "paper.step: expected momentum or line_search, got 'newton'; choose"),
-        ({"finish": ""}, "paper.finish: expected exact or none, got ''; choose one of the two"),
+        ({"finish": ""}, "paper.finish: expected exact or none, got ''; choose one of them"),
         ({"steps": 0}, "paper.steps: expected a whole number above 0, got 0; leave it out for 600"),
         ({"closest_point": 0.0}, "paper.closest_point: expected a positive number, got 0; leave"),
         ({"membrane": -1.0}, "paper.membrane: expected a positive number, got -1; leave it out"),

@@ -36,6 +36,7 @@ PICTURES = (
     "displacement",
     "energy",
     "print_orientation",
+    "reading",
 )
 
 

@@ -64,11 +64,6 @@ TETRAHEDRON = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], dtype
     [
         (box(1.0, 1.0, 1.0), SIDES, {"depth_mm": 0.75}),
         (box(1.0, 1.0, 0.2), SIDES[[2, 5]], {"depth_mm": 0.9, "max_height_mm": 15.0}),
-        (
-            TETRAHEDRON,
-            -TETRAHEDRON / np.sqrt(3.0),
-            {"margin_mm": 0.5, "read": "down"},
-        ),
     ],
     ids=["cube", "tile"],
 )
