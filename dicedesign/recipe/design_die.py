@@ -36,6 +36,7 @@ class Die:
     def __init__(self, checked: Work) -> None:
         self._checked = checked
         self._work = self._finished(checked.recipe)
+        self._result: Result | None = None
 
     def _finished(self, recipe: Recipe) -> Work:
         """The work up to the throws, of a recipe that differs in what comes after the check."""
@@ -49,8 +50,12 @@ class Die:
 
     @property
     def result(self) -> Result:
-        """All that is known of the die, as in result.json."""
-        return self._work.result()
+        """All that is known of the die, as in result.json, with what a printer makes of it."""
+        if self._result is None:
+            work = self._work.copy()
+            plan(work, after="throws", last="tolerances")
+            self._result = work.result()
+        return self._result
 
     @property
     def recipe(self) -> Recipe:
@@ -100,11 +105,11 @@ class Die:
     @property
     def is_engraved(self) -> bool:
         """Whether the labels are cut in."""
-        return self._work.engraved is not None
+        return self.recipe.engrave is not None and self._work.engraved is not None
 
     @property
     def vertices(self) -> Floats:
-        """(n, 3) corners of the solid; with its labels cut in where it was engraved."""
+        """(n, 3) corners of the solid, with its labels and rounded edges where it has them."""
         return self._solid[0]
 
     @property
@@ -120,7 +125,7 @@ class Die:
         return self._work.solid.points, self._work.solid.triangles
 
     def engrave(self, **options: Any) -> Die:
-        """Cut the labels in, anew if they were; the die itself is returned.
+        """Cut the labels in, anew if they were; edges stay rounded. The die itself is returned.
 
         options: such as `depth_mm`, `font` or `content`, as in a recipe's `engrave`.
 
@@ -132,7 +137,7 @@ class Die:
         )
         if work.engraved is None:
             raise EngravingError(work.remarks[-1])
-        self._work = work
+        self._work, self._result = work, None
         return self
 
     def save(self, path: Path | str) -> None:
@@ -176,6 +181,8 @@ def design(
     seed: int = 0,
     size_mm: float = 30.0,
     engrave: bool | Mapping[str, Any] | None = None,
+    edges: bool | Mapping[str, Any] | None = None,
+    printing: bool | str | Mapping[str, Any] | None = None,
     on_step: Callable[[Step], None] | None = None,
 ) -> Die:
     """Design a die. Nothing is written.
@@ -196,6 +203,9 @@ def design(
     seed: of everything random, at least 0.
     size_mm: largest distance between two corners, above 0 and at most 1000.
     engrave: whether the labels are cut in, or the options of that; by default not.
+    edges: whether edges are rounded, or the options of that; by default not.
+    printing: what it is printed with, a recipe's `print`: "fdm", "sla", "sls", or a mapping such as
+        `{"printer": "sla", "infill": 0.2}`; by default "fdm".
     on_step: called after every accepted step.
 
     Raises
@@ -221,6 +231,10 @@ def design(
         entries["center_of_mass"] = np.asarray(center_of_mass, dtype=np.float64).tolist()
     if symmetry is not None:
         entries["symmetry"] = symmetry
+    if edges is not None:
+        entries["edges"] = edges
+    if printing is not None:
+        entries["print"] = printing
     listeners = Listeners() if on_step is None else Listeners(on_step=on_step)
     return Die(design_recipe(checked_recipe(entries), listeners, last="check"))
 

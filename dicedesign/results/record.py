@@ -16,9 +16,10 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.results.balance import Balance
-from dicedesign.results.print_record import InfillOdds, PrintTolerances
-from dicedesign.results.printing import Printability
+from dicedesign.results.print_odds import InfillOdds, PrintTolerances
+from dicedesign.results.printability import Printability
 from dicedesign.results.status import Status
+from dicedesign.results.throws import ThrownOdds
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text
 
@@ -29,12 +30,9 @@ __all__ = [
     "HullOfSurface",
     "HullsMade",
     "Result",
-    "RoundOfThrows",
-    "SimulatedThrows",
     "StageTime",
     "Step",
     "SurfaceSize",
-    "ThrownOdds",
 ]
 
 RESULT: Final = "result.json"
@@ -123,67 +121,6 @@ class SurfaceSize:
 
     vertices: int
     triangles: int
-
-
-@dataclass(frozen=True)
-class RoundOfThrows:
-    """One round of throws that corrected a design.
-
-    Attributes
-    ----------
-    drops: throws. deviation: total variation of the frequencies from the target; noise_floor: what
-        a perfect die shows.
-    changed: the same on changed tables.
-    asked: odds that the design of this round was asked for. frequencies: of the outcomes.
-    """
-
-    drops: int
-    deviation: float
-    noise_floor: float
-    changed: Numbers
-    asked: Numbers
-    frequencies: Numbers
-
-
-@dataclass(frozen=True)
-class SimulatedThrows:
-    """Throws of the finished die.
-
-    Attributes
-    ----------
-    engine, seed, drops: how it was thrown. unresolved: throws that came to rest nowhere in time.
-    counts, frequencies: of the outcomes; intervals: of each an exact 95 % interval.
-    total_variation: from the target, with its 95 % interval and what a perfect die shows.
-    """
-
-    engine: str
-    seed: int
-    drops: int
-    unresolved: int
-    counts: tuple[int, ...]
-    frequencies: Numbers
-    intervals: tuple[tuple[float, float], ...]
-    total_variation: float
-    interval: tuple[float, float]
-    noise_floor: float
-
-
-@dataclass(frozen=True)
-class ThrownOdds:
-    """What a die does on a table.
-
-    Attributes
-    ----------
-    table: its numbers by name, with the die's own size.
-    momentum: odds by the momentum model.
-    rounds: of throws that corrected the design.
-    simulated: throws of the finished die, or None.
-    """
-
-    table: dict[str, Any]
-    momentum: Numbers
-    rounds: tuple[RoundOfThrows, ...]
-    simulated: SimulatedThrows | None = None
 
 
 @dataclass(frozen=True)

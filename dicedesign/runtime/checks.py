@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Final
+import math
+from numbers import Real
+from typing import Final, TypeGuard
 
 from dicedesign.errors import InputError
 
-__all__ = ["MOST_SEED", "check_whole"]
+__all__ = ["MOST_SEED", "check_whole", "is_finite_number"]
 
 MOST: Final = 10**9
 """More of anything takes longer than anybody waits."""
@@ -22,3 +24,8 @@ def check_whole(name: str, value: int, least: int = 1, most: int = MOST) -> None
         raise InputError(f"{name}: expected a whole number {wanted}, got {value}; raise it")
     if value > most:
         raise InputError(f"{name}: expected a whole number up to {most}, got {value}; lower it")
+
+
+def is_finite_number(value: object) -> TypeGuard[float]:
+    """Whether something is a finite real number, and not True or False."""
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)

@@ -11,14 +11,8 @@ import pytest
 
 from dicedesign.errors import InputError
 from dicedesign.results.reading import read_result
-from dicedesign.results.record import (
-    FacetOfDie,
-    Result,
-    SimulatedThrows,
-    StageTime,
-    Step,
-    ThrownOdds,
-)
+from dicedesign.results.record import FacetOfDie, Result, StageTime, Step
+from dicedesign.results.throws import SimulatedThrows, ThrownOdds
 
 
 def facet(label: str | None, outcome: str | None, normal: tuple[float, ...]) -> FacetOfDie:

@@ -114,6 +114,13 @@ _FLAWS: Final[tuple[tuple[str, Any], ...]] = (
     ("start", {"mesh": {"path": "nowhere.stl"}}),
     ("start", {"prism": {"sides": 10**9}}),
     ("engrave", {"depth_mm": "deep"}),
+    ("engrave", {"style": "carved"}),
+    ("engrave", {"upright": [0, 0, 0]}),
+    ("edges", {"radius_mm": 1e9}),
+    ("numbering", "odd"),
+    ("print", {"printer": "laser"}),
+    ("print", {"infill": 20}),
+    ("files", ["stl", "dxf"]),
     ("centre", "uniform"),
 )
 """Entries that no recipe may have."""

@@ -70,9 +70,9 @@ def icon_section(path: str, label: str) -> CrossSection:
     InputError: the file cannot be read, is no SVG of at most `MOST_BYTES`, has scripts, entities,
         references, text, pictures or whatever else is neither path nor shape, or shows nothing.
     """
-    with named(f"icon of label {label!r}"):
+    with named(f"engrave.icons: label {label!r}"):
         data = read_file(Path(path), "an SVG file", most=MOST_BYTES)
-    reader = _Reader(f"icon of label {label!r}: {path}")
+    reader = _Reader(f"engrave.icons: label {label!r}: {path}")
     shapes = list(reader.shapes(reader.root(data)))
     if not shapes:
         reader.refuse("at least one filled path or shape", "none", "fill one, or name another file")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
-from numbers import Real
 from typing import Any, Final, Literal, get_args
 
 from dicedesign.errors import InputError
+from dicedesign.geometry.sizes import MOST_MM
 from dicedesign.optimize.options import require_choice
+from dicedesign.runtime.checks import is_finite_number
 from dicedesign.runtime.registry import STRICT
 
 __all__ = ["BUNDLED_FONT", "EngravingOptions", "is_font_file"]
@@ -43,7 +43,7 @@ def is_font_file(font: str) -> bool:
 
 @dataclass(frozen=True)
 class EngravingOptions:
-    """What labels look like, their sizes and their depth.
+    """What labels look like, their sizes and their depth. No length is above `MOST_MM`.
 
     Raises InputError for a value out of its range.
     """
@@ -51,7 +51,8 @@ class EngravingOptions:
     __pydantic_config__ = STRICT
 
     depth_mm: float = 0.6
-    """Depth of the pockets below the facet, above 0. It does not scale with the die."""
+    """Depth of the pockets below the facet, above 0, and at least a millionth of the die's size. It
+    does not scale with the die."""
     margin_mm: float = 0.5
     """Distance that labels keep from the edges of their facet, at least 0; pockets keep more from
     sharp edges, so that they do not meet."""
@@ -103,8 +104,13 @@ class EngravingOptions:
             "border_mm",
         ):
             value = getattr(self, name)
-            if not _is_finite(value):
+            if not is_finite_number(value):
                 raise InputError(f"{name}: expected a finite number, got {value!r}; correct it")
+            if value > MOST_MM:
+                raise InputError(
+                    f"{name}: expected at most {MOST_MM:g}, the largest size of a die, got "
+                    f"{value:g}; lower it"
+                )
         for name in ("depth_mm", "min_height_mm", "border_mm"):
             if getattr(self, name) <= 0:
                 raise InputError(
@@ -133,7 +139,7 @@ class EngravingOptions:
             fits = given in UPRIGHTS
         else:
             fits = isinstance(given, list | tuple) and len(given) == 3
-            fits = fits and all(map(_is_finite, given)) and any(given)
+            fits = fits and all(map(is_finite_number, given)) and any(given)
         if not fits:
             raise InputError(
                 f"upright: expected {' or '.join(UPRIGHTS)}, or a direction of three "
@@ -141,7 +147,3 @@ class EngravingOptions:
             )
         if not isinstance(given, str):
             object.__setattr__(self, "upright", tuple(map(float, given)))
-
-
-def _is_finite(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)

@@ -104,4 +104,8 @@ def grown(section: CrossSection, distance: float) -> CrossSection:
 def _covered(section: CrossSection, whole: CrossSection, width: float) -> bool:
     opened = grown(whole.offset(-0.5 * width, JoinType.Miter, MITER), 0.5 * width)
     left = section - opened
-    return left.is_empty() or left.offset(-0.5 * CORNERS * width, JoinType.Miter, MITER).is_empty()
+    if left.is_empty():
+        return True
+    # Corners are narrow, and near what the discs cover; hairlines lead away from it.
+    is_narrow = left.offset(-0.5 * CORNERS * width, JoinType.Miter, MITER).is_empty()
+    return is_narrow and (left - grown(opened, width)).is_empty()

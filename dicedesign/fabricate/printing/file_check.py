@@ -11,7 +11,7 @@ from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import connected_parts, doubled_area_vectors, edge_neighbors
-from dicedesign.results.printing import FileCheck
+from dicedesign.results.printability import FileCheck
 
 __all__ = ["checked_file"]
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from numbers import Real
 from typing import Final
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.printing.materials import MATERIALS
 from dicedesign.fabricate.printing.print_errors import PrintErrors
 from dicedesign.fabricate.printing.printer import PRINTERS, Printer
+from dicedesign.geometry.sizes import MOST_MM
+from dicedesign.runtime.checks import is_finite_number
 from dicedesign.runtime.registry import STRICT
 
 __all__ = ["PrintOptions"]
@@ -46,7 +46,8 @@ class PrintOptions:
     infill: float = 1.0
     """Part of the inside that is material, from 0, hollow, to 1, solid, which the odds are for."""
     walls_mm: float = 1.2
-    """Thickness of the solid walls around the infill, floor and ceiling included, above 0."""
+    """Thickness of the solid walls around the infill, floor and ceiling included, above 0
+    and at most `MOST_MM`."""
     errors: PrintErrors | None = None
     """How far prints are from what was asked for, see `PrintErrors`; None for the printer's."""
 
@@ -60,20 +61,19 @@ class PrintOptions:
             value = getattr(self, name)
             if value is None:
                 continue
-            is_number = isinstance(value, Real) and not isinstance(value, bool)
-            if not is_number or not math.isfinite(value) or not 0 < value <= most:
+            if not is_finite_number(value) or not 0 < value <= most:
                 raise InputError(
                     f"{name}: expected a number above 0 and at most {most:g}, got {value!r}; "
                     "correct it"
                 )
-        if not 0.0 <= self.infill <= 1.0:
+        if not is_finite_number(self.infill) or not 0.0 <= self.infill <= 1.0:
             raise InputError(
-                f"infill: expected a number from 0 to 1, got {self.infill:g}; 0.2 is 20 %"
+                f"infill: expected a number from 0 to 1, got {self.infill!r}; 0.2 is 20 %"
             )
-        if not 0.0 < self.walls_mm < math.inf:
+        if not is_finite_number(self.walls_mm) or not 0.0 < self.walls_mm <= MOST_MM:
             raise InputError(
-                f"walls_mm: expected a number above 0, got {self.walls_mm:g}; two lines of a "
-                "0.4 mm nozzle are 0.8"
+                f"walls_mm: expected a number above 0 and at most {MOST_MM:g}, got "
+                f"{self.walls_mm!r}; two lines of a 0.4 mm nozzle are 0.8"
             )
         if self.nozzle_mm is not None:
             PRINTERS[self.printer].with_nozzle(self.nozzle_mm)

@@ -4,12 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from numbers import Real
+from typing import Final
 
 from dicedesign.errors import InputError
+from dicedesign.geometry.sizes import MOST_MM
+from dicedesign.runtime.checks import is_finite_number
 from dicedesign.runtime.registry import STRICT
 
 __all__ = ["PrintErrors"]
+
+BELOW: Final = {
+    "dimensional_mm": MOST_MM,
+    "shrinkage": 0.2,
+    "density_gradient": 0.5,
+    "bubble_mm3": MOST_MM**3,
+}
+"""What each error is below: those in millimetres are beyond the largest die."""
 
 
 @dataclass(frozen=True)
@@ -29,14 +39,14 @@ class PrintErrors:
     __pydantic_config__ = STRICT
 
     dimensional_mm: float = 0.07
-    """Place of the plane of each facet, along its normal; at least 0."""
+    """Place of the plane of each facet, along its normal; at least 0, below 1000."""
     shrinkage: float = 0.002
     """Relative length along each axis of the printer; at least 0, below 0.2."""
     density_gradient: float = 0.01
     """Relative change of the density from the bottom of the print to its top; at least 0, below
     0.5."""
     bubble_mm3: float = 1.0
-    """Volume of a bubble somewhere in the print; at least 0."""
+    """Volume of a bubble somewhere in the print; at least 0, below 1e9."""
 
     @classmethod
     def within(cls, dimensional_mm: float, shrinkage: float) -> PrintErrors:
@@ -45,15 +55,10 @@ class PrintErrors:
         return cls(dimensional_mm=dimensional_mm / math.sqrt(8.0), shrinkage=shrinkage)
 
     def __post_init__(self) -> None:
-        most = {"shrinkage": 0.2, "density_gradient": 0.5}
         for field in fields(self):
-            value, least_too_large = getattr(self, field.name), most.get(field.name, math.inf)
-            is_number = isinstance(value, Real) and not isinstance(value, bool)
-            if not is_number or not 0.0 <= value < least_too_large:
-                expected = "at least 0" + (
-                    f" and below {least_too_large:g}" if field.name in most else ""
-                )
+            value, bound = getattr(self, field.name), BELOW[field.name]
+            if not is_finite_number(value) or not 0.0 <= value < bound:
                 raise InputError(
-                    f"errors.{field.name}: expected a number of {expected}, got {value!r}; "
-                    f"leave it out for {field.default}"
+                    f"errors.{field.name}: expected a number of at least 0 and below {bound:g}, "
+                    f"got {value!r}; leave it out for {field.default}"
                 )

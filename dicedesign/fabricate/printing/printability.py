@@ -22,7 +22,7 @@ from dicedesign.fabricate.printing.orientation import (
 from dicedesign.fabricate.printing.printer import Printer
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.results.printing import (
+from dicedesign.results.printability import (
     FileCheck,
     Printability,
     PrintedLabel,

@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dicedesign.fabricate.solids.edge_options import EdgeOptions
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import foot_on_line, unit_vectors
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["rounded"]
 
@@ -26,8 +26,11 @@ TURN: Final = math.radians(11.0)
 """Largest angle between neighbouring flat strips of a fillet: no part of the angles of the regular
 solids, so that a small change of a shape is a small change of its strips."""
 
+NEAR: Final = 0.02
+"""Least distance between two points, over the radius."""
+
 SAME: Final = 2e-3
-"""Directions nearer to each other than this, in radians, are one."""
+"""The same between points that keep the solid from resting where it should not."""
 
 
 def rounded(hull: ConvexHull, center: Floats, options: EdgeOptions) -> ConvexHull:
@@ -40,28 +43,51 @@ def rounded(hull: ConvexHull, center: Floats, options: EdgeOptions) -> ConvexHul
     hull: the core. center: (3,) the center of mass. Returns the hull of the solid.
     """
     turn = TURN if options.shape == "fillet" else math.pi
-    arcs = _arcs(hull, center, turn)
+    saddles, arcs = _arcs(hull, center, turn)
     start, outgoing = hull.outgoing
-    points = []
+    # Corners of facets, then what must not be rested on, then the rest.
+    kinds: tuple[list[Floats], ...] = ([], [], [])
     for vertex, place in enumerate(hull.vertices):
         own = outgoing[start[vertex] : start[vertex + 1]]
-        border = [arcs[edge] for edge in own.tolist()]
+        normals = hull.normals[hull.facet[own]]
         # A corner is a top where all its edges lead down.
         edges = hull.vertices[hull.head[own]] - place
         is_top = bool((edges @ (place - center) < 0.0).all())
-        normals = hull.normals[hull.facet[own]]
         middle = unit_vectors(place - center if is_top else normals.sum(axis=0))
-        inside = _inside(middle, border, turn)
-        if is_top and turn >= math.pi:
-            inside = middle[None]
-        points.append(place + options.radius_mm * np.concatenate([*border, inside]))
-    return convex_hull(np.concatenate(points))
+        border = [arcs[edge] for edge in own.tolist()]
+        tops = middle[None] if is_top else np.empty((0, 3))
+        passed = np.concatenate([tops, *(saddles[edge] for edge in own.tolist())])
+        for kind, directions in zip(
+            kinds, (normals, passed, _inside(middle, border, turn)), strict=True
+        ):
+            kind.append(place + options.radius_mm * directions)
+    corners, passed, others = (np.concatenate(kind) for kind in kinds)
+    points = _spread(corners, passed, SAME * options.radius_mm)
+    return convex_hull(_spread(points, others, NEAR * options.radius_mm))
 
 
-def _arcs(hull: ConvexHull, center: Floats, turn: float) -> list[Floats]:
-    """For each half-edge directions (a, 3) between the normals of the facets beside it, these
-    included, with that of the saddle among them."""
-    arcs: list[Floats] = [np.empty((0, 3))] * len(hull.tail)
+def _spread(points: Floats, others: Floats, least: float) -> Floats:
+    """Points (n, 3), and of others (m, 3) those that are farther than a distance from them and from
+    each other: slivers between crowded points would be all that a file in single precision tells.
+    """
+    together = np.concatenate([points, others])
+    kept = np.ones(len(together), dtype=bool)
+    pairs = cKDTree(together).query_pairs(least, output_type="ndarray")
+    for one, other in sorted(map(tuple, np.sort(pairs, axis=1).tolist())):
+        if kept[one] and other >= len(points):
+            kept[other] = False
+    return together[kept]
+
+
+def _arcs(
+    hull: ConvexHull, center: Floats, turn: float
+) -> tuple[list[Floats], list[tuple[Floats, Integers]]]:
+    """For each half-edge directions between the normals of the facets beside it: (0 or 1, 3) that
+    of the saddle; and (a, 3) all, the normals included, with their numbers (a,), 0 for the saddle.
+    """
+    none = np.empty((0, 3))
+    saddles = [none] * len(hull.tail)
+    arcs = [(none, np.empty(0, dtype=np.int64))] * len(hull.tail)
     radii = hull.vertices - center
     for edge, twin in enumerate(hull.twin.tolist()):
         if edge > twin:
@@ -69,14 +95,13 @@ def _arcs(hull: ConvexHull, center: Floats, turn: float) -> list[Floats]:
         ends = hull.normals[[hull.facet[edge], hull.facet[twin]]]
         tail, head = radii[hull.tail[edge]], radii[hull.head[edge]]
         saddle = unit_vectors(foot_on_line(tail, head, head - tail, np))
-        stops = [ends[0], ends[1]]
+        directions, first = _along(ends[0], ends[1], turn), 0
         if _between(saddle, ends):
-            stops.insert(1, saddle)
-        directions = [stops[0][None]]
-        for one, other in pairwise(stops):
-            directions.append(_along(one, other, turn)[1:])
-        arcs[edge] = arcs[twin] = np.concatenate(directions)
-    return arcs
+            saddles[edge] = saddles[twin] = saddle[None]
+            before, after = _along(ends[0], saddle, turn), _along(saddle, ends[1], turn)
+            directions, first = np.concatenate([before, after[1:]]), 1 - len(before)
+        arcs[edge] = arcs[twin] = directions, np.arange(first, first + len(directions))
+    return saddles, arcs
 
 
 def _between(direction: Floats, ends: Floats) -> bool:
@@ -98,25 +123,19 @@ def _along(one: Floats, other: Floats, turn: float) -> Floats:
     return np.asarray(directions / math.sin(angle), dtype=np.float64)
 
 
-def _inside(middle: Floats, border: Sequence[Floats], turn: float) -> Floats:
-    """Directions (a, 3) within the cone of a corner's normals: one in the middle, and others on the
-    ways from there to its border, arcs of (m, 3), on fewer of them nearer to the middle, where they
-    crowd.
-
-    Which ways these are depends on numbers of directions alone, counted from the ends of each arc,
-    so that a small change of the shape is a small change of its strips.
-    """
+def _inside(middle: Floats, border: Sequence[tuple[Floats, Integers]], turn: float) -> Floats:
+    """Directions (a, 3) of strips at a corner: those of the arcs on the border of the cone of its
+    normals, and some between these and its middle, about as far apart."""
+    directions = [arc for arc, _ in border]
     if turn >= math.pi:
-        return np.empty((0, 3))
-    directions = [middle[None]]
-    for arc in border:
-        for place, end in enumerate(arc):
-            from_end = min(place, len(arc) - 1 - place)
-            way = _along(middle, end, turn)
-            steps = [
-                step
-                for step in range(1, len(way) - 1)
-                if from_end % round((len(way) - 1) / step) == 0
-            ]
-            directions.append(way[steps])
+        return np.concatenate(directions)
+    directions.append(middle[None])
+    for arc, numbers in border:
+        for number, direction in zip(numbers.tolist(), arc, strict=True):
+            path = _along(middle, direction, turn)
+            # Every second, fourth, ... of the paths goes on where they come together, that from
+            # the saddle to the end.
+            parts = np.arange(1, len(path) - 1) / (len(path) - 1)
+            strides = 2.0 ** np.floor(-np.log2(parts))
+            directions.append(path[1:-1][number % strides == 0])
     return np.concatenate(directions)

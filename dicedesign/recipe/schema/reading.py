@@ -213,11 +213,11 @@ def _explain(error: ValidationError) -> str:
         return f"{key}: expected this key, but it is missing; add it"
     if isinstance(cause, ValueError):
         parent, _, last = key.rpartition(".")
-        if str(cause).startswith(f"{last}."):
+        if str(cause).startswith((f"{last}.", f"{last}:")):
             # It names the entry from the last key on.
             return f"{parent}.{cause}".lstrip(".")
         return f"{key + ': ' if key else ''}{cause}"
-    message = first["msg"][0].lower() + first["msg"][1:]
+    message = first["msg"][0].lower() + first["msg"][1:].replace("an object", "keys and values")
     return f"{key}: {message}, got {reprlib.repr(first['input'])}; correct it"
 
 

@@ -6,39 +6,34 @@ themselves; only what a file adds to them is described here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from dicedesign.concave.options import ConcaveOptions
 from dicedesign.fabricate.files.formats import with_stl
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.printing.options import PrintOptions
 from dicedesign.fabricate.solids.edge_options import EdgeOptions, core_scale
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.optimize.options import ExactOptions
-from dicedesign.optimize.paper_options import PaperOptions
+from dicedesign.geometry.sizes import LEAST_MM, MOST_MM
 from dicedesign.optimize.starts.kinds.search import SearchOptions
 from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts
-from dicedesign.recipe.schema.entries import Label, StartRecipe, Strict, TargetRecipe, one_of
+from dicedesign.recipe.schema.entries import Label, StartRecipe, Strict, TargetRecipe
+from dicedesign.recipe.schema.method import MethodRecipe
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["MOST_MM", "NAME", "Recipe"]
+__all__ = ["NAME", "Recipe"]
 
 NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$"
 """Of a die, and of the folder of its results."""
 
-LEAST_MM: Final = 1e-3
-
-MOST_MM: Final = 1000.0
-"""Smallest and largest size of a die."""
+LEAST_DEPTH: Final = 1e-6
+"""Smallest depth of labels over the size of the die; files in single precision round what is not
+much smaller."""
 
 MARKED: Final = (("engraved", "shape"), ("engraved", "none"))
 """Style and balance of marks on a die that keeps the shape of a surface."""
-
-METHODS: Final = ("exact", "paper", "concave")
-"""Keys of `method`."""
 
 
 def _known_group(name: str | None) -> str | None:
@@ -63,48 +58,6 @@ def _switch(value: object) -> object:
 
 def _printer(value: object) -> object:
     return {"printer": value} if isinstance(value, str) else _switch(value)
-
-
-class MethodRecipe(Strict):
-    """`method`: how the die is found: `exact` unless it says `paper`, or `concave` for a die that
-    keeps the shape of its start. A word alone is the method with all its defaults."""
-
-    exact: ExactOptions | None = Field(default_factory=ExactOptions)
-    paper: PaperOptions | None = None
-    concave: ConcaveOptions | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _choose(cls, given: Any) -> Any:
-        if given in METHODS:
-            given = {given: {}}
-        if isinstance(given, dict) and any(given.get(name) is not None for name in METHODS):
-            return {"exact": None, **given}
-        return given
-
-    @model_validator(mode="after")
-    def _check(self) -> MethodRecipe:
-        one_of(self, *METHODS)
-        return self
-
-    @property
-    def name(self) -> str:
-        """The key of the method."""
-        return next(key for key, value in self if value is not None)
-
-    @property
-    def thrown(self) -> bool:
-        """True where the target is meant for a die that is thrown onto a table."""
-        return self.exact is not None and self.exact.odds == "thrown"
-
-    @property
-    def tolerance(self) -> float:
-        """Largest |p - q| that counts as reached."""
-        if self.paper is not None:
-            return self.paper.reached
-        options = self.exact or self.concave
-        assert options is not None
-        return options.tolerance
 
 
 class Recipe(Strict):
@@ -193,12 +146,7 @@ class Recipe(Strict):
                 f"{self.method.name}; change the method, or take another start"
             )
         if self.engrave is not None:
-            for label in self.engrave.icons:
-                if label not in labels:
-                    raise ValueError(
-                        f"engrave.icons: expected labels of the target, {', '.join(labels)}, got "
-                        f"{label!r}; rename or remove it"
-                    )
+            self._check_engraving(self.engrave, labels)
         if self.any_order:
             self._check_any_order()
         elif self.assignment is not None and sorted(self.assignment) != sorted(labels):
@@ -262,6 +210,19 @@ class Recipe(Strict):
             raise ValueError(
                 "engrave: expected style engraved and balance shape or none with the concave "
                 f"method, got {engrave.style} and {engrave.balance}; leave them out"
+            )
+
+    def _check_engraving(self, engrave: EngravingOptions, labels: Sequence[str]) -> None:
+        for label in engrave.icons:
+            if label not in labels:
+                raise ValueError(
+                    f"engrave.icons: expected labels of the target, {', '.join(labels)}, got "
+                    f"{label!r}; rename or remove it"
+                )
+        if engrave.depth_mm < LEAST_DEPTH * self.size_mm:
+            raise ValueError(
+                f"engrave.depth_mm: expected at least {LEAST_DEPTH * self.size_mm:.3g}, a "
+                f"millionth of size_mm, got {engrave.depth_mm:g}; enlarge it"
             )
 
     def _check_any_order(self) -> None:

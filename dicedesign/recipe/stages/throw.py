@@ -15,7 +15,7 @@ def throw(work: Work) -> None:
     of mass was given nobody knows how they move it."""
     from dicedesign.recipe.methods.exact import exact_options
     from dicedesign.recipe.methods.thrown import SEEDS
-    from dicedesign.results.record import RoundOfThrows, ThrownOdds
+    from dicedesign.results.throws import RoundOfThrows, ThrownOdds
     from dicedesign.throws.momentum.momentum_model import momentum_model
     from dicedesign.throws.simulation.die_on_table import DieOnTable, ThrownDie, throwing_threads
     from dicedesign.throws.tables import table_named

@@ -21,9 +21,9 @@ __all__ = ["find_tolerances"]
 def find_tolerances(work: Work) -> None:
     """Say how far the odds of prints are from those of the file, with labels if it has them, and
     what infill does to them if the recipe has some."""
-    from dicedesign.fabricate.printing.odds_slopes import OddsSlopes
-    from dicedesign.fabricate.printing.off_prints import OffPrints
-    from dicedesign.fabricate.printing.tolerances import OddsSpread, print_tolerances
+    from dicedesign.fabricate.print_odds.odds_slopes import OddsSlopes
+    from dicedesign.fabricate.print_odds.off_prints import OffPrints
+    from dicedesign.fabricate.print_odds.tolerances import OddsSpread, print_tolerances
     from dicedesign.geometry.meshes.body import make_body
 
     verdict, target = _printed(work), work.target.probabilities
@@ -79,8 +79,8 @@ def _axes(work: Work) -> Floats | None:
 
 
 def _find_infill(work: Work, options: PrintOptions, verdict: Verdict) -> None:
-    from dicedesign.fabricate.printing.infill import inside_walls, pocket_walls
-    from dicedesign.fabricate.printing.infill_odds import infill_odds
+    from dicedesign.fabricate.print_odds.infill import inside_walls, pocket_walls
+    from dicedesign.fabricate.print_odds.infill_odds import infill_odds
     from dicedesign.geometry.solid import solid_properties
 
     engrave = work.recipe.engrave

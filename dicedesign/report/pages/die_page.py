@@ -16,8 +16,8 @@ from dicedesign.report.pages.html_parts import (
     table_section,
     text_section,
 )
-from dicedesign.report.pages.print_parts import print_parts
-from dicedesign.report.pages.printing import print_sections
+from dicedesign.report.pages.print_odds import print_odds_sections
+from dicedesign.report.pages.printability import printability_sections
 from dicedesign.report.pages.throwing import throwing_advice, throws_told
 from dicedesign.results.balance import Balance
 from dicedesign.results.record import Result
@@ -73,14 +73,14 @@ def _sections(result: Result, images: Mapping[str, bytes]) -> Iterator[str]:
     yield _odds(result)
     if result.balance is not None:
         yield text_section("From the shape to the object", [_balance(result, result.balance)])
-    yield from print_parts(result)
+    yield from print_odds_sections(result)
     if result.displacement is None:
         yield _facets(result)
     if result.quality is not None:
         yield list_section("Quality of the surface", result.quality)
     yield from _measures(result)
     if result.printability is not None:
-        yield from print_sections(result.printability)
+        yield from printability_sections(result.printability)
     if result.notes:
         yield list_section("Notes", result.notes)
     if result.stages:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from dicedesign.results.record import SimulatedThrows, ThrownOdds
+from dicedesign.results.throws import SimulatedThrows, ThrownOdds
 from dicedesign.throws.engines.engine import ENGINES
 
 __all__ = ["throwing_advice", "throws_told"]

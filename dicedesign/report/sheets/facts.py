@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from dicedesign.fabricate.printing.materials import MATERIALS
+from dicedesign.fabricate.printing.printer import PRINTERS
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.report.pages.throwing import throwing_advice
 
@@ -70,7 +72,7 @@ def sheet_facts(die: FinishedDie, file: str, sha256: str) -> SheetFacts:
 
 def _reading(result: Result) -> Iterator[str]:
     """How the die is read and thrown."""
-    told = getattr(result, "reading", None)
+    told = result.reading
     is_marked = "die" in result.files
     if told:
         yield told
@@ -98,20 +100,21 @@ def _size(die: FinishedDie) -> str:
     volume, _ = solid_properties(body.points, body.triangles)
     told = f"{extents} mm along x, y and z; {size:.1f} mm from corner to corner; "
     told += f"{volume / 1000.0:.2f} cm³"
-    printed = getattr(die.result, "printability", None)
+    printed = die.result.printability
     if printed is not None:
-        told += f"; {printed.weight_g:.1f} g of {printed.material}"
+        told += f"; {printed.weight_g:.1f} g of {MATERIALS[printed.material].title}"
     return f"{told}."
 
 
 def _printing(result: Result) -> Iterator[str]:
     """Settings of the printer, as far as they are known."""
     yield _PRINT
-    printed, infill = getattr(result, "printability", None), getattr(result, "infill", None)
+    printed, infill = result.printability, result.infill
     if printed is not None:
         where = "" if printed.best.label is None else f" Put the face of {printed.best.label} down."
+        spot = "nozzle" if PRINTERS[printed.printer].has_nozzle else "spots"
         yield (
-            f"{printed.printer}: spots of {printed.spot_mm:g} mm, layers of "
+            f"{printed.printer.upper()}: {spot} of {printed.spot_mm:g} mm, layers of "
             f"{printed.layer_mm:g} mm.{where}"
         )
         yield from printed.warnings
@@ -121,7 +124,7 @@ def _printing(result: Result) -> Iterator[str]:
 
 def _tolerance(result: Result) -> Iterator[str]:
     """How exactly it has to be printed, where it is known."""
-    found = getattr(result, "tolerances", None)
+    found = result.tolerances
     if found is not None:
         yield found.answer
 
@@ -137,7 +140,7 @@ def _table(result: Result) -> tuple[list[str], list[list[str]]]:
         name = "momentum model" if simulated is None else "thrown"
     columns.append((name, odds))
     errors = tuple(p - q for p, q in zip(odds, result.target, strict=True))
-    found = getattr(result, "tolerances", None)
+    found = result.tolerances
     header = ["outcome", *(f"{head} %" for head, _ in columns), "error %"]
     rows = [
         [" ".join(label.split()), f"{100.0 * q:.3f}", f"{100.0 * p:.3f}", _signed(100.0 * error)]

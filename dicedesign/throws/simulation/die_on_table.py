@@ -14,7 +14,7 @@ import numpy as np
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.results.record import SimulatedThrows
+from dicedesign.results.throws import SimulatedThrows
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.momentum.momentum_model import MomentumModel
 from dicedesign.throws.momentum.momentum_odds import momentum_odds

@@ -133,7 +133,7 @@ BAD = [
 def test_what_is_no_plain_picture_is_refused_by_name(
     tmp_path: Path, content: str, message: str
 ) -> None:
-    with pytest.raises(InputError, match=f"icon of label 'x': .*{message}"):
+    with pytest.raises(InputError, match=f"engrave.icons: label 'x': .*{message}"):
         icon_section(written(tmp_path, content), "x")
 
 

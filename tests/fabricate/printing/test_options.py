@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.printing.materials import MATERIALS
 from dicedesign.fabricate.printing.options import PrintOptions
+from dicedesign.fabricate.printing.print_errors import PrintErrors
 from dicedesign.fabricate.printing.printer import PRINTERS
 from dicedesign.recipe.schema.reading import checked_recipe
 
@@ -70,3 +73,60 @@ def test_a_recipe_says_it_in_a_word_or_leaves_it_out() -> None:
         assert checked_recipe(recipe.resolved()) == recipe
     with pytest.raises(InputError, match=r"print: printer: expected fdm, sla, sls, got 'laser'"):
         checked_recipe({**RECIPE, "print": "laser"})
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"infill": 1.5}, "infill: expected a number from 0 to 1, got 1.5; 0.2 is 20 %"),
+        ({"infill": float("nan")}, "infill: expected a number from 0 to 1, got nan"),
+        ({"walls_mm": 0.0}, "walls_mm: expected a number above 0 and at most 1000, got 0"),
+        (
+            {"walls_mm": float("inf")},
+            "walls_mm: .* at most 1000, got inf",
+        ),
+    ],
+)
+def test_how_to_print(given: dict[str, float], text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        PrintOptions(**given)
+    with pytest.raises(InputError, match="print.*" + text.split(";")[0]):
+        checked_recipe({"name": "d", "target": {"fair": 6}, "print": given})
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        (
+            {"dimensional_mm": -0.1},
+            "errors.dimensional_mm: expected a number of at least 0",
+        ),
+        ({"shrinkage": 0.2}, "errors.shrinkage: expected a number of at least 0 and below 0.2"),
+        ({"density_gradient": 0.5}, "errors.density_gradient: .* below 0.5, got 0.5; leave it out"),
+        (
+            {"bubble_mm3": float("nan")},
+            "errors.bubble_mm3: expected a number of at least 0",
+        ),
+        (
+            {"bubble_mm3": True},
+            "errors.bubble_mm3: .* below 1e.09, got True",
+        ),
+        ({"bubble_mm3": 1e9}, "errors.bubble_mm3: .* below 1e.09, got 1000000000.0"),
+        ({"dimensional_mm": 1e300}, "errors.dimensional_mm: .* below 1000, got 1e.300"),
+    ],
+)
+def test_what_differs_from_print_to_print(given: dict[str, Any], text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        PrintErrors(**given)
+
+
+def test_a_recipe_says_how_it_will_be_printed() -> None:
+    given: dict[str, Any] = {
+        "infill": 0.2,
+        "walls_mm": 0.8,
+        "errors": {"dimensional_mm": 0.05},
+    }
+    recipe = checked_recipe({"name": "d", "target": {"fair": 6}, "print": given})
+    assert recipe.print == PrintOptions(**(given | {"errors": PrintErrors(dimensional_mm=0.05)}))
+    again = checked_recipe(recipe.resolved())
+    assert again.print == recipe.print

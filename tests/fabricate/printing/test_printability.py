@@ -19,7 +19,7 @@ from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.stl import parsed_stl
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
-from dicedesign.results.printing import Printability
+from dicedesign.results.printability import Printability
 
 
 def printed(

@@ -83,6 +83,16 @@ def test_a_shape_that_is_unknown() -> None:
         EdgeOptions(1.0, "round")
 
 
+def test_radii_that_suit_no_size() -> None:
+    """Within a hundredth and a fifth of the size; chamfers may be finer."""
+    for part in (0.01, 0.2):
+        assert 0.0 < core_scale(EdgeOptions(part * 30.0), 30.0) < 1.0
+    for radius in (0.299, 6.001):
+        with pytest.raises(InputError, match=r"edges\.radius_mm: expected at (least 0\.3|most 6)"):
+            core_scale(EdgeOptions(radius), 30.0)
+    assert core_scale(EdgeOptions(0.03, "chamfer"), 30.0) == pytest.approx(0.998)
+
+
 def test_the_core_leaves_room_for_the_ball() -> None:
     assert core_scale(None, 30.0) == 1.0
     assert core_scale(EdgeOptions(3.0), 30.0) == pytest.approx(0.8)

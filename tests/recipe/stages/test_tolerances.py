@@ -9,7 +9,7 @@ import pytest
 from common.made_up_die import SIDES, box, designed
 from common.thrown import thrown
 
-from dicedesign.fabricate.printing.infill import inside_walls, weighed
+from dicedesign.fabricate.print_odds.infill import inside_walls, weighed
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work

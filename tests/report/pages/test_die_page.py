@@ -12,14 +12,8 @@ from common.parsed_html import Checker, parsed
 from dicedesign.report.figures.figure import FIGURES
 from dicedesign.report.pages.die_page import die_page
 from dicedesign.report.pages.throwing import throwing_advice
-from dicedesign.results.record import (
-    Displacement,
-    HullOfSurface,
-    Result,
-    SimulatedThrows,
-    SurfaceSize,
-    ThrownOdds,
-)
+from dicedesign.results.record import Displacement, HullOfSurface, Result, SurfaceSize
+from dicedesign.results.throws import SimulatedThrows, ThrownOdds
 from dicedesign.throws.tables import table_named
 
 PNG = b"\x89PNG"

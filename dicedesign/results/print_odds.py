@@ -1,4 +1,4 @@
-"""What a run found out about printing its die: parts of `Result`."""
+"""How far the odds of prints are from those of the file: parts of `Result`."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from dicedesign.fabricate.printing.odds_slopes import OddsSlopes
+from dicedesign.fabricate.print_odds.odds_slopes import OddsSlopes
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses

@@ -8,10 +8,10 @@ from common.made_up_die import SIDES, box
 from scipy import stats
 
 from dicedesign.bench.measures.perturbed_dice import PrintedDie
-from dicedesign.fabricate.printing.odds_slopes import OddsSlopes
-from dicedesign.fabricate.printing.off_prints import OffPrints
+from dicedesign.fabricate.print_odds.odds_slopes import OddsSlopes
+from dicedesign.fabricate.print_odds.off_prints import OffPrints
+from dicedesign.fabricate.print_odds.tolerances import ROLLS, OddsSpread, print_tolerances
 from dicedesign.fabricate.printing.print_errors import PrintErrors
-from dicedesign.fabricate.printing.tolerances import ROLLS, OddsSpread, print_tolerances
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.outcomes import outcome_odds

@@ -1,4 +1,4 @@
-"""What a run found out about printing its die, as result.json holds it.
+"""What a printer makes of a die: a part of `Result`.
 
 Lengths are in millimetres.
 """

@@ -9,8 +9,8 @@ from common.parsed_html import parsed
 
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.report.pages.die_page import die_page
-from dicedesign.report.pages.printing import print_sections
-from dicedesign.results.printing import PrintedLabel
+from dicedesign.report.pages.printability import printability_sections
+from dicedesign.results.printability import PrintedLabel
 
 
 def test_a_page_has_the_measures_of_the_print() -> None:
@@ -21,7 +21,7 @@ def test_a_page_has_the_measures_of_the_print() -> None:
     assert found is not None
     page = parsed(die_page(result, {}))
     for cell in (
-        "sla, 0.05 mm, layers of 0.05 mm",
+        "SLA, 0.05 mm, layers of 0.05 mm",
         f"{found.weight_g:.3g} g of resin, 1.15 g/cm³, solid",
         "17.3 × 17.3 × 17.3 mm",
         "nothing",
@@ -46,7 +46,7 @@ def test_what_is_missing_is_a_dash_and_texts_are_escaped() -> None:
         best=replace(found.best, overhang_mm2=12.34, support_mm3=3.14, label="<7>"),
         file=replace(found.file, open_edges=3),
     )
-    page = parsed("".join(print_sections(concave)))
+    page = parsed("".join(printability_sections(concave)))
     assert page.cells.count("-") == 3
     assert "<7>" in page.cells
     assert "12.3 mm², 3 mm³ beneath" in page.cells

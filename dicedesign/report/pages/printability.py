@@ -1,21 +1,25 @@
-"""The part of a die's report that is about printing it."""
+"""The part of a report that is about what a printer makes of its die."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from dicedesign.fabricate.printing.materials import MATERIALS
 from dicedesign.report.pages.html_parts import number, table_section
-from dicedesign.results.printing import Printability, PrintPose
+from dicedesign.results.printability import Printability, PrintPose
 
-__all__ = ["print_sections"]
+__all__ = ["printability_sections"]
 
 
-def print_sections(found: Printability) -> Iterator[str]:
+def printability_sections(found: Printability) -> Iterator[str]:
     """What the printer makes of a die, its labels and the ways to lay it on the bed."""
     x, y, z = (f"{extent:.1f}" for extent in found.bounding_box_mm)
     file = found.file
     rows = [
-        ["printer", f"{found.printer}, {found.spot_mm:g} mm, layers of {found.layer_mm:g} mm"],
+        [
+            "printer",
+            f"{found.printer.upper()}, {found.spot_mm:g} mm, layers of {found.layer_mm:g} mm",
+        ],
         ["weight", f"{number(found.weight_g, 3)} g of {_material(found)}, solid"],
         ["extent in the file", f"{x} × {y} × {z} mm"],
         ["height as it is best printed", f"{found.best.height_mm:.1f} mm"],
@@ -82,8 +86,12 @@ def print_sections(found: Printability) -> Iterator[str]:
         )
 
 
+def _printer(found: Printability) -> str:
+    return f"{found.printer.upper()}, {found.spot_mm:g} mm, layers of {found.layer_mm:g} mm"
+
+
 def _material(found: Printability) -> str:
-    return f"{found.material}, {found.density_g_cm3:g} g/cm³"
+    return f"{MATERIALS[found.material].title}, {found.density_g_cm3:g} g/cm³"
 
 
 def _bed(pose: PrintPose) -> str:

@@ -9,15 +9,15 @@ import pytest
 from common.made_up_die import SIDES, box
 
 from dicedesign.bench.measures.perturbed_dice import PrintedDie, only
-from dicedesign.fabricate.printing.odds_slopes import OddsSlopes
-from dicedesign.fabricate.printing.print_errors import PrintErrors
-from dicedesign.fabricate.printing.tolerances import (
+from dicedesign.fabricate.print_odds.odds_slopes import OddsSlopes
+from dicedesign.fabricate.print_odds.tolerances import (
     NOTICED,
     ROLLS,
     OddsSpread,
     allowed_offset,
     print_tolerances,
 )
+from dicedesign.fabricate.printing.print_errors import PrintErrors
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import make_body

@@ -13,10 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.fabricate.printing.odds_slopes import OddsSlopes
-from dicedesign.fabricate.printing.off_prints import OffPrints
+from dicedesign.fabricate.print_odds.odds_slopes import OddsSlopes
+from dicedesign.fabricate.print_odds.off_prints import OffPrints
 from dicedesign.fabricate.printing.print_errors import PrintErrors
-from dicedesign.results.print_record import PrintTolerances
+from dicedesign.results.print_odds import PrintTolerances
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.statistics.chi_square_power import LEVEL, chance_noticed
 

@@ -1,4 +1,4 @@
-"""What a report says about prints of a die, in words and numbers."""
+"""The part of a report that is about the odds of prints, in words and numbers."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from typing import Final
 
 from dicedesign.report.pages.html_parts import number, table_section, text_section
-from dicedesign.results.print_record import PrintTolerances
+from dicedesign.results.print_odds import PrintTolerances
 from dicedesign.results.record import Result
 
-__all__ = ["print_parts"]
+__all__ = ["print_odds_sections"]
 
 _ERRORS: Final = {
     "dimensional_mm": ("facets", "{:g} mm in the place of each facet"),
@@ -20,7 +20,7 @@ _ERRORS: Final = {
 """Heading and meaning of each error by its name."""
 
 
-def print_parts(result: Result) -> Iterator[str]:
+def print_odds_sections(result: Result) -> Iterator[str]:
     """Sections about errors of printing and about infill, where they are known."""
     if result.tolerances is not None:
         yield text_section("How well it must be printed", [result.tolerances.answer])

@@ -6,13 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.fabricate.printing.infill import Inside, weighed
-from dicedesign.fabricate.printing.tolerances import NOTICED, ROLLS
+from dicedesign.fabricate.print_odds.infill import Inside, weighed
+from dicedesign.fabricate.print_odds.tolerances import NOTICED, ROLLS
 from dicedesign.fabricate.verdict import Verdict
 from dicedesign.geometry.sphere import norms
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import analyse
-from dicedesign.results.print_record import InfillOdds
+from dicedesign.results.print_odds import InfillOdds
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.statistics.chi_square_power import LEVEL, chances_noticed
 

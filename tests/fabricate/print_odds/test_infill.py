@@ -8,7 +8,7 @@ from common.made_up_die import box
 
 from dicedesign.fabricate.labels.layout import place_labels
 from dicedesign.fabricate.labels.options import EngravingOptions
-from dicedesign.fabricate.printing.infill import Inside, inside_walls, pocket_walls, weighed
+from dicedesign.fabricate.print_odds.infill import Inside, inside_walls, pocket_walls, weighed
 from dicedesign.fabricate.solids.engraving import engrave
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.solid import solid_properties
