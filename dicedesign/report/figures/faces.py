@@ -171,11 +171,14 @@ def _draw_bar(paper: Paper, scale: float, place: tuple[float, float]) -> None:
 def _titles(die: FinishedDie) -> dict[int, str]:
     """What the die shows when it lies on a facet, and how often."""
     poses, outcomes = die.plain.poses, die.plain.outcomes.outcome_of_rest.tolist()
-    titles = {}
+    titles, thrown = {}, die.result.thrown
     for facet, outcome, odds in zip(
         poses.facets.tolist(), outcomes, poses.probabilities.tolist(), strict=True
     ):
         label = "other" if outcome < 0 else die.result.labels[outcome]
+        if thrown is not None and outcome >= 0:
+            seen = thrown.simulated
+            odds = thrown.momentum[outcome] if seen is None else seen.frequencies[outcome]
         titles[facet] = f"{label}: {_percent(odds)}"
     return titles
 
