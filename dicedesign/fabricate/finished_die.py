@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from dicedesign.concave.result import ConcaveDie
     from dicedesign.fabricate.labels.layout import Placement
     from dicedesign.fabricate.labels.reading import Reading
+    from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.throws.simulation.die_on_table import ThrownDie
@@ -31,6 +32,7 @@ class EngravedFile:
         edges move it.
     placements: where the labels are, of a die that has them on its facets.
     inlay: bodies of another color that fill the labels, or None.
+    core: of a convex die, what is within its rounded edges, whose facets are its flat ones.
     """
 
     points: Floats
@@ -38,6 +40,7 @@ class EngravedFile:
     verdict: Verdict | None
     placements: tuple[Placement, ...]
     inlay: Surface | None = None
+    core: ConvexHull | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,16 +4,12 @@ its file."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.designed_die import SizedDie
-from dicedesign.fabricate.labels.options import EngravingOptions
-from dicedesign.fabricate.solids.edge_options import EdgeOptions, core_scale
+from dicedesign.fabricate.labelled_facets import core_of, place_on_facets, require_rests
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
 from dicedesign.results.status import Status
@@ -24,14 +20,13 @@ if TYPE_CHECKING:
 
     from dicedesign.fabricate.balance.convex_object import Measured
     from dicedesign.fabricate.labels.layout import Placement
-    from dicedesign.fabricate.labels.reading import Reading
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.gradient.thrown_odds import ThrownOdds
     from dicedesign.runtime.arrays import Floats
 
-__all__ = ["engrave", "place_on_facets"]
+__all__ = ["engrave"]
 
 LEFT: Final = 1e-9
 """Largest |p - q| that moving facets may leave."""
@@ -78,71 +73,6 @@ STAGES.register(
 )
 
 
-def core_of(solid: SizedDie, edges: EdgeOptions | None) -> ConvexHull:
-    """The shape inside the rounded edges of a convex die, its facets numbered as those of the die.
-
-    Raises EngravingError where the radius is larger than the circle of a facet to rest on.
-    """
-    from dicedesign.geometry.hulls.hull import convex_hull
-    from dicedesign.geometry.hulls.polygons import facet_inradius
-
-    hull = solid.poses.hull
-    if edges is None:
-        return hull
-    core = convex_hull(core_scale(edges, hull.diameter) * hull.vertices)
-    for facet in solid.poses.facets.tolist():
-        room = facet_inradius(core, facet)
-        if edges.radius_mm > room:
-            raise EngravingError(
-                f"edges.radius_mm: expected at most the radius of the circle that is left flat on "
-                f"facet {facet}, {room:.3g} mm, got {edges.radius_mm:g}; lower it, or take a "
-                "larger size_mm"
-            )
-    return core
-
-
-def place_on_facets(
-    solid: SizedDie,
-    labels: Sequence[str],
-    options: EngravingOptions,
-    edges: EdgeOptions | None = None,
-) -> tuple[Reading, list[Placement]]:
-    """How a die is read, and where its labels lie on its facets, within its rounded edges, in the
-    order of the places of that reading.
-
-    Raises EngravingError where an outcome has no facet to rest on, the die cannot be read as the
-    options say, or a label does not fit.
-    """
-    from dicedesign.fabricate.labels.edge_margins import edge_margins
-    from dicedesign.fabricate.labels.layout import place_labels
-    from dicedesign.fabricate.labels.reading import die_readings
-    from dicedesign.fabricate.solids.engraving import require_fields
-
-    hull, main = core_of(solid, edges), solid.outcomes.main
-    _require_rests(labels, main, "a facet")
-    *better, last = die_readings(hull, solid.poses.facets[main], labels, options.read)
-
-    def placed(reading: Reading) -> list[Placement]:
-        places, whole = reading.places, reading.way != "corner"
-        return place_labels(
-            [place.text for place in places],
-            [place.region for place in places],
-            [place.normal for place in places],
-            [place.facet for place in places],
-            # Around a corner labels stand upright toward it.
-            options if whole else replace(options, upright="edge"),
-            solid.poses.hull.diameter,
-            [edge_margins(hull, place.facet, options) for place in places] if whole else None,
-        )
-
-    for reading in better:
-        with suppress(EngravingError):
-            placements = placed(reading)
-            require_fields(hull, placements, options)
-            return reading, placements
-    return last, placed(last)
-
-
 def _make_convex(work: Work) -> None:
     """The finished object of a convex die."""
     from dicedesign.fabricate.balance.convex_object import ConvexObject
@@ -155,7 +85,7 @@ def _make_convex(work: Work) -> None:
         work.reading, placements = place_on_facets(solid, work.target.labels, options, edges)
     made, core = ConvexObject(options, edges), core_of(solid, edges)
     if solid.center_of_mass is not None:
-        _finish(work, made.engraved(core, placements), made.placed(placements))
+        _finish(work, made.engraved(core, placements), made.placed(placements), core=core)
         return
     by = "shape" if options is None else options.balance
     rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
@@ -173,10 +103,10 @@ def _make_convex(work: Work) -> None:
     if rounds and is_left and not work.recipe.method.thrown and by != "fill":
         # Symmetric shapes whose corners fall apart when single facets move, and those with several
         # facets an outcome.
-        _finish_stretched(work, surface, placed, by)
+        _finish_stretched(work, surface, placed, by, end.core)
         return
     inlay = made.inlay(end.core, end.placements) if by == "fill" else None
-    _finish(work, surface, placed, end.measured.center_of_mass, inlay)
+    _finish(work, surface, placed, end.measured.center_of_mass, inlay, end.core)
 
 
 def _measure(
@@ -208,7 +138,7 @@ def _mark_surface(work: Work) -> None:
     options, solid, labels = work.recipe.engrave, work.solid, work.target.labels
     assert options is not None
     main = work.plain.outcomes.main
-    _require_rests(labels, main, "a side")
+    require_rests(labels, main, "a side")
     downs = work.plain.poses.normals[main]
     work.reading = MARKED
     marked, _ = engrave_marks(solid.points, solid.triangles, downs, labels, options)
@@ -219,10 +149,15 @@ def _mark_surface(work: Work) -> None:
 
 
 def _finish_stretched(
-    work: Work, surface: Surface, placements: Sequence[Placement], by: str
+    work: Work,
+    surface: Surface,
+    placements: Sequence[Placement],
+    by: str,
+    core: ConvexHull | None = None,
 ) -> None:
     """The object of a surface, stretched until it has the odds."""
     from dicedesign.fabricate.balance.stretching import stretched
+    from dicedesign.geometry.hulls.hull import convex_hull
     from dicedesign.results.balance import Balance
 
     center = surface.centroid
@@ -241,7 +176,9 @@ def _finish_stretched(
         float(scales[-1] / scales[0] - 1.0),
     )
     placements = [placement.moved(-center).stretched(end.matrix) for placement in placements]
-    _finish(work, end.surface, placements)
+    if core is not None:
+        core = convex_hull((core.vertices - center) @ end.matrix.T)
+    _finish(work, end.surface, placements, core=core)
 
 
 def _finish(
@@ -250,14 +187,16 @@ def _finish(
     placements: Sequence[Placement],
     center: Floats | None = None,
     inlay: Surface | None = None,
+    core: ConvexHull | None = None,
 ) -> None:
     """Make die.stl and judge it.
 
     center: (3,) point to put at the origin, or None to leave the surface where it is; inlay: bodies
-    that fill the labels, which have a file of their own.
+    that fill the labels, which have a file of their own; core: see `EngravedFile`.
     """
     from dicedesign.fabricate.finished_die import EngravedFile
     from dicedesign.fabricate.verdict import judged
+    from dicedesign.geometry.hulls.hull import convex_hull
     from dicedesign.geometry.meshes.stl import stl_bytes
     from dicedesign.geometry.surfaces.surface import joined
 
@@ -265,6 +204,7 @@ def _finish(
         surface = surface.moved(surface.points - center)
         placements = [placement.moved(-center) for placement in placements]
         inlay = None if inlay is None else inlay.moved(inlay.points - center)
+        core = None if core is None else convex_hull(core.vertices - center)
     work.files["die.stl"] = stl_bytes(surface.points, surface.triangles)
     whole = surface
     if inlay is not None:
@@ -278,7 +218,7 @@ def _finish(
         work.notes += _changes(work, verdict.outcomes.odds)
         _tell(work, verdict)
     work.engraved = EngravedFile(
-        surface.points, surface.triangles, verdict, tuple(placements), inlay
+        surface.points, surface.triangles, verdict, tuple(placements), inlay, core
     )
 
 
@@ -306,14 +246,6 @@ def _tell(work: Work, verdict: Verdict) -> None:
         work.notes.append(
             f"with {with_what} the die has no symmetry {recipe.symmetry}, as its facets were moved "
             f"by up to {balance.moved_mm:.2g} mm to keep the odds"
-        )
-
-
-def _require_rests(labels: Sequence[str], main: np.ndarray, what: str) -> None:
-    if (main < 0).any():
-        raise EngravingError(
-            f"label {labels[int(main.argmin())]!r}: expected {what} to rest on for each label, got "
-            "none for this one; finish the design first"
         )
 
 

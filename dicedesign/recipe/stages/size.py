@@ -20,7 +20,7 @@ def enlarge(work: Work) -> None:
     """Take the smallest whole number of millimetres at which the labels fit, if the recipe's size
     is too small for them; the recipe that is written says so."""
     from dicedesign.fabricate.designed_die import sized
-    from dicedesign.recipe.stages.engrave import place_on_facets
+    from dicedesign.fabricate.labelled_facets import place_on_facets
 
     recipe = work.recipe
     assert recipe.engrave is not None

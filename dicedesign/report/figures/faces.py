@@ -15,14 +15,13 @@ from dicedesign.geometry.hulls.polygons import signed_area
 from dicedesign.report.charts.palette import DARK, FAINT
 from dicedesign.report.charts.paper import NOTE, Paper
 from dicedesign.report.figures.figure import FIGURES, Figure
-from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.finished_die import FinishedDie
     from dicedesign.fabricate.labels.layout import Placement
     from dicedesign.geometry.hulls.hull import ConvexHull
-    from dicedesign.rest.poses import RestPoses
+    from dicedesign.results.record import Result
 
 __all__ = ["Face", "faces_figure", "faces_of"]
 
@@ -171,28 +170,30 @@ def _draw_bar(paper: Paper, scale: float, place: tuple[float, float]) -> None:
     paper.text(f"{length:g} mm", (ends[1][0] + 10.0, y), size=NOTE, anchor="lm")
 
 
-def _titles(die: FinishedDie, poses: RestPoses) -> dict[int, str]:
-    """What each labelled facet says, and how often that is thrown; how often the die rests on those
+def _titles(die: FinishedDie, hull: ConvexHull) -> dict[int, str]:
+    """What each labelled facet says, and how often that comes up; how often the die rests on those
     that count for nothing."""
     assert die.engraved is not None
-    outcomes = outcome_odds(poses, die.plain.poses.normals[die.plain.outcomes.main])
-    titles = {
-        facet: f"other: {_percent(odds)}"
-        for facet, outcome, odds in zip(
-            poses.facets.tolist(),
-            outcomes.outcome_of_rest.tolist(),
-            poses.probabilities.tolist(),
-            strict=True,
-        )
-        if outcome < 0
-    }
-    shares = dict(zip(die.result.labels, outcomes.odds.tolist(), strict=True))
-    several = Counter(_facet_of(poses.hull, label.frame) for label in die.engraved.placements)
+    result, titles = die.result, {}
+    for facet in result.facets:
+        if facet.outcome is None:
+            flat = int(np.argmax(hull.normals @ np.array(facet.normal)))
+            titles[flat] = f"other: {_percent(facet.probability)}"
+    shares = dict(zip(result.labels, _shares(result), strict=True))
+    several = Counter(_facet_of(hull, label.frame) for label in die.engraved.placements)
     for placement in die.engraved.placements:
-        facet = _facet_of(poses.hull, placement.frame)
-        if several[facet] == 1:
-            titles[facet] = f"{placement.text}: {_percent(shares[placement.text])}"
+        flat = _facet_of(hull, placement.frame)
+        if several[flat] == 1:
+            titles[flat] = f"{placement.text}: {_percent(shares[placement.text])}"
     return titles
+
+
+def _shares(result: Result) -> tuple[float, ...]:
+    """(k,) odds of the outcomes that the die is meant for."""
+    if result.thrown is None:
+        return result.probabilities
+    seen = result.thrown.simulated
+    return result.thrown.momentum if seen is None else seen.frequencies
 
 
 def _percent(share: float) -> str:
@@ -202,9 +203,8 @@ def _percent(share: float) -> str:
 
 def _draw(die: FinishedDie) -> bytes:
     assert die.engraved is not None
-    poses = (die.engraved.verdict or die.plain).poses
-    faces = faces_of(poses.hull, die.engraved.placements, _titles(die, poses))
-    return faces_figure(faces).png()
+    hull = die.engraved.core or die.plain.poses.hull
+    return faces_figure(faces_of(hull, die.engraved.placements, _titles(die, hull))).png()
 
 
 FIGURES.register(
@@ -215,8 +215,8 @@ FIGURES.register(
         title="Every face",
         caption=(
             "Each face seen straight from outside, all on one scale, with its label as it is cut. "
-            "Above it is what it says, and how often that comes up without momentum; around a "
-            "corner on top each face says several things. Rounded edges are left out."
+            "Above it is what it says, and how often that comes up; around a corner on top each "
+            "face says several things. Rounded edges are left out."
         ),
         wanted=lambda die: die.engraved is not None and len(die.engraved.placements) > 0,
         draw=_draw,

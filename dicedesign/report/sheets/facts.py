@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 __all__ = ["SheetFacts", "sheet_facts"]
 
 _PRINT: Final = (
-    "In millimetres, of one material, with 100 % infill. Let it cool, and remove supports without "
-    "rounding what it rests on."
+    "In millimetres, of {material}, {filled}. Let it cool, and remove supports without rounding "
+    "what it rests on."
 )
+_INLAID: Final = "one material in two colors, the inlay in the second"
 
 
 @dataclass(frozen=True)
@@ -108,8 +109,12 @@ def _size(die: FinishedDie) -> str:
 
 def _printing(result: Result) -> Iterator[str]:
     """Settings of the printer, as far as they are known."""
-    yield _PRINT
     printed, infill = result.printability, result.infill
+    is_inlaid = result.balance is not None and result.balance.by == "fill"
+    yield _PRINT.format(
+        material=_INLAID if is_inlaid else "one material",
+        filled="with 100 % infill" if infill is None else "as full as is said below",
+    )
     if printed is not None:
         where = "" if printed.best.label is None else f" Put the face of {printed.best.label} down."
         spot = "nozzle" if PRINTERS[printed.printer].has_nozzle else "spots"

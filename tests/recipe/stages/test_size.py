@@ -9,9 +9,9 @@ from common.made_up_die import SIDES, box, designed
 
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.designed_die import sized
+from dicedesign.fabricate.labelled_facets import place_on_facets
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
-from dicedesign.recipe.stages.engrave import place_on_facets
 
 
 def sized_work(

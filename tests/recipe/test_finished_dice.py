@@ -1,0 +1,77 @@
+"""The finished dice of recipes/finished, made by one command, and read back by others' readers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import lib3mf
+import numpy as np
+import pytest
+import trimesh
+from common.paths import ROOT
+from common.slicer import told_of
+from pygltflib import GLTF2
+
+from dicedesign.cli.main import main
+from dicedesign.rest.poses import rest_poses
+
+QUICK = ["finished_2d6", "finished_binomial_3", "finished_loaded_d6"]
+WITHIN = {"stl": 1e-6, "obj": 1e-9, "3mf": 1e-9, "glb": 1e-6}
+"""Largest |p - q|; STL and GLB are in single precision."""
+
+
+def odds(file: Path, result: dict) -> np.ndarray:
+    """Of the outcomes, for the bodies in a file as trimesh reads them."""
+    loaded = trimesh.load(file, force="scene", process=False)
+    bodies = [body.copy() for body in loaded.dump()]
+    if file.suffix == ".stl" and "die_inlay" in result["files"]:
+        bodies.append(trimesh.load(file.with_name(result["files"]["die_inlay"]), process=False))
+    volumes = np.array([body.volume for body in bodies])
+    middle = volumes @ [body.center_mass for body in bodies] / volumes.sum()
+    points = np.concatenate([body.vertices for body in bodies])
+    if file.suffix == ".glb":  # y is upward there
+        points, middle = points[:, [0, 2, 1]] * [1, -1, 1], middle[[0, 2, 1]] * [1, -1, 1]
+    poses = rest_poses(points, center_of_mass=middle)
+    facets = [facet for facet in result["facets"] if facet["label"] is not None]
+    nearest = np.argmax(poses.normals @ np.array([f["normal"] for f in facets]).T, axis=1)
+    labels = [result["labels"].index(facets[k]["label"]) for k in nearest]
+    return np.bincount(labels, poses.probabilities, len(result["labels"]))
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_every_file_has_the_odds_names_and_colours(name: str, tmp_path: Path) -> None:
+    recipe = ROOT / "recipes" / "finished" / f"{name}.yaml"
+    assert main(["run", str(recipe), "--out", str(tmp_path), "--no-figures"]) == 0
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert result["status"] == "converged"
+    for kind, most in WITHIN.items():
+        found = odds(tmp_path / f"die.{kind}", result)
+        assert np.abs(found - result["target"]).max() <= most, kind
+
+    model = lib3mf.Wrapper().CreateModel()
+    reader = model.QueryReader("3mf")
+    reader.SetStrictModeActive(True)
+    reader.ReadFromFile(str(tmp_path / "die.3mf"))
+    assert reader.GetWarningCount() == 0
+    group = model.GetMetaDataGroup()
+    told = [group.GetMetaData(k) for k in range(group.GetMetaDataCount())]
+    assert {"Title": name}.items() <= {entry.GetName(): entry.GetValue() for entry in told}.items()
+    colors = model.GetBaseMaterialGroups()
+    assert colors.MoveNext()
+    assert len(colors.GetCurrentBaseMaterialGroup().GetAllPropertyIDs()) == 2
+
+    scene = GLTF2().load(str(tmp_path / "die.glb"))
+    assert {"Target", "Odds", "Recipe", "Checksum"} <= scene.asset.extras.keys()
+    assert len({tuple(m.pbrMetallicRoughness.baseColorFactor) for m in scene.materials}) == 2
+    for page in ("data_sheet.pdf", "data_sheet.png"):
+        assert (tmp_path / page).stat().st_size > 0
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_a_slicer_takes_them_without_repair(name: str, tmp_path: Path) -> None:
+    recipe = ROOT / "recipes" / "finished" / f"{name}.yaml"
+    changes = ["--no-figures", "--set", "files=[3mf]", "--set", "data_sheet=false"]
+    assert main(["run", str(recipe), "--out", str(tmp_path), *changes]) == 0
+    for kind in ("stl", "3mf"):
+        assert told_of(tmp_path / f"die.{kind}")["manifold"] == "yes"
