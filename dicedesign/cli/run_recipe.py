@@ -139,7 +139,7 @@ def _print(result: Result) -> None:
     if result.engraved_max_abs_error is not None and result.thrown is None:
         told = f"as printed: max |p - q| {result.engraved_max_abs_error:.2e}"
         if result.balance is not None and len(result.balance.errors) > 1:
-            told += f", {result.balance.errors[0]:.2e} before the shape was moved for its labels"
+            told += f", {result.balance.errors[0]:.2e} before the shape was moved"
         print(told)
     if result.tolerances is not None:
         print(result.tolerances.answer)

@@ -16,7 +16,6 @@ from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.rest_odds import evaluate_rests
-from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.rest.outcomes import gathered
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats
@@ -36,13 +35,11 @@ class OffPrints:
     ----------
     poses: the rests of the file.
     directions: (k, 3) down in the outcomes.
-    thrown: the model of odds when thrown, or None for odds without momentum.
     has_planes: whether the places of whole facets differ, or those of corners, see `OddsSpread`.
     """
 
     poses: RestPoses
     directions: Floats
-    thrown: ThrownOdds | None = None
     has_planes: bool = True
 
     def noticed(self, offset: float, target: Floats, bias: Floats, rolls: int) -> float:
@@ -73,5 +70,4 @@ class OffPrints:
             # What labels take away stays as it is.
             center = center + convex_hull(corners).centroid - self.poses.hull.centroid
         rests = evaluate_rests(torch.from_numpy(corners), torch.from_numpy(center))
-        odds = rests.odds if self.thrown is None else self.thrown.odds(rests)
-        return gathered(rests.hull.normals[rests.facets], odds, self.directions).odds
+        return gathered(rests.hull.normals[rests.facets], rests.odds, self.directions).odds

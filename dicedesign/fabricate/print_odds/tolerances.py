@@ -132,7 +132,7 @@ def allowed_offset(spread: OddsSpread, target: Floats, bias: Floats) -> float | 
     while most - least > FINENESS * size:
         middle = (least + most) / 2.0
         least, most = (middle, most) if excess(middle) < 0.0 else (least, middle)
-    return least
+    return least or most
 
 
 def _let_through(prints: OffPrints, offset: float, target: Floats, bias: Floats) -> float:
@@ -147,7 +147,8 @@ def _let_through(prints: OffPrints, offset: float, target: Floats, bias: Floats)
     for _ in range(HALVINGS):
         middle = (least + most) / 2.0
         least, most = (middle, most) if noticed(middle) < NOTICED else (least, middle)
-    return least
+    # A die at the verge of tipping: the smallest that was tried.
+    return least or most
 
 
 def _deviations(covariance: Floats) -> Floats:

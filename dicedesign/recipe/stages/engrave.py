@@ -98,8 +98,7 @@ def _make_convex(work: Work) -> None:
         by, tuple(end.first.odds.tolist()), end.errors, largest_move(core, end.core)
     )
     surface, placed = made.engraved(end.core, end.placements), made.placed(end.placements)
-    left, few = min(end.errors), len(target) <= MET_BY_STRETCH
-    is_left = left > FILE_ODDS or (few and left > LEFT)
+    is_left = min(end.errors) > LEFT and len(target) <= MET_BY_STRETCH
     if rounds and is_left and not work.recipe.method.thrown and by != "fill":
         # Symmetric shapes whose corners fall apart when single facets move, and those with several
         # facets an outcome.
