@@ -36,8 +36,9 @@ PAGE: Final = "report.html"
 DATA_SHEETS: Final = ("data_sheet.pdf", "data_sheet.png")
 """The page to print."""
 
-SOLIDS: Final = ("die.stl", "die_inlay.stl", "die_plain.stl")
-"""The die with its labels cut in, bodies that fill these, and the die without."""
+SOLIDS: Final = ("die.stl", "die_inlay.stl", "die_oriented.stl", "die_plain.stl")
+"""The die with its labels cut in, bodies that fill these, the die as it lies on a print bed, and
+without labels."""
 
 
 def write_results(

@@ -21,12 +21,13 @@ class Status(Enum):
     UNPRINTABLE = "the surface cannot be cleaned for printing"
     UNBALANCED = (
         "the plain die reached the tolerance, but no shape nearby does with its labels and edges; "
-        "try engrave.balance: opposite or fill, a smaller depth_mm or radius_mm, or another seed"
+        "try a smaller depth_mm or radius_mm, or another seed"
     )
     OFF_TABLE = (
         "reached the tolerance by the momentum model, but not in simulated throws; allow more with "
         "method.exact.refine.rounds or .drops"
     )
+    FILE_LEFT_OUT = "a file in another format has not the odds of the die, and was left out"
     NO_START = (
         "none of the starting shapes led there; try another seed, or allow more with "
         "method.exact.starts"

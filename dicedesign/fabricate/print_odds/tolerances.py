@@ -159,7 +159,10 @@ def _answer(spread: OddsSpread, allowed: float | None) -> str:
     what = "facet's place" if spread.has_planes else "corner's place, in every direction"
     level, noticed = f"{100.0 * LEVEL:.0f} %", f"{100.0 * NOTICED:.0f} %"
     if allowed is None:
-        return f"{ROLLS:,} rolls show nothing, however badly the die is printed."
+        return (
+            f"{ROLLS:,} rolls show nothing, however far each {what} is off: nearly all shapes of "
+            "this die have its odds."
+        )
     if allowed == 0.0:
         return (
             f"{ROLLS:,} rolls notice that this die is not exact, however well it is printed: a "

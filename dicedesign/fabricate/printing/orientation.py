@@ -78,7 +78,7 @@ class PrintedSolid:
         spoiled = toward > min(_limit(printer), 1.0 - LEVEL)
         return [
             PrintPose(
-                label=next(iter(self._named(toward[:, k] > 1.0 - LEVEL)), None),
+                label=", ".join(self._named(toward[:, k] > 1.0 - LEVEL)) or None,
                 normal=tuple(down.tolist()),
                 contact_mm2=float(contacts[k]),
                 height_mm=float(lowest[:, :, k].max()),

@@ -169,6 +169,12 @@ class Recipe(Strict):
             )
         if self.symmetry is not None:
             self._check_symmetry(self.symmetry)
+        balance = None if self.engrave is None else self.engrave.balance
+        if self.center_of_mass is not None and balance in ("opposite", "fill"):
+            raise ValueError(
+                f"engrave.balance: expected shape or none where center_of_mass is given, as nobody "
+                f"knows then how labels move it, got {balance}; leave one of them out"
+            )
         if self.edges is not None:
             core_scale(self.edges, self.size_mm)
         return self

@@ -35,6 +35,9 @@ LEFT_THROWN: Final = 1e-3
 """The same of odds by a momentum model, which is itself ten times as far from simulated throws; it
 has kinks, at which facets may be stuck."""
 
+STILL: Final = 1e-9
+"""Distance, over the size of a die, by which facets have not been moved."""
+
 MET_BY_STRETCH: Final = 6
 """Outcomes whose odds a stretch can meet exactly."""
 
@@ -241,7 +244,7 @@ def _tell(work: Work, verdict: Verdict) -> None:
     if is_off:
         work.status = Status.UNBALANCED
         work.remarks.insert(0, work.status.value)
-    elif recipe.symmetry is not None and balance.moved_mm > 0.0:
+    elif recipe.symmetry is not None and balance.moved_mm > STILL * recipe.size_mm:
         work.notes.append(
             f"with {with_what} the die has no symmetry {recipe.symmetry}, as its facets were moved "
             f"by up to {balance.moved_mm:.2g} mm to keep the odds"

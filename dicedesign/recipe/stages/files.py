@@ -14,6 +14,7 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
+from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
@@ -23,10 +24,8 @@ __all__ = ["die_contents", "write_files"]
 
 
 def write_files(work: Work) -> None:
-    """Make the die's files beside the STL, and read each back.
-
-    Raises InputError where a file would not have the odds of the die, or its format cannot hold it.
-    """
+    """Make the die's files beside the STL, and read each back. One that would not have the odds of
+    the die, or whose format cannot hold it, is left out, and the die has not converged."""
     from dicedesign.fabricate.files.file_format import FILE_FORMATS, joined
     from dicedesign.fabricate.files.formats import file_bytes
 
@@ -34,8 +33,15 @@ def write_files(work: Work) -> None:
     odds = _odds(work, *joined(contents.parts))
     for kind in (FILE_FORMATS[name] for name in work.recipe.files if name != "stl"):
         name = f"{_stem(work)}.{kind.name}"
-        work.files[name] = file_bytes(contents, kind, name)
-        _check(work, name, kind, odds)
+        try:
+            work.files[name] = file_bytes(contents, kind, name)
+            _check(work, name, kind, odds)
+        except InputError as error:
+            work.files.pop(name, None)
+            if work.status is Status.CONVERGED:
+                work.status = Status.FILE_LEFT_OUT
+                work.remarks.insert(0, work.status.value)
+            work.remarks.append(str(error))
 
 
 STAGES.register(

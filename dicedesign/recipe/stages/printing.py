@@ -21,11 +21,16 @@ def prepare_print(work: Work) -> None:
     from dicedesign.fabricate.printing.printability import PrintedDie, printability
     from dicedesign.geometry.hulls.hull import convex_hull
     from dicedesign.geometry.meshes.stl import stl_bytes
+    from dicedesign.rest.poses import rest_poses
 
     options, engraving, made = work.recipe.print, work.recipe.engrave, work.engraved
     assert options is not None
     body = _printed(work)
-    poses = ((made and made.verdict) or work.plain).poses
+    poses = work.plain.poses
+    if made is not None:
+        # Of the rounded body too, where the center of mass was given.
+        given = work.solid.center_of_mass
+        poses = rest_poses(body, given) if made.verdict is None else made.verdict.poses
     placements = () if made is None else made.placements
     labels = tuple(placement.text for placement in placements)
     normals = np.array([placement.frame[:3, 2] for placement in placements]).reshape(-1, 3)

@@ -25,14 +25,19 @@ def find_tolerances(work: Work) -> None:
     from dicedesign.fabricate.print_odds.off_prints import OffPrints
     from dicedesign.fabricate.print_odds.tolerances import OddsSpread, print_tolerances
     from dicedesign.geometry.meshes.body import make_body
+    from dicedesign.rest.outcomes import outcome_odds
+    from dicedesign.rest.poses import analyse
 
     verdict, target = _printed(work), work.target.probabilities
     thrown = _table_odds(work)
     body, poses, outcomes = verdict.body, verdict.poses, verdict.outcomes
-    if work.recipe.edges is not None and work.die.reshaped is None:
-        # What rounds an edge moves with the facets beside it, which the sharp die has alone.
-        poses, outcomes = work.solid.poses, work.solid.outcomes
-        body = make_body(work.solid.points, work.solid.triangles)
+    core = None if work.engraved is None else work.engraved.core
+    if work.recipe.edges is not None and core is not None:
+        # What rounds an edge moves with the facets beside it, which the core has alone, and with
+        # the finished die's center of mass its odds too.
+        body = make_body(core.vertices, core.triangles)
+        poses = analyse(core, poses.center_of_mass, poses.center_of_mass_source)
+        outcomes = outcome_odds(poses, work.die.directions)
     slopes = OddsSlopes.of(body, poses, outcomes, thrown)
     options = work.recipe.print
     assert options is not None

@@ -84,8 +84,6 @@ def _reading(result: Result) -> Iterator[str]:
             if is_marked
             else "The outcome is the side that the die lies on: compare it with the report."
         )
-    elif is_marked:
-        yield "The outcome is the label on the face that the die rests on: lift it and look."
     else:
         yield "The outcome is the face that the die rests on."
     yield throwing_advice(result.thrown)
@@ -101,9 +99,10 @@ def _size(die: FinishedDie) -> str:
     volume, _ = solid_properties(body.points, body.triangles)
     told = f"{extents} mm along x, y and z; {size:.1f} mm from corner to corner; "
     told += f"{volume / 1000.0:.2f} cm³"
-    printed = die.result.printability
+    printed, infill = die.result.printability, die.result.infill
     if printed is not None:
-        told += f"; {printed.weight_g:.1f} g of {MATERIALS[printed.material].title}"
+        weight = printed.weight_g * (1.0 if infill is None else infill.mass)
+        told += f"; {weight:.1f} g of {MATERIALS[printed.material].title}"
     return f"{told}."
 
 

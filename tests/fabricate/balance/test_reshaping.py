@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 from dicedesign.errors import InputError
+from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
@@ -99,4 +100,24 @@ def test_a_surface_is_only_marked(engrave: dict[str, str]) -> None:
                 "method": "concave",
                 "engrave": engrave,
             }
+        )
+
+
+@pytest.mark.parametrize(("fair", "symmetry"), [(4, "Td"), (6, "Oh"), (20, "Ih")])
+def test_rounded_regular_dice_keep_their_odds_in_files(fair: int, symmetry: str) -> None:
+    """What their strips are does not hang on last bits."""
+    work = made(target={"fair": fair}, symmetry=symmetry, size_mm=40, edges=True)
+    engraved = work.engraved
+    noise = np.random.default_rng(0).normal(size=engraved.points.shape)
+    poses = rest_poses(make_body(engraved.points + 1e-11 * noise, engraved.triangles))
+    odds = outcome_odds(poses, work.die.directions)
+    assert odds.max_abs_error(work.target.probabilities) < 1e-7
+
+
+def test_a_given_center_of_mass_has_nothing_to_balance_with() -> None:
+    with pytest.raises(InputError, match="balance"):
+        made(
+            start={"repulsion": {}},
+            center_of_mass=[0.0, 0.0, 0.01],
+            engrave={"balance": "fill"},
         )

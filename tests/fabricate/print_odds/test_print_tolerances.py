@@ -141,4 +141,4 @@ def test_one_outcome_is_never_off() -> None:
     told = print_tolerances(found, np.ones(1), np.zeros(1))
     assert told.allowed_mm is None
     assert told.noticed == 0.0
-    assert "however badly" in told.answer
+    assert "however far" in told.answer
