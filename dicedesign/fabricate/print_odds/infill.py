@@ -19,7 +19,7 @@ from dicedesign.geometry.solid import solid_properties
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
-    from manifold3d import Manifold
+    from manifold3d import CrossSection, Manifold
 
     from dicedesign.fabricate.labels.layout import Placement
 
@@ -80,22 +80,19 @@ def _deepest(hull: ConvexHull) -> tuple[Floats, Floats]:
 
 
 def pocket_walls(
-    placements: Sequence[Placement], depth_mm: float, walls_mm: float
+    sections: Sequence[tuple[Placement, CrossSection]], depth_mm: float, walls_mm: float
 ) -> list[Manifold]:
-    """The walls around the pockets of labels, as solids that reach from outside of the facet to
-    below the pocket's floor. Their lower rims are square where those of slicers may be round.
+    """The walls around pockets, as solids that reach from outside of the facet to below the
+    pocket's floor. Their lower rims are square where those of slicers may be round.
 
-    depth_mm: of the pockets.
+    sections: of the pockets, from `cut_sections`; depth_mm: of them.
     """
     from manifold3d import JoinType
 
-    from dicedesign.fabricate.labels.glyphs import text_section
-
     solids = []
-    for placement in placements:
-        outline = text_section(placement.text).scale((placement.height, placement.height))
+    for placement, section in sections:
         deep = depth_mm + walls_mm
-        block = outline.offset(walls_mm, JoinType.Round).extrude(2.0 * deep)
+        block = section.offset(walls_mm, JoinType.Round).extrude(2.0 * deep)
         solids.append(block.translate((0.0, 0.0, -deep)).transform(placement.frame[:3]))
     return solids
 

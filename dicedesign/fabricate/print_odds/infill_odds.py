@@ -21,6 +21,10 @@ __all__ = ["infill_odds"]
 STEPS: Final = 20
 """Infills that are tried, up to 100 %."""
 
+LEAST_MASS: Final = 1e-3
+"""Part of the solid's mass below which none is tried: little is known of where the center of mass
+of next to nothing is."""
+
 
 def infill_odds(
     verdict: Verdict,
@@ -45,6 +49,9 @@ def infill_odds(
         mass, center = weighed(volume, verdict.poses.center_of_mass, inside, part)
         return mass, center, outcome_odds(analyse(verdict.poses.hull, center), directions)
 
+    def weighs(part: float) -> bool:
+        return volume - (1.0 - part) * inside.volume >= LEAST_MASS * volume
+
     def is_noticed(part: float) -> bool:
         solid = verdict.outcomes.odds
         shown = solid > 0.0
@@ -53,7 +60,7 @@ def infill_odds(
         return bool(chances_noticed(odds, ROLLS, change[None])[0] > NOTICED)
 
     least = STEPS
-    while least > 0 and not is_noticed((least - 1) / STEPS):
+    while least > 0 and weighs((least - 1) / STEPS) and not is_noticed((least - 1) / STEPS):
         least -= 1
     mass, center, outcomes = printed(infill)
     shift = center - verdict.poses.center_of_mass

@@ -21,6 +21,9 @@ LARGEST_NOZZLE: Final = 2.0
 DENSEST: Final = 25.0
 """Density in g/cm3, beyond that of any metal."""
 
+THINNEST: Final = 0.05
+"""Walls in mm, thinner than any printer's."""
+
 
 @dataclass(frozen=True)
 class PrintOptions:
@@ -46,8 +49,8 @@ class PrintOptions:
     infill: float = 1.0
     """Part of the inside that is material, from 0, hollow, to 1, solid, which the odds are for."""
     walls_mm: float = 1.2
-    """Thickness of the solid walls around the infill, floor and ceiling included, above 0
-    and at most `MOST_MM`."""
+    """Thickness of the solid walls around the infill, floor and ceiling included, from
+    `THINNEST` to `MOST_MM`."""
     errors: PrintErrors | None = None
     """How far prints are from what was asked for, see `PrintErrors`; None for the printer's."""
 
@@ -70,9 +73,9 @@ class PrintOptions:
             raise InputError(
                 f"infill: expected a number from 0 to 1, got {self.infill!r}; 0.2 is 20 %"
             )
-        if not is_finite_number(self.walls_mm) or not 0.0 < self.walls_mm <= MOST_MM:
+        if not is_finite_number(self.walls_mm) or not THINNEST <= self.walls_mm <= MOST_MM:
             raise InputError(
-                f"walls_mm: expected a number above 0 and at most {MOST_MM:g}, got "
+                f"walls_mm: expected a number from {THINNEST:g} to {MOST_MM:g}, got "
                 f"{self.walls_mm!r}; two lines of a 0.4 mm nozzle are 0.8"
             )
         if self.nozzle_mm is not None:

@@ -24,7 +24,7 @@ from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
-__all__ = ["Cut", "cut_out", "engrave", "inlay", "require_fields"]
+__all__ = ["Cut", "cut_out", "cut_sections", "engrave", "inlay", "require_fields"]
 
 JOINED: Final = 0.02
 """Part of a raised label that may run into the border: facets that are moved a little afterwards
@@ -58,14 +58,31 @@ def _cuts(
     hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
 ) -> list[Cut]:
     """What all labels take away from the solid with this hull."""
+    sections = cut_sections(hull, placements, options)
+    return [_pocket(section, placement, options.depth_mm) for placement, section in sections]
+
+
+def cut_sections(
+    hull: ConvexHull,
+    placements: Sequence[Placement],
+    options: EngravingOptions,
+    joined: float = JOINED,
+) -> list[tuple[Placement, CrossSection]]:
+    """The plane sections that are cut into the facets of a solid with this hull, in mm, each in the
+    frame of the placement beside it: labels, or fields without them where labels are raised.
+
+    joined: part of a raised label that may run into the border.
+
+    Raises EngravingError where more of it does, or where strokes cannot be as wide as asked for.
+    """
     labels = [(placement, placement.section()) for placement in placements]
-    if options.style == "raised":
-        together: dict[int, list[tuple[Placement, CrossSection]]] = {}
-        for placement, section in labels:
-            facet = int(np.argmax(hull.normals @ placement.frame[:3, 2]))
-            together.setdefault(facet, []).append((placement, section))
-        labels = [_field(hull, facet, on_it, options) for facet, on_it in together.items()]
-    return [_pocket(section, placement, options.depth_mm) for placement, section in labels]
+    if options.style != "raised":
+        return labels
+    together: dict[int, list[tuple[Placement, CrossSection]]] = {}
+    for placement, section in labels:
+        facet = int(np.argmax(hull.normals @ placement.frame[:3, 2]))
+        together.setdefault(facet, []).append((placement, section))
+    return [_field(hull, facet, on_it, options, joined) for facet, on_it in together.items()]
 
 
 def _field(
@@ -73,6 +90,7 @@ def _field(
     facet: int,
     labels: Sequence[tuple[Placement, CrossSection]],
     options: EngravingOptions,
+    joined: float,
 ) -> tuple[Placement, CrossSection]:
     """A facet within its border, without its labels, in the plane of the first of them."""
     first, _ = labels[0]
@@ -87,7 +105,7 @@ def _field(
         turn = frame[:3, :2].T @ placement.frame[:3, :2]
         shift = (placement.frame[:3, 3] - frame[:3, 3]) @ frame[:3, :2]
         label = section.transform(np.column_stack([turn, shift]))
-        if (label - field).area() > JOINED * label.area():
+        if (label - field).area() > joined * label.area():
             raise EngravingError(
                 f"label {placement.where}: expected room within a border of "
                 f"{options.border_mm:g} mm, got a label that reaches into it; reduce border_mm or "

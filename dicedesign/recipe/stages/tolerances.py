@@ -89,6 +89,7 @@ def _axes(work: Work) -> Floats | None:
 def _find_infill(work: Work, options: PrintOptions, verdict: Verdict) -> None:
     from dicedesign.fabricate.print_odds.infill import inside_walls, pocket_walls
     from dicedesign.fabricate.print_odds.infill_odds import infill_odds
+    from dicedesign.fabricate.solids.engraving import cut_sections
     from dicedesign.geometry.solid import solid_properties
 
     engrave = work.recipe.engrave
@@ -97,6 +98,8 @@ def _find_infill(work: Work, options: PrintOptions, verdict: Verdict) -> None:
         unknown = "that keeps the shape of a surface"
     elif work.solid.center_of_mass is not None:
         unknown = "whose center of mass is given"
+    elif engrave is not None and engrave.balance == "opposite" and verdict is not work.plain:
+        unknown = "whose hidden hollow has walls of its own"
     if unknown is not None:
         work.notes.append(
             f"what infill does to a die {unknown} is not computed: its odds are those of 100 %"
@@ -104,7 +107,9 @@ def _find_infill(work: Work, options: PrintOptions, verdict: Verdict) -> None:
         return
     pockets = []
     if verdict is not work.plain and work.engraved is not None and engrave is not None:
-        pockets = pocket_walls(work.engraved.placements, engrave.depth_mm, options.walls_mm)
+        # Labels that were stretched along with the die may run into their borders by more.
+        cut = cut_sections(verdict.poses.hull, work.engraved.placements, engrave, joined=1.0)
+        pockets = pocket_walls(cut, engrave.depth_mm, options.walls_mm)
     assert verdict.body.triangles is not None
     volume, _ = solid_properties(verdict.body.points, verdict.body.triangles)
     inside = inside_walls(verdict.poses.hull, options.walls_mm, pockets)

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
-from common.made_up_die import box
+from common.made_up_die import SIDES, box, checked
+from common.random_points import depths, drawn, in_pocket_walls
 
+from dicedesign.fabricate.labels.edge_margins import edge_margins
 from dicedesign.fabricate.labels.layout import place_labels
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.print_odds.infill import Inside, inside_walls, pocket_walls, weighed
-from dicedesign.fabricate.solids.engraving import engrave
+from dicedesign.fabricate.print_odds.infill_odds import infill_odds
+from dicedesign.fabricate.solids.engraving import cut_sections, engrave
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.solid import solid_properties
-from dicedesign.geometry.surfaces.distances import distances_from_surface
 
 TETRAHEDRON = 10.0 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float)
 PYRAMID = np.array([[12.0, 0, 0], [0, 12, 0], [-12, 0, 0], [0, -12, 0], [3.0, 2.0, 70.0]])
@@ -22,14 +27,6 @@ def printed(hull: ConvexHull, infill: float, walls: float) -> tuple[float, np.nd
     """Mass over that of the solid body, and center of mass."""
     volume, centroid = solid_properties(hull.vertices, hull.triangles)
     return weighed(volume, centroid, inside_walls(hull, walls), infill)
-
-
-def drawn(hull: ConvexHull, count: int) -> np.ndarray:
-    """Points all over a body, at random."""
-    rng = np.random.default_rng(7)
-    points = rng.uniform(hull.vertices.min(0), hull.vertices.max(0), size=(count, 3))
-    heights = hull.heights(np.zeros(3)) - points @ hull.normals.T
-    return points[(heights >= 0.0).all(axis=1)]
 
 
 def test_a_box_within_its_walls() -> None:
@@ -64,7 +61,7 @@ def test_a_pyramid_against_points_at_random(walls: float) -> None:
     hull, infill = convex_hull(PYRAMID), 0.2
     mass, center = printed(hull, infill, walls)
     points = drawn(hull, 400_000)
-    depth = (hull.heights(np.zeros(3)) - points @ hull.normals.T).min(axis=1)
+    depth = depths(hull, points).min(axis=1)
     density = np.where(depth > walls, infill, 1.0)
     assert mass == pytest.approx(density.mean(), abs=4.0 * density.std() / np.sqrt(len(points)))
     expected = (density[:, None] * points).sum(axis=0) / density.sum()
@@ -88,32 +85,63 @@ def test_the_centroid_may_lie_within_a_wall() -> None:
     walls = float(hull.heights(hull.centroid).min()) + 0.05
     inside = inside_walls(hull, walls)
     points = drawn(hull, 400_000)
-    depth = (hull.heights(np.zeros(3)) - points @ hull.normals.T).min(axis=1)
+    depth = depths(hull, points).min(axis=1)
     part = (depth > walls).mean()
     volume = solid_properties(hull.vertices, hull.triangles)[0]
     noise = 4.0 * np.sqrt(part / len(points))
     assert inside.volume / volume == pytest.approx(part, abs=noise)
 
 
-def test_pockets_have_walls_too() -> None:
+ICON = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100">
+<path d="M 10 10 H 90 V 90 H 60 V 30 H 10 Z"/></svg>"""
+
+
+@pytest.mark.parametrize(
+    ("text", "looks"),
+    [
+        ("8", {}),
+        ("5", {"content": "pips"}),
+        ("9", {"ambiguous": "bar"}),
+        ("9", {"ambiguous": "dot"}),
+        ("a b", {}),
+        ("1", {"stroke_mm": 1.6}),
+        ("\U0001f3b2", {"icons": {"\U0001f3b2": "icon.svg"}}),
+        ("8", {"style": "raised"}),
+        ("5", {"style": "raised", "content": "pips"}),
+    ],
+    ids=["text", "pips", "bar", "dot", "lines", "strokes", "icon", "raised", "raised pips"],
+)
+def test_pockets_have_walls_too(text: str, looks: dict[str, Any], tmp_path: Path) -> None:
+    (tmp_path / "icon.svg").write_text(ICON)
+    if "icons" in looks:
+        looks = {"icons": {text: str(tmp_path / "icon.svg")}}
     hull = convex_hull(box(14.0, 15.0, 16.0))
-    options, walls = EngravingOptions(depth_mm=1.5, max_height_mm=7.0), 1.0
+    options, walls = EngravingOptions(depth_mm=1.5, max_height_mm=7.0, **looks), 0.7
     facet = int(np.argmax(hull.normals[:, 2]))
     polygon, normal = hull.polygon(facet), hull.normals[facet]
-    placements = place_labels(["8"], [polygon], [normal], [facet], options, hull.diameter)
+    margins = [edge_margins(hull, facet, options)]
+    placements = place_labels([text], [polygon], [normal], [facet], options, hull.diameter, margins)
     surface = engrave(hull.vertices, hull.triangles, placements, options)
-    inside = inside_walls(hull, walls, pocket_walls(placements, options.depth_mm, walls))
+    sections = cut_sections(hull, placements, options)
+    inside = inside_walls(hull, walls, pocket_walls(sections, options.depth_mm, walls))
     plain = inside_walls(hull, walls)
-    points = drawn(hull, 30_000)
-    points = points[np.abs(points[:, 2] - 5.0) < 2.0]
-    depth = (hull.heights(np.zeros(3)) - points @ hull.normals.T).min(axis=1)
-    deep = points[depth > walls]
-    lost = distances_from_surface(surface, deep) < walls
-    cell = 14.0 * 15.0 * 4.0 / len(points)
-    expected = cell * lost.sum()
-    assert expected > 20.0
-    # The rims of the walls below are square here, and round where distance decides.
+    points = drawn(hull, 200_000)
+    volume = 14.0 * 15.0 * 16.0 / len(points)
+    deep = points[depths(hull, points).min(axis=1) > walls]
+    lost = deep[in_pocket_walls(surface, hull, deep, options.depth_mm, walls)]
     found = plain.volume - inside.volume
-    assert found == pytest.approx(expected, rel=0.25)
-    assert found > expected - 4.0 * cell * np.sqrt(lost.sum())
-    assert inside.centroid[2] < plain.centroid[2] - 0.01
+    assert found == pytest.approx(volume * len(lost), rel=4.0 / np.sqrt(len(lost)))
+    center = (plain.volume * plain.centroid - inside.volume * inside.centroid) / found
+    error = lost.std(axis=0) / np.sqrt(len(lost))
+    np.testing.assert_array_less(np.abs(center - lost.mean(axis=0)), 4.0 * error)
+    # The noise is small beside the effect.
+    assert 4.0 / np.sqrt(len(lost)) < 0.08
+
+
+def test_least_infill_is_sought_among_prints_that_weigh_something() -> None:
+    """Walls as thin as nothing leave a center of mass that is nowhere when all inside is gone."""
+    verdict = checked(box(4.0, 5.0, 6.0)).plain
+    volume, centroid = solid_properties(verdict.body.points, verdict.body.triangles)
+    inside = Inside((1.0 - 1e-9) * volume, centroid + 1e-6)
+    found = infill_odds(verdict, SIDES, volume, inside, 0.5, 1e-9)
+    assert found.least_infill == pytest.approx(0.05)

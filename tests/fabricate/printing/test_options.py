@@ -80,10 +80,11 @@ def test_a_recipe_says_it_in_a_word_or_leaves_it_out() -> None:
     [
         ({"infill": 1.5}, "infill: expected a number from 0 to 1, got 1.5; 0.2 is 20 %"),
         ({"infill": float("nan")}, "infill: expected a number from 0 to 1, got nan"),
-        ({"walls_mm": 0.0}, "walls_mm: expected a number above 0 and at most 1000, got 0"),
+        ({"walls_mm": 0.0}, "walls_mm: expected a number from 0.05 to 1000, got 0"),
+        ({"walls_mm": 1e-9}, "walls_mm: .* from 0.05 to 1000, got 1e-09"),
         (
             {"walls_mm": float("inf")},
-            "walls_mm: .* at most 1000, got inf",
+            "walls_mm: .* to 1000, got inf",
         ),
     ],
 )

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from common.made_up_die import SIDES, box, designed
+from common.random_points import depths, drawn, in_pocket_walls
 from common.thrown import thrown
 
 from dicedesign.fabricate.print_odds.infill import inside_walls, weighed
 from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
 from dicedesign.rest.outcomes import outcome_odds
@@ -81,18 +84,55 @@ def _uniform(points: np.ndarray) -> tuple[float, np.ndarray]:
     return float(np.linalg.det(ends).sum() / 6.0), hull.centroid
 
 
-def test_labels_are_weighed_too() -> None:
-    options = {"infill": 0.1, "walls_mm": 1.0}
-    entries = {"engrave": {"depth_mm": 1.0}}
-    work = printed(box(4.0, 5.0, 6.0), options, entries=entries)
-    plain = printed(box(4.0, 5.0, 6.0), options).result().infill
-    found = work.result().infill
+@pytest.mark.parametrize("style", ["engraved", "raised"])
+def test_labels_are_weighed_too(style: str) -> None:
+    depth, walls = 1.0, 1.0
+    options = {"infill": 0.1, "walls_mm": walls}
+    entries = {"engrave": {"depth_mm": depth, "style": style, "balance": "none"}}
+    work = printed(FRUSTUM, options, entries=entries)
+    found, made = work.result().infill, work.engraved
     assert found is not None
-    assert plain is not None
+    assert made is not None
+    assert made.verdict is not None
+    surface = Surface(made.points, made.triangles)
+    hull = convex_hull(surface.points)
+    points = drawn(hull, 300_000)
+    spread = np.ptp(hull.vertices, axis=0).prod() / 300_000
+    deep = points[depths(hull, points).min(axis=1) > walls]
+    hollow = deep[~in_pocket_walls(surface, hull, deep, depth, walls)]
+    missing = 0.9 * spread * len(hollow)
+    # In the walls of labels lies a part of what is inside that is seen through the noise.
+    assert len(hollow) < 0.95 * len(deep)
+    noise = 4.0 * 0.9 * spread * np.sqrt(len(hollow))
+    assert (1.0 - found.mass) * surface.volume == pytest.approx(missing, abs=noise)
+    shift = missing * (surface.centroid - hollow.mean(axis=0)) / (surface.volume - missing)
+    error = 4.0 * missing * hollow.std(axis=0) / np.sqrt(len(hollow))
+    error /= surface.volume - missing
+    np.testing.assert_array_less(np.abs(found.shift_mm - shift), error)
+
+
+def test_the_walls_of_a_hidden_hollow_are_not_known() -> None:
+    entries = {"engrave": {"balance": "opposite"}}
+    work = printed(FRUSTUM, {"infill": 0.1}, entries=entries)
     assert work.engraved is not None
-    # Pockets take material away, and their walls bring more than that back.
-    assert found.mass > plain.mass
-    assert np.abs(found.shift_mm).max() > np.abs(plain.shift_mm).max()
+    assert work.result().infill is None
+    (told,) = [note for note in work.notes if "infill" in note]
+    assert "hidden hollow" in told
+
+
+def test_icons_of_labels_without_glyphs_are_weighed(tmp_path: Path) -> None:
+    icon = tmp_path / "icon.svg"
+    icon.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9">'
+        '<rect x="1" y="1" width="7" height="3"/></svg>'
+    )
+    odds = outcome_odds(rest_poses(FRUSTUM), SIDES).odds
+    labels = ["1", "2", "3", "4", "5", "\U0001f3b2"]
+    entries = {"engrave": {"icons": {labels[-1]: str(icon)}}}
+    target = {"probabilities": odds.tolist(), "labels": labels}
+    work = printed(FRUSTUM, {"infill": 0.1}, entries=entries, target=target)
+    assert work.engraved is not None
+    assert work.result().infill is not None
 
 
 @pytest.mark.parametrize("center", [None, np.array([0.1, 0.0, 0.05])])
