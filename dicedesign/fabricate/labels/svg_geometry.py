@@ -19,6 +19,12 @@ __all__ = ["OUTLINES", "transform"]
 LARGEST: Final = 1e6
 """Entry of a transform."""
 
+MOST_CHARACTERS: Final = 2000
+"""Of a transform, and of numbers in an arc that nothing separates."""
+
+MOST_CALLS: Final = 100
+"""In a transform."""
+
 
 def _length(element: Any, name: str, default: float = 0.0) -> float:
     text = element.get(name)
@@ -55,8 +61,20 @@ def _rectangle(element: Any) -> str:
     )
 
 
+_ARC: Final = re.compile(r"[Aa]([^MmZzLlHhVvCcSsQqTtAa]*)")
+
+
+def _path(element: Any) -> str:
+    """Path data; the time to parse arcs rises with the square of what is not separated in them."""
+    data = element.get("d") or ""
+    for arc in _ARC.finditer(data):
+        if max(map(len, re.split(r"[, \t]", arc[1]))) > MOST_CHARACTERS:
+            raise ValueError(f"an arc with more than {MOST_CHARACTERS} characters in a row")
+    return data
+
+
 OUTLINES: Final[dict[str, Callable[[Any], str]]] = {
-    "path": lambda e: e.get("d") or "",
+    "path": _path,
     "rect": _rectangle,
     "circle": lambda e: _ellipse(e, _length(e, "r"), _length(e, "r")),
     "ellipse": lambda e: _ellipse(e, _length(e, "rx"), _length(e, "ry")),
@@ -93,20 +111,30 @@ _CALL: Final = re.compile(r"(\w+)\s*\(([^()]*)\)[\s,]*")
 def transform(text: str) -> Floats:
     """Matrix (3, 3) of a transform attribute, such as "translate(3 4) rotate(30)".
 
-    Raises ValueError: it cannot be read, or has entries that are not finite or above `LARGEST`.
+    Raises ValueError: it cannot be read, has more than `MOST_CHARACTERS` or `MOST_CALLS`, or has
+    entries that are not finite or above `LARGEST`.
     """
-    matrix = np.eye(3)
-    if _CALL.sub("", text).strip():
-        raise ValueError(repr(text[:60]))
-    for name, values in _CALL.findall(text):
+    if len(text) > MOST_CHARACTERS:
+        raise ValueError(f"more than {MOST_CHARACTERS} characters")
+    text = text.strip()
+    matrix, position = np.eye(3), 0
+    for _ in range(MOST_CALLS):
+        if position == len(text):
+            return matrix
+        call = _CALL.match(text, position)
+        if call is None:
+            raise ValueError(repr(text[:60]))
         try:
-            numbers = [float(value) for value in re.split(r"[\s,]+", values.strip())]
-            step = _TRANSFORMS[name](*numbers)
+            numbers = [float(value) for value in re.split(r"[\s,]+", call[2].strip())]
+            step = _TRANSFORMS[call[1]](*numbers)
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(repr(text[:60])) from error
         _check_size(step, text)
         matrix = matrix @ step
         _check_size(matrix, text)
+        position = call.end()
+    if position < len(text):
+        raise ValueError(f"more than {MOST_CALLS} in a row")
     return matrix
 
 

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["narrowest_gap", "narrowest_stroke"]
 
@@ -17,6 +17,9 @@ PARALLEL_COSINE: Final = math.cos(math.radians(15.0))
 
 SAMPLES: Final = 24
 """Samples along the extent of a label, at least; every edge of its outline has one."""
+
+AT_A_TIME: Final = 1 << 17
+"""Pairs of a ray and an edge that are looked at at a time: they stay in the processor's memory."""
 
 NEAR: Final = 1e-9
 """Over the extent: nearer than this along a ray is where the ray begins."""
@@ -55,20 +58,35 @@ def _narrowest(contours: Sequence[Floats], side: float) -> float | None:
     edge = np.arange(len(edges)).repeat(counts)
     number = np.arange(len(edge)) - (np.cumsum(counts) - counts).repeat(counts)
     points = starts[edge] + ((number + 0.5) / counts[edge])[:, None] * edges[edge]
+    rays = np.array_split(np.arange(len(points)), len(points) * len(edges) // AT_A_TIME + 1)
+    found = [
+        _first_met(points[ray], normals[edge[ray]], starts, edges, NEAR * extent) for ray in rays
+    ]
+    widths, first = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    opposite = (normals[edge] * normals[first]).sum(axis=1) < -PARALLEL_COSINE
+    sides = np.flatnonzero(opposite & np.isfinite(widths))
+    sides = sides[np.argsort(widths[sides], kind="stable")]
+    long = np.cumsum((lengths / counts)[edge[sides]]) >= 2.0 * widths[sides]
+    return float(widths[sides[long.argmax()]]) if long.any() else None
+
+
+def _first_met(
+    points: Floats, ways: Floats, starts: Floats, edges: Floats, least: float
+) -> tuple[Floats, Integers]:
+    """(r,) how far rays from points (r, 2) in unit ways (r, 2) go to the first edge farther than
+    `least`, infinite where there is none, and (r,) the number of that edge.
+
+    starts, edges: (m, 2) where edges begin, and how far they go.
+    """
     # Ray p + t d meets edge a + s e where t = (a - p) x e / (d x e), s = (a - p) x d / (d x e).
-    d_x, d_y = (column[:, None] for column in normals[edge].T)
+    d_x, d_y = (column[:, None] for column in ways.T)
     e_x, e_y = edges.T
     a_x, a_y = (starts[:, k] - points[:, k, None] for k in range(2))
     turn = d_x * e_y - d_y * e_x
     with np.errstate(divide="ignore", invalid="ignore"):
         along = (a_x * e_y - a_y * e_x) / turn
         across = (a_x * d_y - a_y * d_x) / turn
-        met = (along > NEAR * extent) & (across >= 0.0) & (across <= 1.0)
+        met = (along > least) & (across >= 0.0) & (across <= 1.0)
     along = np.where(met, along, np.inf)
     first = along.argmin(axis=1)
-    widths = along[np.arange(len(points)), first]
-    opposite = (normals[edge] * normals[first]).sum(axis=1) < -PARALLEL_COSINE
-    sides = np.flatnonzero(opposite & np.isfinite(widths))
-    sides = sides[np.argsort(widths[sides], kind="stable")]
-    long = np.cumsum((lengths / counts)[edge[sides]]) >= 2.0 * widths[sides]
-    return float(widths[sides[long.argmax()]]) if long.any() else None
+    return along[np.arange(len(points)), first], first

@@ -123,6 +123,8 @@ BAD = [
     ("<circle r='5' transform='spin(3)'/>", "a transform such as"),
     ("<circle r='5' transform='scale(inf)'/>", "a transform such as"),
     ("<circle r='5' transform='translate(3'/>", "a transform such as"),
+    (f"<circle r='5' transform='{'scale(1)' * 240}'/>", "got more than 100 in a row"),
+    (f"<path d='M0 0A{'0' * 9000} 1 0 0 0 1 1'/>", "an outline of <path>, .* in a row"),
     ("<g>" * 150 + "<circle r='5'/>" + "</g>" * 150, "groups within each other"),
     ("<circle r='5'/>" * 1001, "at most 1000 shapes"),
     ("<circle r='5'>", "got no XML"),
@@ -135,6 +137,23 @@ def test_what_is_no_plain_picture_is_refused_by_name(
 ) -> None:
     with pytest.raises(InputError, match=f"engrave.icons: label 'x': .*{message}"):
         icon_section(written(tmp_path, content), "x")
+
+
+@pytest.mark.parametrize("text", ["a" * 10**6, "rotate(0)" + " " * 10**6 + "x", "a(" * 10**5])
+def test_long_transforms_are_refused_unread(tmp_path: Path, text: str) -> None:
+    """A search for calls in them would take minutes to hours."""
+    with pytest.raises(InputError, match=r"a transform .* got more than 2000 characters"):
+        icon_section(written(tmp_path, f'<circle r="5" transform="{text}"/>'), "x")
+
+
+def test_transforms_apply_the_last_one_first(tmp_path: Path) -> None:
+    """A hundred moves of a square, by 1 each, then a stretch of what they leave."""
+    moves = "translate(1 0)" * 99
+    still = '<rect width="1" height="9"/>'
+    content = f'{still}<rect transform="{moves} scale(2 1)" width="1" height="1"/>'
+    section = icon_section(written(tmp_path, content), "x")
+    assert section.bounds() == pytest.approx((0.0, 0.0, 101 / 9, 1.0), abs=1e-5)
+    assert section.area() == pytest.approx(11 / 81, rel=1e-6)
 
 
 def test_entities_are_neither_replaced_nor_looked_up(tmp_path: Path) -> None:

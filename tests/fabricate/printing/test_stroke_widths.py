@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from manifold3d import JoinType
@@ -37,6 +39,19 @@ def test_a_ring_is_as_wide_as_its_radii_differ() -> None:
     inscribed = np.cos(np.pi / 40)
     assert narrowest_stroke(contours) == pytest.approx(0.6 * inscribed, rel=1e-12)
     assert narrowest_gap(contours) == pytest.approx(2.8 * inscribed, rel=1e-12)
+
+
+def test_memory_is_bounded() -> None:
+    """A ring of 8,000 corners, in closed form as above, in less memory than one number for each
+    pair of them would take."""
+    contours, inscribed = [ring(2.0, 4000), ring(1.4, 4000)[::-1]], np.cos(np.pi / 4000)
+    tracemalloc.start()
+    try:
+        assert narrowest_stroke(contours) == pytest.approx(0.6 * inscribed, rel=1e-9)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 100e6 < 8 * 8000**2
 
 
 def test_turning_and_scaling_change_nothing_else() -> None:
