@@ -103,7 +103,7 @@ ICON = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100">
         ("5", {"content": "pips"}),
         ("9", {"ambiguous": "bar"}),
         ("9", {"ambiguous": "dot"}),
-        ("a b", {}),
+        ("one two", {}),
         ("1", {"stroke_mm": 1.6}),
         ("\U0001f3b2", {"icons": {"\U0001f3b2": "icon.svg"}}),
         ("8", {"style": "raised"}),
