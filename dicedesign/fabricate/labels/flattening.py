@@ -10,12 +10,22 @@ import numpy as np
 
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["CHORD_TOLERANCE", "PolylinePen"]
+__all__ = ["CHORD_TOLERANCE", "PolylinePen", "pieces_of"]
 
 CHORD_TOLERANCE: Final = 1e-3
 """Largest distance between a curve and the polyline drawn for it, in digit heights."""
 
 _Point: TypeAlias = tuple[float, float]
+
+
+def pieces_of(corners: Floats, tolerance: float) -> int:
+    """Number of chords, at equal parameters, that a curve of Bezier with control points (n, 2), n
+    from 2 to 4, is drawn with for a tolerance, above 0."""
+    degree = len(corners) - 1
+    bends = corners[:-2] - 2.0 * corners[1:-1] + corners[2:]
+    # A curve cut at n equal parameters leaves its chords by |second derivative| / 8n^2 at most.
+    turn = degree * (degree - 1) * float(np.linalg.norm(bends, axis=1).max(initial=0.0))
+    return max(1, math.ceil(math.sqrt(turn / (8.0 * tolerance))))
 
 
 class PolylinePen:
@@ -54,11 +64,7 @@ class PolylinePen:
         """All contours are closed anyway."""
 
     def _bend(self, corners: Floats) -> None:
-        degree = len(corners) - 1
-        bends = corners[:-2] - 2.0 * corners[1:-1] + corners[2:]
-        # A curve cut at n equal parameters leaves its chords by |second derivative| / 8n^2 at most.
-        turn = degree * (degree - 1) * float(np.linalg.norm(bends, axis=1).max())
-        pieces = max(1, math.ceil(math.sqrt(turn / (8.0 * self.tolerance))))
+        pieces = pieces_of(corners, self.tolerance)
         t = (np.arange(1, pieces) / pieces)[:, None]
         points: list[Floats] = [np.broadcast_to(corner, (len(t), 2)) for corner in corners]
         while len(points) > 1:  # de Casteljau

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 from typing import Any, Final, NoReturn, TypeAlias
 
@@ -16,9 +15,10 @@ import numpy as np
 from manifold3d import CrossSection
 
 from dicedesign.errors import InputError, named
-from dicedesign.fabricate.labels.flattening import CHORD_TOLERANCE, PolylinePen
+from dicedesign.fabricate.labels.flattening import CHORD_TOLERANCE, PolylinePen, pieces_of
 from dicedesign.fabricate.labels.sections import even_odd, non_zero
 from dicedesign.fabricate.labels.svg_geometry import OUTLINES, transform
+from dicedesign.fabricate.labels.svg_paint import is_zero, luminance
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import read_file
 
@@ -28,6 +28,9 @@ MOST_BYTES: Final = 1 << 20
 """Of an SVG file: 1 MiB."""
 
 MOST_SHAPES: Final = 1000
+
+MOST_CORNERS: Final = 10_000
+"""Of an icon, with curves flattened; what takes longest takes the square of it."""
 
 MOST_COORDINATE: Final = 1e6
 
@@ -49,10 +52,6 @@ OWN: Final = ("display", "opacity")
 REFUSED: Final = ("clip-path", "mask", "filter")
 """Properties that change what a shape covers."""
 
-INVISIBLE: Final = ("none", "transparent")
-
-ZERO: Final = ("0", "0%")
-
 Style: TypeAlias = dict[str, str]
 
 
@@ -68,7 +67,8 @@ def icon_section(path: str, label: str) -> CrossSection:
     Raises
     ------
     InputError: the file cannot be read, is no SVG of at most `MOST_BYTES`, has scripts, entities,
-        references, text, pictures or whatever else is neither path nor shape, or shows nothing.
+        references, text, pictures or whatever else is neither path nor shape, fills that are no
+        plain colours, more than `MOST_SHAPES` or `MOST_CORNERS`, or shows nothing.
     """
     with named(f"engrave.icons: label {label!r}"):
         data = read_file(Path(path), "an SVG file", most=MOST_BYTES)
@@ -82,10 +82,19 @@ def icon_section(path: str, label: str) -> CrossSection:
 class _Shape:
     """A path as (command, points) in the coordinates of the picture."""
 
-    def __init__(self, strokes: list[tuple[str, Floats]], style: Style) -> None:
+    def __init__(self, strokes: list[tuple[str, Floats]], *, even_odd: bool, is_dark: bool) -> None:
         self.strokes = strokes
-        self.even_odd = style.get("fill-rule") == "evenodd"
-        self.is_dark = _luminance(style.get("fill", "black")) < DARK
+        self.even_odd = even_odd
+        self.is_dark = is_dark
+
+    def corners(self, tolerance: float) -> int:
+        """How many `contours` has at most."""
+        number, before = 0, np.empty((0, 2))
+        for _, points in self.strokes:
+            bends = len(points) > 1
+            number += pieces_of(np.vstack([before, points]), tolerance) if bends else len(points)
+            before = points[-1:]
+        return number
 
     def contours(self, tolerance: float) -> list[Floats]:
         pen = PolylinePen(tolerance)
@@ -136,7 +145,7 @@ class _Reader:
             return
         own = self._style(element, name)
         style = {key: value for key, value in (style or {}).items() if key in INHERITED} | own
-        if own.get("display") == "none" or own.get("opacity") in ZERO:
+        if own.get("display") == "none" or self._is_zero(own, "opacity", name):
             return
         matrix = outer @ self._matrix(element.get("transform") or "")
         if name in ("svg", "g") and not (name == "svg" and depth):
@@ -151,17 +160,21 @@ class _Reader:
                 f"<{name}>",
                 "convert everything to paths and save it as plain SVG",
             )
-        if _hidden(style):
+        is_faint = self._is_zero(style, "fill-opacity", name)
+        if is_faint or style.get("visibility") in ("hidden", "collapse"):
             return
-        if style.get("fill") in INVISIBLE:
-            if style.get("stroke", "none") not in INVISIBLE:
+        light = self._luminance(style, "fill", "black", name)
+        if light is None:
+            if self._luminance(style, "stroke", "none", name) is not None:
                 self.refuse(
                     "filled shapes",
                     f"a stroke without a fill in <{name}>",
                     "convert strokes to paths",
                 )
             return
-        yield _Shape(self._drawn(element, name, matrix), style)
+        is_even_odd = style.get("fill-rule") == "evenodd"
+        strokes = self._drawn(element, name, matrix)
+        yield _Shape(strokes, even_odd=is_even_odd, is_dark=light < DARK)
 
     def section(self, shapes: list[_Shape]) -> CrossSection:
         """The union of the dark shapes less the light ones above them, of height 1."""
@@ -175,10 +188,12 @@ class _Reader:
         section, tolerance = CrossSection(), CHORD_TOLERANCE * extent
         for _ in range(2):
             section = CrossSection()
+            self._check_corners(sum(shape.corners(tolerance) for shape in shapes))
             for shape in shapes:
                 contours = [c / extent for c in shape.contours(tolerance)]
                 area = (even_odd if shape.even_odd else non_zero)(contours)
                 section = section + area if shape.is_dark else section - area
+            self._check_corners(section.num_vert())
             if not section.area() > 0.0:
                 self.refuse("a dark shape with an area", "none", "fill one in black")
             left, bottom, _, top = section.bounds()
@@ -208,6 +223,24 @@ class _Reader:
         known = (*INHERITED, *OWN)
         return {key: style[key] for key in known if style.get(key, "inherit") != "inherit"}
 
+    def _is_zero(self, style: Style, key: str, name: str) -> bool:
+        """Whether an opacity, 1 where there is none, is 0."""
+        try:
+            return is_zero(style.get(key, "1"))
+        except ValueError as error:
+            self.refuse(f"a number as {key} of <{name}>", str(error), "correct it")
+
+    def _luminance(self, style: Style, key: str, default: str, name: str) -> float | None:
+        """Of a fill or stroke, None where it shows nothing."""
+        try:
+            return luminance(style.get(key, default))
+        except ValueError as error:
+            self.refuse(
+                f"a plain colour such as black or #202020 as {key} of <{name}>",
+                str(error),
+                "fill it with one, or export it again",
+            )
+
     def _matrix(self, text: str) -> Floats:
         """(3, 3) of a transform attribute."""
         try:
@@ -227,6 +260,7 @@ class _Reader:
         # Of bad paths it raises what comes.
         except Exception as error:
             self.refuse(f"an outline of <{name}>", repr(error)[:80], "export it again")
+        self._check_corners(len(pen.value))
         strokes = []
         for command, points in pen.value:
             plain = np.array(points, dtype=np.float64).reshape(-1, 2)
@@ -240,18 +274,6 @@ class _Reader:
         if not (np.abs(points) < MOST_COORDINATE).all():
             self.refuse(f"coordinates below {MOST_COORDINATE:g}", "others", "scale the picture")
 
-
-def _hidden(style: Style) -> bool:
-    return style.get("visibility") in ("hidden", "collapse") or style.get("fill-opacity") in ZERO
-
-
-@cache
-def _luminance(colour: str) -> float:
-    """Of a colour of CSS, in [0, 1]; 0 where it is that of the text around or cannot be read."""
-    from PIL import ImageColor
-
-    try:
-        red, green, blue = ImageColor.getrgb(colour)[:3]
-    except ValueError:
-        return 0.0
-    return (0.2126 * red + 0.7152 * green + 0.0722 * blue) / 255.0
+    def _check_corners(self, number: int) -> None:
+        if number > MOST_CORNERS:
+            self.refuse(f"at most {MOST_CORNERS} corners", f"{number}", "simplify the paths")

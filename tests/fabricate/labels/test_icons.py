@@ -95,6 +95,44 @@ def test_an_icon_takes_the_place_of_its_label_alone(tmp_path: Path) -> None:
     assert other.section.area() == plain.section.area()
 
 
+@pytest.mark.parametrize(
+    "unseen",
+    [
+        *(f'opacity="{zero}"' for zero in ("0", "0.0", ".0", "0.00", "0%", "0.0%", "-1")),
+        'fill-opacity=".0"',
+        'style="opacity: 0.0"',
+        'fill="None"',
+        'fill="rgba(0, 0, 0, 0.0)"',
+        'fill="#0000"',
+    ],
+)
+def test_what_has_no_opacity_is_not_there(tmp_path: Path, unseen: str) -> None:
+    content = f'<rect width="10" height="10"/><rect width="99" height="20" {unseen}/>'
+    assert icon_section(written(tmp_path, content), "x").area() == pytest.approx(1.0)
+
+
+COLOURS = [
+    *((dark, 1.0) for dark in ("black", "#000", "#1a1A1a", "rgb(9,9,9)", "rgb(12.5%, 0%, 3%)")),
+    *(
+        (dark, 1.0)
+        for dark in ("currentColor", "currentcolor", "RebeccaPurple", "rgb(0 0 99 / .5)")
+    ),
+    *(
+        (light, 0.75)
+        for light in ("white", "#fff", "#EEEEEE", "rgb(255,255,255)", "rgb(99.9%,90%,80%)")
+    ),
+    *((light, 0.75) for light in ("LightGray", "rgb(300 300 300)", "rgba(255,255,255,1)")),
+]
+
+
+@pytest.mark.parametrize(("colour", "area"), COLOURS)
+def test_dark_colours_are_cut_and_light_ones_are_not(
+    tmp_path: Path, colour: str, area: float
+) -> None:
+    content = f'<rect width="10" height="10"/><rect width="5" height="5" fill="{colour}"/>'
+    assert icon_section(written(tmp_path, content), "x").area() == pytest.approx(area)
+
+
 BAD = [
     ("<script>alert(1)</script><circle r='5'/>", "no scripts"),
     ("<defs><script href='x.js'/></defs><circle r='5'/>", "no scripts"),
@@ -125,6 +163,19 @@ BAD = [
     ("<circle r='5' transform='translate(3'/>", "a transform such as"),
     (f"<circle r='5' transform='{'scale(1)' * 240}'/>", "got more than 100 in a row"),
     (f"<path d='M0 0A{'0' * 9000} 1 0 0 0 1 1'/>", "an outline of <path>, .* in a row"),
+    ("<circle r='5' fill='url(#g)'/>", r"a plain colour .* as fill of <circle>, got 'url\(#g\)'"),
+    ("<g style='fill: url(#g) black'><circle r='5'/></g>", r"got 'url\(#g\) black'"),
+    ("<circle r='5' fill='context-fill'/>", "got 'context-fill'"),
+    ("<circle r='5' fill='#12'/>", "got '#12'"),
+    ("<circle r='5' fill='rgb(1, 2)'/>", "a plain colour"),
+    ("<circle r='5' fill='rgb(1, 2, nan)'/>", "a plain colour"),
+    ("<circle r='5' opacity='some'/>", "a number as opacity of <circle>, got 'some'"),
+    ("<circle r='5' fill-opacity='nan'/>", "a number as fill-opacity of <circle>, got 'nan'"),
+    (f"<path d='M0 0L{'1 2 3 1 ' * 8000}z'/>", "at most 10000 corners, got 160[0-9]+; simplify"),
+    (
+        "<circle r='9e5' fill='white'/><circle r='9e5' fill='white'/><circle r='1'/>",
+        "at most 10000 corners, got [0-9]+; simplify",
+    ),
     ("<g>" * 150 + "<circle r='5'/>" + "</g>" * 150, "groups within each other"),
     ("<circle r='5'/>" * 1001, "at most 1000 shapes"),
     ("<circle r='5'>", "got no XML"),
