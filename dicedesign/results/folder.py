@@ -36,9 +36,15 @@ PAGE: Final = "report.html"
 DATA_SHEETS: Final = ("data_sheet.pdf", "data_sheet.png")
 """The page to print."""
 
-SOLIDS: Final = ("die.stl", "die_inlay.stl", "die_oriented.stl", "die_plain.stl")
-"""The die with its labels cut in, bodies that fill these, the die as it lies on a print bed, and
-without labels."""
+SOLIDS: Final = (
+    "die.stl",
+    "die_inlay.stl",
+    "die_oriented.stl",
+    "die_plain.stl",
+    "die_supports.stl",
+)
+"""The die with its labels cut in, bodies that fill these, the die as it lies on a print bed,
+without labels, and pillars under the one on the bed."""
 
 
 def write_results(

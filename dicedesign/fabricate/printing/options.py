@@ -46,6 +46,9 @@ class PrintOptions:
     """Density of the printed material, above 0 and at most `DENSEST`; None for the material's."""
     oriented: bool = False
     """Whether die_oriented.stl is written, which lies on the print bed as is best."""
+    supports: bool = False
+    """Whether die_supports.stl is written: pillars under what hangs over in die_oriented.stl, which
+    is written too, for a slicer that makes none."""
     infill: float = 1.0
     """Part of the inside that is material, from 0, hollow, to 1, solid, which the odds are for."""
     walls_mm: float = 1.2
