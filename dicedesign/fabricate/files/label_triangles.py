@@ -37,12 +37,11 @@ def labels_below_hull(marked: Surface, depth: float) -> Booleans:
     """
     hull = convex_hull(marked.points)
     middles = marked.points[marked.triangles].mean(axis=1)
-    offsets = hull.heights(np.zeros(3))
     below = np.empty(len(middles))
-    rows = max(1, PAIRS_AT_ONCE // len(offsets))
+    rows = max(1, PAIRS_AT_ONCE // len(hull.normals))
     for first in range(0, len(middles), rows):
         some = slice(first, first + rows)
-        below[some] = (offsets - middles[some] @ hull.normals.T).min(axis=1)
+        below[some] = hull.depths(middles[some]).min(axis=1)
     across = edge_neighbors(marked.triangles)
     one, edge = np.nonzero(across >= 0)
     part = connected_parts(one, across[one, edge], len(across))

@@ -22,7 +22,7 @@ from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.results.printability import PrintPose
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
-__all__ = ["PrintedSolid", "beds", "best_pose", "depths_in", "placement_on_bed"]
+__all__ = ["PrintedSolid", "beds", "best_pose", "placement_on_bed"]
 
 ON_BED: Final = 1e-3
 """Height in mm up to which a triangle lies on the bed: less than a hundredth of a layer."""
@@ -126,13 +126,7 @@ class PrintedSolid:
         middles = self.points[self.triangles].mean(axis=1)
         # In parts that stay in the processor's memory: rounded dice have thousands of facets.
         parts = np.array_split(middles, len(middles) // AT_A_TIME + 1)
-        return np.concatenate([depths_in(self.hull, part).min(axis=1) < SURFACE for part in parts])
-
-
-def depths_in(hull: ConvexHull, points: Floats) -> Floats:
-    """(n, m) how far points (n, 3) are below the m facets of a hull."""
-    corners = hull.vertices[hull.tail[hull.facet_start[:-1]]]
-    return np.asarray((hull.normals * corners).sum(axis=1) - points @ hull.normals.T)
+        return np.concatenate([self.hull.depths(part).min(axis=1) < SURFACE for part in parts])
 
 
 def _limit(printer: Printer) -> float:

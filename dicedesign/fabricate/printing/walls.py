@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.fabricate.printing.orientation import depths_in
 from dicedesign.geometry.hulls.hull import ConvexHull
 
 if TYPE_CHECKING:
@@ -65,7 +64,7 @@ def walls_under(
     walls = []
     for pocket in pockets:
         beneath = hull.normals @ pocket.normal < BENEATH
-        room = depths_in(hull, pocket.floor)[:, beneath]
+        room = hull.depths(pocket.floor)[:, beneath]
         wall = max(float(room.min()), 0.0) if room.size else np.inf
         near = [
             (float(np.linalg.norm(pocket.middle - other.middle)) - pocket.radius - other.radius, n)

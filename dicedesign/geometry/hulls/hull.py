@@ -187,6 +187,11 @@ class ConvexHull(kernels.Handled):
         corners = self.vertices[self.tail[self.facet_start[:-1]]]
         return ((corners - point) * self.normals).sum(-1)
 
+    def depths(self, points: Floats) -> Floats:
+        """(n, m) how far points (n, 3) are below the planes of the facets, negative above."""
+        depths: Floats = self.heights(np.zeros(3)) - points @ self.normals.T
+        return depths
+
     def polygon(self, facet: int) -> Floats:
         """(k, 3) corners of a facet, counter-clockwise seen from outside."""
         return self.vertices[self.tail[self.facet_start[facet] : self.facet_start[facet + 1]]]
