@@ -45,13 +45,10 @@ def core_of(solid: SizedDie, edges: EdgeOptions | None) -> ConvexHull:
 
 
 def place_on_facets(
-    solid: SizedDie,
-    labels: Sequence[str],
-    options: EngravingOptions,
-    edges: EdgeOptions | None = None,
+    solid: SizedDie, hull: ConvexHull, labels: Sequence[str], options: EngravingOptions
 ) -> tuple[Reading, list[Placement]]:
-    """How a die is read, and where its labels lie on its facets, within its rounded edges, in the
-    order of the places of that reading.
+    """How a die is read, and where its labels lie on the facets of its hull, or of its core
+    (`core_of`), in the order of the places of that reading.
 
     Raises EngravingError where an outcome has no facet to rest on, the die cannot be read as the
     options say, or a label does not fit.
@@ -61,7 +58,7 @@ def place_on_facets(
     from dicedesign.fabricate.labels.reading import die_readings
     from dicedesign.fabricate.solids.engraving import require_fields
 
-    hull, main = core_of(solid, edges), solid.outcomes.main
+    main = solid.outcomes.main
     require_rests(labels, main, "a facet")
     *better, last = die_readings(hull, solid.poses.facets[main], labels, options.read)
 

@@ -64,8 +64,7 @@ def hollowed(surface: Surface, center: Floats) -> Surface:
     middles = center + distances[:, None] * toward
     rooms = distances_from_surface(surface, middles) - WALL - radii
     hull = convex_hull(surface.points)
-    depths = (hull.heights(np.zeros(3)) - middles @ hull.normals.T).min(axis=1)
-    fits = (rooms >= 0.0) & (depths >= WALL + radii)
+    fits = (rooms >= 0.0) & (hull.depths(middles).min(axis=1) >= WALL + radii)
     if not fits.any():
         raise EngravingError(
             f"balance: expected room for a hollow of {size:.3g} mm4 in moment with walls of "
@@ -78,13 +77,7 @@ def hollowed(surface: Surface, center: Floats) -> Surface:
 
 @cache
 def _unit_ball() -> tuple[Floats, Integers, float]:
-    """Points, triangles and volume of a ball of radius 1 about the origin, the same seen from
-    opposite sides."""
+    """Points, triangles and volume of a ball of radius 1 with its center of mass at the origin."""
     points, triangles = mesh_of(Manifold.sphere(1.0, SEGMENTS))
-    points = 0.5 * (points - _opposite(points))
-    return points, triangles, solid_properties(points, triangles)[0]
-
-
-def _opposite(points: Floats) -> Floats:
-    """For each point that which is nearest to its opposite."""
-    return points[np.argmin(points @ points.T, axis=1)]
+    volume, center = solid_properties(points, triangles)
+    return points - center, triangles, volume

@@ -52,12 +52,14 @@ class Reshaped:
 
     Attributes
     ----------
+    surface: of the object, by which it was measured.
     core: the plain shape. placements: labels on its facets.
     directions: (k, 3) normals of the outcomes' facets.
     measured: what the object does; first: what that of the given shape does.
     errors: largest |p - q| of the objects of all rounds, the first being that of the given shape.
     """
 
+    surface: Surface
     core: ConvexHull
     placements: tuple[Placement, ...]
     directions: Floats
@@ -100,8 +102,9 @@ def reshaped(
     DiceError: the object of the given shape cannot be made or measured.
     """
     labels = tuple(placements)
-    first = measured = measure(made.balanced(core, labels), directions)
-    best = Reshaped(core, labels, directions, first, first, (_error(first, target),))
+    surface = made.balanced(core, labels)
+    first = measured = measure(surface, directions)
+    best = Reshaped(surface, core, labels, directions, first, first, (_error(first, target),))
     errors, guesses = best.errors, _Guesses(core.diameter, len(target))
     for _ in range(rounds):
         if min(errors) <= BALANCED_ODDS or (len(errors) > 2 and errors[-1] > SLOW * errors[-3]):
@@ -112,13 +115,14 @@ def reshaped(
                 break
             labels = carried(labels, core, shape.rests.hull)
             core, directions = shape.rests.hull, shape.directions
-            measured = measure(made.balanced(core, labels), directions)
+            surface = made.balanced(core, labels)
+            measured = measure(surface, directions)
         except DiceError:
             # A label that no longer fits, or an object without the rests: the best so far it is.
             break
         errors = (*errors, _error(measured, target))
         if errors[-1] == min(errors):
-            best = Reshaped(core, labels, directions, measured, first, errors)
+            best = Reshaped(surface, core, labels, directions, measured, first, errors)
     return replace(best, errors=errors)
 
 

@@ -11,7 +11,7 @@ from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["border_lines", "border_widths", "edge_margins"]
+__all__ = ["border_lines", "edge_margins"]
 
 WALL: Final = 0.5
 """Distance along the facet, over the least one, that a pocket keeps from the plane which halves the
@@ -30,14 +30,11 @@ def edge_margins(hull: ConvexHull, facet: int, options: EngravingOptions) -> Flo
 
     hull: the die in mm; options: style, depth, margin and border.
     """
+    edges = slice(int(hull.facet_start[facet]), int(hull.facet_start[facet + 1]))
+    cosines = hull.normals[hull.facet[hull.twin[edges]]] @ hull.normals[facet]
     if options.style == "raised":
-        return border_widths(hull, facet, options) + options.margin_mm
-    return _distances(hull, facet, options.depth_mm, options.margin_mm)
-
-
-def border_widths(hull: ConvexHull, facet: int, options: EngravingOptions) -> Floats:
-    """Widths (m,) in mm of the border of a sunk field along the edges of a facet."""
-    return _distances(hull, facet, options.depth_mm, options.border_mm)
+        return _walls(cosines, options.depth_mm, options.border_mm) + options.margin_mm
+    return _walls(cosines, options.depth_mm, options.margin_mm)
 
 
 def border_lines(
@@ -57,13 +54,6 @@ def border_lines(
     widths = _walls(cosines[meets], options.depth_mm, options.border_mm)
     distances = widths - heights[meets] / sines[meets]
     return distances.tolist(), list(flat[meets] / sines[meets, None])
-
-
-def _distances(hull: ConvexHull, facet: int, depth: float, least: float) -> Floats:
-    """Distances (m,) that pockets of a depth keep from the edges of a facet."""
-    edges = slice(int(hull.facet_start[facet]), int(hull.facet_start[facet + 1]))
-    cosines = hull.normals[hull.facet[hull.twin[edges]]] @ hull.normals[facet]
-    return _walls(cosines, depth, least)
 
 
 def _walls(cosines: Floats, depth: float, least: float) -> Floats:

@@ -4,6 +4,7 @@ its file."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -83,10 +84,11 @@ def _make_convex(work: Work) -> None:
     from dicedesign.results.balance import Balance
 
     options, edges, solid = work.recipe.engrave, work.recipe.edges, work.solid
+    core = core_of(solid, edges)
     placements: list[Placement] = []
     if options is not None:
-        work.reading, placements = place_on_facets(solid, work.target.labels, options, edges)
-    made, core = ConvexObject(options, edges), core_of(solid, edges)
+        work.reading, placements = place_on_facets(solid, core, work.target.labels, options)
+    made = ConvexObject(options, edges)
     if solid.center_of_mass is not None:
         _finish(work, made.engraved(core, placements), made.placed(placements), core=core)
         return
@@ -100,14 +102,15 @@ def _make_convex(work: Work) -> None:
     work.details["balance"] = Balance(
         by, tuple(end.first.odds.tolist()), end.errors, largest_move(core, end.core)
     )
-    surface, placed = made.engraved(end.core, end.placements), made.placed(end.placements)
+    placed, is_filled = made.placed(end.placements), by == "fill"
+    surface = made.engraved(end.core, end.placements) if is_filled else end.surface
     is_left = min(end.errors) > LEFT and len(target) <= MET_BY_STRETCH
-    if rounds and is_left and not work.recipe.method.thrown and by != "fill":
+    if rounds and is_left and not work.recipe.method.thrown and not is_filled:
         # Symmetric shapes whose corners fall apart when single facets move, and those with several
         # facets an outcome.
         _finish_stretched(work, surface, placed, by, end.core)
         return
-    inlay = made.inlay(end.core, end.placements) if by == "fill" else None
+    inlay = made.inlay(end.core, end.placements) if is_filled else None
     _finish(work, surface, placed, end.measured.center_of_mass, inlay, end.core)
 
 
@@ -165,17 +168,15 @@ def _finish_stretched(
     center = surface.centroid
     surface = surface.moved(surface.points - center)
     end = stretched(surface, work.die.directions, work.target.probabilities)
-    before = work.details.get("balance")
+    alone = Balance(by, tuple(end.unbalanced.tolist()), end.errors[:1], 0.0)
+    before = work.details.get("balance", alone)
     scales = np.linalg.eigvalsh(end.matrix)
     moved = float(np.linalg.norm(end.surface.points - surface.points, axis=1).max())
-    if before is None:
-        before = Balance(by, tuple(end.unbalanced.tolist()), (), 0.0)
-    work.details["balance"] = Balance(
-        by,
-        before.unbalanced,
-        (*(before.errors or end.errors[:1]), end.errors[-1]),
-        before.moved_mm + moved,
-        float(scales[-1] / scales[0] - 1.0),
+    work.details["balance"] = replace(
+        before,
+        errors=(*before.errors, end.errors[1]),
+        moved_mm=before.moved_mm + moved,
+        stretch=float(scales[-1] / scales[0] - 1.0),
     )
     placements = [placement.moved(-center).stretched(end.matrix) for placement in placements]
     if core is not None:
@@ -207,14 +208,13 @@ def _finish(
         placements = [placement.moved(-center) for placement in placements]
         inlay = None if inlay is None else inlay.moved(inlay.points - center)
         core = None if core is None else convex_hull(core.vertices - center)
-    work.files["die.stl"] = stl_bytes(surface.points, surface.triangles)
-    whole = surface
+    data = work.files["die.stl"] = stl_bytes(surface.points, surface.triangles)
     if inlay is not None:
         work.files["die_inlay.stl"] = stl_bytes(inlay.points, inlay.triangles)
         whole = joined(surface, inlay)
+        data = stl_bytes(whole.points, whole.triangles)
     verdict = None
     if work.solid.center_of_mass is None:
-        data = stl_bytes(whole.points, whole.triangles)
         verdict = judged(data, work.die.directions, work.target)
         work.details |= verdict.odds("engraved_")
         work.notes += _changes(work, verdict.outcomes.odds)

@@ -20,13 +20,14 @@ def enlarge(work: Work) -> None:
     """Take the smallest whole number of millimetres at which the labels fit, if the recipe's size
     is too small for them; the recipe that is written says so."""
     from dicedesign.fabricate.designed_die import sized
-    from dicedesign.fabricate.labelled_facets import place_on_facets
+    from dicedesign.fabricate.labelled_facets import core_of, place_on_facets
 
     recipe = work.recipe
     assert recipe.engrave is not None
     try:
         solid = sized(work.die, recipe.size_mm)
-        place_on_facets(solid, work.target.labels, recipe.engrave, recipe.edges)
+        core = core_of(solid, recipe.edges)
+        place_on_facets(solid, core, work.target.labels, recipe.engrave)
     except LabelRoomError as error:
         if error.size_mm > MOST_MM:
             return

@@ -29,7 +29,8 @@ def sized_work(
 def fits(work: Work, size_mm: float) -> bool:
     assert work.recipe.engrave is not None
     try:
-        place_on_facets(sized(work.die, size_mm), work.target.labels, work.recipe.engrave)
+        solid = sized(work.die, size_mm)
+        place_on_facets(solid, solid.poses.hull, work.target.labels, work.recipe.engrave)
     except EngravingError:
         return False
     return True
