@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from dicedesign.concave.result import ConcaveProgress, ConcaveStep, FilledHull
+from dicedesign.concave.result import AttemptResult, ConcaveProgress, ConcaveStep, FilledHull
 from dicedesign.errors import InputError
 from dicedesign.runtime import checkpoint
 from dicedesign.runtime.checkpoint import Arrays
@@ -28,6 +28,7 @@ def checkpoint_bytes(progress: ConcaveProgress, search: Mapping[str, str]) -> by
         "attempts": progress.attempts,
         "seconds": progress.seconds,
         "best": None,
+        "tried": [asdict(attempt) for attempt in progress.tried],
         "history": [asdict(step) for step in progress.history],
     }
     arrays = {}
@@ -70,5 +71,6 @@ def _progress(state: dict[str, Any], arrays: Arrays) -> ConcaveProgress:
         attempts=state["attempts"],
         seconds=state["seconds"],
         best=best,
+        tried=tuple(AttemptResult(**attempt) for attempt in state["tried"]),
         history=tuple(ConcaveStep(**step) for step in state["history"]),
     )

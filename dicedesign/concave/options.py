@@ -31,6 +31,10 @@ class ConcaveOptions:
     fill: how the surface is made to fill it: "correspondence", or "paper": by quadratic programs
         and a correction of the center of mass.
     paper: options of "paper" above, or None for the defaults.
+    apart_deg: least angle wanted between two outcomes' rests, in degrees; not negative and below
+        180.
+    margin_deg: least angle wanted by which the die must be tipped to leave an outcome, in degrees;
+        not negative and below 90.
     points: about as many the surface is decimated or refined to first; None to leave it.
     attempts: most ways to a hull that are tried, at least 1; the best is kept.
     displacement: mean displacement over the diagonal from which on no better one is sought,
@@ -47,6 +51,8 @@ class ConcaveOptions:
     hull: Literal["gauss_newton", "paper"] = "gauss_newton"
     fill: Literal["correspondence", "paper"] = "correspondence"
     paper: ConcavePaperOptions | None = None
+    apart_deg: float = 45.0
+    margin_deg: float = 10.0
     points: int | None = None
     attempts: int = 40
     displacement: float = 0.05
@@ -61,6 +67,15 @@ class ConcaveOptions:
             )
         require_choice("hull", self.hull, "gauss_newton", "paper")
         require_choice("fill", self.fill, "correspondence", "paper")
+        for angle, degrees, limit, default in (
+            ("apart_deg", self.apart_deg, 180.0, 45),
+            ("margin_deg", self.margin_deg, 90.0, 10),
+        ):
+            if not 0.0 <= degrees < limit:
+                raise InputError(
+                    f"{angle}: expected degrees from 0 to below {limit:g}, got {degrees:g}; leave "
+                    f"it out for {default}"
+                )
         if self.paper is not None and "paper" not in (self.hull, self.fill):
             raise InputError(
                 f"paper: expected hull: paper or fill: paper with it, got {self.hull} and "

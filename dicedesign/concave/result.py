@@ -8,7 +8,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["ConcaveDie", "ConcaveProgress", "ConcaveStep", "FilledHull"]
+__all__ = ["AttemptResult", "ConcaveDie", "ConcaveProgress", "ConcaveStep", "FilledHull"]
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,29 @@ class ConcaveStep:
     error: float | None
 
 
+@dataclass(frozen=True)
+class AttemptResult:
+    """What an attempt led to, in numbers.
+
+    Attributes
+    ----------
+    attempt: its number, from 1 on. seconds: it took, on the wall.
+    error: largest of |p - q| over the outcomes and the odds of all other rests together.
+    displacement: mean over the points, over the diagonal of the original.
+    apart: least angle between two outcomes' rests, in degrees.
+    margin: least angle by which it must be tipped to leave an outcome, in degrees.
+    intersections: pairs of triangles that meet and should not.
+    """
+
+    attempt: int
+    seconds: float
+    error: float
+    displacement: float
+    apart: float
+    margin: float
+    intersections: int
+
+
 @dataclass(frozen=True, eq=False)
 class FilledHull:
     """A surface that fills a designed hull.
@@ -44,6 +67,7 @@ class FilledHull:
     error: largest of |p - q| over the clusters and the odds of all other rests together.
     gap: largest distance of a corner of the hull from the surface, over the diagonal.
     displacement: mean over the points, over the diagonal of the original.
+    apart, margin: in degrees, see `AttemptResult`.
     intersections: pairs of triangles that meet and should not.
     """
 
@@ -54,6 +78,8 @@ class FilledHull:
     error: float
     gap: float
     displacement: float
+    apart: float
+    margin: float
     intersections: int
 
 
@@ -66,12 +92,14 @@ class ConcaveProgress:
     attempts: how many are done.
     seconds: spent on them.
     best: the best so far, or None.
+    tried: what each attempt led to that led anywhere.
     history: steps of the best attempt, or of the last where none led anywhere.
     """
 
     attempts: int
     seconds: float
     best: FilledHull | None
+    tried: tuple[AttemptResult, ...]
     history: tuple[ConcaveStep, ...]
 
 

@@ -19,7 +19,13 @@ from dicedesign.concave.hull.outcome_directions import drawn_choice, outcome_cho
 from dicedesign.concave.hull.problem import DesignedHull, HullProblem
 from dicedesign.concave.hull.slopes import SlopeOptions
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.concave.result import ConcaveDie, ConcaveProgress, ConcaveStep, FilledHull
+from dicedesign.concave.result import (
+    AttemptResult,
+    ConcaveDie,
+    ConcaveProgress,
+    ConcaveStep,
+    FilledHull,
+)
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.procrustes import best_similarity
@@ -27,7 +33,7 @@ from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.distances import distances_from_surface
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_margins, outcome_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
 
@@ -93,7 +99,7 @@ def make_concave_die(
     InputError: more outcomes than the hull can carry; a fill needs a package that is missing.
     """
     search = _Search(surface, target, options, seed, on_step)
-    progress = search.attempted(resume or ConcaveProgress(0, 0.0, None, ()), on_attempt)
+    progress = search.attempted(resume or ConcaveProgress(0, 0.0, None, (), ()), on_attempt)
     return search.die(progress)
 
 
@@ -124,14 +130,17 @@ class _Search:
         self.started -= progress.seconds
         choices = outcome_choices(self.problem.hull, self.target)
         while progress.attempts < self.options.attempts and not self.good_enough(progress):
-            number = progress.attempts + 1
+            number, begun = progress.attempts + 1, self.seconds
             self.steps = []
             best = progress.best
             filled = self.attempt(number, choices, best)
             history = tuple(self.steps) if best is None else progress.history
+            tried = progress.tried
+            if filled is not None:
+                tried += (_told(filled, self.seconds - begun),)
             if filled is not None and (best is None or self.rank(filled) < self.rank(best)):
                 best, history = filled, tuple(self.steps)
-            progress = ConcaveProgress(number, self.seconds, best, history)
+            progress = ConcaveProgress(number, self.seconds, best, tried, history)
             if on_attempt is not None:
                 on_attempt(progress)
         return progress
@@ -254,7 +263,8 @@ class _Search:
         poses = analyse(reached, rounded.centroid, "uniform solid")
         directions = design.directions @ back.rotation.T
         wanted = back(design.hull.vertices)
-        error = outcome_odds(poses, directions).error(self.target)
+        outcomes = outcome_odds(poses, directions)
+        error = outcomes.error(self.target)
         self.record(number, "fill", filled.energy, error)
         return FilledHull(
             attempt=number,
@@ -264,6 +274,8 @@ class _Search:
             error=error,
             gap=float(distances_from_surface(solid, wanted).max()) / unit.diagonal,
             displacement=float(norms(solid.points - unit.points).mean() / unit.diagonal),
+            apart=float(np.degrees(outcomes.least_angle)),
+            margin=float(np.degrees(outcome_margins(poses, outcomes).min())),
             intersections=len(intersecting_triangles(solid.points, unit.triangles)),
         )
 
@@ -290,3 +302,16 @@ class _Search:
             (len(self.problem.hull.vertices), len(best.hull_points)),
             progress,
         )
+
+
+def _told(filled: FilledHull, seconds: float) -> AttemptResult:
+    """A filled hull in numbers."""
+    return AttemptResult(
+        filled.attempt,
+        seconds,
+        filled.error,
+        filled.displacement,
+        filled.apart,
+        filled.margin,
+        filled.intersections,
+    )

@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.concave.result import ConcaveDie, ConcaveProgress, ConcaveStep, FilledHull
+from dicedesign.concave.result import (
+    AttemptResult,
+    ConcaveDie,
+    ConcaveProgress,
+    ConcaveStep,
+    FilledHull,
+)
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
 
@@ -58,7 +64,7 @@ class MadeUpSearch:
         on_step: Callable[[ConcaveStep], None] | None = None,
         on_attempt: Callable[[ConcaveProgress], None] | None = None,
     ) -> ConcaveDie:
-        progress = resume or ConcaveProgress(0, 0.0, None, ())
+        progress = resume or ConcaveProgress(0, 0.0, None, (), ())
         for attempt in range(progress.attempts + 1, min(options.attempts, 3) + 1):
             self.attempted.append(attempt)
             history = (
@@ -77,10 +83,17 @@ class MadeUpSearch:
                 error=0.0,
                 gap=0.0,
                 displacement=0.01 * attempt,
+                apart=90.0,
+                margin=45.0,
                 intersections=0,
             )
+            tried = AttemptResult(attempt, 0.6, 0.0, best.displacement, 90.0, 45.0, 0)
             progress = ConcaveProgress(
-                attempt, 0.6 * attempt, None if self.leads_nowhere else best, history
+                attempt,
+                0.6 * attempt,
+                None if self.leads_nowhere else best,
+                () if self.leads_nowhere else (*progress.tried, tried),
+                history,
             )
             if on_attempt is not None:
                 on_attempt(progress)

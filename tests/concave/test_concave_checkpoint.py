@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dicedesign.concave.checkpoint import checkpoint_bytes, read_checkpoint
-from dicedesign.concave.result import ConcaveProgress, ConcaveStep, FilledHull
+from dicedesign.concave.result import AttemptResult, ConcaveProgress, ConcaveStep, FilledHull
 from dicedesign.errors import InputError
 
 SEARCH = {"target": "[0.5, 0.5]", "surface": "abc"}
@@ -24,10 +24,15 @@ def progress(with_best: bool) -> ConcaveProgress:
         error=1e-300,
         gap=np.pi * 1e-7,
         displacement=0.1 + 0.2,
+        apart=100.0 / 3.0,
+        margin=1.0 / 7.0,
         intersections=7,
     )
     steps = (ConcaveStep(3, "hull", 0.1, 1.0 / 3.0, 0.25), ConcaveStep(3, "fill", 0.2, 0.0, None))
-    return ConcaveProgress(5, 12.7, best if with_best else None, steps)
+    tried = AttemptResult(3, 0.1, 1e-300, 0.1 + 0.2, 100.0 / 3.0, 1.0 / 7.0, 7)
+    return ConcaveProgress(
+        5, 12.7, best if with_best else None, (tried,) if with_best else (), steps
+    )
 
 
 @pytest.mark.parametrize("with_best", [True, False])
@@ -36,6 +41,7 @@ def test_everything_comes_back_to_the_last_bit(with_best: bool, tmp_path: Path) 
     path.write_bytes(checkpoint_bytes(given, SEARCH))
     found = read_checkpoint(path, SEARCH)
     assert (found.attempts, found.seconds, found.history) == (5, 12.7, given.history)
+    assert found.tried == given.tried
     assert (found.best is not None) == with_best
     if given.best is not None:
         for name, value in vars(given.best).items():
