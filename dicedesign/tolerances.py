@@ -22,6 +22,7 @@ __all__ = [
     "ENGRAVED_VOLUME_TOLERANCE",
     "EQUAL_LIKELIHOOD",
     "EQUAL_ODDS",
+    "FILE_ANGLE",
     "FILE_ODDS",
     "FILLED_GAP",
     "FLATNESS_TOLERANCE",
@@ -126,6 +127,10 @@ keeps to it."""
 ENGRAVED_VOLUME_TOLERANCE: Final = 1e-4
 """The volume that engraving takes away must be that of the labels within this part of it: the
 unevenness of a facet with float32 corners over the depth of a pocket."""
+
+FILE_ANGLE: Final = math.radians(0.05)
+"""Angles between rests, and from rests to saddles, may fall short of what is wanted by this, in
+radians, where coordinates are rounded to the single precision of an STL file."""
 
 FILE_ODDS: Final = 1e-6
 """Odds may change by this, and the die's tolerance be exceeded up to it, where coordinates are

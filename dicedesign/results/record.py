@@ -20,6 +20,7 @@ from dicedesign.results.print_odds import InfillOdds, PrintTolerances
 from dicedesign.results.printability import Printability
 from dicedesign.results.status import Status
 from dicedesign.results.throws import ThrownOdds
+from dicedesign.results.trade_off import TradeOff
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text
 
@@ -167,7 +168,8 @@ class Result:
         die, how far its points were moved, its hull, its size, defects and distortion as sentences
         and as numbers, and the pairs of triangles of its file that meet and should not.
     attempts, search_seconds, attempt: of the search for a concave die, over all sessions, the
-        seconds not without a clock, and the number of the attempt that led to this one.
+        seconds not without a clock, and the number of the attempt that led to this one; None where
+        none did. trade_off: what each led to, and what was wanted.
     thrown: what the die does on the recipe's table.
     printability: how it is printed, and what its printer will not make.
     tolerances: how far the odds of prints are from those of the file. infill: odds with the
@@ -219,6 +221,7 @@ class Result:
     attempts: int | None = None
     search_seconds: float | None = None
     attempt: int | None = None
+    trade_off: TradeOff | None = None
     thrown: ThrownOdds | None = None
     printability: Printability | None = None
     tolerances: PrintTolerances | None = None
@@ -258,8 +261,14 @@ class Result:
         """The same without what a clock or the system's memory told: runs that found out the same
         are equal then."""
         history = tuple(dataclasses.replace(step, seconds=None) for step in self.history)
+        trade_off = None if self.trade_off is None else self.trade_off.without_clock()
         return dataclasses.replace(
-            self, history=history, search_seconds=None, stages=(), peak_since="start"
+            self,
+            history=history,
+            search_seconds=None,
+            trade_off=trade_off,
+            stages=(),
+            peak_since="start",
         )
 
     def json_text(self) -> str:

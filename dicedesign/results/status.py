@@ -15,6 +15,8 @@ class Status(Enum):
     STRAY = "the die also rests elsewhere, more often than the tolerance"
     CROWDED = "two outcomes are nearer than 5 degrees to each other, which is one to the eye"
     UNSTEADY = "an outcome is left at a nudge"
+    TOO_NEAR = "two outcomes are nearer to each other than method.concave.apart_deg"
+    TIPPY = "an outcome is left when the die is tipped by less than method.concave.margin_deg"
     LOOSE = "the surface does not fill the designed hull"
     SELF_INTERSECTING = "the surface meets itself"
     OPEN = "the surface is not closed, as rounded to the single precision of its file"
@@ -32,6 +34,7 @@ class Status(Enum):
         "none of the starting shapes led there; try another seed, or allow more with "
         "method.exact.starts"
     )
+    UNCHANGED = "no attempt led to a die: this is the surface as it came"
     NO_PROGRESS = "no step lowers the energy any further; try another start, assignment or seed"
     NO_GRADIENT = (
         "the energy has no finite gradient at this shape, which balances exactly; raise the "

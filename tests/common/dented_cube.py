@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from dicedesign.concave.result import (
     ConcaveStep,
     FilledHull,
 )
+from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
 
@@ -99,7 +99,8 @@ class MadeUpSearch:
                 on_attempt(progress)
             if attempt == self.interrupt_after:
                 raise KeyboardInterrupt
-        best_found: Any = progress.best
-        after = surface.moved(best_found.points)
-        hull = convex_hull(best_found.hull_points)
-        return ConcaveDie(surface, after, hull, best_found.directions, (8, 8), progress)
+        if progress.best is None:
+            raise NoStartError("start: expected a surface that leads to the target, got a cube")
+        after = surface.moved(progress.best.points)
+        hull = convex_hull(progress.best.hull_points)
+        return ConcaveDie(surface, after, hull, progress.best.directions, (8, 8), progress)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -157,6 +158,27 @@ def test_rests_that_are_no_outcome_are_told(
     check(result.folder)
 
 
+@pytest.mark.parametrize("target", ["{fair: 6}", "{fair: 5}", "{fair: 9}"])
+def test_a_search_that_leads_nowhere_leaves_the_surface_as_it_came(
+    target: str, recipe_path: Path, tmp_path: Path, search: MadeUpSearch
+) -> None:
+    """With all pictures, though the target has as many outcomes as the cube sides, fewer or
+    more."""
+    search.leads_nowhere = True
+    result = run(recipe_path, tmp_path / "out", f"target={target}", "engrave=true")
+    assert result.status == "unchanged"
+    assert "method.concave.tolerance" not in result.message
+    summary = check(result.folder)
+    assert summary["attempts"] == 3
+    assert "attempt" not in summary
+    assert summary["displacement"] == {"mean": 0.0, "largest": 0.0}
+    assert summary["probabilities"] == pytest.approx(summary["probabilities_before"], abs=1e-7)
+    count = len(summary["labels"])
+    assert summary["rest_counts"] == [1] * min(count, 6) + [0] * (count - 6)
+    assert summary["elsewhere"] == pytest.approx(max(6 - count, 0) / 6, abs=1e-6)
+    assert ("die" in summary["files"]) == (count <= 6)
+
+
 def test_a_surface_that_meets_itself_did_not_converge(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
 ) -> None:
@@ -259,7 +281,7 @@ def test_an_interrupted_search_goes_on_and_ends_as_if_it_had_not_been(
     folder = tmp_path / "out"
     for done in (1, 2):
         search.interrupt_after = done
-        with pytest.raises(KeyboardInterrupt, match=rf"^{done} attempts? done, the best is off by"):
+        with pytest.raises(KeyboardInterrupt, match=rf"^{done} of 40 .* --resume"):
             run(recipe_path, folder, resume=done > 1)
         assert names(folder) == ["checkpoint.npz"]
     search.interrupt_after = None
@@ -331,7 +353,7 @@ def test_an_interrupt_while_a_checkpoint_is_written_keeps_the_one_before(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(concave, "atomic_write", interrupted)
-    with pytest.raises(KeyboardInterrupt, match=r"^1 attempt done"):
+    with pytest.raises(KeyboardInterrupt, match=r"^1 of 40 "):
         run(recipe_path, folder)
     assert names(folder) == ["checkpoint.npz"]
     with np.load(io.BytesIO((folder / "checkpoint.npz").read_bytes())) as content:
@@ -356,7 +378,7 @@ def test_an_interrupt_while_results_are_written_keeps_the_search(
         files.atomic_write(path, data)
 
     monkeypatch.setattr(results, "atomic_write", interrupted)
-    with pytest.raises(KeyboardInterrupt, match=r"^3 attempts done"):
+    with pytest.raises(KeyboardInterrupt, match=r"^3 of 40 "):
         run(recipe_path, folder)
     assert "result.json" not in names(folder)
     monkeypatch.setattr(results, "atomic_write", files.atomic_write)
@@ -425,6 +447,15 @@ def test_the_command_line_prints_the_odds_and_what_was_moved(
     search.change = lambda points: points * [1.0, 1.1, 1.25]
     assert main(["run", str(recipe_path), "--out", out]) == 1
     assert capsys.readouterr().out.startswith("cube: off_target (")
+    search.leads_nowhere = True
+    assert main(["run", str(recipe_path), "--out", out]) == 1
+    assert capsys.readouterr().out.startswith("cube: unchanged (")
+    search.leads_nowhere, search.change = False, lambda points: points
+    for option in ("apart_deg=91", "margin_deg=46"):
+        assert (
+            main(["run", str(recipe_path), "--set", f"method.concave.{option}", "--out", out]) == 1
+        )
+        assert option.split("=")[0] in capsys.readouterr().out
 
 
 def test_an_interrupt_is_one_line_that_says_how_to_go_on(
@@ -438,14 +469,11 @@ def test_an_interrupt_is_one_line_that_says_how_to_go_on(
     search.interrupt_after = 2
     assert main(arguments) == 130
     captured = capsys.readouterr()
-    assert (captured.out, captured.err) == (
-        "",
-        "dicedesign: interrupted; 2 attempts done, the best is off by 0.00e+00, its mean "
-        "displacement 2 % of the diagonal; run it again with --resume to go on\n",
-    )
+    assert captured.out == ""
+    assert re.fullmatch(r"dicedesign: interrupted; 2 of 40 .* 2 %.*--resume.*\n", captured.err)
     search.leads_nowhere = True
     assert main(arguments) == 130
-    assert "; 2 attempts done, none led to a die yet; run it" in capsys.readouterr().err
+    assert re.search(r"; 2 of 40 .* none .*--resume", capsys.readouterr().err)
     search.leads_nowhere = False
     search.interrupt_after = None
     assert main([*arguments, "--resume"]) == 0
@@ -505,7 +533,8 @@ def test_a_knot_becomes_a_loaded_die_killed_or_not(tmp_path: Path, quick: None) 
     path = tmp_path / "knot.yaml"
     path.write_text(
         "name: knot\nseed: 2\ntarget: {probabilities: [0.5, 0.3, 0.2]}\nstart: {shape: knot}\n"
-        "method: {concave: {points: 300, attempts: 5, displacement: 1e-3, seconds: 600}}\n"
+        "method: {concave: {points: 300, attempts: 5, displacement: 1e-3, seconds: 600, "
+        "apart_deg: 20, margin_deg: 1}}\n"
     )
     whole, parts, steps = tmp_path / "whole", tmp_path / "parts", []
     result = pipeline.run(path, whole, listeners=Listeners(on_step=steps.append))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ import pytest
 from dicedesign.errors import InputError
 from dicedesign.results.reading import read_result
 from dicedesign.results.record import FacetOfDie, Result, StageTime, Step
+from dicedesign.results.status import Status
 from dicedesign.results.throws import SimulatedThrows, ThrownOdds
+from dicedesign.results.trade_off import Draft, TradeOff
 
 
 def facet(label: str | None, outcome: str | None, normal: tuple[float, ...]) -> FacetOfDie:
@@ -46,6 +49,7 @@ RESULT = Result(
         Step(1, 0.5, 0.0, None, stage="hull", attempt=2),
     ),
     notes=("reversed 1 triangles",),
+    trade_off=TradeOff(0.005, 45.0, 10.0, (Draft(2, 1.5, 0.001, 0.02, 50.0, 12.0, 3),)),
     thrown=ThrownOdds(
         {"name": "carpet", "friction": 0.2},
         (0.3, 0.7),
@@ -82,6 +86,30 @@ def test_what_is_not_known_has_no_key() -> None:
     assert not keys & {"engraved_probabilities", "displacement", "energy", "folder"}
     # Of a facet "nothing" is an answer.
     assert plain()["facets"][3]["label"] is None
+
+
+def test_a_draft_lacks_what_it_misses_by_more_than_a_file_s_rounding() -> None:
+    wanted = TradeOff(0.005, 45.0, 10.0, ())
+    good = Draft(1, None, 0.005, 0.02, 45.0, 10.0, 0)
+    assert list(wanted.flaws(good)) == []
+    assert list(wanted.flaws(replace(good, apart_deg=44.99, margin_deg=9.99))) == []
+    for change, flaw in (
+        ({"error": 0.0051}, Status.OFF_TARGET),
+        ({"self_intersections": 1}, Status.SELF_INTERSECTING),
+        ({"apart_deg": 44.9}, Status.TOO_NEAR),
+        ({"margin_deg": 9.9}, Status.TIPPY),
+    ):
+        assert list(wanted.flaws(replace(good, **change))) == [flaw]
+    assert len(list(wanted.flaws(Draft(1, None, 0.5, 0.0, 0.0, 0.0, 9)))) == 4
+
+
+def test_without_a_clock_there_are_no_times() -> None:
+    result = RESULT.without_clock()
+    assert result.trade_off is not None
+    assert [draft.seconds for draft in result.trade_off.drafts] == [None]
+    slower = replace(RESULT, stages=(StageTime("start", 9.0, None),))
+    assert slower != RESULT
+    assert slower.without_clock() == result
 
 
 def test_every_facet_of_an_outcome_shows_it() -> None:

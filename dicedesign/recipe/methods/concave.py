@@ -8,19 +8,29 @@ from dataclasses import asdict
 from itertools import count
 from typing import Final
 
+import numpy as np
+
 from dicedesign.concave.checkpoint import checkpoint_bytes, read_checkpoint
 from dicedesign.concave.fill.paper_options import HullWeights
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.concave.result import ConcaveProgress, ConcaveStep
+from dicedesign.concave.result import ConcaveDie, ConcaveProgress, ConcaveStep
 from dicedesign.concave.search import make_concave_die
+from dicedesign.errors import NoStartError
 from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.sphere import angle_between
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import CHECKPOINT
 from dicedesign.results.record import Step
 from dicedesign.results.status import Status
+from dicedesign.results.trade_off import Draft, TradeOff
+from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import atomic_write
+from dicedesign.tolerances import SAME_REST_ANGLE
 
 __all__ = ["concave_options", "design"]
 
@@ -29,53 +39,60 @@ _LIMITS: Final = ("displacement", "attempts", "enough", "seconds")
 
 
 def design(work: Work) -> DesignedDie:
-    """The die of a recipe, from its surface.
+    """The die of a recipe, from its surface: the best of all attempts, be it as wanted or not, and
+    the surface as it came where none led to any.
 
     Where results go to a folder, the state of the search is kept there after each attempt as
     `CHECKPOINT`.
 
     Raises
     ------
-    InputError: the surface does not suit the target, no attempt led to a die, or there is no
-        checkpoint of the same search to resume.
+    InputError: the surface does not suit the target, or there is no checkpoint of the same search
+        to resume.
     """
     recipe, surface, options = work.recipe, work.surface, concave_options(work.recipe)
     assert surface is not None
     search = _search_identity(recipe, surface)
     path = None if work.folder is None else work.folder / CHECKPOINT
-    progress = None
+    progress = ConcaveProgress(0, 0.0, None, (), ())
     if work.resume and path is not None:
         progress = read_checkpoint(path, search)
-    if progress is not None:
-        work.kept = _kept(progress)
+        work.kept = _kept(progress, options)
 
-    def on_attempt(progress: ConcaveProgress) -> None:
+    def on_attempt(made: ConcaveProgress) -> None:
+        nonlocal progress
+        progress = made
         if path is not None:
             atomic_write(path, checkpoint_bytes(progress, search))
-            work.kept = _kept(progress)
+            work.kept = _kept(progress, options)
+        work.listeners.on_attempt(_told(progress, options))
 
     numbers = count(0)
-    made = make_concave_die(
-        surface,
-        work.target.probabilities,
-        options,
-        seed=recipe.seed,
-        resume=progress,
-        on_step=lambda step: work.listeners.on_step(_step(next(numbers), step)),
-        on_attempt=on_attempt,
-    )
+    try:
+        made = make_concave_die(
+            surface,
+            work.target.probabilities,
+            options,
+            seed=recipe.seed,
+            resume=progress,
+            on_step=lambda step: work.listeners.on_step(_step(next(numbers), step)),
+            on_attempt=on_attempt,
+        )
+    except NoStartError:
+        made = _unchanged(surface, work.target.probabilities, progress)
     best = made.progress.best
-    assert best is not None
+    poses = rest_poses(make_body(made.after.points, made.after.triangles))
     work.details |= {
         "attempts": made.progress.attempts,
         "search_seconds": made.progress.seconds,
-        "attempt": best.attempt,
+        "attempt": None if best is None else best.attempt,
+        "trade_off": _trade_off(made.progress, options),
     }
     return DesignedDie(
-        status=Status.CONVERGED,
+        status=Status.UNCHANGED if best is None else Status.CONVERGED,
         hull=made.hull,
         directions=made.directions,
-        error=best.error,
+        error=outcome_odds(poses, made.directions).error(work.target.probabilities),
         steps=tuple(_step(number, step) for number, step in enumerate(made.progress.history)),
         reshaped=made,
     )
@@ -109,13 +126,52 @@ def _search_identity(recipe: Recipe, surface: Surface) -> dict[str, str]:
     }
 
 
-def _kept(progress: ConcaveProgress) -> str:
-    done = f"{progress.attempts} attempt{'' if progress.attempts == 1 else 's'} done"
-    if progress.best is None:
-        best = "none led to a die yet"
-    else:
-        best = (
-            f"the best is off by {progress.best.error:.2e}, its mean displacement "
-            f"{100.0 * progress.best.displacement:.2g} % of the diagonal"
+def _unchanged(surface: Surface, target: Floats, progress: ConcaveProgress) -> ConcaveDie:
+    """The surface as it came, after a search that led to nothing. Its most probable rests are the
+    outcomes, the likelier for the likelier; where there are too few, the last outcomes have none.
+    """
+    poses = rest_poses(make_body(surface.points, surface.triangles))
+    downs: list[Floats] = []
+    for normal in poses.normals[np.argsort(-poses.probabilities, kind="stable")]:
+        if all(angle_between(normal, other) > SAME_REST_ANGLE for other in downs):
+            downs.append(normal)
+    places = np.minimum(np.arange(len(target)), len(downs) - 1)
+    directions = np.empty((len(target), 3))
+    directions[np.argsort(-target, kind="stable")] = np.array(downs)[places]
+    corners = len(poses.hull.vertices)
+    return ConcaveDie(surface, surface, poses.hull, directions, (corners, corners), progress)
+
+
+def _trade_off(progress: ConcaveProgress, options: ConcaveOptions) -> TradeOff:
+    drafts = tuple(
+        Draft(
+            attempt=tried.attempt,
+            seconds=tried.seconds,
+            error=tried.error,
+            displacement=tried.displacement,
+            apart_deg=tried.apart,
+            margin_deg=tried.margin,
+            self_intersections=tried.intersections,
         )
-    return f"{done}, {best}; run it again with --resume to go on"
+        for tried in progress.tried
+    )
+    return TradeOff(options.tolerance, options.apart_deg, options.margin_deg, drafts)
+
+
+def _told(progress: ConcaveProgress, options: ConcaveOptions) -> str:
+    """How far a search came, with its limits and what its best die is like."""
+    done = f"{progress.attempts} of {options.attempts} attempts done"
+    if options.seconds is not None:
+        done += f" in {progress.seconds:.0f} of {options.seconds:g} s"
+    best = progress.best
+    if best is None:
+        return f"{done}, none led to a die yet"
+    trade_off = _trade_off(progress, options)
+    draft = next(draft for draft in trade_off.drafts if draft.attempt == best.attempt)
+    told = [f"displacement {100.0 * draft.displacement:.2g} %", f"error {draft.error:.1e}"]
+    lacks = [status.name.lower() for status in trade_off.flaws(draft)]
+    return f"{done}, best: {', '.join(told)}, {' and '.join(lacks) or 'as wanted'}"
+
+
+def _kept(progress: ConcaveProgress, options: ConcaveOptions) -> str:
+    return f"{_told(progress, options)}; run it again with --resume to go on"

@@ -47,11 +47,13 @@ class Listeners:
     on_stage: the name of each stage as it begins.
     on_step: each accepted step of the design.
     on_round: each round of throws.
+    on_attempt: how far the search for a concave die came, in words, after each attempt.
     """
 
     on_stage: Callable[[str], None] = _ignore
     on_step: Callable[[Step], None] = _ignore
     on_round: Callable[[Round], None] = _ignore
+    on_attempt: Callable[[str], None] = _ignore
 
 
 @dataclass(eq=False)

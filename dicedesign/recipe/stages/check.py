@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dicedesign.fabricate.designed_die import SizedDie
-from dicedesign.fabricate.verdict import judged
+from dicedesign.fabricate.verdict import Verdict, judged
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
 from dicedesign.rest.asymmetry import asymmetry
@@ -21,6 +21,14 @@ __all__ = ["check"]
 
 RARE: Final = 1e-5
 """Outcomes below are seldom met exactly: of the shapes that lead there most lose their facets."""
+
+RELAXED: Final = {
+    Status.OFF_TARGET: "tolerance",
+    Status.STRAY: "tolerance",
+    Status.TOO_NEAR: "apart_deg",
+    Status.TIPPY: "margin_deg",
+}
+"""Options of `ConcaveOptions` that ask for less where a die has a flaw."""
 
 
 def check(work: Work) -> None:
@@ -83,7 +91,7 @@ def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
     """What would help a die that did not converge."""
     method, die, verdict = work.recipe.method, work.die, work.plain
     if die.reshaped is not None:
-        yield from _surface_advice(work)
+        yield from _surface_advice(work, flaws)
         return
     if (die.starts or 1) > 1:
         yield f"this is the best of {die.starts} starting shapes"
@@ -134,10 +142,11 @@ def _surface_flaws(work: Work) -> Iterator[Status]:
     from dicedesign.rest.outcomes import outcome_odds
     from dicedesign.rest.poses import rest_poses
     from dicedesign.results.record import Displacement, HullOfSurface, SurfaceSize
-    from dicedesign.tolerances import FILLED_GAP
+    from dicedesign.tolerances import FILE_ANGLE, FILLED_GAP
 
-    made, body = work.die.reshaped, work.plain.body
+    made, body, wanted = work.die.reshaped, work.plain.body, work.recipe.method.concave
     assert made is not None
+    assert wanted is not None
     assert body.triangles is not None
     surface = Surface(body.points, body.triangles)
     gap = _gap(surface, work)
@@ -165,6 +174,10 @@ def _surface_flaws(work: Work) -> Iterator[Status]:
         yield Status.OPEN
     if not work.solid.is_printable:
         yield Status.UNPRINTABLE
+    if work.plain.outcomes.least_angle < np.radians(wanted.apart_deg) - FILE_ANGLE:
+        yield Status.TOO_NEAR
+    if work.plain.margins.min() < np.radians(wanted.margin_deg) - FILE_ANGLE:
+        yield Status.TIPPY
 
 
 def _gap(surface: Surface, work: Work) -> float:
@@ -198,10 +211,11 @@ def _quality(work: Work, crossings: int) -> Iterator[str]:
         )
 
 
-def _surface_advice(work: Work) -> Iterator[str]:
-    from dicedesign.tolerances import FILLED_GAP
+def _surface_advice(work: Work, flaws: list[Status]) -> Iterator[str]:
+    """What is off, by how much, and what would help."""
+    from dicedesign.tolerances import FILLED_GAP, LEAST_MARGIN, SAME_REST_ANGLE
 
-    method, made = work.recipe.method.concave, work.die.reshaped
+    method, made, labels = work.recipe.method.concave, work.die.reshaped, work.target.labels
     assert method is not None
     assert made is not None
     gap, crossings = work.details["hull"].gap, work.details["file_self_intersections"]
@@ -209,9 +223,43 @@ def _surface_advice(work: Work) -> Iterator[str]:
         yield f"the hull is off by {gap:.2g} of the diagonal"
     if crossings:
         yield f"{crossings} pairs of triangles meet"
-    done = made.progress.attempts
-    yield f"this is the best of {done} attempt{'' if done == 1 else 's'}"
+    if {Status.CROWDED, Status.TOO_NEAR} & set(flaws):
+        first, second, angle = _nearest_outcomes(work.plain)
+        wanted = max(method.apart_deg, np.degrees(SAME_REST_ANGLE))
+        yield (
+            f"{labels[first]} and {labels[second]} are {angle:.3g} degrees apart, wanted are "
+            f"{wanted:.3g}"
+        )
+    if {Status.UNSTEADY, Status.TIPPY} & set(flaws):
+        margins = np.degrees(work.plain.margins)
+        wanted = max(method.margin_deg, np.degrees(LEAST_MARGIN))
+        for outcome in np.flatnonzero(margins < wanted).tolist():
+            yield (
+                f"{labels[outcome]} is left at {margins[outcome]:.3g} degrees, wanted are "
+                f"{wanted:.3g}"
+            )
+    done, progress = made.progress.attempts, made.progress
+    if progress.best is not None:
+        yield f"this is the best of {done} attempt{'' if done == 1 else 's'}"
+    remedies = ["take another seed, target or surface"]
     if done >= method.attempts:
-        yield "allow more with method.concave.attempts, or try another seed"
-    else:
-        yield "try another seed"
+        remedies.append("allow more with method.concave.attempts")
+    elif method.seconds is not None and progress.seconds >= method.seconds:
+        remedies.append("allow more with method.concave.seconds")
+    relaxed = [name for status, name in RELAXED.items() if status in flaws]
+    if relaxed:
+        remedies.append(f"ask for less with method.concave.{' or .'.join(dict.fromkeys(relaxed))}")
+    yield ", or ".join(remedies)
+
+
+def _nearest_outcomes(verdict: Verdict) -> tuple[int, int, float]:
+    """The two outcomes whose own rests are nearest to each other, of at least two that have one,
+    and the angle in degrees."""
+    from dicedesign.geometry.sphere import angle_between
+
+    shown = np.flatnonzero(verdict.outcomes.main >= 0)
+    normals = verdict.poses.normals[verdict.outcomes.main[shown]]
+    angles = angle_between(normals[:, None], normals[None])
+    angles[np.tril_indices(len(shown))] = np.inf
+    first, second = np.unravel_index(int(angles.argmin()), angles.shape)
+    return int(shown[first]), int(shown[second]), float(np.degrees(angles[first, second]))

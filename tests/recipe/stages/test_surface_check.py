@@ -21,7 +21,7 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Work]
     """The work up to the check of a cube whose points were moved by a function."""
     write_cube(tmp_path / "cube.obj")
 
-    def make(change: Callable[[Floats], Floats], attempts: int = 3) -> Work:
+    def make(change: Callable[[Floats], Floats], **options: float) -> Work:
         search = MadeUpSearch()
         search.change = change
         monkeypatch.setattr("dicedesign.recipe.methods.concave.make_concave_die", search)
@@ -29,7 +29,7 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Work]
             "name": "cube",
             "target": {"fair": 6},
             "start": {"mesh": {"path": str(tmp_path / "cube.obj")}},
-            "method": {"concave": {"attempts": attempts}},
+            "method": {"concave": {"attempts": 3, **options}},
         }
         return design_recipe(checked_recipe(entries), last="check")
 
@@ -89,7 +89,7 @@ def test_more_attempts_are_advised_where_they_were_used_up(
     attempts: int, more: bool, made: Callable[..., Work]
 ) -> None:
     """The made-up search makes three at most."""
-    work = made(lambda points: points * [1.0, 1.1, 1.25], attempts)
+    work = made(lambda points: points * [1.0, 1.1, 1.25], attempts=attempts)
     assert any("method.concave.attempts" in remark for remark in work.remarks) == more
     assert any(f"best of {min(attempts, 3)} attempts" in remark for remark in work.remarks)
 
@@ -106,3 +106,47 @@ def test_pairs_that_meet_are_counted(made: Callable[..., Work]) -> None:
     assert any(remark == f"{pairs} pairs of triangles meet" for remark in work.remarks)
     assert any(sentence.startswith(f"{pairs} pairs") for sentence in work.details["quality"])
     assert work.status is Status.SELF_INTERSECTING
+
+
+@pytest.mark.parametrize(
+    ("option", "angle", "status"),
+    [("apart_deg", 90.0, Status.TOO_NEAR), ("margin_deg", 45.0, Status.TIPPY)],
+)
+def test_angles_that_are_too_small_are_told_beside_those_that_were_wanted(
+    option: str, angle: float, status: Status, made: Callable[..., Work]
+) -> None:
+    """Sides of a cube are 90 degrees apart, and it is tipped over an edge by 45; to single
+    precision."""
+    assert made(lambda points: points, **{option: angle}).status is Status.CONVERGED
+    work = made(lambda points: points, **{option: angle + 0.3})
+    assert work.status is status
+    told = "; ".join(work.remarks)
+    assert f"method.concave.{option}" in told
+    assert f"{angle:.3g} degrees" in told
+    assert f"{angle + 0.3:.3g}" in told
+    # Odds that are off, and a surface that meets itself, are worse.
+    work = made(lambda points: points * [1.0, 1.1, 1.25], **{option: angle + 0.3})
+    assert work.status is Status.OFF_TARGET
+    assert status.value in "; ".join(work.remarks)
+
+
+def test_the_outcomes_that_are_too_near_and_those_that_are_left_are_named(
+    made: Callable[..., Work],
+) -> None:
+    """A cube leaning by 3 : 10: its sides 1 and 3, of outward normals x and z, are sheared."""
+
+    def lean(points: Floats) -> Floats:
+        return points + np.outer(points[:, 2], [0.3, 0.0, 0.0])
+
+    work = made(lean, apart_deg=80.0, margin_deg=40.0)
+    told = "; ".join(work.remarks)
+    # Normals of the sheared sides are (1, 0, -0.3) and (0, 0, 1), and those opposite.
+    apart = np.degrees(np.arctan2(1.0, 0.3))
+    assert work.plain.outcomes.least_angle == pytest.approx(np.radians(apart), abs=1e-6)
+    pairs = [pair for pair in ("1 and 6", "3 and 4") if f"{pair} are {apart:.3g} degrees" in told]
+    assert len(pairs) == 1
+    # From (0, 0, -1) over the lower edge at (-1.3, 0, -1), beyond the center of mass by 0.7.
+    left = np.degrees(np.arctan2(0.7, 1.0))
+    assert np.degrees(work.plain.margins)[[2, 5]] == pytest.approx(left, abs=1e-4)
+    for label in ("3", "6"):
+        assert f"{label} is left at {left:.3g} degrees" in told
