@@ -104,14 +104,13 @@ def run_and_print(
     from dicedesign.recipe.run import run
 
     note_missing_kernels()
-    concave = recipe.method.concave
     with tqdm(file=sys.stderr, disable=not sys.stderr.isatty(), unit=" steps") as bar:
 
         def on_step(step: Step) -> None:
             bar.update()
             error = "" if step.max_abs_error is None else f"max |p - q| {step.max_abs_error:.2e}"
-            if concave is not None:
-                place = f"attempt {step.attempt} of {concave.attempts}, {step.stage}"
+            if step.attempt is not None:
+                place = f"attempt {step.attempt}, {step.stage}"
                 error = f"{place}, {error}" if error else place
             bar.set_postfix_str(error)
 
@@ -119,7 +118,8 @@ def run_and_print(
             told = f"{thrown.drops} throws, total variation {thrown.deviation:.3f}"
             bar.set_description_str(f"{told} (perfect {thrown.noise_floor:.3f})")
 
-        listeners = Listeners(bar.set_description_str, on_step, on_round)
+        told = bar.set_description_str
+        listeners = Listeners(told, on_step, on_round, told)
         result = run(recipe, out, enlarge=enlarge, resume=resume, listeners=listeners)
     for note in result.notes:
         print(f"note: {note}", file=sys.stderr)

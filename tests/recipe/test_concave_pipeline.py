@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import json
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -458,6 +459,27 @@ def test_the_command_line_prints_the_odds_and_what_was_moved(
         assert option.split("=")[0] in capsys.readouterr().out
 
 
+def test_attempts_limits_and_the_best_are_shown_in_a_terminal(
+    recipe_path: Path,
+    tmp_path: Path,
+    search: MadeUpSearch,
+    quick: None,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    arguments = ["run", str(recipe_path), "--out", str(tmp_path / "out")]
+    arguments += ["--set", "method.concave.seconds=120", "--set", "method.concave.attempts=7"]
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert main(arguments) == 0
+    shown = capsys.readouterr().err
+    for done, moved in ((1, "1 %"), (2, "2 %"), (3, "3 %")):
+        assert re.search(rf"{done} of 7 attempts, . of 120 s, [^\r]* {moved}", shown)
+    assert "0 of 7 attempts, 0 of 120 s" in shown
+    assert "too_near" not in shown
+    assert main([*arguments, "--set", "method.concave.apart_deg=91"]) == 1
+    assert "too_near" in capsys.readouterr().err
+
+
 def test_an_interrupt_is_one_line_that_says_how_to_go_on(
     recipe_path: Path,
     tmp_path: Path,
@@ -473,7 +495,7 @@ def test_an_interrupt_is_one_line_that_says_how_to_go_on(
     assert re.fullmatch(r"dicedesign: interrupted; 2 of 40 .* 2 %.*--resume.*\n", captured.err)
     search.leads_nowhere = True
     assert main(arguments) == 130
-    assert re.search(r"; 2 of 40 .* none .*--resume", capsys.readouterr().err)
+    assert re.search(r"; 2 of 40 .*--resume", capsys.readouterr().err)
     search.leads_nowhere = False
     search.interrupt_after = None
     assert main([*arguments, "--resume"]) == 0

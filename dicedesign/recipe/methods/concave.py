@@ -68,6 +68,7 @@ def design(work: Work) -> DesignedDie:
         work.listeners.on_attempt(_told(progress, options))
 
     numbers = count(0)
+    work.listeners.on_attempt(_told(progress, options))
     try:
         made = make_concave_die(
             surface,
@@ -159,18 +160,20 @@ def _trade_off(progress: ConcaveProgress, options: ConcaveOptions) -> TradeOff:
 
 
 def _told(progress: ConcaveProgress, options: ConcaveOptions) -> str:
-    """How far a search came, with its limits and what its best die is like."""
-    done = f"{progress.attempts} of {options.attempts} attempts done"
+    """How far a search came, with its limits and what its best die is like, in one short line."""
+    done = f"{progress.attempts} of {options.attempts} attempts"
     if options.seconds is not None:
-        done += f" in {progress.seconds:.0f} of {options.seconds:g} s"
+        done += f", {progress.seconds:.0f} of {options.seconds:g} s"
     best = progress.best
     if best is None:
-        return f"{done}, none led to a die yet"
+        return f"{done}, no die yet"
     trade_off = _trade_off(progress, options)
     draft = next(draft for draft in trade_off.drafts if draft.attempt == best.attempt)
-    told = [f"displacement {100.0 * draft.displacement:.2g} %", f"error {draft.error:.1e}"]
     lacks = [status.name.lower() for status in trade_off.flaws(draft)]
-    return f"{done}, best: {', '.join(told)}, {' and '.join(lacks) or 'as wanted'}"
+    return (
+        f"{done}, best moved by {100.0 * draft.displacement:.2g} %, error {draft.error:.1e}, "
+        f"{' and '.join(lacks) or 'as wanted'}"
+    )
 
 
 def _kept(progress: ConcaveProgress, options: ConcaveOptions) -> str:

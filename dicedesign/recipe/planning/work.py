@@ -47,7 +47,8 @@ class Listeners:
     on_stage: the name of each stage as it begins.
     on_step: each accepted step of the design.
     on_round: each round of throws.
-    on_attempt: how far the search for a concave die came, in words, after each attempt.
+    on_attempt: how far the search for a concave die came, in words, before the first attempt and
+        after each.
     """
 
     on_stage: Callable[[str], None] = _ignore
