@@ -239,6 +239,18 @@ class Result:
         return self.status == Status.CONVERGED.name.lower()
 
     @property
+    def error_before(self) -> float:
+        """Largest of |p - q| and of the odds of all other rests, of the surface that a concave die
+        was made from. Raises InputError: it was not made from one."""
+        if self.probabilities_before is None or self.elsewhere_before is None:
+            raise InputError(
+                f"{self.name}: expected a die that keeps the shape of a surface, got another; take "
+                "one of method: concave"
+            )
+        odds = np.array(self.probabilities_before)
+        return max(float(np.abs(odds - np.array(self.target)).max()), self.elsewhere_before)
+
+    @property
     def shown(self) -> tuple[tuple[str, Floats], ...]:
         """Label of the outcome that a facet counts for, and its normal (3,), for each that does."""
         return tuple(

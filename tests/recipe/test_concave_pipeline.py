@@ -32,6 +32,7 @@ from dicedesign.results.record import Result
 
 PICTURES = (
     "rests",
+    "trade_off",
     "before_after",
     "odds",
     "hull",

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.report.charts.axes import Axis
 from dicedesign.report.charts.chart import Chart, draw_legend, sheet
+from dicedesign.report.charts.numbered_points import number_points
 from dicedesign.report.charts.palette import ACCENT, FAINT, PALE
-from dicedesign.report.charts.paper import NOTE, Paper
-from dicedesign.report.charts.series import Curve, Note, Style
+from dicedesign.report.charts.paper import Paper
+from dicedesign.report.charts.series import Curve, Style
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["pareto_chart", "pareto_figure"]
-
-_NUMBER: Final = np.array([37.0, 21.0])
-"""Room for a number, in pixels."""
 
 
 def pareto_chart(
@@ -67,14 +65,8 @@ def pareto_chart(
         unknown = f"nothing to measure ({len(trials) - len(measured)})"
         chart.series.append(Curve([], [], Style(line=""), unknown))
     by_number = {trial["number"]: trial for trial in solved}
-    written: list[Floats] = []
-    for trial in (by_number[number] for number in named):
-        (radius,), (margin,) = _columns([trial])
-        place = chart.places([radius], [margin])[0]
-        if not any((np.abs(place - other) < _NUMBER).all() for other in written):
-            written.append(place)
-            text = str(trial["number"])
-            chart.notes.append(Note(text, radius, margin, (10.0, -8.0), "ld", NOTE))
+    radii, margins = _columns([by_number[number] for number in named])
+    number_points(chart, zip(named, radii.tolist(), margins.tolist(), strict=True))
     return chart
 
 

@@ -7,6 +7,7 @@ from html import escape
 from typing import Final
 
 from dicedesign.report.figures.figure import FIGURES
+from dicedesign.report.pages.attempts import attempt_sections
 from dicedesign.report.pages.html_parts import (
     figure_section,
     list_section,
@@ -71,6 +72,8 @@ def _sections(result: Result, images: Mapping[str, bytes]) -> Iterator[str]:
         if figure.name in images and figure.name not in hidden:
             yield figure_section(figure.title, images[figure.name], figure.caption)
     yield _odds(result)
+    if result.trade_off is not None:
+        yield from attempt_sections(result, result.trade_off)
     if result.balance is not None:
         yield text_section("From the shape to the object", [_balance(result, result.balance)])
     yield from print_odds_sections(result)

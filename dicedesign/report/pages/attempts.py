@@ -1,0 +1,88 @@
+"""The part of a report that is about the attempts at a concave die."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from dicedesign.report.pages.html_parts import number, table_section
+from dicedesign.results.record import Result
+from dicedesign.results.status import Status
+from dicedesign.results.trade_off import Draft, TradeOff
+
+__all__ = ["attempt_sections"]
+
+_MOST_ROWS: Final = 12
+"""Attempts that are listed."""
+
+_FLAWS: Final = {
+    Status.OFF_TARGET: "odds",
+    Status.SELF_INTERSECTING: "meets itself",
+    Status.TOO_NEAR: "outcomes near",
+    Status.TIPPY: "margin",
+}
+
+
+def attempt_sections(result: Result, trade_off: TradeOff) -> Iterator[str]:
+    """What was wanted of a concave die and what was reached, and what each attempt led to."""
+    yield table_section(
+        "Wanted and reached",
+        ["", "wanted", "as it came", "this die"],
+        [
+            [
+                "error of the odds, rests elsewhere included",
+                f"at most {number(trade_off.tolerance, 3)}",
+                number(result.error_before, 2),
+                number(max(result.max_abs_error, result.elsewhere), 2),
+            ],
+            [
+                "angle between outcomes",
+                f"at least {trade_off.apart_deg:g}°",
+                "-",
+                f"{result.least_angle_deg:.1f}°",
+            ],
+            [
+                "angle at which an outcome is left",
+                f"at least {trade_off.margin_deg:g}°",
+                "-",
+                f"{result.least_margin_deg:.1f}°",
+            ],
+            ["pairs of triangles that meet", "0", "0", str(result.file_self_intersections)],
+        ],
+        "By die_plain.stl as it was read back.",
+    )
+    if not trade_off.drafts:
+        return
+    listed = sorted(trade_off.drafts, key=lambda draft: _rank(draft, result, trade_off))
+    count, done = len(listed), result.attempts
+    note = f"{count} of {done} attempts led to a die"
+    if count > _MOST_ROWS:
+        note += f"; the best {_MOST_ROWS} are listed, result.json has all"
+    yield table_section(
+        "Attempts",
+        ["attempt", "displacement (%)", "error", "apart (°)", "margin (°)", "meet", "s", "off"],
+        [_row(draft, result, trade_off) for draft in listed[:_MOST_ROWS]],
+        f"{note}. Displacement is the mean over the points, in percent of the diagonal; meet are "
+        "pairs of triangles that should not.",
+    )
+
+
+def _rank(draft: Draft, result: Result, trade_off: TradeOff) -> tuple[bool, int, float, float]:
+    """The die itself first, then what lacks least, is nearest to the odds and was moved least."""
+    missed = max(draft.error - trade_off.tolerance, 0.0)
+    lacks = len(list(trade_off.flaws(draft)))
+    return draft.attempt != result.attempt, lacks, missed, draft.displacement
+
+
+def _row(draft: Draft, result: Result, trade_off: TradeOff) -> list[str]:
+    chosen = ", this die" if draft.attempt == result.attempt else ""
+    return [
+        f"{draft.attempt}{chosen}",
+        f"{100.0 * draft.displacement:.2f}",
+        f"{draft.error:.1e}",
+        f"{draft.apart_deg:.1f}",
+        f"{draft.margin_deg:.1f}",
+        str(draft.self_intersections),
+        number(draft.seconds, 3),
+        ", ".join(_FLAWS[status] for status in trade_off.flaws(draft)) or "nothing",
+    ]
