@@ -234,7 +234,7 @@ def test_marks_that_do_not_fit(
 ) -> None:
     """An error where the die is good; else one more remark on it."""
     folder = tmp_path / "out"
-    with pytest.raises(LabelRoomError, match="min_height_mm"):
+    with pytest.raises(LabelRoomError, match=r"min_height_mm.*--resume"):
         run(recipe_path, folder, "engrave=true", "size_mm=5")
     assert names(folder) == ["checkpoint.npz"]
     # The search needs not be done again.

@@ -61,6 +61,8 @@ def engrave(work: Work) -> None:
             _mark_surface(work)
     except EngravingError as error:
         if work.status is Status.CONVERGED:
+            if work.kept:
+                error.args = (f"{error}; {work.kept}",)
             raise
         work.remarks.append(f"not engraved: {error}")
 
