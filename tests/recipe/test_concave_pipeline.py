@@ -7,6 +7,7 @@ import io
 import json
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.planning.work import Listeners
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.results.reading import read_result
 from dicedesign.results.record import Result
 
 PICTURES = (
@@ -197,6 +199,35 @@ def test_a_surface_that_meets_itself_did_not_converge(
     assert result.file_self_intersections > 0
     assert any("meets itself" in sentence for sentence in result.quality)
     assert any("meets itself" in note for note in result.notes)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda points: np.where(np.arange(14)[:, None] == 8, -3.0 * points, points),
+        lambda points: points[[6, *range(1, 6), 0, *range(7, 14)]],
+    ],
+    ids=["pierced", "twisted"],
+)
+def test_a_die_that_is_off_in_many_ways_is_written_with_all_that_can_be_told(
+    change: Callable[[np.ndarray], np.ndarray],
+    recipe_path: Path,
+    tmp_path: Path,
+    search: MadeUpSearch,
+) -> None:
+    """A dent that comes out on the other side, or two opposite corners in each other's place; with
+    all pictures and supports."""
+    search.change = change
+    changes = ["engrave=true", "print={printer: fdm, supports: true}"]
+    result = run(recipe_path, tmp_path / "out", *changes)
+    assert result.status == "off_target"
+    assert result.file_self_intersections > 0
+    assert read_result(result.folder).message == result.message
+    assert {"die_plain", "die_oriented", "report", "result"} <= set(result.files)
+    assert set(PICTURES) - {"reading"} <= set(result.files)
+    assert "die" not in result.files
+    assert "crossings" in result.files
+    assert result.tolerances is None
 
 
 def test_a_surface_that_is_no_printable_solid_is_written_as_it_is(

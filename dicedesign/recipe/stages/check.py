@@ -142,7 +142,7 @@ def _surface_flaws(work: Work) -> Iterator[Status]:
     from dicedesign.rest.outcomes import outcome_odds
     from dicedesign.rest.poses import rest_poses
     from dicedesign.results.record import Displacement, HullOfSurface, SurfaceSize
-    from dicedesign.tolerances import FILE_ANGLE, FILLED_GAP
+    from dicedesign.tolerances import FILE_ANGLE, FILLED_GAP, LEAST_MARGIN, SAME_REST_ANGLE
 
     made, body, wanted = work.die.reshaped, work.plain.body, work.recipe.method.concave
     assert made is not None
@@ -174,9 +174,11 @@ def _surface_flaws(work: Work) -> Iterator[Status]:
         yield Status.OPEN
     if not work.solid.is_printable:
         yield Status.UNPRINTABLE
-    if work.plain.outcomes.least_angle < np.radians(wanted.apart_deg) - FILE_ANGLE:
+    # What is nearer, or left earlier, is crowded or unsteady, as of any die.
+    apart, margin = work.plain.outcomes.least_angle, work.plain.margins.min()
+    if SAME_REST_ANGLE <= apart < np.radians(wanted.apart_deg) - FILE_ANGLE:
         yield Status.TOO_NEAR
-    if work.plain.margins.min() < np.radians(wanted.margin_deg) - FILE_ANGLE:
+    if LEAST_MARGIN <= margin < np.radians(wanted.margin_deg) - FILE_ANGLE:
         yield Status.TIPPY
 
 

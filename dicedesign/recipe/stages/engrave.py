@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.errors import EngravingError
+from dicedesign.errors import InputError
 from dicedesign.fabricate.labelled_facets import core_of, place_on_facets, require_rests
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
@@ -51,15 +51,15 @@ def engrave(work: Work) -> None:
     where the die keeps the shape of a surface; and the shape moved until the odds are the target's.
     Read it back.
 
-    Raises EngravingError if the die converged and a label has no place on it; one that did not
-    converge only says so.
+    Raises InputError if the die converged and a label has no place on it; one that did not
+    converge, and may be no solid, only says so.
     """
     try:
         if work.die.reshaped is None:
             _make_convex(work)
         else:
             _mark_surface(work)
-    except EngravingError as error:
+    except InputError as error:
         if work.status is Status.CONVERGED:
             if work.kept:
                 error.args = (f"{error}; {work.kept}",)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.printing.options import PrintOptions
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.gradient.thrown_odds import ThrownOdds
+    from dicedesign.results.printability import Printability
     from dicedesign.runtime.arrays import Floats
 
 __all__ = ["find_tolerances"]
@@ -54,12 +55,20 @@ def find_tolerances(work: Work) -> None:
         _find_infill(work, options, verdict)
 
 
+def _bounds_one_body(work: Work) -> bool:
+    """Whether the file that is printed has an inside: of one that meets itself slicers decide."""
+    if work.recipe.print is None:
+        return False
+    found: Printability = work.details["printability"]
+    return found.file.self_intersections == 0
+
+
 STAGES.register(
     Stage(
         name="tolerances",
         line="finds what errors of printing, and infill, do to the odds",
         rank=74,
-        wanted=lambda work: work.recipe.print is not None,
+        wanted=_bounds_one_body,
         run=find_tolerances,
     )
 )
