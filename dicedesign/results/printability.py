@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["FileCheck", "PrintPose", "Printability", "PrintedLabel", "SmallestFacet"]
+__all__ = ["FileCheck", "PrintPose", "Printability", "PrintedLabel", "SmallestFacet", "ThinParts"]
 
 
 @dataclass(frozen=True)
@@ -91,6 +91,24 @@ class FileCheck:
 
 
 @dataclass(frozen=True)
+class ThinParts:
+    """Parts of a die that are thinner than its printer makes walls.
+
+    Attributes
+    ----------
+    wall_mm: least thickness of what it makes.
+    share: of the surface that bounds such parts.
+    least_mm: thickness of the thinnest; place: (3,) the middle of it, in the coordinates of
+        die_plain.stl.
+    """
+
+    wall_mm: float
+    share: float
+    least_mm: float
+    place: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class Printability:
     """How a die is printed, and what will be hard.
 
@@ -102,6 +120,8 @@ class Printability:
     bounding_box_mm: (3,) extents along the axes of the file.
     file: the check of die.stl, or of die_plain.stl where there are no labels.
     smallest_facet: None of a die that is not convex.
+    thin: parts of a die that keeps the shape of a surface, before labels are cut in; None where
+        there are none, and of other dice.
     labels: of a die that has them on its facets.
     poses: the die on each facet that it can rest on, the most probable first.
     best: the pose to print it in; placement: 4 rows of 4, the rigid motion from the file to the bed
@@ -118,6 +138,7 @@ class Printability:
     bounding_box_mm: tuple[float, ...]
     file: FileCheck
     smallest_facet: SmallestFacet | None
+    thin: ThinParts | None
     labels: tuple[PrintedLabel, ...]
     poses: tuple[PrintPose, ...]
     best: PrintPose

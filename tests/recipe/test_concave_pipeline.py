@@ -230,6 +230,27 @@ def test_a_die_that_is_off_in_many_ways_is_written_with_all_that_can_be_told(
     assert result.tolerances is None
 
 
+def test_thin_parts_of_a_die_are_told(
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
+) -> None:
+    """A cube that was pressed flat, with dents of 0.11 to 0.13 of half its height."""
+    good = run(recipe_path, tmp_path / "good")
+    assert good.printability.thin is None
+    search.change = lambda points: points * [1.0, 1.0, 0.015]
+    result = run(recipe_path, tmp_path / "out")
+    thin, height = result.printability.thin, 40.0 * 0.015 / np.sqrt(2.0)
+    assert thin.wall_mm == 0.8
+    assert 0.0 < thin.least_mm < height
+    assert 0.9 < thin.share < 1.0
+    assert (np.abs(thin.place) <= [15.0, 15.0, 0.5 * height]).all()
+    told = [note for note in result.notes if f"{thin.least_mm:.2g} mm" in note]
+    assert len(told) == 1
+    assert "thicken" in told[0]
+    page = (result.folder / "report.html").read_text()
+    assert f"{thin.least_mm:.2g} mm at" in page
+    assert read_result(result.folder).printability == result.printability
+
+
 def test_a_surface_that_is_no_printable_solid_is_written_as_it_is(
     recipe_path: Path,
     tmp_path: Path,

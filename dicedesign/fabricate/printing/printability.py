@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -27,15 +27,20 @@ from dicedesign.results.printability import (
     Printability,
     PrintedLabel,
     SmallestFacet,
+    ThinParts,
 )
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.labels.layout import Placement
     from dicedesign.geometry.hulls.hull import ConvexHull
+    from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.rest.poses import RestPoses
 
 __all__ = ["PrintedDie", "printability"]
+
+MOST_LARGER: Final = 3.0
+"""Factor by which a die is made larger for the sake of its thin parts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +53,7 @@ class PrintedDie:
     poses: its rests.
     designed: the hull before edges were rounded, of a convex die; None of one that keeps the shape
         of a surface.
+    shape: such a surface without its labels, where it bounds a solid; None of a convex die.
     labels: k texts; normals: (k, 3) outward where they are.
     placements: of the labels that lie on facets.
     depth: of labels in mm; raised: whether they stand in sunk fields.
@@ -57,6 +63,7 @@ class PrintedDie:
     body: Body
     poses: RestPoses
     designed: ConvexHull | None
+    shape: Surface | None
     labels: Sequence[str]
     normals: Floats
     placements: Sequence[Placement] = ()
@@ -79,7 +86,7 @@ def printability(die: PrintedDie, options: PrintOptions) -> Printability:
     directions = beds(die.poses.hull, die.poses.facets, die.designed is not None)
     best = best_pose(solid.poses(directions, printer))
     check = checked_file(die.body)
-    labels = _labels(die)
+    labels, thin = _labels(die), _thin_parts(die, printer)
     return Printability(
         printer=printer.name,
         spot_mm=printer.spot_mm,
@@ -90,11 +97,12 @@ def printability(die: PrintedDie, options: PrintOptions) -> Printability:
         bounding_box_mm=tuple(np.ptp(die.body.points, axis=0).tolist()),
         file=check,
         smallest_facet=_smallest_facet(die.designed),
+        thin=thin,
         labels=labels,
         poses=tuple(solid.poses(die.poses.normals, printer)),
         best=best,
         placement=_rows(placement_on_bed(die.body.points, np.array(best.normal))),
-        warnings=tuple(_warnings(die, printer, labels, check)),
+        warnings=(*_thin_warnings(printer, thin), *_warnings(die, printer, labels, check)),
     )
 
 
@@ -134,6 +142,28 @@ def _labels(die: PrintedDie) -> tuple[PrintedLabel, ...]:
             )
         )
     return tuple(labels)
+
+
+def _thin_parts(die: PrintedDie, printer: Printer) -> ThinParts | None:
+    if die.shape is None:
+        return None
+    # Brings a library of solids along, which no convex die needs here.
+    from dicedesign.fabricate.printing.thin_parts import thin_parts
+
+    return thin_parts(die.shape, printer.wall_mm)
+
+
+def _thin_warnings(printer: Printer, thin: ThinParts | None) -> Iterator[str]:
+    if thin is None:
+        return
+    x, y, z = (f"{coordinate:.1f}" for coordinate in thin.place)
+    factor = thin.wall_mm / thin.least_mm
+    larger = f"raise size_mm by a factor of {factor:.2g}, or " if factor < MOST_LARGER else ""
+    yield (
+        f"parts under {100.0 * thin.share:.2g} % of the surface are thinner than the "
+        f"{thin.wall_mm:.2g} mm that {_called(printer)} makes, the thinnest {thin.least_mm:.2g} mm "
+        f"at ({x}, {y}, {z}) of die_plain.stl: {larger}thicken the model there"
+    )
 
 
 def _warnings(

@@ -13,6 +13,7 @@ from dicedesign.recipe.planning.work import Work
 if TYPE_CHECKING:
     from dicedesign.fabricate.printing.printability import PrintedDie
     from dicedesign.geometry.meshes.body import Body
+    from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.runtime.arrays import Floats
 
 __all__ = ["prepare_print"]
@@ -43,6 +44,7 @@ def prepare_print(work: Work) -> None:
         body=body,
         poses=poses,
         designed=convex_hull(work.solid.hull_points) if work.die.reshaped is None else None,
+        shape=_shape(work),
         labels=labels,
         normals=normals,
         placements=placements,
@@ -88,6 +90,17 @@ STAGES.register(
         run=prepare_print,
     )
 )
+
+
+def _shape(work: Work) -> Surface | None:
+    """The die without labels, read back, where it keeps the shape of a surface and is a solid."""
+    from dicedesign.geometry.surfaces.surface import Surface
+
+    body = work.plain.body
+    if work.die.reshaped is None or not work.solid.is_printable:
+        return None
+    assert body.triangles is not None
+    return Surface(body.points, body.triangles)
 
 
 def _printed(work: Work) -> Body:

@@ -42,6 +42,16 @@ def printability_sections(found: Printability) -> Iterator[str]:
                 f"{facet.area_mm2:.1f} mm², a circle of radius {facet.inradius_mm:.2f} mm",
             ]
         )
+    if found.thin is not None:
+        thin = found.thin
+        x, y, z = (f"{coordinate:.1f}" for coordinate in thin.place)
+        rows.append(
+            [
+                f"thinner than {thin.wall_mm:g} mm",
+                f"{100.0 * thin.share:.2g} % of the surface, least {thin.least_mm:.2g} mm at "
+                f"({x}, {y}, {z})",
+            ]
+        )
     note = (
         "Limits are those of design guides for this kind of printer; yours may do better or worse."
     )

@@ -230,6 +230,7 @@ def test_raised_labels_have_no_walls_and_wider_strokes(cube: Work) -> None:
         body=cube.engraved.verdict.body,
         poses=cube.plain.poses,
         designed=convex_hull(cube.solid.hull_points),
+        shape=None,
         labels=tuple(placement.text for placement in placements),
         normals=np.array([placement.frame[:3, 2] for placement in placements]),
         placements=placements,
