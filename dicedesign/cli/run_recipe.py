@@ -136,6 +136,10 @@ def _print(result: Result) -> None:
             f"displacement: mean {100.0 * moved.mean:.3g} %, largest "
             f"{100.0 * moved.largest:.3g} % of the diagonal"
         )
+        print(
+            f"outcomes: {result.least_angle_deg:.3g} degrees apart or more, left at "
+            f"{result.least_margin_deg:.3g} degrees or more"
+        )
     if result.engraved_max_abs_error is not None and result.thrown is None:
         told = f"as printed: max |p - q| {result.engraved_max_abs_error:.2e}"
         if result.balance is not None and len(result.balance.errors) > 1:

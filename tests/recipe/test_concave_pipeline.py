@@ -498,6 +498,7 @@ def test_the_command_line_prints_the_odds_and_what_was_moved(
     assert lines[2].split() == ["1", "0.16667", "0.16667"]
     assert lines[8].split() == ["other", "0.0000", "0.0000"]
     assert lines[9] == "displacement: mean 0.371 %, largest 0.866 % of the diagonal"
+    assert re.findall(r"[0-9.]+(?= degrees)", lines[10]) == ["90", "45"]
     search.change = lambda points: points * [1.0, 1.1, 1.25]
     assert main(["run", str(recipe_path), "--out", out]) == 1
     assert capsys.readouterr().out.startswith("cube: off_target (")
