@@ -55,8 +55,8 @@ class ConcaveOptions:
     margin_deg: float = 10.0
     points: int | None = None
     attempts: int = 40
-    displacement: float = 0.05
-    enough: int = 8
+    displacement: float = 0.01
+    enough: int = 6
     seconds: float | None = None
 
     def __post_init__(self) -> None:
@@ -86,7 +86,7 @@ class ConcaveOptions:
                 f"points: expected at least {FEWEST_POINTS}, got {self.points}; raise it, or leave "
                 "it out to keep the surface as it is"
             )
-        for name, most, default in (("attempts", self.attempts, 40), ("enough", self.enough, 8)):
+        for name, most, default in (("attempts", self.attempts, 40), ("enough", self.enough, 6)):
             if most < 1:
                 raise InputError(
                     f"{name}: expected a whole number above 0, got {most}; leave it out for "

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -14,8 +16,9 @@ from dicedesign.concave.fill.paper_options import ConcavePaperOptions
 from dicedesign.concave.fill.result import FillResult, FillStatus
 from dicedesign.concave.fill.space_elasticity import point_masses
 from dicedesign.concave.hull.design import design_hull
-from dicedesign.concave.hull.easing import eased_hull
-from dicedesign.concave.hull.outcome_directions import drawn_choice, outcome_choices
+from dicedesign.concave.hull.draft import designed_hull
+from dicedesign.concave.hull.easing import eased_hull, nearer_draft, settled_draft
+from dicedesign.concave.hull.outcome_directions import outcome_choices
 from dicedesign.concave.hull.problem import DesignedHull, HullProblem
 from dicedesign.concave.hull.slopes import SlopeOptions
 from dicedesign.concave.options import ConcaveOptions
@@ -36,6 +39,7 @@ from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.outcomes import outcome_margins, outcome_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.threads import one_thread
 
 __all__ = ["make_concave_die"]
 
@@ -58,14 +62,29 @@ MOST_EASED: Final = 400
 HELPED: Final = 0.8
 """Part of those pairs that may be left for easing to go on."""
 
-FALLS: Final = (1e-3, 1e-2)
-"""Range that the logarithm of an attempt's `SlopeOptions.fall` is drawn from."""
+SLOPES: Final = SlopeOptions(fall=3e-3, rise=4e-3, circle=math.radians(3.0))
+"""Of the first designs, where no larger circle is needed for the margin."""
 
-RISES: Final = (2e-3, 5e-3)
-"""Range of `SlopeOptions.rise`."""
+CIRCLE: Final = 0.75
+"""Least circle about the outcomes over the margin: slopes rise on it and on one half as large
+again."""
 
-CIRCLES: Final = (2.0, 4.5)
-"""Range of `SlopeOptions.circle`, in degrees."""
+SHAKEN: Final = 1.5
+"""Factor by which the slopes of later attempts differ at most, once all choices were tried."""
+
+BEYOND: Final = math.radians(20.0)
+"""Angle between outcomes beyond the least one that is wanted, at first: it shrinks on the way."""
+
+FARTHEST: Final = math.radians(80.0)
+"""Angle that is not asked for at first if a smaller one is wanted."""
+
+PREFERRED: Final = (1.5, 2.0)
+"""Angle between outcomes, and margin, in units of the least ones that are wanted, beyond which more
+is worth nothing. At the least ones, a die counts as displaced by as much again."""
+
+MEETING: Final = 0.5
+"""What a die that meets itself misses, in units of what will do (`HullDraft.shortfall`), beside its
+odds and angles; each pair of triangles adds its part of `MOST_EASED`."""
 
 
 def make_concave_die(
@@ -98,9 +117,10 @@ def make_concave_die(
     NoStartError: no attempt led to a filled hull.
     InputError: more outcomes than the hull can carry; a fill needs a package that is missing.
     """
-    search = _Search(surface, target, options, seed, on_step)
-    progress = search.attempted(resume or ConcaveProgress(0, 0.0, None, (), ()), on_attempt)
-    return search.die(progress)
+    with one_thread():
+        search = _Search(surface, target, options, seed, on_step)
+        progress = search.attempted(resume or ConcaveProgress(0, 0.0, None, (), ()), on_attempt)
+        return search.die(progress)
 
 
 @dataclass(eq=False)
@@ -120,24 +140,38 @@ class _Search:
         self.center = self.surface.centroid
         self.radius = float(norms(self.surface.points - self.center).max())
         self.unit = self.surface.moved((self.surface.points - self.center) / self.radius)
-        self.problem = HullProblem(self.unit, self.target, ROOM * self.options.tolerance)
+        options = self.options
+        self.problem = HullProblem(
+            self.unit,
+            self.target,
+            tolerance=ROOM * options.tolerance,
+            apart=math.radians(options.apart_deg),
+            margin=math.radians(options.margin_deg),
+            coarse=options.hull == "gauss_newton",
+        )
         self.masses = point_masses(self.unit)
+
+    @cached_property
+    def choices(self) -> list[Floats]:
+        """(k, 3) directions of the outcomes, for one attempt after the other."""
+        wanted = self.problem.apart
+        apart = max(wanted, min(wanted + BEYOND, FARTHEST))
+        return outcome_choices(self.problem.hull, self.target, apart, self.seed)
 
     def attempted(
         self, progress: ConcaveProgress, on_attempt: Callable[[ConcaveProgress], None] | None
     ) -> ConcaveProgress:
         """The progress once all attempts are made."""
         self.started -= progress.seconds
-        choices = outcome_choices(self.problem.hull, self.target)
-        while progress.attempts < self.options.attempts and not self.good_enough(progress):
+        while progress.attempts < self.options.attempts and not self.ended(progress):
             number, begun = progress.attempts + 1, self.seconds
             self.steps = []
-            best = progress.best
-            filled = self.attempt(number, choices, best)
-            history = tuple(self.steps) if best is None else progress.history
-            tried = progress.tried
+            best, history, tried = progress.best, progress.history, progress.tried
+            filled = self.attempt(number, best)
             if filled is not None:
                 tried += (_told(filled, self.seconds - begun),)
+            if best is None:
+                history = tuple(self.steps)
             if filled is not None and (best is None or self.rank(filled) < self.rank(best)):
                 best, history = filled, tuple(self.steps)
             progress = ConcaveProgress(number, self.seconds, best, tried, history)
@@ -150,35 +184,82 @@ class _Search:
         """Wall-clock time, over all sessions."""
         return time.perf_counter() - self.started
 
-    def good_enough(self, progress: ConcaveProgress) -> bool:
-        """True if a die is as wanted, and near the original or all that the limits allow."""
+    def ended(self, progress: ConcaveProgress) -> bool:
+        """True if time is out, or enough dice are as wanted, or one of them is near enough."""
         best, options = progress.best, self.options
-        if best is None or best.error > options.tolerance or best.intersections > 0:
+        if options.seconds is not None and self.seconds >= options.seconds:
+            return progress.attempts > 0
+        if best is None or self.missing(best) > 0.0:
             return False
-        return (
-            best.displacement <= options.displacement
-            or progress.attempts >= options.enough
-            or (options.seconds is not None and self.seconds >= options.seconds)
+        good = sum(self.missing(attempt) == 0.0 for attempt in progress.tried)
+        return best.displacement <= options.displacement or good >= options.enough
+
+    def missing(self, die: FilledHull | AttemptResult) -> float:
+        """What is missing from a die as wanted, as `HullDraft.shortfall`."""
+        options = self.options
+        missing = max(die.error / options.tolerance - 1.0, 0.0)
+        if die.apart < options.apart_deg:
+            missing += 1.0 - die.apart / options.apart_deg
+        if die.margin < options.margin_deg:
+            missing += 1.0 - die.margin / options.margin_deg
+        if die.intersections > 0:
+            missing += MEETING + die.intersections / MOST_EASED
+        return missing
+
+    def rank(self, filled: FilledHull) -> tuple[float, float]:
+        """Sort key, best first: what is missing, then the displacement, which counts for more in
+        one whose outcomes are near each other or easily left."""
+        options, doubts = self.options, 0.0
+        for angle, least, factor in zip(
+            (filled.apart, filled.margin),
+            (options.apart_deg, options.margin_deg),
+            PREFERRED,
+            strict=True,
+        ):
+            enough = factor * least
+            doubts += max(enough - angle, 0.0) / max(enough - least, np.finfo(float).tiny)
+        return self.missing(filled), (1.0 + doubts) * filled.displacement
+
+    def attempt(self, number: int, best: FilledHull | None) -> FilledHull | None:
+        """A hull designed and filled; None where none comes about, or what is missing from it is no
+        less than from the best."""
+        if self.options.hull == "paper":
+            return self.attempt_as_paper(number, best)
+        choices, draft = self.choices, None
+        slopes = self.slopes(number)
+        draft = design_hull(
+            self.problem,
+            choices[(number - 1) % len(choices)],
+            slopes,
+            lambda energy, error: self.record(number, "hull", energy, error),
         )
-
-    def rank(self, filled: FilledHull) -> tuple[float, int, float]:
-        """Sort key, best first: the odds, fewer self-intersections, less displacement."""
-        missed = filled.error if filled.error > self.options.tolerance else 0.0
-        return missed, filled.intersections, filled.displacement
-
-    def attempt(
-        self, number: int, choices: list[Floats], best: FilledHull | None
-    ) -> FilledHull | None:
-        """A hull designed and filled; None where none comes about, or its odds are beyond the
-        tolerance and those of the best."""
-        design = self.design(number, choices)
-        if design is None:
+        if draft is None:
             return None
+        missing = draft.shortfall(self.problem)
+        if missing > 0.0 and best is not None and missing >= self.missing(best):
+            return None
+        nearer = settled_draft(self.problem, nearer_draft(self.problem, draft, slopes))
+        design = designed_hull(self.problem, nearer)
+        return self.filled_design(number, design, best)
+
+    def filled_design(
+        self, number: int, design: DesignedHull, best: FilledHull | None
+    ) -> FilledHull | None:
+        """A designed hull filled in the way that the options say."""
         if self.options.fill == "correspondence":
             return self.eased(number, design)
         if best is not None and design.error > max(self.options.tolerance, best.error):
             return None
         return self.filled_as_paper(number, design)
+
+    def slopes(self, number: int) -> SlopeOptions:
+        """Slopes to ask for in an attempt."""
+        circle = max(SLOPES.circle, CIRCLE * self.problem.margin)
+        factors = np.ones(3)
+        if number > len(self.choices):
+            random = np.random.default_rng([self.seed, number])
+            factors = np.exp(random.uniform(-np.log(SHAKEN), np.log(SHAKEN), 3))
+        return SlopeOptions(*(factors * [SLOPES.fall, SLOPES.rise, circle]).tolist())
 
     def eased(self, number: int, design: DesignedHull) -> FilledHull | None:
         """A designed hull filled by correspondence, and eased as long as that helps."""
@@ -197,26 +278,20 @@ class _Search:
             best, design = eased, following
         return best
 
-    def design(self, number: int, choices: list[Floats]) -> DesignedHull | None:
-        """A hull for one of some choices of (k, 3) directions of the outcomes."""
-        random = np.random.default_rng([self.seed, number])
+    def attempt_as_paper(self, number: int, best: FilledHull | None) -> FilledHull | None:
+        """The same with a hull as in the paper."""
+        # Imported late: the usual way does without.
+        from dicedesign.concave.hull.paper_hull import searched_hull
 
-        def told(energy: float, error: float) -> None:
-            self.record(number, "hull", energy, error)
-
-        if self.options.hull == "paper":
-            # Imported late: the usual way does without.
-            from dicedesign.concave.hull.paper_hull import searched_hull
-
-            plain = number == 1
-            return searched_hull(self.problem, choices, self.paper, random, told, plain=plain)
-        chosen = choices[0] if number == 1 else drawn_choice(choices, random)
-        slopes = SlopeOptions(
-            fall=float(np.exp(random.uniform(*np.log(FALLS)))),
-            rise=float(random.uniform(*RISES)),
-            circle=float(np.radians(random.uniform(*CIRCLES))),
+        design = searched_hull(
+            self.problem,
+            self.choices,
+            self.paper,
+            np.random.default_rng([self.seed, number]),
+            lambda energy, error: self.record(number, "hull", energy, error),
+            plain=number == 1,
         )
-        return design_hull(self.problem, chosen, slopes, told)
+        return self.filled_design(number, design, best)
 
     @property
     def paper(self) -> ConcavePaperOptions:

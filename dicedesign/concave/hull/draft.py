@@ -13,6 +13,7 @@ from dicedesign.concave.hull.least_displacement import least_displacement
 from dicedesign.concave.hull.problem import DesignedHull, HullProblem
 from dicedesign.concave.hull.slopes import SlopeMemory, climbs
 from dicedesign.errors import DiceError
+from dicedesign.geometry.sphere import angle_between, foot_on_line
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.optimize.coordinates.vertices import VertexCoordinates
 from dicedesign.optimize.options import SobolevOptions
@@ -92,9 +93,37 @@ class HullDraft:
         sums = np.bincount(self.of_rest, self.rests.odds, minlength=len(self.main))
         return np.asarray(sums, dtype=np.float64)
 
+    @cached_property
+    def apart(self) -> float:
+        """Least angle between two outcomes' own rests, in radians."""
+        one, other = np.triu_indices(len(self.main), 1)
+        angles = angle_between(self.normals[one], self.normals[other])
+        return float(angles.min(initial=np.pi))
+
+    @cached_property
+    def margin(self) -> float:
+        """Least angle, in radians, by which the body must be tipped to leave an outcome."""
+        paths, vertices = self.rests.paths, self.rests.hull.vertices
+        tail, head = vertices[paths.saddle_ends[:, 0]], vertices[paths.saddle_ends[:, 1]]
+        saddles = foot_on_line(tail, head, head - tail, np)
+        outcomes = self.of_rest[paths.basins]
+        leaves = outcomes[:, 0] != outcomes[:, 1]
+        angles = angle_between(self.rest_normals[paths.basins[leaves]], saddles[leaves, None])
+        return float(angles.min(initial=np.pi))
+
     def error(self, target: Floats) -> float:
         """See `DesignedHull.error`."""
         return gathered(self.rest_normals, self.rests.odds, self.normals).error(target)
+
+    def shortfall(self, problem: HullProblem) -> float:
+        """How far odds, angles between outcomes and margin are from what will do, over what will
+        do, summed; 0 where nothing is missing."""
+        missing = max(self.error(problem.target) / problem.tolerance - 1.0, 0.0)
+        if self.apart < problem.apart:
+            missing += 1.0 - self.apart / problem.apart
+        if self.margin < problem.margin:
+            missing += 1.0 - self.margin / problem.margin
+        return missing
 
     @property
     def jacobian(self) -> Floats:

@@ -17,15 +17,22 @@ from dicedesign.concave.hull.draft import (
 )
 from dicedesign.concave.hull.problem import DesignedHull, HullMetric, HullProblem
 from dicedesign.concave.hull.slopes import SlopeMemory, SlopeOptions
+from dicedesign.geometry.sphere import norms
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["eased_hull", "nearer_draft", "settled_draft"]
 
+ROUNDS: Final = 5
+"""Most rounds back toward the original."""
+
+WORTH: Final = 0.98
+"""Part of the displacement that may be left by a round with another after it."""
+
 SWEEPS: Final = 4
-"""Sweeps back toward the original, at the end."""
+"""Sweeps over the hull in each."""
 
 PLACES: Final = 40
-"""Places in each, spread over the hull."""
+"""Places in each sweep, spread over the hull."""
 
 PLACE_WIDTH: Final = 1.0
 """Width of a place, times the root of their number, over the circumscribed radius."""
@@ -39,14 +46,26 @@ CORRECTIONS: Final = 6
 EASED: Final = 16
 """Most groups of corners that are eased at a time."""
 
-RETURNING: Final = HullMetric(tether=0.1, smoothing=0.3, elastic=1.0)
-"""Metric of the steps: the work that the surface takes, above all."""
+RETURNING: Final = HullMetric(tether=1.0, smoothing=0.6, elastic=0.1)
+"""Metric of the steps: the displacement of the corners, above all."""
 
 
 def nearer_draft(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -> HullDraft:
-    """A hull that is as good and takes less work: steps to the least work among hulls with these
-    odds, of all corners and then of those about one place after the other. Each goes as far as the
-    error allows."""
+    """A hull that is as good and nearer to the original: steps to the least displacement among
+    hulls with these odds, of all corners and then of those about one place after the other. Each
+    goes as far as it makes nothing worse that will do."""
+    for _ in range(ROUNDS):
+        nearer = _nearer(problem, draft, slopes)
+        left = _displacement(problem, nearer) / _displacement(problem, draft)
+        if left < 1.0:
+            draft = nearer
+        if left > WORTH:
+            break
+    return draft
+
+
+def _nearer(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -> HullDraft:
+    """A draft after one round."""
     compliance, memory = problem.compliance(RETURNING), SlopeMemory(slopes)
     original = problem.hull.vertices
     centers = original[spread_points(original, PLACES)]
@@ -59,16 +78,31 @@ def nearer_draft(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -
         )
         for part in (np.ones((1, 1)), *about):
             change = part * (goal - draft.corners)
-            draft = _moved(problem, draft, change, problem.tolerance) or draft
+            draft = _moved(problem, draft, change) or draft
     return draft
 
 
-def _moved(problem: HullProblem, draft: HullDraft, change: Floats, most: float) -> HullDraft | None:
-    """A draft after a change (n, 3) of its corners, or the first half, ... of it after which the
-    error is at most so much; None where it is larger all the way."""
+def _displacement(problem: HullProblem, draft: HullDraft) -> float:
+    """Mean displacement of the corners."""
+    return float(norms(draft.corners - problem.hull.vertices).mean())
+
+
+def _moved(
+    problem: HullProblem, draft: HullDraft, change: Floats, most: float | None = None
+) -> HullDraft | None:
+    """A draft after a change (n, 3) of its corners, or the first half, ... of it after which as
+    much will do as before, or the error is at most so much where that is given; None where it is
+    worse all the way."""
+    missing = draft.shortfall(problem)
     for halving in range(HALVINGS):
         following = HullDraft.of(draft.corners + 0.5**halving * change, draft.normals)
-        if following is not None and following.error(problem.target) <= most:
+        if following is None:
+            continue
+        if most is not None:
+            good = following.error(problem.target) <= most
+        else:
+            good = following.shortfall(problem) <= missing
+        if good:
             return following
     return None
 
@@ -98,7 +132,7 @@ def eased_hull(
     problem: HullProblem, design: DesignedHull, places: Floats, width: float
 ) -> DesignedHull | None:
     """A design whose corners near some places (p, 3) of the original surface go where the others
-    would take them, as far as the error allows; None where it allows nothing.
+    would take them, as far as that makes nothing worse that will do; None where it does at once.
 
     width: distance from a place within which corners are eased, over the circumscribed radius.
     """
@@ -113,11 +147,11 @@ def eased_hull(
     for place in range(len(middles)):
         group = np.flatnonzero((owner[1] == place) & (owner[0] < width))
         others = np.setdiff1d(np.arange(len(original)), group)
-        held = HeldCorners(problem.elasticity, problem.hull.source[others])
+        held = HeldCorners(problem.elasticity, problem.source[others])
         followed = held.followed((draft.corners - original)[others])
         goal = draft.corners.copy()
-        goal[group] = original[group] + followed[problem.hull.source[group]]
-        following = _moved(problem, draft, goal - draft.corners, problem.tolerance)
+        goal[group] = original[group] + followed[problem.source[group]]
+        following = _moved(problem, draft, goal - draft.corners)
         if following is not None:
             draft, eased = following, True
     if not eased:

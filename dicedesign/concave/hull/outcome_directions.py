@@ -1,49 +1,90 @@
-"""Choices of rests of a surface's hull that may become the outcomes, the likeliest first."""
+"""Directions of a surface that may become the outcomes, the cheapest to bring about first.
+
+A body tips from each direction that it is set down with to the outcome that it is to end in, and on
+the way it must not have to climb: what it climbs now is what its hull has to give way. So a choice
+of k directions costs what the cheapest assignment of all directions to them costs, in which each
+gets its share q of the sphere, by the climb on the great arc to it.
+"""
 
 from __future__ import annotations
 
-from itertools import combinations
+import math
+from itertools import combinations, permutations
 from typing import Final
 
 import numpy as np
 
-from dicedesign.concave.hull.slopes import climbs
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import unit_vectors
-from dicedesign.rest.poses import RestPoses, analyse
-from dicedesign.runtime.arrays import Floats
+from dicedesign.rest.poses import analyse
+from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["drawn_choice", "outcome_choices"]
+__all__ = ["outcome_choices"]
 
-MOST_RESTS: Final = 7
-"""Rests that are chosen from, the most probable ones, or two more than there are outcomes."""
+SPREAD: Final = 60
+"""Candidates that are spread over the sphere, or a few for each outcome, beside the rests."""
 
-APART: Final = np.cos(np.radians(20.0))
-"""Cosine between two outcomes of one choice, at most: nearer ones are hard to tell apart."""
+SPREAD_EACH: Final = 8
+"""Of them for each outcome, at least."""
 
-CLIMB_COST: Final = 3.0
-"""Cost of the mean climb from all rests to the chosen ones, over the circumscribed radius."""
+DISTINCT: Final = math.cos(math.radians(10.0))
+"""Cosine between candidates, at most."""
 
-CHOICE_SCALE: Final = 1.0
-"""Mean place, among the choices, of the one that is drawn."""
+SAMPLES: Final = 300
+"""Directions that the body is set down with."""
 
-MISS_COST: Final = 0.3
-"""Cost of the largest |p - q| of the clusters."""
+HEIGHTS: Final = (120, 240)
+"""Heights of the body that are kept, by latitude and longitude: every degree and a half."""
+
+ARC: Final = 24
+"""Places on each great arc."""
+
+SOFTNESS: Final = 0.01
+"""Climb, over the circumscribed radius, by which an assignment may be dearer than the cheapest."""
+
+BALANCINGS: Final = 30
+"""Times that the shares are balanced in turn."""
+
+MOST_SETS: Final = 100_000
+"""Sets of candidates that are looked at; where there are more, so many at random."""
+
+MOST_ASSIGNED: Final = 3_000
+"""Of them, whose assignments are computed: those that would cost least with any shares."""
+
+MOST_ORDERED: Final = 200
+"""Of those, whose candidates are assigned to the outcomes in every order."""
+
+MOST_ORDERS: Final = 24
+"""Orders that are tried; with more outcomes, the one by natural shares alone."""
+
+IMPROVED: Final = 2
+"""Times that one candidate is exchanged in each of the best of sets drawn at random."""
+
+LOOSENED: Final = 0.85
+"""Factor of the wanted angle where no set of candidates is as far apart."""
+
+MOST_CHOICES: Final = 60
+"""Choices that are given."""
+
+DIFFERENT: Final = math.cos(math.radians(18.0))
+"""Cosine, at most, between the directions of two choices in the outcome where they differ most."""
 
 
-def drawn_choice(choices: list[Floats], random: np.random.Generator) -> Floats:
-    """One of the choices (k, 3), at random, the likelier the earlier it comes."""
-    return choices[int(random.exponential(CHOICE_SCALE)) % len(choices)]
+def outcome_choices(hull: ConvexHull, target: Floats, apart: float, seed: int) -> list[Floats]:
+    """Choices of (k, 3) unit directions for the outcomes of a target (k,), the cheapest first.
 
+    Parameters
+    ----------
+    hull: about the center of mass at the origin, of circumscribed radius about 1.
+    target: (k,) the odds.
+    apart: least angle between two directions of a choice, in radians, where there are any so far
+        apart.
+    seed: of the candidates that are spread over the sphere, and of sets where there are too many.
 
-def outcome_choices(hull: ConvexHull, target: Floats) -> list[Floats]:
-    """Choices of (k, 3) unit directions for the outcomes of a target (k,).
-
-    hull: about the center of mass at the origin, of circumscribed radius about 1. Where it has few
-    rests, directions far from them make up for it.
-
-    Raises InputError where a hull of that many corners has fewer facets than there are outcomes.
+    Raises
+    ------
+    InputError: a hull of that many corners has fewer facets than there are outcomes.
     """
     count = len(target)
     most = 2 * len(hull.vertices) - 4
@@ -52,50 +93,190 @@ def outcome_choices(hull: ConvexHull, target: Floats) -> list[Floats]:
             f"target: expected at most {most} outcomes for a hull of {len(hull.vertices)} corners, "
             f"got {count}; join some, or refine the surface with method.concave.points"
         )
-    poses = analyse(hull, np.zeros(3), "given")
-    several = max(MOST_RESTS, count + 2)
-    pool = _filled_up(poses.normals[:several], several, poses)
-    places = _far_apart(pool, count)
-    if not places:
-        pool = _filled_up(_distinct(poses.normals)[:count], count, poses)
-        places = [list(range(count))]
-    climb = climbs(hull.vertices, poses.normals, pool)
-    order = np.argsort(target)
-    costs, choices = [], []
-    for chosen in places:
-        own = climb[:, chosen]
-        odds = np.bincount(own.argmin(axis=1), poses.probabilities, minlength=count)
-        ranked = np.empty(count, dtype=np.int64)
-        ranked[order] = np.argsort(odds, kind="stable")
-        miss = float(np.abs(odds[ranked] - target).max())
-        costs.append(MISS_COST * miss + CLIMB_COST * float(own.min(axis=1) @ poses.probabilities))
-        choices.append(pool[chosen][ranked])
-    return [choices[place] for place in np.argsort(costs, kind="stable")]
+    random = np.random.default_rng([seed, count])
+    candidates = _candidates(hull, count, random)
+    costs = _climbs(hull.vertices, _spread(SAMPLES, random), candidates)
+    # The most probable outcome first: the candidates of a set are ordered by their natural shares.
+    order = np.argsort(-target, kind="stable")
+    shares = target[order]
+    sets = _sets(costs, candidates, count, apart, shares, random)
+    price, sets = _ordered(costs, sets, shares)
+    chosen: list[Floats] = []
+    for place in np.argsort(price, kind="stable"):
+        directions = np.empty((count, 3))
+        directions[order] = candidates[sets[place]]
+        if all(_differ(directions, other, target) for other in chosen):
+            chosen.append(directions)
+            if len(chosen) == MOST_CHOICES:
+                break
+    return chosen
 
 
-def _far_apart(pool: Floats, count: int) -> list[list[int]]:
-    """The sets of so many directions of a pool that are all apart."""
-    near = np.argwhere(np.triu(pool @ pool.T > APART, 1)).tolist()
-    sets = (list(chosen) for chosen in combinations(range(len(pool)), count))
-    return [chosen for chosen in sets if not any(a in chosen and b in chosen for a, b in near)]
+def _candidates(hull: ConvexHull, count: int, random: np.random.Generator) -> Floats:
+    """(m, 3) the rests, the most probable first, and directions between them."""
+    rests = analyse(hull, np.zeros(3), "given").normals
+    kept: list[Floats] = []
+    for direction in (*rests, *_spread(max(SPREAD, SPREAD_EACH * count), random)):
+        if all(direction @ other <= DISTINCT for other in kept):
+            kept.append(direction)
+    return np.array(kept)
 
 
-def _distinct(normals: Floats) -> Floats:
-    """(m, 3) those that are apart from all before them."""
-    kept: list[int] = []
-    for number, normal in enumerate(normals):
-        if (normals[kept] @ normal).max(initial=-1.0) <= APART:
-            kept.append(number)
-    return normals[kept]
+def _spread(count: int, random: np.random.Generator) -> Floats:
+    """(count, 3) directions all over the sphere, on a spiral that is turned at random.
+
+    Source: Gonzalez, Math. Geosci. 42, 2010 (the Fibonacci lattice).
+    """
+    number = np.arange(count) + 0.5
+    z, turn = 1.0 - 2.0 * number / count, math.pi * (1.0 + math.sqrt(5.0)) * number
+    aside = np.sqrt(1.0 - z * z)
+    spiral = np.stack([aside * np.cos(turn), aside * np.sin(turn), z], axis=1)
+    axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    return np.asarray(spiral @ axes)
 
 
-def _filled_up(directions: Floats, count: int, poses: RestPoses) -> Floats:
-    """(count, 3) the directions, and those of facets that are far from all others, and of corners
-    where the facets are too few."""
-    candidates = poses.hull.normals
-    if len(candidates) < count:
-        candidates = np.concatenate([candidates, unit_vectors(poses.hull.vertices)])
-    while len(directions) < count:
-        farthest = np.argmin((candidates @ directions.T).max(axis=1))
-        directions = np.vstack([directions, candidates[farthest]])
-    return directions
+def _climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:
+    """(s, e) as `slopes.climbs`, from heights that are looked up in a table."""
+    rows, columns = HEIGHTS
+    latitude = (np.arange(rows) + 0.5) * math.pi / rows
+    longitude = (np.arange(columns) + 0.5) * 2.0 * math.pi / columns - math.pi
+    table = np.empty(HEIGHTS)
+    for row, angle in enumerate(latitude):
+        ring = np.stack(
+            [
+                math.sin(angle) * np.cos(longitude),
+                math.sin(angle) * np.sin(longitude),
+                np.full(columns, math.cos(angle)),
+            ],
+            axis=1,
+        )
+        table[row] = (ring @ vertices.T).max(axis=1)
+    part = np.linspace(0.0, 1.0, ARC)
+    highest = np.empty((len(starts), len(ends)))
+    for column, end in enumerate(ends):
+        cosine = starts @ end
+        across = end - cosine[:, None] * starts
+        # Opposite directions have any tangent.
+        across[np.abs(across).max(axis=1) < 1e-9] = np.roll(end, 1)
+        angle = np.arccos(np.clip(cosine, -1.0, 1.0))[:, None] * part
+        aside = unit_vectors(across)
+        arc = np.cos(angle)[..., None] * starts[:, None] + np.sin(angle)[..., None] * aside[:, None]
+        row = np.minimum((np.arccos(np.clip(arc[..., 2], -1, 1)) / math.pi * rows), rows - 1)
+        turn = (np.arctan2(arc[..., 1], arc[..., 0]) + math.pi) / (2.0 * math.pi) * columns
+        heights = table[row.astype(np.int64), np.minimum(turn, columns - 1).astype(np.int64)]
+        later = np.maximum.accumulate(heights[:, ::-1], axis=1)[:, ::-1]
+        highest[:, column] = (later - heights).max(axis=1)
+    return highest
+
+
+def _sets(
+    costs: Floats,
+    candidates: Floats,
+    count: int,
+    apart: float,
+    shares: Floats,
+    random: np.random.Generator,
+) -> Integers:
+    """(m, k) sets of candidates that are apart, the cheapest by natural shares."""
+    cosines = candidates @ candidates.T
+    while True:
+        near = cosines > math.cos(apart) + 1e-12
+        np.fill_diagonal(near, True)
+        every = math.comb(len(candidates), count) <= MOST_SETS
+        sets = _all_sets(near, count) if every else _drawn_sets(near, count, random)
+        if len(sets) > 0:
+            break
+        apart *= LOOSENED
+    sets = _cheapest(costs, sets, MOST_ASSIGNED)
+    for _ in range(0 if every else IMPROVED):
+        best = sets[np.argsort(_prices(costs, sets, shares), kind="stable")[:MOST_ORDERED]]
+        exchanged = _exchanged(near, best)
+        sets = np.unique(np.concatenate([best, _cheapest(costs, exchanged, MOST_ASSIGNED)]), axis=0)
+    return sets
+
+
+def _all_sets(near: np.ndarray, count: int) -> Integers:
+    sets = np.array(list(combinations(range(len(near)), count)), dtype=np.int64)
+    good = np.ones(len(sets), dtype=bool)
+    for one, other in combinations(range(count), 2):
+        good &= ~near[sets[:, one], sets[:, other]]
+    return sets[good]
+
+
+def _drawn_sets(near: np.ndarray, count: int, random: np.random.Generator) -> Integers:
+    """Sets that are drawn one candidate after the other, all at once."""
+    free = np.ones((MOST_SETS, len(near)), dtype=bool)
+    sets = np.empty((MOST_SETS, count), dtype=np.int64)
+    for place in range(count):
+        sets[:, place] = np.where(free, random.random(free.shape), -1.0).argmax(axis=1)
+        # Where none was left, the first is taken again, and the set is dropped.
+        lost = ~free[np.arange(len(sets)), sets[:, place]]
+        free &= ~near[sets[:, place]]
+        free, sets = free[~lost], sets[~lost]
+    return np.unique(np.sort(sets, axis=1), axis=0)
+
+
+def _exchanged(near: np.ndarray, sets: Integers) -> Integers:
+    """The sets (m, k) with one candidate exchanged for any other that is apart from the rest."""
+    made = []
+    for place in range(sets.shape[1]):
+        others = np.delete(sets, place, axis=1)
+        number, candidate = np.nonzero(~near[others].any(axis=1))
+        made.append(np.column_stack([others[number], candidate]))
+    return np.unique(np.sort(np.concatenate(made), axis=1), axis=0)
+
+
+def _cheapest(costs: Floats, sets: Integers, most: int) -> Integers:
+    """The sets that cost least if every direction may go to the nearest of them."""
+    bound = np.empty(len(sets))
+    for first in range(0, len(sets), MOST_ASSIGNED):
+        part = slice(first, first + MOST_ASSIGNED)
+        bound[part] = costs[:, sets[part]].min(axis=2).mean(axis=0)
+    return sets[np.argsort(bound, kind="stable")[:most]]
+
+
+def _by_natural_share(costs: Floats, sets: Integers) -> Integers:
+    """The sets, each in the order of what goes to its candidates by itself, the most first."""
+    nearest = costs[:, sets].argmin(axis=2)
+    natural = np.stack([(nearest == place).sum(axis=0) for place in range(sets.shape[1])], axis=1)
+    return np.take_along_axis(sets, np.argsort(-natural, axis=1, kind="stable"), axis=1)
+
+
+def _prices(costs: Floats, sets: Integers, shares: Floats) -> Floats:
+    return _assigned(costs, _by_natural_share(costs, sets), shares)
+
+
+def _ordered(costs: Floats, sets: Integers, shares: Floats) -> tuple[Floats, Integers]:
+    """Costs (m,) of sets (m, k) in the orders that cost least."""
+    sets = _by_natural_share(costs, sets)
+    prices = _assigned(costs, sets, shares)
+    if len(np.unique(shares)) == 1 or math.factorial(len(shares)) > MOST_ORDERS:
+        return prices, sets
+    best = sets[np.argsort(prices, kind="stable")[:MOST_ORDERED]]
+    tried = np.concatenate([best[:, list(order)] for order in permutations(range(len(shares)))])
+    return _assigned(costs, tried, shares), tried
+
+
+def _assigned(costs: Floats, sets: Integers, shares: Floats) -> Floats:
+    """(m,) cost of the cheapest assignment of the samples to sets (m, k) with their shares (k,).
+
+    Source: Cuturi, Sinkhorn distances (NeurIPS 2013).
+    """
+    prices = np.empty(len(sets))
+    for first in range(0, len(sets), MOST_ASSIGNED):
+        part = sets[first : first + MOST_ASSIGNED]
+        climb = costs[:, part]
+        kernel = np.exp(-climb / SOFTNESS) + 1e-300
+        weights = np.ones(part.shape)
+        for _ in range(BALANCINGS):
+            rows = 1.0 / (len(costs) * np.einsum("smk,mk->sm", kernel, weights))
+            weights = shares / np.einsum("smk,sm->mk", kernel, rows)
+        flow = kernel * rows[:, :, None] * weights
+        prices[first : first + MOST_ASSIGNED] = (flow * climb).sum(axis=(0, 2))
+    return prices
+
+
+def _differ(one: Floats, other: Floats, target: Floats) -> bool:
+    """Whether two choices differ in a direction, outcomes of equal odds counting as the same."""
+    cosines = np.where(target[:, None] == target, one @ other.T, -1.0)
+    return bool((cosines.max(axis=1) < DIFFERENT).any() or (cosines.max(axis=0) < DIFFERENT).any())

@@ -12,7 +12,6 @@ from scipy.spatial.distance import cdist
 
 from dicedesign.concave.fill.paper_options import ConcavePaperOptions, HullWeights
 from dicedesign.concave.hull.draft import HullDraft, exact_draft
-from dicedesign.concave.hull.outcome_directions import drawn_choice
 from dicedesign.concave.hull.problem import DesignedHull, HullProblem
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -38,6 +37,9 @@ SHAKES: Final = 8
 
 SHAKE: Final = 1e-3
 """Standard deviation of that in each coordinate, over the circumscribed radius."""
+
+CHOICE_SCALE: Final = 1.0
+"""Mean place, among the choices, of the one that a trial is made with."""
 
 
 def searched_hull(
@@ -71,7 +73,7 @@ def searched_hull(
     for trial in range(TRIALS):
         own, chosen = options, choices[0]
         if trial > 0 or not plain:
-            chosen = drawn_choice(choices, random)
+            chosen = choices[int(random.exponential(CHOICE_SCALE)) % len(choices)]
             own = replace(options, weights=_scaled(options.weights, random))
         designs.append(descend_hull(problem, chosen, own, on_step))
     return min(designs, key=cost)

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from dicedesign.concave.fill.space_elasticity import Elasticity, HeldCorners, positive_inverse
+from dicedesign.concave.hull.coarse_corners import coarse_corners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.optimize.solvers.sobolev import graph_laplacian
@@ -42,16 +43,33 @@ class HullProblem:
     surface: its center of mass at the origin, its circumscribed radius 1.
     target: (k,) the odds.
     tolerance: largest error (`DesignedHull.error`) that will do.
+    apart: least angle between two outcomes that will do, in radians.
+    margin: least angle of tipping that leaves an outcome that will do, in radians.
+    coarse: whether some of the corners will do (`coarse_corners`), or all are designed with.
     """
 
     surface: Surface
     target: Floats
     tolerance: float
+    apart: float = 0.0
+    margin: float = 0.0
+    coarse: bool = False
 
     @cached_property
     def hull(self) -> ConvexHull:
-        """Of the surface as it is."""
-        return convex_hull(self.surface.points)
+        """Of the surface as it is, or of the corners that will do."""
+        return convex_hull(self.surface.points[self._candidates])
+
+    @cached_property
+    def source(self) -> Integers:
+        """(n,) number of the surface's point of each corner."""
+        return self._candidates[self.hull.source]
+
+    @cached_property
+    def _candidates(self) -> Integers:
+        """Points of the surface that its hull is made of."""
+        hull = convex_hull(self.surface.points)
+        return hull.source[coarse_corners(hull)] if self.coarse else hull.source
 
     @cached_property
     def _laplacian(self) -> Floats:
@@ -65,7 +83,7 @@ class HullProblem:
     @cached_property
     def relative(self) -> tuple[Floats, Floats]:
         """See `HeldCorners.relative`, for the corners of the hull."""
-        return HeldCorners(self.elasticity, self.hull.source).relative
+        return HeldCorners(self.elasticity, self.source).relative
 
     @cached_property
     def _compliances(self) -> dict[HullMetric, Floats]:
@@ -87,7 +105,7 @@ class HullProblem:
         """
         center = np.tensordot(moved, self.relative[1], 2)
         hull = convex_hull(vertices + center)
-        corners = self.hull.source[source[hull.source]]
+        corners = self.source[source[hull.source]]
         return DesignedHull(hull, corners, center, directions, error, moved)
 
     def _compliance(self, metric: HullMetric) -> Floats:
