@@ -609,8 +609,7 @@ def test_a_knot_becomes_a_loaded_die_killed_or_not(tmp_path: Path, quick: None) 
     path = tmp_path / "knot.yaml"
     path.write_text(
         "name: knot\nseed: 2\ntarget: {probabilities: [0.5, 0.3, 0.2]}\nstart: {shape: knot}\n"
-        "method: {concave: {points: 300, attempts: 5, displacement: 1e-3, seconds: 600, "
-        "apart_deg: 20, margin_deg: 1}}\n"
+        "method: {concave: {points: 300, attempts: 5, displacement: 1e-3, seconds: 600}}\n"
     )
     whole, parts, steps = tmp_path / "whole", tmp_path / "parts", []
     result = pipeline.run(path, whole, listeners=Listeners(on_step=steps.append))
