@@ -94,6 +94,14 @@ def test_more_attempts_are_advised_where_they_were_used_up(
     assert any(f"best of {min(attempts, 3)} attempts" in remark for remark in work.remarks)
 
 
+def test_more_seconds_are_advised_where_they_ran_out(made: Callable[..., Work]) -> None:
+    """The made-up search says that it took 1.8 s."""
+    for seconds, more in ((1.5, True), (2.0, False)):
+        work = made(lambda points: points * [1.0, 1.1, 1.25], attempts=40, seconds=seconds)
+        assert any("method.concave.seconds" in remark for remark in work.remarks) == more
+        assert not any("method.concave.attempts" in remark for remark in work.remarks)
+
+
 def test_pairs_that_meet_are_counted(made: Callable[..., Work]) -> None:
     def push(points: Floats) -> Floats:
         deep = points.copy()
