@@ -152,6 +152,8 @@ class Result:
         others there are.
     rest_counts: (k,) how many rests count for each outcome.
     least_angle_deg: between two outcomes' facets; 180 with one outcome.
+    least_margin_deg: angle by which the die must be tipped to leave the outcome that is left most
+        easily; 180 where none can be left for another.
     asymmetry: rho of eq. 20 and 21.
     engraved_probabilities, engraved_elsewhere, engraved_max_abs_error: the same odds by die.stl as
         it was read back, with what the marks take away; None where it is not engraved, or where the
@@ -193,6 +195,7 @@ class Result:
     unstable_facets: int
     rest_counts: tuple[int, ...]
     least_angle_deg: float
+    least_margin_deg: float
     asymmetry: float
     history: tuple[Step, ...]
     notes: tuple[str, ...] = ()

@@ -37,6 +37,7 @@ def finished_box(**changes: Any) -> FinishedDie:
         unstable_facets=0,
         rest_counts=(1,) * 6,
         least_angle_deg=90.0,
+        least_margin_deg=45.0,
         design_max_abs_error=0.1,
         asymmetry=0.1,
         history=HISTORY,

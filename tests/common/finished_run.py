@@ -50,6 +50,7 @@ def finished_result(
         unstable_facets=0,
         rest_counts=(1,) * len(labels),
         least_angle_deg=90.0,
+        least_margin_deg=20.0,
         asymmetry=0.0,
         history=(),
         files={"die_plain": "die_plain.stl"},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from common.made_up_die import SIDES, box, checked
 
@@ -26,6 +27,8 @@ def test_a_result_says_what_the_work_holds() -> None:
     assert result.unstable_facets == 0
     assert result.rest_counts == (1, 1, 1)
     assert result.least_angle_deg == pytest.approx(90.0, abs=1e-5)
+    # From its smallest side over one of the longer edges.
+    assert result.least_margin_deg == pytest.approx(np.degrees(np.arctan(4.0 / 6.0)), abs=1e-4)
     assert result.elsewhere == pytest.approx(0.5, abs=1e-6)
     assert (result.folder, result.files) == (None, {})
     work.die = replace(work.die, terms={"dice": 0.25})

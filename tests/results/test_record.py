@@ -39,6 +39,7 @@ RESULT = Result(
     unstable_facets=3,
     rest_counts=(1, 2),
     least_angle_deg=90.0,
+    least_margin_deg=20.0,
     asymmetry=0.1,
     history=(
         Step(0, 0.0, 1.0, 0.5, {"dice": 1.0}),

@@ -138,6 +138,7 @@ class Work:
             unstable_facets=len(verdict.poses.hull.normals) - len(verdict.poses.facets),
             rest_counts=tuple(verdict.outcomes.rest_counts.tolist()),
             least_angle_deg=math.degrees(verdict.outcomes.least_angle),
+            least_margin_deg=math.degrees(verdict.margins.min()),
             reading=self.reading.sentence if self.engraved and self.reading else None,
             history=die.steps,
             notes=tuple(self.notes),
