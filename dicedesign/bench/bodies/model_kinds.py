@@ -1,6 +1,6 @@
 """Kinds of models that nobody tuned to, each drawn at random as a distance function.
 
-Every model lies within 4 units of length of the origin, z upward, and has no part thinner than 0.16.
+They stand along z, if they stand.
 """
 
 from __future__ import annotations
@@ -32,9 +32,12 @@ from dicedesign.concave.shapes.distance_functions import (
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["KINDS"]
+__all__ = ["REACH", "ROUND_KINDS"]
 
 Generator = np.random.Generator
+
+REACH: Final = 4.0
+"""Largest coordinate of any model along any axis."""
 
 
 def _blobs(rng: Generator) -> Distance:
@@ -53,35 +56,28 @@ def _blobs(rng: Generator) -> Distance:
 
 def _animal(rng: Generator) -> Distance:
     """A beast on four legs, with neck, head, ears and tail; it looks along x."""
-    length, width, height = rng.uniform(0.7, 1.2), rng.uniform(0.32, 0.6), rng.uniform(0.32, 0.6)
-    leg, thin = rng.uniform(0.35, 1.1), rng.uniform(0.12, 0.2)
-    neck, lean = rng.uniform(0.1, 1.1), rng.uniform(0.2, 0.9)
-    head = np.array([length + neck * lean, 0.0, 0.2 + neck])
-    size = rng.uniform(0.26, 0.5)
-    spread = 0.6 * width + rng.uniform(0.0, 0.2)
+    length, width, height = rng.uniform([0.5, 0.32, 0.32], [1.3, 0.75, 0.75])
+    leg, thin = rng.uniform(0.2, 1.4), rng.uniform(0.13, 0.25)
+    neck, lean = rng.uniform(0.1, 1.5), rng.uniform(0.1, 0.9)
+    head, size = _at(length + neck * lean, 0.0, 0.2 + neck), rng.uniform(0.26, 0.65)
+    foot = 0.6 * width + rng.uniform(0.05, 0.4)
     parts = [ellipsoid((0.0, 0.0, 0.0), (length, width, height))]
     for x in (-0.65 * length, 0.6 * length):
-        hip, foot = (x, 0.55 * width, -0.2), (x + rng.uniform(-0.2, 0.2), spread, -height - leg)
-        parts.append(mirrored(round_cone(hip, foot, 1.5 * thin, thin)))
-    parts.append(round_cone((0.7 * length, 0.0, 0.1), _vector(head), 0.5 * height + 0.1, 0.2))
-    parts.append(ellipsoid(_vector(head), (1.2 * size, 0.85 * size, 0.9 * size)))
-    parts.append(
-        round_cone(
-            _vector(head),
-            _vector(head + [size * rng.uniform(1.2, 2.2), 0.0, -0.3 * size]),
-            0.6 * size,
-            rng.uniform(0.12, 0.2),
-        )
-    )
-    tip = head + size * np.array([-0.2, rng.uniform(0.6, 1.2), rng.uniform(0.9, 1.8)])
-    parts.append(
-        mirrored(round_cone(_vector(head + [0.0, 0.4 * size, 0.4 * size]), _vector(tip), 0.16, 0.1))
-    )
+        hip, toe = _at(x, 0.6 * width, -0.2), _at(x, foot, -height - leg)
+        toe[0] += rng.uniform(-0.2, 0.2)
+        for side in ([1.0, 1.0, 1.0], [1.0, -1.0, 1.0]):
+            parts.append(round_cone(_vector(side * hip), _vector(side * toe), 1.4 * thin, thin))
+    parts.append(round_cone((0.6 * length, 0.0, 0.1), _vector(head), 0.5 * height + 0.1, 0.2))
+    parts.append(ellipsoid(_vector(head), _vector(size * _at(1.2, 0.85, 0.9))))
+    muzzle = head + size * _at(rng.uniform(1.0, 2.2), 0.0, -0.3)
+    parts.append(round_cone(_vector(head), _vector(muzzle), 0.6 * size, rng.uniform(0.12, 0.2)))
+    ear, tip = size * _at(0.0, 0.4, 0.4), size * _at(-0.2, *rng.uniform(0.7, 1.8, size=2))
+    parts.append(mirrored(round_cone(_vector(head + ear), _vector(head + tip), 0.18, 0.12)))
     steps = np.linspace(0.0, 1.0, 6)[:, None]
-    way = np.array([-rng.uniform(0.4, 1.2), rng.uniform(-0.4, 0.4), rng.uniform(-0.6, 0.9)])
-    curl = np.array([0.0, 0.0, rng.uniform(-0.5, 0.6)])
-    parts.append(tube([-0.85 * length, 0.0, 0.1] + steps * way + steps**2 * curl, 0.18, 0.11))
-    return blended(parts, rng.uniform(0.08, 0.2))
+    way = rng.uniform([-1.6, -0.5, -0.6], [-0.3, 0.5, 1.2])
+    curl = _at(0.0, 0.0, rng.uniform(-0.5, 0.8))
+    parts.append(tube(_at(-0.85 * length, 0.0, 0.1) + steps * way + steps**2 * curl, 0.2, 0.13))
+    return blended(parts, rng.uniform(0.1, 0.25))
 
 
 def _figure(rng: Generator) -> Distance:
@@ -115,7 +111,7 @@ def _figure(rng: Generator) -> Distance:
 def _rings(rng: Generator) -> Distance:
     """One to three rings that hold on to each other, some oval."""
     parts, center = [], np.zeros(3)
-    for _ in range(int(rng.integers(1, 4))):
+    for _ in range(int(rng.integers(1, 5))):
         radius, thickness = rng.uniform(0.55, 1.1), rng.uniform(0.16, 0.34)
         oval = stretched(ring(radius, thickness), _vector([1.0, rng.uniform(0.8, 1.5), 1.0]))
         rotation = _rotation(rng)
@@ -225,7 +221,7 @@ def _room(line: Floats) -> float:
 
 
 def _toy(rng: Generator) -> Distance:
-    """Blocks upon and beside each other with balls and bars on them: vehicles, castles, machines."""
+    """Blocks upon and beside each other with balls and bars on them: vehicles, castles."""
     half = rng.uniform([0.7, 0.35, 0.2], [1.2, 0.7, 0.4])
     rounding = rng.uniform(0.03, 0.12)
     parts = [rounded_box((0.0, 0.0, 0.0), _vector(half), rounding)]
@@ -270,6 +266,10 @@ def _wavy(rng: Generator, part: Distance, height: float) -> Distance:
     return rippled(part, waves, phases, rng.uniform(0.0, height))
 
 
+def _at(x: float, y: float, z: float) -> Floats:
+    return np.array([x, y, z])
+
+
 def _direction(rng: Generator, least: list[float] | None = None) -> Floats:
     """A unit vector (3,) at random; where a least coordinate is 0, not below that."""
     vector = unit_vectors(rng.normal(size=(1, 3)))[0]
@@ -300,7 +300,7 @@ def _vector(numbers: Floats | list[float]) -> Vector:
     return x, y, z
 
 
-KINDS: Final[dict[str, Callable[[Generator], Distance]]] = {
+ROUND_KINDS: Final[dict[str, Callable[[Generator], Distance]]] = {
     "blobs": _blobs,
     "animal": _animal,
     "rings": _rings,
