@@ -21,7 +21,7 @@ from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.surface import Surface
 
-__all__ = ["MODELS", "MODEL_KINDS", "model_names", "random_model"]
+__all__ = ["MODELS", "MODEL_KINDS", "is_model", "model_names", "random_model"]
 
 SEED: Final = 2024
 """Of all random models."""
@@ -49,22 +49,29 @@ MODELS: Final = model_names(40)
 """Names of the models of the bench."""
 
 
-def random_model(name: str) -> Surface:
-    """The model of a name such as blobs_03: a kind, and a number from 1 on.
-
-    Raises InputError for another name.
-    """
+def is_model(name: str) -> bool:
+    """Whether a name is that of a model: a kind, and a number of two digits from 1 on, or more."""
     kind, _, digits = name.rpartition("_")
-    if kind not in MODEL_KINDS or not digits.isdecimal() or int(digits) < 1:
+    return kind in MODEL_KINDS and digits == f"{_number(digits):02d}" != "00"
+
+
+def random_model(name: str) -> Surface:
+    """The model of a name such as blobs_03. Raises InputError for one that is no model's."""
+    if not is_model(name):
         raise InputError(
             f"model: expected one of {', '.join(MODEL_KINDS)} with a number, got {name!r}; write "
             f"it such as {MODELS[0]}"
         )
+    kind, _, digits = name.rpartition("_")
     rng = np.random.default_rng([SEED, MODEL_KINDS.index(kind), int(digits)])
     while True:
         surface = _drawn(kind, rng)
         if surface is not None and _is_good(surface):
             return surface
+
+
+def _number(digits: str) -> int:
+    return int(digits) if digits.isascii() and digits.isdecimal() else 0
 
 
 def _drawn(kind: str, rng: np.random.Generator) -> Surface | None:
