@@ -64,7 +64,8 @@ class TargetRow(Row):
     Attributes
     ----------
     dice: how many were tried; share: of those as wanted; goal: least share wanted, None for none.
-    median_seconds, late_seconds, most_seconds: of all searches, the second exceeded by a tenth.
+    median_seconds, late_seconds, most_seconds: of all searches, the second exceeded by a tenth;
+        None where none began.
     displacement: median of the mean displacements of the dice that are as wanted, over the
         diagonal; None where none is.
     """
@@ -76,9 +77,9 @@ class TargetRow(Row):
     dice: int = column("dice", 5)
     share: float = column("met %", 7, percent(1))
     goal: float | None = column("goal %", 7, percent(0))
-    median_seconds: float = column("median s", 9, ".1f")
-    late_seconds: float = column("90 % s", 8, ".1f")
-    most_seconds: float = column("most s", 8, ".1f")
+    median_seconds: float | None = column("median s", 9, ".1f")
+    late_seconds: float | None = column("90 % s", 8, ".1f")
+    most_seconds: float | None = column("most s", 8, ".1f")
     displacement: float | None = column("mean %", 7, percent(2))
 
     @property
@@ -201,7 +202,8 @@ def summary(rows: Sequence[ConcaveRow]) -> Iterator[TargetRow]:
 
     for target, fill in dict.fromkeys((row.target, row.fill) for row in rows):
         mine = [row for row in rows if (row.target, row.fill) == (target, fill)]
-        seconds = [row.seconds for row in mine]
+        seconds = [row.seconds for row in mine if row.seconds is not None]
+        took = np.quantile(seconds, [0.5, 0.9, 1.0]).tolist() if seconds else [None] * 3
         moved = [row.mean_displacement for row in mine if row.met]
         yield TargetRow(
             target,
@@ -209,9 +211,9 @@ def summary(rows: Sequence[ConcaveRow]) -> Iterator[TargetRow]:
             len(mine),
             len(moved) / len(mine),
             GOALS.get(target) if fill == "correspondence" else None,
-            float(np.median(seconds)),
-            float(np.quantile(seconds, 0.9)),
-            max(seconds),
+            took[0],
+            took[1],
+            took[2],
             float(np.median(np.array(moved, dtype=np.float64))) if moved else None,
         )
 

@@ -81,7 +81,8 @@ class ConcaveRow(Row):
     ----------
     model, target, fill: see `ConcaveCase`.
     points: of the surface that the die was made from.
-    seconds: wall-clock time of the search; reading, decimation and judgement are not counted.
+    seconds: wall-clock time of the search; reading, decimation and judgement are not counted, and
+        there is none of a model that is no start.
     error: largest |p - q| over clusters of rests within 5 degrees.
     elsewhere: odds of all other rests together.
     intersections: pairs of triangles that meet and should not.
@@ -104,7 +105,7 @@ class ConcaveRow(Row):
     target: str = column("target", -12)
     fill: str = column("fill", -15)
     points: int | None = column("points", 7, default=None)
-    seconds: float = column("s", 7, ".1f", default=0.0)
+    seconds: float | None = column("s", 7, ".1f", default=None)
     error: float | None = column("|p - q|", 9, ".1e", default=None)
     elsewhere: float | None = column("elsewhere", 10, ".1e", default=None)
     intersections: int | None = column("meet", 5, default=None)
@@ -150,7 +151,7 @@ class ConcaveRow(Row):
             yield f"outcomes {self.apart:.1f} degrees apart"
         if self.margin < LEAST_MARGIN - ANGLE_SLACK:
             yield f"an outcome is left at {self.margin:.1f} degrees"
-        if self.seconds > LONGEST:
+        if self.seconds is not None and self.seconds > LONGEST:
             yield f"took {self.seconds:.0f} s"
 
 

@@ -186,7 +186,7 @@ def test_failures_are_rows(tmp_path: Path, cube: Path) -> None:
     opened = tmp_path / "open.obj"
     opened.write_text("".join(cube.read_text().splitlines(keepends=True)[:-1]))
     row = attempt_concave(case_of(opened))
-    assert (row.points, row.error, row.seconds, row.met) == (None, None, 0.0, False)
+    assert (row.points, row.error, row.seconds, row.met) == (None, None, None, False)
     assert "open.obj: expected a closed surface" in row.reason
     many = attempt_concave(case_of(cube, 13))
     assert (many.points, many.error) == (14, None)
@@ -230,6 +230,7 @@ def test_a_summary_counts_by_target_and_fill() -> None:
     assert good.displacement == pytest.approx(0.055)
     assert not replace(good, share=0.89).reached
     assert (paper.share, paper.goal, paper.displacement, paper.reached) == (0.0, None, None, True)
+    assert paper.most_seconds is None
 
 
 @pytest.mark.parametrize(
