@@ -1,40 +1,42 @@
-"""Concave dice by both ways, each measured on the mesh that its STL file holds."""
+"""Concave dice of many models: which become dice, how fast, and at what displacement."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import Any, Final
 
 from dicedesign.bench.frame import BENCHES, Bench, Items, Run
-from dicedesign.bench.options import Option, meshes
-from dicedesign.bench.rows import Row, column, hidden, percent
-from dicedesign.concave.options import ConcaveOptions
-from dicedesign.errors import DiceError, InputError, RecipeError
+from dicedesign.bench.measures.concave_dice import (
+    FILLS,
+    ConcaveCase,
+    ConcaveRow,
+    attempt_concave,
+    built_in,
+)
+from dicedesign.bench.options import Amount, Option, meshes
+from dicedesign.bench.rows import Row, column, percent
+from dicedesign.errors import InputError, RecipeError
 
-if TYPE_CHECKING:
-    from dicedesign.recipe.schema.recipe import Recipe
-    from dicedesign.results.record import Result, Step
+__all__ = ["GOALS", "Extent", "TargetRow", "concave_cases", "summary"]
 
-__all__ = ["ConcaveCase", "ConcaveRow", "Extent", "attempt_concave", "concave_cases", "verdict"]
+GOALS: Final = {"fair:2": 0.9, "fair:3": 0.9, "1/2,1/3,1/6": 0.75, "fair:4": 0.4}
+"""Least share of the models that become dice, by target."""
 
-FILLS: Final = ("correspondence", "paper")
-
-MOST_ATTEMPTS: Final = ConcaveOptions().attempts
-"""The clock alone ends a search before that."""
-
-PAPER_ATTEMPTS: Final = 3
-"""Attempts at a die by the paper's method, each after a search among ten hulls."""
+THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+"""Variables that tell a process how many threads its linear algebra may have."""
 
 KEY: Final = """
-|p - q|: the largest over clusters of rests within 5 degrees; elsewhere: odds of all other rests.
-Both, the gap and the pairs of triangles that meet are those of the STL file as it is read back, its
-center of mass that of the solid. s: of the search, on the wall. MB: peak of the process. gap: from
-its hull to the designed one, over the diagonal. mean, most: displacement of the points, over the
-diagonal. shape, size: mean distortion of the triangles, 1 for none. corners: of the hull, before/
-after. tried: attempts at a die."""
+|p - q|: the largest over clusters of rests within 5 degrees; elsewhere: odds of all other rests;
+meet: pairs of triangles that do; apart: degrees between outcomes; margin: degrees to tip the die
+out of one. All are those of the STL file as it is read back, its center of mass that of the solid.
+s: of the search, on the wall, with one thread. mean: displacement of the points, over the diagonal.
+corners: of the hull, before/after. tried: attempts. A die is as wanted with odds and elsewhere
+within 0.005, nothing that meets, 45 degrees apart, margins of 10, in 60 s."""
 
 
 @dataclass(frozen=True)
@@ -43,200 +45,75 @@ class Extent:
 
     Attributes
     ----------
-    shapes: names of the shapes that are made into dice where no mesh is given.
+    random: how many models made at random are made into dice where no others are named.
+    targets: for which.
+    seconds: after which a die as wanted is not brought nearer to its model; None for no limit.
     most_points: of a surface that is made into a die as in the paper; larger ones are decimated.
-    seconds: wall-clock time after which a search begins no further attempt.
     """
 
-    shapes: tuple[str, ...]
+    random: int
+    targets: tuple[str, ...]
+    seconds: float | None
     most_points: int
-    seconds: float
 
 
 @dataclass(frozen=True)
-class ConcaveCase:
-    """One die that is to be made.
+class TargetRow(Row):
+    """All dice for one target by one fill.
 
     Attributes
     ----------
-    model: file or shape that it is made from.
-    target: as it was given.
-    fill: one of `FILLS`.
-    recipe: all that it takes.
-    most_points: number to which larger surfaces are decimated first; None to leave them.
+    dice: how many were tried; share: of those as wanted; goal: least share wanted, None for none.
+    median_seconds, late_seconds, most_seconds: of all searches, the second exceeded by a tenth;
+        None where none began.
+    displacement: median of the mean displacements of the dice that are as wanted, over the
+        diagonal; None where none is.
     """
 
-    model: str
-    target: str
-    fill: str
-    recipe: Recipe
-    most_points: int | None
+    table = "targets"
 
-
-@dataclass(frozen=True)
-class ConcaveRow(Row):
-    """One case, and the finished die by its STL file with the center of mass of the uniform solid;
-    None for what is not known, as where there is no die.
-
-    Attributes
-    ----------
-    model, target, fill: see `ConcaveCase`.
-    points: of the surface that the die was made from.
-    seconds: wall-clock time of the search; reading, decimation and judgement are not counted.
-    peak_mb: most memory that the process held during the case, libraries included, in units of 10^6
-        bytes, or since it started where the system cannot count anew.
-    error: largest |p - q| over clusters of rests within 5 degrees.
-    elsewhere: odds of all other rests together.
-    gap: largest distance of its hull from the designed one, over the diagonal.
-    intersections: pairs of triangles that meet and should not.
-    mean_displacement, largest_displacement: of the points, over the diagonal.
-    shape_distortion, size_distortion: means over the surface, see `Distortion`.
-    corners: of the hulls of the surface and of the die.
-    attempts: how many were made for it.
-    note: what was done to the surface first, or why there is no die; "" for neither.
-    tolerance: largest `error` and `elsewhere` of a die that is as wanted.
-    """
-
-    computed: ClassVar[tuple[str, ...]] = ("met",)
-
-    model: str = column("model", -17)
-    target: str = column("target", -15)
+    target: str = column("target", -12)
     fill: str = column("fill", -15)
-    points: int | None = column("points", 7, default=None)
-    seconds: float = column("s", 8, ".1f", default=0.0)
-    peak_mb: float | None = column("MB", 7, ".0f", default=None)
-    error: float | None = column("|p - q|", 10, ".1e", default=None)
-    elsewhere: float | None = column("elsewhere", 11, ".1e", default=None)
-    gap: float | None = column("gap", 10, ".1e", default=None)
-    intersections: int | None = column("meet", 6, default=None)
-    mean_displacement: float | None = column("mean %", 8, percent(2), default=None)
-    largest_displacement: float | None = column("most %", 8, percent(1), default=None)
-    shape_distortion: float | None = column("shape", 7, ".2f", default=None)
-    size_distortion: float | None = column("size", 7, ".2f", default=None)
-    corners: tuple[int, int] | None = column(
-        "corners", 11, lambda both: "/".join(map(str, both)), default=None
-    )
-    attempts: int | None = column("tried", 7, default=None)
-    note: str = column("", 0, default="")
-    tolerance: float = hidden(default=0.0)
+    dice: int = column("dice", 5)
+    share: float = column("met %", 7, percent(1))
+    goal: float | None = column("goal %", 7, percent(0))
+    median_seconds: float | None = column("median s", 9, ".1f")
+    late_seconds: float | None = column("90 % s", 8, ".1f")
+    most_seconds: float | None = column("most s", 8, ".1f")
+    displacement: float | None = column("mean %", 7, percent(2))
 
     @property
-    def met(self) -> bool:
-        """Whether the die has the wanted odds and does not meet itself."""
-        if self.error is None or self.elsewhere is None:
-            return False
-        return max(self.error, self.elsewhere) <= self.tolerance and self.intersections == 0
+    def reached(self) -> bool:
+        """Whether the goal is reached, if there is one."""
+        return self.goal is None or self.share >= self.goal
 
 
 def concave_cases(
-    meshes: Sequence[Path],
-    targets: Mapping[str, Mapping[str, Any]],
+    models: Mapping[str, Path | None],
+    targets: Sequence[str],
     extent: Extent,
-    fills: Sequence[str] = FILLS,
+    fills: Sequence[str] = FILLS[:1],
 ) -> list[ConcaveCase]:
-    """Every mesh for every target by every fill.
+    """Every target with every model by every fill.
 
-    meshes: files, or none for the shapes of the extent; targets: entries `target` of recipes, by
-    what to call them.
+    models: files by what to call them; None for the one that the package makes by this name.
+    targets: fair:K or probabilities such as 1/2,1/3,1/6.
 
-    Raises RecipeError, which begins with what it is called, for a target that is none.
+    Raises InputError, or RecipeError that begins with the target, for one that is none.
     """
-    starts: list[tuple[str, dict[str, Any]]] = [
-        (path.name, {"mesh": {"path": str(path)}}) for path in meshes
-    ]
-    return [
-        ConcaveCase(
-            model,
-            name,
-            fill,
-            _recipe(name, target, start, fill, extent.seconds),
-            extent.most_points if fill == "paper" else None,
-        )
-        for model, start in starts or [(name, {"shape": name}) for name in extent.shapes]
-        for name, target in targets.items()
-        for fill in fills
-    ]
-
-
-def _recipe(
-    name: str, target: Mapping[str, Any], start: Mapping[str, Any], fill: str, seconds: float
-) -> Recipe:
-    from dicedesign.recipe.schema.reading import checked_recipe
-
-    method = {"concave": {"fill": fill, "enough": MOST_ATTEMPTS, "seconds": seconds}}
-    if fill == "paper":
-        method["concave"] |= {"hull": "paper", "attempts": PAPER_ATTEMPTS}
-    try:
-        return checked_recipe({"name": "die", "target": target, "start": start, "method": method})
-    except RecipeError as error:
-        raise RecipeError(f"--target {name}: {error}") from error
-
-
-def attempt_concave(case: ConcaveCase, on_step: Callable[[Step], None] | None = None) -> ConcaveRow:
-    """Make and measure a die. Whatever goes wrong is told in the row.
-
-    on_step: called after every step of the search.
-    """
-    from dicedesign.bench.measures.recipes import begun, checked, designed
-    from dicedesign.geometry.surfaces.remeshing import decimated
-    from dicedesign.runtime.clock import peak_megabytes, restart_peak
-
-    row = ConcaveRow(case.model, case.target, case.fill, tolerance=case.recipe.method.tolerance)
-    restart_peak()
-    try:
-        work = begun(case.recipe, on_step)
-        assert work.surface is not None
-        if case.most_points is not None and len(work.surface.points) > case.most_points:
-            work.surface, note = decimated(work.surface, case.most_points)
-            row = replace(row, note=note)
-        row = replace(row, points=len(work.surface.points))
-        started = time.perf_counter()
-        try:
-            designed(work)
-        finally:
-            row = replace(row, seconds=time.perf_counter() - started)
-        row = replace(row, **_measured(checked(work)))
-    except DiceError as error:
-        row = replace(row, note=str(error))
-    except Exception as error:  # a bench goes on with the next case, whatever went wrong in one
-        row = replace(row, note=f"{type(error).__name__}: {error}")
-    return replace(row, peak_mb=peak_megabytes())
-
-
-def _measured(die: Result) -> dict[str, Any]:
-    """Fields of the row, by the STL file of the die."""
-    assert die.displacement is not None
-    assert die.hull is not None
-    assert die.surface_quality is not None
-    distortion = die.surface_quality["distortion"]
-    return {
-        "error": die.max_abs_error,
-        "elsewhere": die.elsewhere,
-        "gap": die.hull.gap,
-        "intersections": die.file_self_intersections,
-        "mean_displacement": die.displacement.mean,
-        "largest_displacement": die.displacement.largest,
-        "shape_distortion": distortion["shape_mean"],
-        "size_distortion": distortion["size_mean"],
-        "corners": (die.hull.vertices_before, die.hull.vertices_after),
-        "attempts": die.attempts,
-    }
-
-
-def _rows(run: Run) -> Items:
-    for path in run.options.meshes:
-        if not path.is_file():
-            raise InputError(f"{path}: expected a mesh file, got none; check the path")
-    targets = {text: _target(text) for text in run.options.targets or ["fair:3"]}
-    fills = FILLS if run.options.fill is None else (run.options.fill,)
-    cases = concave_cases(run.options.meshes, targets, run.extent, fills)
-    rows = []
-    for number, case in enumerate(cases, start=1):
-        run.begin(f"{number} of {len(cases)}: {case.model}, {case.target}, {case.fill}")
-        rows.append(attempt_concave(case, lambda step: run.advance()))
-        yield rows[-1]
-    yield "\n".join([KEY, *verdict(rows)])
-    return all(row.met for row in rows if row.fill == "correspondence")
+    cases = []
+    for target in targets:
+        entry = _target(target)
+        for model, path in models.items():
+            for fill in fills:
+                most = extent.most_points if fill == "paper" else None
+                case = ConcaveCase(model, path, target, entry, fill, extent.seconds, most)
+                try:
+                    case.recipe(path or Path("model.stl"))
+                except RecipeError as error:
+                    raise RecipeError(f"--target {target}: {error}") from error
+                cases.append(case)
+    return cases
 
 
 def _target(text: str) -> dict[str, Any]:
@@ -252,40 +129,151 @@ def _target(text: str) -> dict[str, Any]:
     return {"fair": int(count)}
 
 
-def verdict(rows: Sequence[ConcaveRow]) -> Iterator[str]:
-    """A line for each fill: how many dice have the wanted odds and do not meet themselves, and
-    which have not."""
-    for fill in dict.fromkeys(row.fill for row in rows):
-        mine = [row for row in rows if row.fill == fill]
-        others = [f"{row.model}, {row.target}" for row in mine if not row.met]
-        text = f"by {fill}: {len(mine) - len(others)} of {len(mine)} as wanted"
-        if others:
-            text += f"; beyond {mine[0].tolerance:g}, or meeting itself: {'; '.join(others)}"
-        yield text
+def _models(run: Run) -> dict[str, Path | None]:
+    """The models that were asked for, see `concave_cases`."""
+    from dicedesign.batch.folder import list_folder
+    from dicedesign.bench.bodies.random_models import model_names
+
+    options, found = run.options, dict[str, Path | None]()
+    for path in options.meshes:
+        if not path.is_file():
+            raise InputError(f"{path}: expected a mesh file, got none; check the path")
+        found[path.name if path.name not in found else str(path)] = path
+    if options.models is not None:
+        found |= {name: options.models / name for name in list_folder(options.models).meshes}
+    for name in options.model or ():
+        if not built_in(name):
+            raise InputError(
+                f"--model: expected a model that the package makes, got {name!r}; write it such as "
+                "blobs_03 or kitten, or give a file as MESH"
+            )
+        found[name] = None
+    if not found or options.random is not None:
+        found |= dict.fromkeys(model_names(run.extent.random))
+    return found
+
+
+def _rows(run: Run) -> Items:
+    fills = FILLS if run.options.fill == "both" else (run.options.fill,)
+    targets = run.options.targets or run.extent.targets
+    cases = concave_cases(_models(run), targets, run.extent, fills)
+    rows = []
+    for row in _attempted(run, cases):
+        rows.append(row)
+        yield row
+    yield KEY
+    ends = list(summary(rows))
+    yield from ends
+    for end in ends:
+        yield from _failures(end, rows)
+    return all(end.reached for end in ends)
+
+
+def _attempted(run: Run, cases: Sequence[ConcaveCase]) -> Iterator[ConcaveRow]:
+    """The cases in their order, each in a process with one thread."""
+    from dicedesign.runtime.executors import in_order
+
+    tasks = [partial(attempt_concave, case) for case in cases]
+    with _one_thread_each(), run.workers("dice", len(tasks)) as workers:
+        for row in in_order(tasks, workers, run.on_quiet):
+            run.advance()
+            yield row
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes that are started meanwhile have one thread for linear algebra."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def summary(rows: Sequence[ConcaveRow]) -> Iterator[TargetRow]:
+    """A row for each target and fill, in the order in which they come. Goals are for the fill by
+    correspondence."""
+    import numpy as np
+
+    for target, fill in dict.fromkeys((row.target, row.fill) for row in rows):
+        mine = [row for row in rows if (row.target, row.fill) == (target, fill)]
+        seconds = [row.seconds for row in mine if row.seconds is not None]
+        took = np.quantile(seconds, [0.5, 0.9, 1.0]).tolist() if seconds else [None] * 3
+        moved = [row.mean_displacement for row in mine if row.met]
+        yield TargetRow(
+            target,
+            fill,
+            len(mine),
+            len(moved) / len(mine),
+            GOALS.get(target) if fill == "correspondence" else None,
+            took[0],
+            took[1],
+            took[2],
+            float(np.median(np.array(moved, dtype=np.float64))) if moved else None,
+        )
+
+
+def _failures(end: TargetRow, rows: Sequence[ConcaveRow]) -> Iterator[str]:
+    """A heading and a line for each die that is not as wanted."""
+    failed = [row for row in rows if (row.target, row.fill) == (end.target, end.fill)]
+    failed = [row for row in failed if not row.met]
+    if failed:
+        yield f"\nnot as wanted for {end.target} by {end.fill}:"
+        yield from (f"{row.model}: {row.reason}" for row in failed)
 
 
 BENCHES.register(
     Bench(
         name="concave",
-        line="concave dice by correspondence and as in the paper: odds, time, memory, distortion",
-        description="Make each surface into a die for each target, its hull filled by "
-        "correspondence, and by all of the paper's method (hull: paper, fill: paper), and measure "
-        "what the STL file of the die holds. Surfaces of more than 2,000 points (250 with --quick) "
-        "are decimated to that for the latter. What fails is a row with the reason. Exit code 1 if "
-        "a die by correspondence misses the tolerance or meets itself.",
+        line="concave dice of many models: how many are as wanted, time, displacement",
+        description="Make each model into a die for each target, with the options of a recipe that "
+        "gives none, and measure what the STL file of the die holds. As wanted is one with odds "
+        "within the tolerance, nothing that meets, outcomes 45 degrees apart and margins of 10, in "
+        "60 s. What fails is a row with the reason. Exits 1 where fewer models become dice than "
+        "the goal of the target: 90 % for fair:2 and fair:3, 75 % for 1/2,1/3,1/6, 40 % for "
+        "fair:4. Where models are named, only these are made. With --fill paper all of the paper's "
+        "method (hull: paper, fill: paper) makes them, decimated to 2,000 points (250 with "
+        "--quick).",
         rows=_rows,
-        full=Extent(("kitten", "duck", "knot"), 2000, 60.0),
-        quick=Extent(("knot",), 250, 25.0),
+        full=Extent(40, tuple(GOALS), None, 2000),
+        quick=Extent(3, ("fair:3",), 20.0, 250),
+        amounts=(
+            Amount("random", "N", "models made at random, of eleven kinds in turn"),
+            Amount(
+                "seconds",
+                "S",
+                "bring no die that is as wanted nearer to its model after that",
+                kind=float,
+            ),
+        ),
         options=(
-            meshes("STL, OBJ, PLY, OFF, GLB, ... (default: shapes that the package builds itself)"),
+            meshes("STL, OBJ, PLY, OFF, GLB, ..."),
+            Option("--models", "every mesh in a folder", {"type": Path, "metavar": "FOLDER"}),
+            Option(
+                "--model",
+                "one made by the package: at random, such as blobs_03, or a shape such as kitten; "
+                "may be repeated",
+                {"action": "append", "metavar": "NAME"},
+            ),
             Option(
                 "--target",
-                "fair:K, or probabilities such as 1/2,1/3,1/6; may be repeated (default: fair:3)",
+                "fair:K, or probabilities such as 1/2,1/3,1/6; may be repeated (default: "
+                "fair:2, fair:3, 1/2,1/3,1/6 and fair:4; quick: fair:3)",
                 {"dest": "targets", "action": "append", "metavar": "TARGET"},
             ),
-            Option("--fill", "only this one (default: both)", {"choices": FILLS}),
+            Option(
+                "--fill",
+                "how the surface is made to fill its hull (default: correspondence)",
+                {"choices": (*FILLS, "both"), "default": FILLS[0]},
+            ),
         ),
         packages=("numpy", "scipy", "torch", "clarabel", "fast-simplification"),
-        unit="steps",
+        workers="dice at a time (default: one for each core)",
+        unit="dice",
     )
 )

@@ -17,7 +17,8 @@ SOFTNESS: Final = 1e-2
 contradict each other, and none is worth every price."""
 
 REGULAR: Final = 1e-9
-"""Part of the trace that is added where equations may depend on each other."""
+"""Part of the trace, and of that softness, that is added where equations may depend on each other
+or say nothing."""
 
 MOST_CHANGES: Final = 4
 """Changes of the set of inequalities that count; what is left is for the next step."""
@@ -51,10 +52,10 @@ def least_displacement(
     wanted = misses + np.einsum("knc,nc->k", jacobian, displacement)
     raised = np.tensordot(jacobian, compliance, 2)
     own = np.einsum("knc,lnc->kl", jacobian, raised)
-    own += REGULAR * np.trace(own) * np.eye(len(own))
     mixed = (raised[:, corners] * tangents).sum(-1).T
     softness = SOFTNESS * float(np.einsum("ncnc", compliance)) / (3 * len(compliance))
     by_condition = np.einsum("sc,scmd->smd", tangents, compliance[corners])
+    own += REGULAR * (np.trace(own) + softness) * np.eye(len(own))
     pairs = (by_condition[:, corners] * tangents).sum(-1)
     active = excess > 0.0
     for _ in range(MOST_CHANGES):

@@ -33,7 +33,11 @@ CELL: Final = 0.03
 LIFETIME: Final = 12
 """Steps for which a direction is remembered that no arc meets again."""
 
-NEARLY_STABLE: Final = 0.02
+NEARLY_LOWEST: Final = 0.01
+"""Height over the corner that the body stands on, over the circumscribed radius, of others that it
+may soon stand on instead: slopes are asked of them too."""
+
+NEARLY_STABLE: Final = 0.04
 """A facet is nearly a rest when the foot of the center of mass is no farther outside it, over the
 circumscribed radius."""
 
@@ -43,7 +47,7 @@ RING: Final = 16
 FARTHEST: Final = 0.05
 """Slopes that are better than asked by more than this are left out."""
 
-ALIKE: Final = 0.1
+ALIKE: Final = 0.3
 """Of conditions on one corner whose tangents differ by less than about this, one is kept."""
 
 OPPOSITE: Final = 1e-9
@@ -89,13 +93,12 @@ class SlopeConditions:
 def climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:
     """(r, k) how high one has to climb, at most, on the great arc from each start (r, 3) to each
     end (k, 3), unit directions; 0 where it is downhill all the way. vertices: (n, 3)."""
-    highest = np.zeros((len(starts), len(ends)))
-    for row, start in enumerate(starts):
-        for column, end in enumerate(ends):
-            heights = (_arc(start, end, CLIMB_STRIDE) @ vertices.T).max(axis=1)
-            later = np.maximum.accumulate(heights[::-1])[::-1]
-            highest[row, column] = (later - heights).max()
-    return highest
+    if len(starts) == 0:
+        return np.zeros((0, len(ends)))
+    arcs = _arcs(starts, ends, CLIMB_STRIDE)
+    heights = (arcs @ vertices.T).max(axis=-1)
+    later = np.maximum.accumulate(heights[..., ::-1], axis=-1)[..., ::-1]
+    return np.asarray((later - heights).max(axis=-1))
 
 
 @dataclass
@@ -126,9 +129,13 @@ class SlopeMemory:
             directions = np.array([cell[0] for cell in self.cells.values()])
             ends = outcomes[[cell[1] for cell in self.cells.values()]]
             parts.append((directions, _tangents(directions, ends), self.options.fall))
-        tangents = [part[1] for part in parts]
-        corners = [np.argmax(part[0] @ hull.vertices.T, axis=1) for part in parts]
-        least = [np.full(len(part[1]), part[2]) for part in parts]
+        tangents, corners, least = [], [], []
+        for directions, along, slope in parts:
+            heights = directions @ hull.vertices.T
+            at, corner = np.nonzero(heights >= heights.max(axis=1, keepdims=True) - NEARLY_LOWEST)
+            tangents.append(along[at])
+            corners.append(corner)
+            least.append(np.full(len(at), slope))
         facets = self._nearly_stable(rests, outcomes)
         if len(facets) > 0:
             normals = hull.normals[facets]
@@ -138,15 +145,15 @@ class SlopeMemory:
             tangents.append(np.repeat(_tangents(normals, ends), counts, axis=0))
             corners.append(hull.tail[half_edges])
             least.append(np.full(len(half_edges), self.options.fall))
-        along, at, wanted = np.concatenate(tangents), np.concatenate(corners), np.concatenate(least)
-        kept = _worth_asking(along, at, wanted, hull.vertices)
-        return SlopeConditions(along[kept], hull.source[at[kept]], wanted[kept])
+        along, at, asked = np.concatenate(tangents), np.concatenate(corners), np.concatenate(least)
+        kept = _worth_asking(along, at, asked, hull.vertices)
+        return SlopeConditions(along[kept], hull.source[at[kept]], asked[kept])
 
     def _remember(
         self, normals: Floats, outcomes: Floats, outcome_of_rest: Integers, step: int
     ) -> None:
         for normal, outcome in zip(normals, outcome_of_rest.tolist(), strict=True):
-            arc = _arc(normal, outcomes[outcome], STRIDE)
+            arc = _arcs(normal[None], outcomes[outcome][None], STRIDE)[0, 0]
             outside = arc @ outcomes[outcome] < math.cos(self.options.circle)
             if outside[0]:
                 for direction in arc[outside]:
@@ -194,9 +201,15 @@ def _tangents(directions: Floats, ends: Floats) -> Floats:
     return unit_vectors(aside)
 
 
-def _arc(start: Floats, end: Floats, stride: float) -> Floats:
-    """(m, 3) directions from start to end, both included, no farther apart than the stride."""
-    angle = float(angle_between(start, end))
-    steps = np.linspace(0.0, angle, max(2, math.ceil(angle / stride) + 1))
-    tangent = _tangents(start[None], end[None])
-    return np.cos(steps)[:, None] * start + np.sin(steps)[:, None] * tangent
+def _arcs(starts: Floats, ends: Floats, stride: float) -> Floats:
+    """(r, k, m, 3) directions from each start (r, 3) to each end (k, 3), both included, no farther
+    apart than the stride."""
+    shape = len(starts), len(ends)
+    first = np.repeat(starts, shape[1], axis=0)
+    last = np.tile(ends, (shape[0], 1))
+    angles = angle_between(first, last)
+    parts = np.linspace(0.0, 1.0, max(2, math.ceil(float(angles.max()) / stride) + 1))
+    steps = angles[:, None, None] * parts[:, None]
+    aside = _tangents(first, last)[:, None]
+    arcs: Floats = np.cos(steps) * first[:, None] + np.sin(steps) * aside
+    return arcs.reshape(*shape, len(parts), 3)
