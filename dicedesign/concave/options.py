@@ -41,8 +41,8 @@ class ConcaveOptions:
         positive.
     enough: attempts after which a die that is as wanted is not brought nearer to the original, at
         least 1.
-    seconds: wall-clock time after which it is not either, positive; None for no limit. With one the
-        result depends on the speed of the machine.
+    seconds: wall-clock time after which no further attempt is begun, positive; None for no limit.
+        With one the result depends on the speed of the machine.
     """
 
     __pydantic_config__ = STRICT
@@ -54,9 +54,9 @@ class ConcaveOptions:
     apart_deg: float = 45.0
     margin_deg: float = 10.0
     points: int | None = None
-    attempts: int = 40
+    attempts: int = 60
     displacement: float = 0.01
-    enough: int = 6
+    enough: int = 24
     seconds: float | None = None
 
     def __post_init__(self) -> None:
@@ -86,7 +86,7 @@ class ConcaveOptions:
                 f"points: expected at least {FEWEST_POINTS}, got {self.points}; raise it, or leave "
                 "it out to keep the surface as it is"
             )
-        for name, most, default in (("attempts", self.attempts, 40), ("enough", self.enough, 6)):
+        for name, most, default in (("attempts", self.attempts, 60), ("enough", self.enough, 24)):
             if most < 1:
                 raise InputError(
                     f"{name}: expected a whole number above 0, got {most}; leave it out for "

@@ -17,7 +17,6 @@ from dicedesign.concave.hull.draft import (
 )
 from dicedesign.concave.hull.problem import DesignedHull, HullMetric, HullProblem
 from dicedesign.concave.hull.slopes import SlopeMemory, SlopeOptions
-from dicedesign.geometry.sphere import norms
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["eased_hull", "nearer_draft", "settled_draft"]
@@ -46,8 +45,8 @@ CORRECTIONS: Final = 6
 EASED: Final = 16
 """Most groups of corners that are eased at a time."""
 
-RETURNING: Final = HullMetric(tether=1.0, smoothing=0.6, elastic=0.1)
-"""Metric of the steps: the displacement of the corners, above all."""
+RETURNING: Final = HullMetric(tether=0.1, smoothing=0.2, elastic=0.01, displaced=1.0)
+"""Metric of the steps: the displacement of the surface, above all."""
 
 
 def nearer_draft(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -> HullDraft:
@@ -56,10 +55,12 @@ def nearer_draft(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -
     goes as far as it makes nothing worse that will do."""
     for _ in range(ROUNDS):
         nearer = _nearer(problem, draft, slopes)
-        left = _displacement(problem, nearer) / _displacement(problem, draft)
-        if left < 1.0:
+        before, after = (
+            problem.displacement(hull.corners - problem.hull.vertices) for hull in (draft, nearer)
+        )
+        if after < before:
             draft = nearer
-        if left > WORTH:
+        if after >= WORTH * before:
             break
     return draft
 
@@ -80,11 +81,6 @@ def _nearer(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -> Hul
             change = part * (goal - draft.corners)
             draft = _moved(problem, draft, change) or draft
     return draft
-
-
-def _displacement(problem: HullProblem, draft: HullDraft) -> float:
-    """Mean displacement of the corners."""
-    return float(norms(draft.corners - problem.hull.vertices).mean())
 
 
 def _moved(

@@ -12,7 +12,7 @@ from dicedesign.runtime.arrays import Floats
 
 __all__ = ["least_displacement"]
 
-SOFTNESS: Final = 1e-2
+SOFTNESS: Final = 2e-3
 """Compliance by which an inequality gives way, over the mean compliance of a corner: conditions may
 contradict each other, and none is worth every price."""
 

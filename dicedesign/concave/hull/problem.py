@@ -9,6 +9,7 @@ import numpy as np
 
 from dicedesign.concave.fill.space_elasticity import Elasticity, HeldCorners, positive_inverse
 from dicedesign.concave.hull.coarse_corners import coarse_corners
+from dicedesign.concave.hull.surface_displacement import squared_displacement
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.optimize.solvers.sobolev import graph_laplacian
@@ -20,18 +21,19 @@ __all__ = ["DesignedHull", "HullMetric", "HullProblem"]
 @dataclass(frozen=True)
 class HullMetric:
     """The cost of displacements of corners: `|(tether I + smoothing L) u|^2 / n`, with the graph
-    Laplacian L of the original hull (the Sobolev metric of section 3.3), and `elastic` times the
-    work that the surface takes.
+    Laplacian L of the original hull (the Sobolev metric of section 3.3), `elastic` times the work
+    that the surface takes, and `displaced` times its mean squared displacement.
 
     Attributes
     ----------
     tether, smoothing: positive.
-    elastic: not negative.
+    elastic, displaced: not negative.
     """
 
     tether: float
     smoothing: float
     elastic: float
+    displaced: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -66,9 +68,14 @@ class HullProblem:
         return self._candidates[self.hull.source]
 
     @cached_property
+    def whole_hull(self) -> ConvexHull:
+        """Of the surface as it is, with all corners."""
+        return convex_hull(self.surface.points)
+
+    @cached_property
     def _candidates(self) -> Integers:
         """Points of the surface that its hull is made of."""
-        hull = convex_hull(self.surface.points)
+        hull = self.whole_hull
         return hull.source[coarse_corners(hull)] if self.coarse else hull.source
 
     @cached_property
@@ -81,9 +88,25 @@ class HullProblem:
         return Elasticity(self.surface)
 
     @cached_property
+    def held(self) -> HeldCorners:
+        """The corners as points of the surface."""
+        return HeldCorners(self.elasticity, self.source)
+
+    @cached_property
+    def squared_displacement(self) -> Floats:
+        """(n, 3, n, 3) see `squared_displacement`, for displacements of the corners."""
+        return squared_displacement(self.held, self.relative[0])
+
+    def displacement(self, moved: Floats) -> float:
+        """Root of the mean squared displacement of the surface, over its diagonal, when it is led
+        by the corners alone, moved by (n, 3)."""
+        square = np.tensordot(np.tensordot(self.squared_displacement, moved, 2), moved, 2)
+        return float(np.sqrt(square)) / self.surface.diagonal
+
+    @cached_property
     def relative(self) -> tuple[Floats, Floats]:
         """See `HeldCorners.relative`, for the corners of the hull."""
-        return HeldCorners(self.elasticity, self.source).relative
+        return self.held.relative
 
     @cached_property
     def _compliances(self) -> dict[HullMetric, Floats]:
@@ -115,6 +138,8 @@ class HullProblem:
         stiffness = metric.elastic * self.relative[0]
         for axis in range(3):
             stiffness[:, axis, :, axis] += smooth
+        if metric.displaced > 0.0:
+            stiffness += metric.displaced * self.squared_displacement
         flat = stiffness.reshape(3 * count, 3 * count)
         return positive_inverse(flat).reshape(count, 3, count, 3)
 

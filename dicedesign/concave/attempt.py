@@ -1,0 +1,258 @@
+"""One way from a surface to a concave die: a hull is designed for it, and the surface fills it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from dicedesign.concave.criteria import MOST_EASED, doubts, missing
+from dicedesign.concave.fill.correspondence import fill_by_correspondence
+from dicedesign.concave.fill.paper_options import ConcavePaperOptions
+from dicedesign.concave.fill.result import FillResult, FillStatus
+from dicedesign.concave.fill.space_elasticity import point_masses
+from dicedesign.concave.hull.design import design_hull
+from dicedesign.concave.hull.draft import HullDraft, designed_hull
+from dicedesign.concave.hull.easing import eased_hull, nearer_draft, settled_draft
+from dicedesign.concave.hull.outcome_directions import outcome_choices
+from dicedesign.concave.hull.problem import DesignedHull, HullProblem
+from dicedesign.concave.hull.slopes import SlopeOptions
+from dicedesign.concave.options import ConcaveOptions
+from dicedesign.concave.result import FilledHull
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.procrustes import best_similarity
+from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.surfaces.distances import distances_from_surface
+from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.rest.outcomes import outcome_margins, outcome_odds
+from dicedesign.rest.poses import analyse
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["Attempts"]
+
+ROOM: Final = 0.8
+"""Part of the tolerance that the hull's design may use: the file is rounded afterwards."""
+
+EASINGS: Final = 6
+"""Times that the hull is eased where the surface meets itself."""
+
+WIDTH: Final = 0.08
+"""Distance from such a place within which it is eased the first time, over the circumscribed
+radius."""
+
+WIDENING: Final = 1.3
+"""Factor of that distance each further time."""
+
+HELPED: Final = 0.8
+"""Part of the pairs of triangles that meet that may be left for easing to go on."""
+
+SLOPES: Final = SlopeOptions(fall=3e-3, rise=4e-3, circle=math.radians(3.0))
+"""Of the first designs, where no larger circle is needed for the margin."""
+
+CIRCLE: Final = 0.75
+"""Least circle about the outcomes over the margin: slopes rise on it and on one half as large
+again."""
+
+SHAKEN: Final = 1.5
+"""Factor by which the slopes of later attempts differ at most, once all choices were tried."""
+
+BEYOND: Final = math.radians(20.0)
+"""Angle between outcomes beyond the least one that is wanted, at first: it shrinks on the way."""
+
+FARTHEST: Final = math.radians(80.0)
+"""Angle that is not asked for at first if a smaller one is wanted."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attempts:
+    """Attempts at one die. Coordinates are those of the surface about its center of mass, over its
+    circumscribed radius.
+
+    Attributes
+    ----------
+    surface, target, options, seed: see `make_concave_die`.
+    on_step: called with the number of the attempt, the stage, the energy and the largest |p - q| or
+        None where the stage does not know.
+    """
+
+    surface: Surface
+    target: Floats
+    options: ConcaveOptions
+    seed: int
+    on_step: Callable[[int, str, float, float | None], None]
+
+    @cached_property
+    def center(self) -> Floats:
+        """(3,) the surface's center of mass."""
+        return self.surface.centroid
+
+    @cached_property
+    def radius(self) -> float:
+        """The circumscribed one about it."""
+        return float(norms(self.surface.points - self.center).max())
+
+    @cached_property
+    def problem(self) -> HullProblem:
+        """Of the hull's design."""
+        options = self.options
+        return HullProblem(
+            self.surface.moved((self.surface.points - self.center) / self.radius),
+            self.target,
+            tolerance=ROOM * options.tolerance,
+            apart=math.radians(options.apart_deg),
+            margin=math.radians(options.margin_deg),
+            coarse=options.hull == "gauss_newton",
+        )
+
+    @cached_property
+    def choices(self) -> list[Floats]:
+        """(k, 3) directions of the outcomes, for one attempt after the other."""
+        wanted = self.problem.apart
+        apart = max(wanted, min(wanted + BEYOND, FARTHEST))
+        return outcome_choices(self.problem.hull, self.target, apart, self.seed)
+
+    def made(self, number: int, best: FilledHull | None) -> FilledHull | None:
+        """A hull designed and filled; None where none comes about, or the best is as good."""
+        if self.options.hull == "paper":
+            return self._filled(number, self._designed_as_paper(number), best)
+        slopes, choices = self._slopes(number), self.choices
+        draft = design_hull(
+            self.problem,
+            choices[(number - 1) % len(choices)],
+            slopes,
+            lambda energy, error: self.on_step(number, "hull", energy, error),
+        )
+        if draft is None or not self._better(draft, best, as_good=False):
+            return None
+        draft = settled_draft(self.problem, nearer_draft(self.problem, draft, slopes))
+        if not self._better(draft, best, as_good=True):
+            return None
+        return self._filled(number, designed_hull(self.problem, draft), best)
+
+    def _better(self, draft: HullDraft, best: FilledHull | None, *, as_good: bool) -> bool:
+        """Whether a die may come of a draft that is better than the best: less is missing from it,
+        or, where its displacement counts, it is nearer to the original."""
+        if best is None:
+            return True
+        lacking, least = draft.shortfall(self.problem), missing(best, self.options)
+        if lacking > 0.0 or least > 0.0:
+            return lacking < least or lacking == 0.0
+        if not as_good:
+            return True
+        apart, margin = math.degrees(draft.apart), math.degrees(draft.margin)
+        moved = self.problem.displacement(draft.corners - self.problem.hull.vertices)
+        mine = (1.0 + doubts(apart, margin, self.options)) * moved
+        return mine < (1.0 + doubts(best.apart, best.margin, self.options)) * best.displacement
+
+    def _slopes(self, number: int) -> SlopeOptions:
+        """Slopes to ask for in an attempt."""
+        circle = max(SLOPES.circle, CIRCLE * self.problem.margin)
+        factors = np.ones(3)
+        if number > len(self.choices):
+            random = np.random.default_rng([self.seed, number])
+            factors = np.exp(random.uniform(-np.log(SHAKEN), np.log(SHAKEN), 3))
+        return SlopeOptions(*(factors * [SLOPES.fall, SLOPES.rise, circle]).tolist())
+
+    def _designed_as_paper(self, number: int) -> DesignedHull:
+        # Imported late: the usual way does without.
+        from dicedesign.concave.hull.paper_hull import searched_hull
+
+        return searched_hull(
+            self.problem,
+            self.choices,
+            self._paper,
+            np.random.default_rng([self.seed, number]),
+            lambda energy, error: self.on_step(number, "hull", energy, error),
+            plain=number == 1,
+        )
+
+    @property
+    def _paper(self) -> ConcavePaperOptions:
+        return self.options.paper or ConcavePaperOptions()
+
+    def _filled(
+        self, number: int, design: DesignedHull, best: FilledHull | None
+    ) -> FilledHull | None:
+        """A designed hull filled in the way that the options say."""
+        if self.options.fill == "correspondence":
+            return self._eased(number, design)
+        if best is not None and design.error > max(self.options.tolerance, best.error):
+            return None
+        return self._filled_as_paper(number, design)
+
+    def _eased(self, number: int, design: DesignedHull) -> FilledHull | None:
+        """A designed hull filled by correspondence, and eased as long as that helps."""
+        points, triangles = self.problem.surface.points, self.surface.triangles
+        best = self._filled_by_correspondence(number, design)
+        for easing in range(EASINGS):
+            if best is None or not 0 < best.intersections <= MOST_EASED:
+                break
+            crossing = np.unique(intersecting_triangles(best.points, triangles))
+            places = points[np.unique(triangles[crossing])]
+            following = eased_hull(self.problem, design, places, WIDTH * WIDENING**easing)
+            if following is None:
+                break
+            eased = self._filled_by_correspondence(number, following)
+            if eased is None or eased.intersections > HELPED * best.intersections:
+                break
+            best, design = eased, following
+        return best
+
+    def _filled_by_correspondence(self, number: int, design: DesignedHull) -> FilledHull | None:
+        """A designed hull filled by correspondence, if it can be."""
+        filled = fill_by_correspondence(
+            self.problem.elasticity,
+            design.hull,
+            design.corners,
+            design.center_of_mass,
+            lambda energy: self.on_step(number, "fill", energy, None),
+        )
+        return self._measured(number, design, filled) if filled.converged else None
+
+    def _filled_as_paper(self, number: int, design: DesignedHull) -> FilledHull | None:
+        """The same by quadratic programs and a balance, as near as these come."""
+        # Imported late: the usual way does without.
+        from dicedesign.concave.fill.paper_fill import fill_as_paper
+
+        filled = fill_as_paper(
+            self.problem.surface,
+            design.hull,
+            design.center_of_mass,
+            self._paper,
+            lambda stage, energy: self.on_step(number, stage, energy, None),
+        )
+        if filled.status is FillStatus.UNSOLVED:
+            return None
+        return self._measured(number, design, filled)
+
+    def _measured(self, number: int, design: DesignedHull, filled: FillResult) -> FilledHull:
+        """A designed hull after it was filled."""
+        unit = self.problem.surface
+        back = best_similarity(filled.points, unit.points, point_masses(unit))
+        solid = unit.moved(back(filled.points))
+        # As they come out of a file of single precision.
+        rounded = unit.moved(solid.points.astype(np.float32).astype(np.float64))
+        reached = convex_hull(rounded.points, single_precision=True)
+        poses = analyse(reached, rounded.centroid, "uniform solid")
+        directions = design.directions @ back.rotation.T
+        wanted = back(design.hull.vertices)
+        outcomes = outcome_odds(poses, directions)
+        error = outcomes.error(self.target)
+        self.on_step(number, "fill", filled.energy, error)
+        return FilledHull(
+            attempt=number,
+            points=self.center + self.radius * solid.points,
+            hull_points=self.center + self.radius * wanted,
+            directions=directions,
+            error=error,
+            gap=float(distances_from_surface(solid, wanted).max()) / unit.diagonal,
+            displacement=float(norms(solid.points - unit.points).mean() / unit.diagonal),
+            apart=float(np.degrees(outcomes.least_angle)),
+            margin=float(np.degrees(outcome_margins(poses, outcomes).min())),
+            intersections=len(intersecting_triangles(solid.points, unit.triangles)),
+        )

@@ -1,0 +1,57 @@
+"""What is missing from a concave die as wanted, and which of two is the better one."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from dicedesign.concave.options import ConcaveOptions
+from dicedesign.concave.result import AttemptResult, FilledHull
+
+__all__ = ["MOST_EASED", "doubts", "missing", "rank"]
+
+MOST_EASED: Final = 400
+"""Pairs of triangles that meet, beyond which there is no hope to part them."""
+
+MEETING: Final = 0.5
+"""What is missing from a die that meets itself, beside its odds and angles; each pair of triangles
+adds its part of `MOST_EASED`."""
+
+PREFERRED_APART: Final = 1.5
+"""Angle between outcomes, in units of the least one that is wanted, beyond which more is worth
+nothing."""
+
+PREFERRED_MARGIN: Final = 2.0
+"""The same of the angle of tipping."""
+
+
+def missing(die: FilledHull | AttemptResult, options: ConcaveOptions) -> float:
+    """How far odds, angles and surface are from what will do, over what will do, summed; 0 for a
+    die as wanted."""
+    missing = max(die.error / options.tolerance - 1.0, 0.0)
+    if die.apart < options.apart_deg:
+        missing += 1.0 - die.apart / options.apart_deg
+    if die.margin < options.margin_deg:
+        missing += 1.0 - die.margin / options.margin_deg
+    if die.intersections > 0:
+        missing += MEETING + die.intersections / MOST_EASED
+    return missing
+
+
+def rank(die: FilledHull, options: ConcaveOptions) -> tuple[float, float]:
+    """Sort key, best first: what is missing, then the displacement, which counts for more in a die
+    that is hard to read (`doubts`)."""
+    dearer = 1.0 + doubts(die.apart, die.margin, options)
+    return missing(die, options), dearer * die.displacement
+
+
+def doubts(apart: float, margin: float, options: ConcaveOptions) -> float:
+    """From 0, for angles in degrees at which outcomes are easily told apart and hardly left, to 1
+    for each of them that is as small as will do."""
+    total = 0.0
+    for angle, least, preferred in (
+        (apart, options.apart_deg, PREFERRED_APART),
+        (margin, options.margin_deg, PREFERRED_MARGIN),
+    ):
+        if least > 0.0:
+            total += min(max((preferred - angle / least) / (preferred - 1.0), 0.0), 1.0)
+    return total
