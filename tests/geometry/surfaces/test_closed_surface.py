@@ -83,7 +83,8 @@ def test_an_open_mesh_is_refused() -> None:
     refused(
         make_body(mesh.vertices, mesh.faces[1:], name="thing"),
         "3 edges with one triangle (the mesh is open)",
-        "close its holes",
+        "start: {mesh: {path: FILE, repair: true}}",
+        "dicedesign repair",
     )
 
 
@@ -137,7 +138,7 @@ def test_a_surface_that_meets_itself_is_refused() -> None:
         make_body(surface.points, surface.triangles, name="thing"),
         "a surface that does not meet itself",
         "pairs of triangles that do, the first near (",
-        "boolean union",
+        "repair: true",
     )
 
 
