@@ -47,7 +47,7 @@ class RepairedMesh:
 
     Attributes
     ----------
-    points, triangles: (n, 3) and (t, 3), what came.
+    points, triangles: (n, 3) and (t, 3), what came, wound alike and without repeated triangles.
     surface: of one solid.
     numbers: about both.
     notes: the same, one sentence each, after those of the body.
@@ -124,7 +124,7 @@ def repaired(body: Body) -> RepairedMesh:
         )
         surface = even.moved(low + extent * even.points)
         return RepairedMesh(
-            body.points, body.triangles, surface, numbers, notes + _sentences(numbers, surface)
+            points, solid.triangles, surface, numbers, notes + _sentences(numbers, surface)
         )
     raise InputError(
         f"{body.name}: expected triangles whose solid has a surface that does not meet itself, got "
