@@ -14,6 +14,7 @@ from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.remeshing import thinned
 from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.surfaces.untangling import untangled
 from dicedesign.geometry.surfaces.wound_solid import BESIDE, WoundSolid, distances_to_triangles
 from dicedesign.geometry.triangles import doubled_area_vectors, edge_keys
 from dicedesign.results.repair import Repair
@@ -97,7 +98,7 @@ def repaired(body: Body) -> RepairedMesh:
         if len(joined) == 0:
             raise _nothing_inside(body)
         piece, pieces, dropped, cavities = _largest(found, joined)
-        even = Surface(*solid.evened(piece.points, piece.triangles, 1.0 / cells))
+        even = untangled(Surface(*solid.evened(piece.points, piece.triangles, 1.0 / cells)))
         try:
             make_surface(Body(even.points, even.triangles, body.name, False, ()))
         except InputError as error:
