@@ -35,6 +35,10 @@ _OPEN: Final = 0.1
 """Area of the flat cover of a patch's holes, over its own, up to which it has an inside."""
 
 
+_TWO_SIDED: Final = 0.9
+"""Part of its triangles that a surface with two sides has from both, at least."""
+
+
 def closed_triangles(triangles: Integers) -> tuple[Integers, tuple[str, ...]] | None:
     """The same triangles (t, 3) as a closed, consistently oriented surface, and what had to be
     reversed for it, in a sentence; None where they do not close."""
@@ -88,8 +92,8 @@ def outward_patches(points: Floats, triangles: Integers) -> Integers:
 def distinct_triangles(triangles: Integers) -> Integers:
     """Triangles (t, 3) without those between the same corners as others.
 
-    Of as many on either side none is left, as of the wall between two bodies, unless all are such,
-    as of a surface with two sides; else one on the side that has more.
+    Of as many on either side none is left, as of the wall between two bodies, unless nearly all are
+    such, as of a surface with two sides; else one on the side that has more.
     """
     rising = np.sort(triangles, axis=1)
     order = np.lexsort(rising.T)
@@ -105,8 +109,8 @@ def distinct_triangles(triangles: Integers) -> Integers:
     )
     side = np.where(after < before, 1, -1)
     more = np.sign(np.bincount(group, side)).astype(np.int64)
-    if not more.any():
-        more = side[order[is_new]]
+    if np.mean(more == 0) >= _TWO_SIDED:
+        more = np.where(more == 0, side[order[is_new]], more)
     first = np.full(len(more), len(triangles))
     kept = np.flatnonzero(side == more[group])
     np.minimum.at(first, group[kept], kept)

@@ -44,7 +44,7 @@ def make_surface(body: Body) -> tuple[Surface, tuple[str, ...]]:
     InputError: the body is a point cloud; its surface is open or one-sided, has an edge with more
         than two triangles or a point where several sheets meet, consists of several shells, or
         intersects itself.
-    DegenerateBodyError: the surface encloses no volume.
+    DegenerateBodyError: the body is flat, or the surface encloses no volume.
     """
     surface, notes = one_shell(body)
     _check_intersections(surface.points, surface.triangles, body.name)
@@ -59,6 +59,7 @@ def one_shell(body: Body) -> tuple[Surface, tuple[str, ...]]:
             f"{name}: expected a closed triangle mesh, got a point cloud; export the surface as a "
             "mesh"
         )
+    _check_thickness(body.points, name)
     distinct = distinct_triangles(body.triangles)
     _check_edges(distinct, name)
     closed = closed_triangles(distinct)
@@ -98,6 +99,17 @@ def _pinched_points(triangles: Integers) -> Integers:
     ring = connected_parts(np.arange(triangles.size), following, triangles.size)
     rings = np.unique(triangles.ravel() * np.int64(triangles.size) + ring) // triangles.size
     return np.flatnonzero(np.bincount(rings) > 1)
+
+
+def _check_thickness(points: Floats, name: str) -> None:
+    offsets = points - points.mean(axis=0)
+    extent = float(np.ptp(offsets, axis=0).max())
+    across = np.linalg.eigh(offsets.T @ (offsets / extent**2))[1][:, 0]
+    if np.ptp(offsets @ across) <= VOLUME_TOLERANCE * extent:
+        raise DegenerateBodyError(
+            f"{name}: expected a surface that encloses a volume, got a flat sheet; use a mesh with "
+            "thickness"
+        )
 
 
 def _check_edges(triangles: Integers, name: str) -> None:

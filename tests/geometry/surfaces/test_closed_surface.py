@@ -157,3 +157,12 @@ def test_models_are_good(name: str) -> None:
     path = public_data(f"models/{name}.obj")
     surface, _ = make_surface(read_body(path))
     assert surface.volume > 0
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_a_tilted_sheet_is_told_to_be_flat(scale: float) -> None:
+    tilt = np.array([[0.6, 0.8, 0.0], [0.0, 0.6, 0.8]])
+    points = scale * (np.random.default_rng(0).normal(size=(40, 2)) @ tilt + [5.0, 1.0, -3.0])
+    triangles = np.arange(39).reshape(-1, 3)
+    body = make_body(points, triangles, name="thing")
+    refused(body, "encloses a volume", "flat sheet", error=DegenerateBodyError)
