@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from dicedesign.geometry.surfaces.repair import RepairedMesh
 
 __all__ = ["add_parser"]
-
-FINEST: Final = 60_000
-"""Most points of the surface that is written."""
 
 
 def add_parser(commands: Any) -> None:
@@ -46,7 +43,7 @@ def _repair(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.fabricate.files.formats import format_of_ending, mesh_bytes
     from dicedesign.geometry.meshes.reading import read_body
-    from dicedesign.geometry.surfaces.input_surface import input_surface
+    from dicedesign.geometry.surfaces.input_surface import FINEST, input_surface
     from dicedesign.report.figures.repair import repair_figure
     from dicedesign.report.render.cameras import upward_of
 

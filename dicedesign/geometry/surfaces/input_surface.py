@@ -11,11 +11,14 @@ from dicedesign.geometry.surfaces.remeshing import decimated, thinned
 from dicedesign.geometry.surfaces.repair import RepairedMesh, repaired
 from dicedesign.geometry.surfaces.surface import Surface
 
-__all__ = ["MOST_POINTS", "input_surface"]
+__all__ = ["FINEST", "MOST_POINTS", "input_surface"]
 
 MOST_POINTS: Final = 20_000
 """Points that a surface is decimated to where nobody asked for more: what takes longer with each
 shows no more of the shape."""
+
+FINEST: Final = 60_000
+"""The same where a surface is not bent as it is, but written, or decimated once more."""
 
 FIRST: Final = 2
 """As many times the wanted points are left where it is not yet looked for triangles that meet."""

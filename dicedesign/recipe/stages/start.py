@@ -47,13 +47,14 @@ STAGES.register(
 
 def _make_surface(work: Work) -> None:
     from dicedesign.geometry.surfaces.dents import require_dents
-    from dicedesign.geometry.surfaces.input_surface import MOST_POINTS
+    from dicedesign.geometry.surfaces.input_surface import FINEST, MOST_POINTS
     from dicedesign.geometry.surfaces.remeshing import decimated, refined
 
     start, method = work.recipe.start, work.recipe.method.concave
     assert method is not None
     assert start.kind.surface is not None
-    made = start.kind.surface(start.options, max(MOST_POINTS, method.points or 0))
+    most = MOST_POINTS if method.points is None else max(FINEST, method.points)
+    made = start.kind.surface(start.options, most)
     surface = made.surface
     work.notes += made.notes
     work.repaired = made.repair
