@@ -19,7 +19,7 @@ class Repair:
     cells: of the grid, along the longest side.
     pieces: solids that the triangles bound; the largest is kept.
     dropped: volume of the others over that of all.
-    cavities: in the largest one, that were filled.
+    cavities: in them, that were filled.
     handles_before, handles: of the triangles, or None where they are not closed; of the surface.
     off_mean, off_largest: from the surface to the triangles.
     missed_mean, missed_largest: from the triangles that are not inside the solids to the surface.

@@ -11,11 +11,11 @@ from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.orientation import distinct_triangles, shells_of
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.remeshing import thinned
+from dicedesign.geometry.surfaces.soup import Soup
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.geometry.surfaces.untangling import untangled
-from dicedesign.geometry.surfaces.wound_solid import BESIDE, WoundSolid, distances_to_triangles
+from dicedesign.geometry.surfaces.wound_solid import BESIDE, HALF, WoundSolid
 from dicedesign.geometry.triangles import doubled_area_vectors, edge_keys
 from dicedesign.results.repair import Repair
 from dicedesign.runtime.arrays import Floats, Integers
@@ -66,7 +66,7 @@ def repaired(body: Body) -> RepairedMesh:
 
     What they wind around more than half a turn is solid (`WoundSolid`): holes are covered, shells
     that overlap are joined, walls and cavities inside are filled. Parts thinner than a hundredth of
-    the longest side may go, and gaps as narrow may close.
+    the longest side are thickened to about that, and gaps as narrow may close.
 
     Raises
     ------
@@ -91,46 +91,26 @@ def repaired(body: Body) -> RepairedMesh:
     distinct = distinct_triangles(triangles)
     if len(distinct) < len(triangles):
         notes += (f"left {len(triangles) - len(distinct)} repeated triangles out",)
-    solid = WoundSolid((points - low) / extent, distinct)
-    refusal: InputError | None = None
     for cells, shift in GRIDS:
-        found, joined = solid.surfaces(cells, shift)
+        solid = WoundSolid((points - low) / extent, distinct, cells)
+        found, joined = solid.surfaces(shift)
         if len(joined) == 0:
             raise _nothing_inside(body)
         piece, pieces, dropped, cavities = _largest(found, joined)
-        even = untangled(Surface(*solid.evened(piece.points, piece.triangles, 1.0 / cells)))
-        try:
-            make_surface(Body(even.points, even.triangles, body.name, False, ()))
-        except InputError as error:
-            refusal = error
+        even = untangled(Surface(*solid.evened(piece.points, piece.triangles)))
+        if even is None:
             continue
-        sheets, missed = _missed(solid, even, 1.0 / cells)
-        if sheets > SHEETS:
+        numbers = _compared(solid, even, body.triangles, cells, pieces, dropped, cavities)
+        if numbers.sheets > SHEETS:
             raise _nothing_inside(body)
-        diagonal = float(norms(np.ptp(solid.points, axis=0)))
-        places, _ = _drawn(even.points, even.triangles)
-        off = norms(solid.closest(places) - places) / diagonal
-        numbers = Repair(
-            cells=cells,
-            pieces=pieces,
-            dropped=dropped,
-            cavities=cavities,
-            handles_before=_handles(body.triangles),
-            handles=1 - (len(even.points) - len(even.triangles) // 2) // 2,
-            off_mean=float(off.mean()),
-            off_largest=float(off.max()),
-            missed_mean=float(missed.mean() / diagonal),
-            missed_largest=float(missed.max() / diagonal),
-            sheets=sheets,
-        )
         surface = even.moved(low + extent * even.points)
         return RepairedMesh(
-            points, solid.triangles, surface, numbers, notes + _sentences(numbers, surface)
+            points, solid.soup.triangles, surface, numbers, notes + _sentences(numbers, surface)
         )
     raise InputError(
         f"{body.name}: expected triangles whose solid has a surface that does not meet itself, got "
         f"none on {len(GRIDS)} grids; take the mesh apart, or mend it in a modelling program"
-    ) from refusal
+    )
 
 
 def _nothing_inside(body: Body) -> DegenerateBodyError:
@@ -143,7 +123,7 @@ def _nothing_inside(body: Body) -> DegenerateBodyError:
 
 def _largest(points: Floats, triangles: Integers) -> tuple[Surface, int, float, int]:
     """The surface of the largest solid without its cavities, the number of solids, the volume of
-    the others over that of all, and the number of cavities in all."""
+    the others over that of all, and the number of all cavities."""
     shell = shells_of(triangles)
     a, b, c = (points[triangles] - points.mean(axis=0)).transpose(1, 0, 2)
     volumes = np.bincount(shell, (a * np.linalg.cross(b, c)).sum(axis=1) / 6.0)
@@ -166,14 +146,38 @@ def _drawn(points: Floats, triangles: Integers) -> tuple[Floats, Floats]:
     return places, vectors[chosen] / areas[chosen][:, None]
 
 
-def _missed(solid: WoundSolid, surface: Surface, cell: float) -> tuple[float, Floats]:
-    """The part of the triangles' area with no solid on either side, and (m,) distances from points
-    of what has solid on one side at most to a surface."""
-    places, normals = _drawn(solid.points, solid.triangles)
-    above, below = (solid.holds(places + side * cell * normals) for side in (BESIDE, -BESIDE))
-    outer = places[~(above & below)]
-    distances = distances_to_triangles(outer, surface.points, surface.triangles)
-    return float((~above & ~below).mean()), distances
+def _compared(
+    solid: WoundSolid,
+    surface: Surface,
+    triangles: Integers,
+    cells: int,
+    pieces: int,
+    dropped: float,
+    cavities: int,
+) -> Repair:
+    """The numbers of a repair, from its surface in the coordinates of the solid, the triangles as
+    they came, and what `_largest` counted."""
+    diagonal = float(norms(np.ptp(solid.soup.points, axis=0)))
+    ours, _ = _drawn(surface.points, surface.triangles)
+    off = norms(solid.soup.closest(ours) - ours) / diagonal
+    theirs, normals = _drawn(solid.soup.points, solid.soup.triangles)
+    beside = BESIDE * solid.cell * normals
+    above, below = (solid.soup.turns(theirs + way * beside) > HALF for way in (1.0, -1.0))
+    outer = theirs[~(above & below)]
+    missed = norms(Soup(surface.points, surface.triangles).closest(outer) - outer) / diagonal
+    return Repair(
+        cells=cells,
+        pieces=pieces,
+        dropped=dropped,
+        cavities=cavities,
+        handles_before=_handles(triangles),
+        handles=1 - (len(surface.points) - len(surface.triangles) // 2) // 2,
+        off_mean=float(off.mean()),
+        off_largest=float(off.max()),
+        missed_mean=float(missed.mean()),
+        missed_largest=float(missed.max()),
+        sheets=float((~above & ~below).mean()),
+    )
 
 
 def _handles(triangles: Integers) -> int | None:

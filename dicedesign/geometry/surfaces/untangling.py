@@ -25,15 +25,17 @@ RINGS: Final = 1
 """Of points around those of triangles that meet, moved with them."""
 
 
-def untangled(surface: Surface) -> Surface:
+def untangled(surface: Surface) -> Surface | None:
     """The surface with points around triangles that meet moved to the mean of their neighbors,
-    again and again and wider as long as some do; perhaps they still do in the end."""
+    again and again and wider, until no two meet; None where some still do in the end."""
     points, triangles = surface.points.copy(), surface.triangles
     tails, heads = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     near = np.zeros(len(points), dtype=bool)
     for _ in range(ROUNDS):
         pairs = intersecting_triangles(points, triangles)
-        if not 0 < len(pairs) <= MOST:
+        if len(pairs) == 0:
+            return surface.moved(points)
+        if len(pairs) > MOST:
             break
         near[triangles[pairs]] = True
         for _ in range(RINGS):
@@ -44,4 +46,4 @@ def untangled(surface: Surface) -> Surface:
         for _ in range(SMOOTHINGS):
             sums = sums_by_index(tails[edges], points[heads[edges]], len(points))[near]
             points[near] = sums / count[:, None]
-    return surface.moved(points)
+    return None

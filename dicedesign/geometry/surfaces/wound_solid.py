@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from dicedesign.errors import missing_extra
 from dicedesign.geometry.meshes.orientation import outward_patches
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.evening import evened
+from dicedesign.geometry.surfaces.soup import Soup
 from dicedesign.geometry.surfaces.surface_nets import surface_nets, without_double_cuts
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
 
-__all__ = ["BESIDE", "WoundSolid", "distances_to_triangles"]
+__all__ = ["BESIDE", "HALF", "WoundSolid"]
 
 HALF: Final = 0.5
 """Turns around a point from which on it is inside."""
@@ -25,95 +25,114 @@ HALVINGS: Final = 5
 ROUNDS: Final = 3
 """Times that points are moved and edges flipped."""
 
+REACH: Final = 0.5
+"""Distance, in cells, within which the surface is looked for."""
+
 BESIDE: Final = 0.02
 """Distance from the closest triangle, in cells, at which one side is inside and one outside if it
 is a triangle of the surface."""
 
-BORDER: Final = 1.5
+BORDER: Final = 2.5
 """Cells of the grid beyond the box on each side: flat faces along the box are between nodes."""
+
+THIN: Final = 1.0
+"""A part is thin where it is thinner than so many cells: nodes of the grid may miss it."""
+
+THICKENING: Final = 0.6
+"""Cells by which a thin part is thickened on each side: nodes cannot miss it then."""
+
+PIECES: Final = 2.0
+"""Longest edges of the pieces of triangles that are thin or not, in cells."""
 
 
 class WoundSolid:
-    """All points around which triangles wind more than half a turn.
+    """All places around which triangles wind more than half a turn, and those beside thin parts.
 
     The winding number is a whole one where the triangles close, by shell on shell the more, and
     goes evenly across a hole: so a hole is covered, shells are joined, and walls inside are none.
 
+    Attributes
+    ----------
+    soup: the triangles, wound alike.
+    cell: side of the cells of the grid that is to show all parts.
+
     Source: Barill et al., Fast winding numbers for soups and clouds (2018).
     """
 
-    def __init__(self, points: Floats, triangles: Integers) -> None:
-        """points: (n, 3) in a box of about 1; triangles: (t, 3). Raises InputError without the
-        extra `repair`."""
-        self._igl = _igl()
-        self.points = np.ascontiguousarray(points)
-        self.triangles = np.ascontiguousarray(outward_patches(points, triangles))
-        self._tree = self._igl.AABB()
-        self._tree.init(self.points, self.triangles)
-
-    def turns(self, places: Floats) -> Floats:
-        """(k,) winding numbers around places (k, 3)."""
-        return np.asarray(
-            self._igl.fast_winding_number(
-                self.points, self.triangles, np.ascontiguousarray(places, dtype=np.float64)
-            )
-        )
+    def __init__(self, points: Floats, triangles: Integers, cells: int) -> None:
+        """points: (n, 3) in a box of about 1; triangles: (t, 3); cells: of a grid, along the
+        longest side. Raises InputError without the extra `repair`."""
+        self.soup = Soup(points, outward_patches(points, triangles))
+        self.cell = float(np.ptp(points, axis=0).max()) / cells
+        self._thin: Soup | None = None
+        self._thin = self._thin_parts()
 
     def holds(self, places: Floats) -> Booleans:
         """(k,) whether places (k, 3) are inside."""
-        return np.asarray(self.turns(places) > HALF)
+        return np.asarray(self._depths(places) > 0.0)
 
-    def closest(self, places: Floats) -> Floats:
-        """(k, 3) the points of the triangles that are closest to places (k, 3)."""
-        places = np.ascontiguousarray(places)
-        return np.asarray(self._tree.squared_distance(self.points, self.triangles, places)[2])
+    def surfaces(self, shift: float) -> tuple[Floats, Integers]:
+        """Points and triangles of all surfaces of the solid, as closely as the grid tells.
 
-    def surfaces(self, cells: int, shift: float) -> tuple[Floats, Integers]:
-        """Points and triangles of all surfaces of the solid, as closely as a grid tells.
-
-        cells: of the grid along the longest side; shift: of the grid, in cells. No two triangles
-        are folded together at a point or an edge; none are there where no node is inside.
+        shift: of the grid, in cells. No two sheets are joined at a point or an edge; there are none
+        where no node is inside.
         """
-        low, extents = self.points.min(axis=0), np.ptp(self.points, axis=0)
-        step = float(extents.max()) / cells
-        origin = low - (BORDER + shift) * step
-        counts = np.ceil(extents / step).astype(np.int64) + 5
+        origin = self.soup.points.min(axis=0) - (BORDER + shift) * self.cell
+        counts = np.ceil(np.ptp(self.soup.points, axis=0) / self.cell).astype(np.int64) + 7
         nodes = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
-        turns = np.zeros(counts)
+        values = np.full(counts, -HALF)
         # Shells that are open on one side may wind around places beyond it: there it ends.
         within = (slice(1, -1),) * 3
-        places = origin + step * nodes[within]
-        turns[within] = self.turns(places.reshape(-1, 3)).reshape(places.shape[:3])
-        inside = without_double_cuts(turns - HALF)
+        places = origin + self.cell * nodes[within].reshape(-1, 3)
+        values[within] = self._depths(places).reshape(counts - 2)
+        inside = without_double_cuts(values)
 
         def crossing(nodes: Integers, ahead: Integers) -> Floats:
             leaves = inside[tuple(nodes.T)][:, None]
             return self._between(
-                origin + step * np.where(leaves, nodes, ahead),
-                origin + step * np.where(leaves, ahead, nodes),
+                origin + self.cell * np.where(leaves, nodes, ahead),
+                origin + self.cell * np.where(leaves, ahead, nodes),
             )
 
         return surface_nets(inside, crossing)
 
-    def evened(self, points: Floats, triangles: Integers, cell: float) -> tuple[Floats, Integers]:
-        """A surface from `surfaces` with even triangles, its points on that of the solid; cell:
-        side of the grid's cells."""
-        return evened(
-            points, triangles, lambda moved, joined: self._onto(moved, joined, cell), ROUNDS
-        )
+    def evened(self, points: Floats, triangles: Integers) -> tuple[Floats, Integers]:
+        """A surface from `surfaces` with even triangles, its points on that of the solid."""
+        return evened(points, triangles, self._onto, ROUNDS)
 
-    def _onto(self, points: Floats, triangles: Integers, cell: float) -> Floats:
+    def _depths(self, places: Floats) -> Floats:
+        """(k,) values above 0 inside, and larger the nearer to it outside, of places (k, 3)."""
+        depths = self.soup.turns(places) - HALF
+        if self._thin is not None:
+            outer = np.flatnonzero(depths <= 0.0)
+            near = norms(self._thin.closest(places[outer]) - places[outer])
+            depths[outer[near < THICKENING * self.cell]] = HALF
+        return depths
+
+    def _thin_parts(self) -> Soup | None:
+        """Pieces of the triangles where the solid beneath is thinner than `THIN`."""
+        corners = self.soup.pieces(PIECES * self.cell)
+        flat = corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
+        vectors = doubled_area_vectors(*flat)
+        normals = vectors / norms(vectors)[:, None].clip(np.finfo(float).tiny)
+        middles = corners.mean(axis=1)
+        outer = self._parts(middles, BESIDE * self.cell * normals)
+        thin = np.flatnonzero(outer)
+        thin = thin[~self.holds(middles[thin] - THIN * self.cell * normals[thin])]
+        return Soup(flat[0], flat[1][thin]) if len(thin) else None
+
+    def _onto(self, points: Floats, triangles: Integers) -> Floats:
         """Points moved to the closest of a triangle that parts inside from outside; where there is
-        none near, to the surface along the normal, if it is within half a cell."""
+        none near, to the surface along the normal, if it is within `REACH`."""
         vectors = doubled_area_vectors(points, triangles).repeat(3, axis=0)
         normals = sums_by_index(triangles.ravel(), vectors, len(points))
         normals /= norms(normals)[:, None].clip(np.finfo(float).tiny)
-        moved = self.closest(points)
-        near = norms(moved - points) <= HALF * cell
-        near[near] = self._parts(moved[near], BESIDE * cell * normals[near])
+        moved = self.soup.closest(points)
+        near = norms(moved - points) <= REACH * self.cell
+        near[near] = self._parts(moved[near], BESIDE * self.cell * normals[near])
         far = np.flatnonzero(~near)
         moved[far] = points[far]
-        reach = HALF * cell * normals[far]
+        reach = REACH * self.cell * normals[far]
         parted = self._parts(points[far], reach)
         far, reach = far[parted], reach[parted]
         moved[far] = self._between(points[far] - reach, points[far] + reach)
@@ -130,19 +149,3 @@ class WoundSolid:
             held = self.holds(middle)[:, None]
             inner, outer = np.where(held, middle, inner), np.where(held, outer, middle)
         return (inner + outer) / 2.0
-
-
-def distances_to_triangles(places: Floats, points: Floats, triangles: Integers) -> Floats:
-    """(k,) distances of places (k, 3) from triangles (t, 3) between points (n, 3)."""
-    squares = _igl().point_mesh_squared_distance(
-        *(np.ascontiguousarray(array) for array in (places, points, triangles))
-    )[0]
-    return np.sqrt(squares)
-
-
-def _igl() -> Any:
-    try:
-        import igl
-    except ImportError as error:
-        raise missing_extra("repair", "repair", error) from error
-    return igl

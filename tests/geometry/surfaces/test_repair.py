@@ -162,6 +162,18 @@ def test_a_wall_between_two_bodies_is_none() -> None:
     assert made.numbers.pieces == 1
 
 
+def test_thin_parts_are_thickened() -> None:
+    """A ball with two blades of a fifth of a cell, neither torn nor lost."""
+    blade = trimesh.creation.box((4.0, 1.0, 0.008))
+    turned = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
+    flat = Surface(np.asarray(blade.vertices), np.asarray(blade.faces))
+    made = fixed(joined(scaled(ball(3), 0.7), flat, flat.moved(flat.points @ turned)))
+    assert (made.numbers.pieces, made.numbers.handles) == (1, 0)
+    cell = 0.04 / np.linalg.norm([4.0, 1.4, 2.4])
+    assert made.numbers.off_largest < 1.2 * cell
+    assert made.numbers.missed_largest < 1.5 * cell
+
+
 def test_the_unit_of_length_does_not_matter() -> None:
     original = bumpy_sphere(2)
     ours = fixed(body_of(original.points, original.triangles[7:]))
