@@ -23,6 +23,8 @@ class Repair:
     handles_before, handles: of the triangles, or None where they are not closed; of the surface.
     off_mean, off_largest: from the surface to the triangles.
     missed_mean, missed_largest: from the triangles that are not inside the solids to the surface.
+    thin: area of the triangles over parts thinner than a cell, which were thickened, over that of
+        all.
     sheets: area of the triangles that have no solid on either side, over that of all.
     """
 
@@ -36,4 +38,5 @@ class Repair:
     off_largest: float
     missed_mean: float
     missed_largest: float
+    thin: float
     sheets: float

@@ -38,8 +38,9 @@ SEED: Final = 0
 SHEETS: Final = 0.5
 """Part of the area that may be sheets with no solid on either side."""
 
-TOLD: Final = 1e-3
-"""Part of the area from which on such sheets are told of: there are some at every sharp edge."""
+TOLD: Final = 5e-3
+"""Part of the area from which on sheets and thin parts are told of: there are some at every sharp
+edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,6 +177,7 @@ def _compared(
         off_largest=float(off.max()),
         missed_mean=float(missed.mean()),
         missed_largest=float(missed.max()),
+        thin=solid.thin_area / solid.soup.area,
         sheets=float((~above & ~below).mean()),
     )
 
@@ -205,7 +207,14 @@ def _sentences(numbers: Repair, surface: Surface) -> tuple[str, ...]:
             f"{_percent(numbers.dropped)} of the volume; pieces that overlap are kept as one"
         )
     if numbers.cavities:
-        sentences.append(f"filled {numbers.cavities} cavities")
+        sentences.append(
+            f"filled {numbers.cavities} {'cavity' if numbers.cavities == 1 else 'cavities'}"
+        )
+    if numbers.thin > TOLD:
+        sentences.append(
+            f"{_percent(numbers.thin)} of the area is over parts thinner than 1/{numbers.cells} of "
+            "the longest side, which were thickened to about that"
+        )
     if numbers.sheets > TOLD:
         sentences.append(
             f"{_percent(numbers.sheets)} of the area are sheets that enclose nothing and are gone"

@@ -8,6 +8,7 @@ import numpy as np
 
 from dicedesign.errors import missing_extra
 from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["Soup"]
@@ -27,6 +28,11 @@ class Soup:
         self.triangles = np.ascontiguousarray(triangles, dtype=np.int64)
         self._tree = igl.AABB()
         self._tree.init(self.points, self.triangles)
+
+    @property
+    def area(self) -> float:
+        """Of all triangles."""
+        return float(norms(doubled_area_vectors(self.points, self.triangles)).sum()) / 2.0
 
     def turns(self, places: Floats) -> Floats:
         """(k,) winding numbers around places (k, 3)."""

@@ -67,6 +67,11 @@ class WoundSolid:
         self._thin: Soup | None = None
         self._thin = self._thin_parts()
 
+    @property
+    def thin_area(self) -> float:
+        """Of the triangles over thin parts."""
+        return 0.0 if self._thin is None else self._thin.area
+
     def holds(self, places: Floats) -> Booleans:
         """(k,) whether places (k, 3) are inside."""
         return np.asarray(self._depths(places) > 0.0)

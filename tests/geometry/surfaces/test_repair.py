@@ -113,7 +113,7 @@ def test_two_overlapping_balls_are_one_solid() -> None:
     cap = 1.0 - distance / 2.0
     lens = 2.0 * np.pi * cap**2 * (3.0 - cap) / 3.0
     assert made.surface.volume == pytest.approx(8.0 / 3.0 * np.pi - lens, rel=0.01)
-    assert (made.numbers.pieces, made.numbers.cavities) == (1, 0)
+    assert (made.numbers.pieces, made.numbers.cavities, made.numbers.thin) == (1, 0, 0.0)
     assert np.abs(made.surface.centroid - [distance / 2.0, 0.0, 0.0]).max() < 0.005
 
 
@@ -171,6 +171,7 @@ def test_thin_parts_are_thickened() -> None:
     assert (made.numbers.pieces, made.numbers.handles) == (1, 0)
     cell = 0.04 / np.linalg.norm([4.0, 1.4, 2.4])
     assert made.numbers.off_largest < 1.2 * cell
+    assert 0.4 < made.numbers.thin < 0.6  # both sides of the blades, as far as they stick out
     assert made.numbers.missed_largest < 1.5 * cell
 
 
