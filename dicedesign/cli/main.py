@@ -27,6 +27,7 @@ COMMANDS: Final = (
     "search",
     "rest",
     "drop",
+    "repair",
     "throw",
     "rolls",
     "table",

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.labels.reading import Reading
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
+    from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.throws.simulation.die_on_table import ThrownDie
 
@@ -55,6 +56,7 @@ class FinishedDie:
     upward: (3,) direction that is up in pictures.
     reshaped: the surface before and after, of a die that keeps the shape of one; quality: of the
         surface after.
+    repaired: the mesh that the surface before is of, where it was repaired.
     thrown: what the die does on its table, of one that is to be thrown.
     reading: how a die with labels is read; its places are those of `engraved.placements`, in the
         same order.
@@ -67,5 +69,6 @@ class FinishedDie:
     upward: Floats
     reshaped: ConcaveDie | None = None
     quality: SurfaceQuality | None = None
+    repaired: RepairedMesh | None = None
     thrown: ThrownDie | None = None
     reading: Reading | None = None

@@ -18,6 +18,7 @@ from dicedesign.errors import InputError
 from dicedesign.results.balance import Balance
 from dicedesign.results.print_odds import InfillOdds, PrintTolerances
 from dicedesign.results.printability import Printability
+from dicedesign.results.repair import Repair
 from dicedesign.results.status import Status
 from dicedesign.results.throws import ThrownOdds
 from dicedesign.results.trade_off import TradeOff
@@ -163,6 +164,7 @@ class Result:
     history: every accepted step; after rounds of throws those of the last design.
     energy: terms of the energy at the end, by name. starts: starting shapes that were tried;
         evaluations: dice that were tried; hulls: computed for them.
+    repair: of the mesh that a concave die is made of, where it was repaired.
     probabilities_before, elsewhere_before: of the surface that a concave die was made from.
     displacement, hull, surface, quality, surface_quality, file_self_intersections: of a concave
         die, how far its points were moved, its hull, its size, defects and distortion as sentences
@@ -210,6 +212,7 @@ class Result:
     starts: int | None = None
     evaluations: int | None = None
     hulls: HullsMade | None = None
+    repair: Repair | None = None
     probabilities_before: Numbers | None = None
     elsewhere_before: float | None = None
     displacement: Displacement | None = None

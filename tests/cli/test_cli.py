@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from common.dented_cube import write_cube
 from common.finished_run import box_file, finished_result
 
 from dicedesign.cli.main import main
@@ -123,7 +124,7 @@ BAD = [
     (["run", "concave.yaml", "--resume"], "checkpoint of a run that was interrupted, got none"),
     (
         ["run", "concave.yaml", "--set", "start.mesh.path=open.obj"],
-        "got 3 edges with one triangle (the mesh is open); close its holes",
+        "got 3 edges with one triangle (the mesh is open); write start: {mesh: {path: FILE, repair",
     ),
     (["run", "concave.yaml", "--set", "start.mesh.path=few.xyz"], "at least 4 distinct points"),
     (["run", "concave.yaml", "--set", "start.mesh.path=cloud.xyz"], "got a point cloud"),
@@ -162,8 +163,9 @@ def test_bad_input_is_one_line_and_exit_code_2(
     (tmp_path / "good.yaml").write_text(good)
     (tmp_path / "bad.yaml").write_text(good + "colour: red\n")
     (tmp_path / "concave.yaml").write_text(
-        "name: c\ntarget: {fair: 6}\nstart: {mesh: {path: box.obj}}\nmethod: concave\n"
+        "name: c\ntarget: {fair: 6}\nstart: {mesh: {path: dented.obj}}\nmethod: concave\n"
     )
+    write_cube(tmp_path / "dented.obj")
     corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
     (tmp_path / "open.obj").write_text(corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\n")
     (tmp_path / "cloud.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n")

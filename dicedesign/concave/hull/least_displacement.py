@@ -6,9 +6,10 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import solve
+from scipy.sparse import csr_array
 
 from dicedesign.concave.hull.slopes import SlopeConditions
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["least_displacement"]
 
@@ -50,23 +51,32 @@ def least_displacement(
     tangents, corners = conditions.tangents, conditions.corners
     bound = (tangents * displacement[corners]).sum(-1) - excess
     wanted = misses + np.einsum("knc,nc->k", jacobian, displacement)
-    raised = np.tensordot(jacobian, compliance, 2)
-    own = np.einsum("knc,lnc->kl", jacobian, raised)
-    mixed = (raised[:, corners] * tangents).sum(-1).T
-    softness = SOFTNESS * float(np.einsum("ncnc", compliance)) / (3 * len(compliance))
-    by_condition = np.einsum("sc,scmd->smd", tangents, compliance[corners])
+    size = displacement.size
+    flat = compliance.reshape(size, size)
+    along = _rows(tangents, corners, size)
+    raised = jacobian.reshape(len(jacobian), size) @ flat
+    own = raised @ jacobian.reshape(len(jacobian), size).T
+    softness = SOFTNESS * float(np.trace(flat)) / size
     own += REGULAR * (np.trace(own) + softness) * np.eye(len(own))
-    pairs = (by_condition[:, corners] * tangents).sum(-1)
+    mixed = along @ raised.T
+    by_condition = along @ flat
+    pairs = along @ by_condition.T
     active = excess > 0.0
     for _ in range(MOST_CHANGES):
         kept = np.flatnonzero(active)
         between = pairs[np.ix_(kept, kept)] + softness * np.eye(len(kept))
         system = np.block([[between, mixed[kept]], [mixed[kept].T, own]])
         forces = solve(system, np.concatenate([bound[kept], wanted]), assume_a="pos")
-        following = np.tensordot(forces[: len(kept)], by_condition[kept], 1)
-        following = following + np.tensordot(forces[len(kept) :], raised, 1)
-        failing = (tangents * following[corners]).sum(-1) - bound > MET
+        moved = forces[: len(kept)] @ by_condition[kept] + forces[len(kept) :] @ raised
+        failing = along @ moved - bound > MET
         if np.array_equal(failing, active):
             break
         active = failing
-    return np.asarray(following, dtype=np.float64)
+    return np.asarray(moved.reshape(displacement.shape), dtype=np.float64)
+
+
+def _rows(tangents: Floats, corners: Integers, size: int) -> csr_array:
+    """(s, 3 n) of the inequalities, for displacements as one vector."""
+    columns = 3 * corners[:, None] + np.arange(3)
+    starts = np.arange(0, columns.size + 1, 3)
+    return csr_array((tangents.ravel(), columns.ravel(), starts), shape=(len(corners), size))

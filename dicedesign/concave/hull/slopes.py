@@ -24,7 +24,7 @@ __all__ = ["SlopeConditions", "SlopeMemory", "SlopeOptions", "climbs"]
 STRIDE: Final = math.radians(1.0)
 """Between directions of an arc at which slopes are asked for."""
 
-CLIMB_STRIDE: Final = math.radians(2.0)
+CLIMB_STRIDE: Final = math.radians(4.0)
 """Between directions of an arc at which heights are compared."""
 
 CELL: Final = 0.03
@@ -152,13 +152,12 @@ class SlopeMemory:
     def _remember(
         self, normals: Floats, outcomes: Floats, outcome_of_rest: Integers, step: int
     ) -> None:
-        for normal, outcome in zip(normals, outcome_of_rest.tolist(), strict=True):
+        far = (normals * outcomes[outcome_of_rest]).sum(-1) < math.cos(self.options.circle)
+        for normal, outcome in zip(normals[far], outcome_of_rest[far].tolist(), strict=True):
             arc = _arcs(normal[None], outcomes[outcome][None], STRIDE)[0, 0]
-            outside = arc @ outcomes[outcome] < math.cos(self.options.circle)
-            if outside[0]:
-                for direction in arc[outside]:
-                    cell = tuple(np.round(direction / CELL).astype(int).tolist())
-                    self.cells[cell] = (direction, outcome, step)
+            arc = arc[arc @ outcomes[outcome] < math.cos(self.options.circle)]
+            for cell, direction in zip(np.round(arc / CELL).astype(int).tolist(), arc, strict=True):
+                self.cells[tuple(cell)] = (direction, outcome, step)
         self.cells = {
             cell: entry for cell, entry in self.cells.items() if step - entry[2] < LIFETIME
         }

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-from dicedesign.optimize.starts.start import STARTS, StartKind
-
-if TYPE_CHECKING:
-    from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.optimize.starts.start import STARTS, StartKind, StartSurface
 
 __all__: list[str] = []
 
 
-def _surface(name: str) -> tuple[Surface, tuple[str, ...]]:
+def _surface(name: str, _: int) -> StartSurface:
     from dicedesign.concave.shapes.shapes import shape
 
-    return shape(name), ()
+    return StartSurface(shape(name))
 
 
 STARTS.register(

@@ -8,16 +8,35 @@ from typing import Final
 import numpy as np
 
 from dicedesign.geometry.solid import is_closed
-from dicedesign.geometry.triangles import connected_parts, edge_keys, winding_number
+from dicedesign.geometry.triangles import (
+    connected_parts,
+    doubled_area_vectors,
+    edge_keys,
+    winding_number,
+)
 from dicedesign.kernels import ops as kernels
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 from dicedesign.tolerances import VOLUME_TOLERANCE
 
-__all__ = ["closed_triangles", "consistent_winding", "oriented_shells", "shells_of"]
+__all__ = [
+    "closed_triangles",
+    "consistent_winding",
+    "distinct_triangles",
+    "oriented_shells",
+    "outward_patches",
+    "shells_of",
+]
 
 _CLEAR: Final = 0.25
 """A winding number that is nearer than this to an integer is that integer; for a point on a flat
 part of the surface it is a half."""
+
+_OPEN: Final = 0.1
+"""Area of the flat cover of a patch's holes, over its own, up to which it has an inside."""
+
+
+_TWO_SIDED: Final = 0.9
+"""Part of its triangles that a surface with two sides has from both, at least."""
 
 
 def closed_triangles(triangles: Integers) -> tuple[Integers, tuple[str, ...]] | None:
@@ -43,9 +62,65 @@ def consistent_winding(triangles: Integers) -> Integers | None:
     some reversed, or None when no choice closes the surface, because it has a boundary or is
     one-sided.
     """
-    count = len(triangles)
-    if count == 0:
+    if len(triangles) == 0:
         return None
+    oriented, _ = _agreeing(triangles)
+    return oriented if is_closed(oriented) else None
+
+
+def outward_patches(points: Floats, triangles: Integers) -> Integers:
+    """Triangles (t, 3) of any kind, wound alike and outward as far as they say what that is.
+
+    Those that hang together by edges of two triangles are a patch. In each as few as needed are
+    reversed, and all of one that is closed, or nearly, and inward: cavities and bodies alike.
+
+    points: (n, 3). Returns the same triangles in the same order, some reversed.
+    """
+    oriented, patch = _agreeing(triangles)
+    vectors = doubled_area_vectors(points, oriented)
+    count = int(patch.max()) + 1
+    covers = np.linalg.norm(sums_by_index(patch, vectors, count), axis=1)
+    areas = np.bincount(patch, np.linalg.norm(vectors, axis=1), count)
+    middles = points[oriented].mean(axis=1)
+    sizes = np.bincount(patch, minlength=count).clip(1)
+    arms = middles - (sums_by_index(patch, middles, count) / sizes[:, None])[patch]
+    volumes = np.bincount(patch, (arms * vectors).sum(axis=1), count)
+    inward = (volumes < 0.0) & (covers <= _OPEN * areas)
+    return np.where(inward[patch][:, None], oriented[:, ::-1], oriented)
+
+
+def distinct_triangles(triangles: Integers) -> Integers:
+    """Triangles (t, 3) without those between the same corners as others.
+
+    Of as many on either side none is left, as of the wall between two bodies, unless nearly all are
+    such, as of a surface with two sides; else one on the side that has more.
+    """
+    rising = np.sort(triangles, axis=1)
+    order = np.lexsort(rising.T)
+    is_new = np.ones(len(order), dtype=bool)
+    is_new[1:] = (rising[order[1:]] != rising[order[:-1]]).any(axis=1)
+    if is_new.all():
+        return triangles
+    group = np.empty(len(order), dtype=np.int64)
+    group[order] = np.cumsum(is_new) - 1
+    lowest = triangles.argmin(axis=1)
+    after, before = (
+        np.take_along_axis(triangles, ((lowest + k) % 3)[:, None], axis=1)[:, 0] for k in (1, 2)
+    )
+    side = np.where(after < before, 1, -1)
+    more = np.sign(np.bincount(group, side)).astype(np.int64)
+    if np.mean(more == 0) >= _TWO_SIDED:
+        more = np.where(more == 0, side[order[is_new]], more)
+    first = np.full(len(more), len(triangles))
+    kept = np.flatnonzero(side == more[group])
+    np.minimum.at(first, group[kept], kept)
+    return triangles[np.sort(first[more != 0])]
+
+
+def _agreeing(triangles: Integers) -> tuple[Integers, Integers]:
+    """Triangles (t, 3), as few as possible reversed for those that share an edge with just one
+    other to be wound alike, and (t,) numbers of the parts that hang together by such edges."""
+    count = len(triangles)
     rising = triangles.ravel() < np.roll(triangles, -1, axis=1).ravel()
     keys = edge_keys(triangles)
     order = np.argsort(keys, kind="stable")
@@ -62,7 +137,7 @@ def consistent_winding(triangles: Integers) -> Integers | None:
     weight = np.bincount(kept, minlength=int(parts.max()) + 1)
     flip = (weight[kept] < weight[turned]) | ((weight[kept] == weight[turned]) & (kept > turned))
     oriented = np.where(flip[:, None], triangles[:, ::-1], triangles)
-    return oriented if is_closed(oriented) else None
+    return oriented, np.unique(np.minimum(kept, turned), return_inverse=True)[1]
 
 
 def oriented_shells(points: Floats, triangles: Integers) -> tuple[Integers, int]:

@@ -10,8 +10,9 @@ from dicedesign.errors import InputError, missing_extra
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["decimated", "refined"]
+__all__ = ["decimated", "refined", "thinned"]
 
 FEWEST: Final = 4
 """Points of the smallest closed surface, a tetrahedron."""
@@ -50,21 +51,12 @@ def decimated(surface: Surface, points: int) -> tuple[Surface, str]:
     before = len(surface.points)
     if before <= points:
         return surface, f"kept the surface: its {before} points are no more than {points}"
-    try:
-        import fast_simplification
-    except ImportError as error:
-        raise missing_extra("concave", "decimation", error) from error
     handles = len(surface.triangles) - 2 * (before - 2)
     wanted = points
     while wanted < before:
         for aggressiveness in AGGRESSIVENESS:
-            places, triangles = fast_simplification.simplify(
-                surface.points,
-                surface.triangles,
-                target_count=2 * (wanted - 2) + handles,
-                agg=aggressiveness,
-            )
-            coarser = Surface(np.asarray(places, np.float64), np.asarray(triangles, np.int64))
+            count = 2 * (wanted - 2) + handles
+            coarser = Surface(*thinned(surface.points, surface.triangles, count, aggressiveness))
             if _is_good(coarser, handles):
                 return coarser, (
                     f"decimated the surface from {before} to {len(coarser.points)} points "
@@ -75,6 +67,24 @@ def decimated(surface: Surface, points: int) -> tuple[Surface, str]:
         f"decimation: expected a closed surface of {points} points that does not meet itself, got "
         f"none from {before} points by any reduction; remesh the surface, or leave it as it is"
     )
+
+
+def thinned(
+    points: Floats, triangles: Integers, count: int, aggressiveness: float = AGGRESSIVENESS[0]
+) -> tuple[Floats, Integers]:
+    """About so many triangles in place of more between points (n, 3), by fast-simplification,
+    whatever they do to each other.
+
+    aggressiveness: see `AGGRESSIVENESS`. Raises InputError where the extra `concave` is missing.
+    """
+    try:
+        import fast_simplification
+    except ImportError as error:
+        raise missing_extra("concave", "decimation", error) from error
+    fewer, joined = fast_simplification.simplify(
+        points, triangles, target_count=count, agg=aggressiveness
+    )
+    return np.asarray(fewer, np.float64), np.asarray(joined, np.int64)
 
 
 def refined(surface: Surface, points: int) -> tuple[Surface, str]:

@@ -17,6 +17,7 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.registry import Extension, Registry
 
 if TYPE_CHECKING:
+    from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.geometry.surfaces.surface import Surface
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "STARTS",
     "Start",
     "StartKind",
+    "StartSurface",
     "Task",
     "check_sides",
     "made_start",
@@ -76,6 +78,22 @@ def normalised_start(points: Floats, directions: Floats, notes: tuple[str, ...] 
 
 
 @dataclass(frozen=True)
+class StartSurface:
+    """A surface to begin with.
+
+    Attributes
+    ----------
+    surface: closed, of one solid.
+    notes: what was done to it on the way in, one sentence each.
+    repair: of the mesh that it is of, if there was one.
+    """
+
+    surface: Surface
+    notes: tuple[str, ...] = ()
+    repair: RepairedMesh | None = None
+
+
+@dataclass(frozen=True)
 class Task:
     """Purpose of a start.
 
@@ -104,15 +122,15 @@ class StartKind(Extension):
     search: shapes with one rest for each outcome and no other, without end, for target
         probabilities (k,), a point group (g, 3, 3) or None, and a seed; None where a turn found
         nothing. Or None if shapes are not searched.
-    surface: the closed surface to make a concave die of, and what was repaired, one sentence each;
-        or None if there is none.
+    surface: the closed surface to make a concave die of, from options and the most points that it
+        needs to have; or None if there is none.
     """
 
     options: Any
     check: Callable[[Any, int], None] = lambda options, outcomes: None
     make: Callable[[Any, Task], Start] | None = None
     search: Callable[[Floats, Floats | None, int], Iterator[Start | None]] | None = None
-    surface: Callable[[Any], tuple[Surface, tuple[str, ...]]] | None = None
+    surface: Callable[[Any, int], StartSurface] | None = None
 
 
 STARTS: Final = Registry[StartKind]("start", "dicedesign.optimize.starts.kinds", StartKind)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.labels.reading import Reading
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
+    from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.optimize.refinement import Round
     from dicedesign.optimize.starts.start import Start
@@ -69,6 +70,7 @@ class Work:
     resume: go on from the checkpoint of an interrupted search.
     clock: what the stages took.
     start, surface: what the design begins with, a shape or a surface; neither where it searches.
+    repaired: the mesh that the surface is of, where it was repaired.
     die: as designed; solid: the same in mm; plain: the verdict on its file. There once their stages
         have run.
     engraved: the file with labels cut in, or None.
@@ -91,6 +93,7 @@ class Work:
     clock: Clock = field(init=False)
     start: Start | None = None
     surface: Surface | None = None
+    repaired: RepairedMesh | None = None
     die: DesignedDie = field(init=False)
     solid: SizedDie = field(init=False)
     plain: Verdict = field(init=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
@@ -13,10 +12,6 @@ from dicedesign.recipe.planning.work import Work
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["draw_figures", "finished_die"]
-
-_UPRIGHT: Final = (".stl", ".3mf", ".xyz")
-"""Files of programs for printing and construction, whose z axis is upward; in those of programs
-for pictures it is y."""
 
 
 def draw_figures(work: Work) -> None:
@@ -49,6 +44,7 @@ def finished_die(work: Work) -> FinishedDie:
         upward=_upward(work),
         reshaped=work.die.reshaped,
         quality=work.quality,
+        repaired=work.repaired,
         thrown=work.thrown,
         reading=work.reading,
     )
@@ -56,6 +52,7 @@ def finished_die(work: Work) -> FinishedDie:
 
 def _upward(work: Work) -> Floats:
     """The direction (3,) that is upward in the pictures."""
+    from dicedesign.report.render.cameras import upward_of
+
     mesh = work.recipe.start.mesh
-    upright = mesh is None or Path(mesh.path).suffix.lower() in _UPRIGHT
-    return np.array([0.0, 0.0, 1.0] if upright else [0.0, 1.0, 0.0])
+    return np.array([0.0, 0.0, 1.0]) if mesh is None else upward_of(Path(mesh.path))

@@ -20,8 +20,8 @@ def make_start(work: Work) -> None:
 
     Raises InputError if a mesh cannot be read or has too few rests, the center of mass is not
     inside the shape, a symmetry does not permute its facets or carries labels to less probable
-    ones, the surface is no closed one of one solid, the die cannot be thrown as the recipe says, or
-    the art of a label cannot be made.
+    ones, the surface is no closed one of one solid, or convex, or nearly a sphere, the die cannot
+    be thrown as the recipe says, or the art of a label cannot be made.
     """
     recipe = work.recipe
     if recipe.method.concave is not None:
@@ -46,13 +46,21 @@ STAGES.register(
 
 
 def _make_surface(work: Work) -> None:
+    from dicedesign.geometry.surfaces.dents import require_dents
+    from dicedesign.geometry.surfaces.input_surface import FINEST, MOST_POINTS
     from dicedesign.geometry.surfaces.remeshing import decimated, refined
 
     start, method = work.recipe.start, work.recipe.method.concave
     assert method is not None
     assert start.kind.surface is not None
-    surface, notes = start.kind.surface(start.options)
-    work.notes += notes
+    most = MOST_POINTS if method.points is None else max(FINEST, method.points)
+    made = start.kind.surface(start.options, most)
+    surface = made.surface
+    work.notes += made.notes
+    work.repaired = made.repair
+    if made.repair is not None:
+        work.details["repair"] = made.repair.numbers
+    require_dents(surface)
     if method.points is not None:
         changed = refined if len(surface.points) < method.points else decimated
         surface, note = changed(surface, method.points)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -11,7 +12,11 @@ import numpy as np
 from dicedesign.report.render.raster import Camera
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["framed", "three_cameras"]
+__all__ = ["framed", "three_cameras", "upward_of"]
+
+_UPRIGHT: Final = (".stl", ".3mf", ".xyz")
+"""Files of programs for printing and construction, whose z axis is upward; in those of programs
+for pictures it is y."""
 
 _TURNS: Final = (35.0, 155.0, 275.0)
 
@@ -39,6 +44,11 @@ def three_cameras(points: Floats, up: Floats) -> list[Camera]:
         direction = np.cos(rise) * level + np.sin(rise) * upward
         cameras.append(Camera(direction, upward, np.zeros(3), 1.0))
     return framed(cameras, [points] * len(cameras))
+
+
+def upward_of(path: Path) -> Floats:
+    """(3,) direction that is upward in a mesh file, by its ending."""
+    return np.eye(3)[2 if path.suffix.lower() in _UPRIGHT else 1]
 
 
 def framed(cameras: Sequence[Camera], points: Sequence[Floats]) -> list[Camera]:

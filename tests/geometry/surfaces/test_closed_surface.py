@@ -83,7 +83,8 @@ def test_an_open_mesh_is_refused() -> None:
     refused(
         make_body(mesh.vertices, mesh.faces[1:], name="thing"),
         "3 edges with one triangle (the mesh is open)",
-        "close its holes",
+        "start: {mesh: {path: FILE, repair: true}}",
+        "dicedesign repair",
     )
 
 
@@ -137,7 +138,7 @@ def test_a_surface_that_meets_itself_is_refused() -> None:
         make_body(surface.points, surface.triangles, name="thing"),
         "a surface that does not meet itself",
         "pairs of triangles that do, the first near (",
-        "boolean union",
+        "repair: true",
     )
 
 
@@ -156,3 +157,12 @@ def test_models_are_good(name: str) -> None:
     path = public_data(f"models/{name}.obj")
     surface, _ = make_surface(read_body(path))
     assert surface.volume > 0
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_a_tilted_sheet_is_told_to_be_flat(scale: float) -> None:
+    tilt = np.array([[0.6, 0.8, 0.0], [0.0, 0.6, 0.8]])
+    points = scale * (np.random.default_rng(0).normal(size=(40, 2)) @ tilt + [5.0, 1.0, -3.0])
+    triangles = np.arange(39).reshape(-1, 3)
+    body = make_body(points, triangles, name="thing")
+    refused(body, "encloses a volume", "flat sheet", error=DegenerateBodyError)

@@ -9,14 +9,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.optimize.starts.start import STARTS, Start, StartKind, Task, normalised_start
+from dicedesign.optimize.starts.start import (
+    STARTS,
+    Start,
+    StartKind,
+    StartSurface,
+    Task,
+    normalised_start,
+)
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.registry import STRICT
 
 if TYPE_CHECKING:
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.meshes.body import Body
-    from dicedesign.geometry.surfaces.surface import Surface
 
 __all__ = ["MeshOptions", "mesh_start"]
 
@@ -29,11 +35,14 @@ class MeshOptions:
     ----------
     path: of the file, relative to the recipe's folder, or to the working directory in a change from
         the command line.
+    repair: of a mesh that is open, no manifold, of several bodies or meets itself, take the closed
+        surface of the largest solid that it encloses; for method concave.
     """
 
     __pydantic_config__ = STRICT
 
     path: str
+    repair: bool = False
 
 
 def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) -> Start:
@@ -77,14 +86,21 @@ def _exact_corners(hull: ConvexHull) -> Floats:
 def _made(options: MeshOptions, task: Task) -> Start:
     from dicedesign.geometry.meshes.reading import read_body
 
+    if options.repair:
+        raise InputError(
+            "start.mesh.repair: expected method concave, which keeps the mesh, got one that takes "
+            "its convex hull, with nothing to repair; leave it out"
+        )
     return mesh_start(read_body(Path(options.path)), task.outcomes, task.center_of_mass)
 
 
-def _surface(options: MeshOptions) -> tuple[Surface, tuple[str, ...]]:
+def _surface(options: MeshOptions, points: int) -> StartSurface:
     from dicedesign.geometry.meshes.reading import read_body
-    from dicedesign.geometry.surfaces.closed_surface import make_surface
+    from dicedesign.geometry.surfaces.input_surface import input_surface
 
-    return make_surface(read_body(Path(options.path)))
+    return StartSurface(
+        *input_surface(read_body(Path(options.path)), points, repair=options.repair)
+    )
 
 
 STARTS.register(

@@ -1,0 +1,170 @@
+"""`dicedesign repair` writes what can be made into a concave die, and what cannot be read, repaired
+or bent is told in one line with exit code 2."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from common.bumpy import ball, bent_capsule, bumpy_sphere, pushed_through
+from PIL import Image
+
+from dicedesign.cli.main import main
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.surfaces.closed_surface import make_surface
+from dicedesign.geometry.surfaces.surface import Surface, joined
+from dicedesign.runtime.arrays import Floats, Integers
+
+
+def write_obj(path: Path, points: Floats, triangles: Integers) -> Path:
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (np.asarray(triangles) + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("ending", [".stl", ".obj", ".glb"])
+def test_an_open_mesh_becomes_a_surface_of_the_same_solid(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str
+) -> None:
+    original = bumpy_sphere(2)
+    broken = write_obj(tmp_path / "broken.obj", original.points, original.triangles[5:])
+    out = tmp_path / f"whole{ending}"
+    assert main(["repair", str(broken), str(out)]) == 0
+    said = capsys.readouterr()
+    table = {line.rsplit("  ", 2)[0].split("  ")[0]: line.split() for line in said.out.splitlines()}
+    surface, notes = make_surface(read_body(out))
+    # A GLB file has each point once for each triangle.
+    assert all(note.startswith("welded") for note in notes)
+    assert surface.volume == pytest.approx(original.volume, rel=0.01)
+    np.testing.assert_allclose(surface.centroid, original.centroid, atol=0.01)
+    assert table["points"][1:] == [str(len(original.points)), str(len(surface.points))]
+    assert table["handles"][-1] == "0"
+    with Image.open(tmp_path / "whole.png") as picture:
+        assert picture.width > picture.height > 500
+    assert "note: repaired the mesh" in said.err
+
+
+def test_a_mesh_that_is_fine_is_written_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    original = bumpy_sphere(1)
+    path = write_obj(tmp_path / "fine.obj", original.points, original.triangles)
+    assert main(["repair", str(path), str(tmp_path / "copy.obj")]) == 0
+    assert "needed no repair" in capsys.readouterr().err
+    body = read_body(tmp_path / "copy.obj")
+    np.testing.assert_array_equal(body.points, original.points)
+    np.testing.assert_array_equal(body.triangles, original.triangles)
+    assert not (tmp_path / "copy.png").exists()
+
+
+def test_a_missing_extra(tmp_path: Path) -> None:
+    original = bumpy_sphere(1)
+    broken = write_obj(tmp_path / "broken.obj", original.points, original.triangles[5:])
+    script = (
+        "import sys; sys.modules['igl'] = None;"
+        "from dicedesign.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    )
+    command = [sys.executable, "-c", script, "repair", str(broken), str(tmp_path / "out.stl")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "pip install 'dicedesign[repair]'" in done.stderr
+    assert not (tmp_path / "out.stl").exists()
+
+
+def plane() -> tuple[Floats, Integers]:
+    i, j = np.meshgrid(np.arange(6.0), np.arange(6.0), indexing="ij")
+    points = np.stack([i, j, 0.0 * i], axis=-1).reshape(-1, 3)
+    corner = (6 * np.arange(5)[:, None] + np.arange(5)).ravel()
+    halves = ([0, 6, 7], [0, 7, 1])
+    return points, np.concatenate([corner[:, None] + np.array(half) for half in halves])
+
+
+def parts(surface: Surface) -> tuple[Floats, Integers]:
+    return surface.points, surface.triangles
+
+
+def not_finite() -> tuple[Floats, Integers]:
+    surface = bumpy_sphere(1)
+    points = surface.points.copy()
+    points[3, 1] = np.nan
+    return points, surface.triangles
+
+
+def flattened() -> tuple[Floats, Integers]:
+    return ball(1).points * [1.0, 1.0, 0.0], ball(1).triangles
+
+
+def cloud() -> tuple[Floats, Integers]:
+    return ball(2).points, np.zeros((0, 3), dtype=np.int64)
+
+
+def two_balls() -> tuple[Floats, Integers]:
+    other = ball(1)
+    return parts(joined(other, other.moved(other.points + np.array([1.0, 0.0, 0.0]))))
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (lambda: (bumpy_sphere(2).points, bumpy_sphere(2).triangles[4:]), "repair: true}}"),
+        (two_balls, "repair: true}}"),
+        (lambda: parts(pushed_through(3)), "repair: true}}"),
+        (plane, "flat sheet"),
+        (flattened, "flat sheet"),
+        (not_finite, "finite coordinates"),
+        (cloud, "point cloud"),
+        (lambda: parts(ball(3)), "nearly a sphere"),
+        (lambda: (ball(2).points * [1.0, 0.7, 0.5], ball(2).triangles), "take method: {exact"),
+    ],
+)
+def test_what_cannot_become_a_concave_die_is_told_at_once(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    made: Callable[[], tuple[Floats, Integers]],
+    said: str,
+) -> None:
+    mesh = write_obj(tmp_path / "mesh.obj", *made())
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text(
+        f"name: a\ntarget: {{fair: 3}}\nstart: {{mesh: {{path: {mesh}}}}}\nmethod: concave\n"
+    )
+    assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 2
+    (line,) = [text for text in capsys.readouterr().err.splitlines() if "expected" in text]
+    assert line.startswith("dicedesign: ")
+    assert said in line
+
+
+@pytest.mark.parametrize(("made", "said"), [(plane, "thickness"), (cloud, "point cloud")])
+def test_what_cannot_be_repaired_is_told(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    made: Callable[[], tuple[Floats, Integers]],
+    said: str,
+) -> None:
+    mesh = write_obj(tmp_path / "mesh.obj", *made())
+    assert main(["repair", str(mesh), str(tmp_path / "out.stl")]) == 2
+    assert said in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["mesh.obj"]
+
+
+def test_an_empty_file_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mesh.stl").touch()
+    assert main(["repair", str(tmp_path / "mesh.stl"), str(tmp_path / "out.stl")]) == 2
+    assert "got an empty one" in capsys.readouterr().err
+
+
+def test_repeated_and_flat_triangles_are_no_trouble(tmp_path: Path) -> None:
+    """Each triangle twice, some with a corner twice, and points that nothing uses."""
+    original = bent_capsule()
+    flat = original.triangles[:9, [0, 1, 0]]
+    triangles = np.concatenate([original.triangles, flat, original.triangles])
+    points = np.concatenate([original.points, [[9.0, 9.0, 9.0]]])
+    body = read_body(write_obj(tmp_path / "mesh.obj", points, triangles))
+    surface, notes = make_surface(body)
+    assert surface.volume == pytest.approx(original.volume)
+    assert f"left {len(original.triangles)} repeated triangles out" in notes

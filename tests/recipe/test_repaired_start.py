@@ -1,0 +1,68 @@
+"""A concave die of a mesh that is repaired on the way in: what is told, drawn and kept of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from common.bumpy import bumpy_sphere
+from PIL import Image
+
+from dicedesign.concave.shapes.shapes import shape
+from dicedesign.errors import InputError
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.recipe import run as pipeline
+from dicedesign.recipe.planning.work import Work
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.stages.start import make_start
+from dicedesign.results.reading import read_result
+
+
+def written(path: Path, surface: Surface, first: int = 0) -> dict[str, Any]:
+    """The recipe of a die of a surface without its first triangles, in a file."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in surface.points.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (surface.triangles[first:] + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n")
+    return {
+        "name": "mended",
+        "target": {"fair": 3},
+        "start": {"mesh": {"path": str(path), "repair": True}},
+        "method": {"concave": {}},
+        "size_mm": 40,
+        "print": False,
+    }
+
+
+def test_a_die_of_an_open_mesh(tmp_path: Path) -> None:
+    duck = shape("duck")
+    recipe = written(tmp_path / "duck.obj", duck, 20)
+    recipe["method"]["concave"]["points"] = 1200
+    result = pipeline.run(checked_recipe(recipe), tmp_path / "out")
+    repair = result.repair
+    assert repair is not None
+    assert (repair.pieces, repair.handles, repair.handles_before) == (1, 0, None)
+    assert 0.0 < repair.off_mean < 1e-3
+    assert any(note.startswith("repaired the mesh") for note in result.notes)
+    with Image.open(tmp_path / "out" / "repair.png") as picture:
+        assert picture.width > 600
+    assert "repair.png" in (tmp_path / "out" / "report.html").read_text()
+    assert read_result(tmp_path / "out").repair == repair
+
+
+def test_a_good_mesh_is_left_as_it_is(tmp_path: Path) -> None:
+    original = bumpy_sphere(2)
+    work = Work(checked_recipe(written(tmp_path / "good.obj", original)))
+    make_start(work)
+    assert work.surface is not None
+    np.testing.assert_array_equal(work.surface.points, original.points)
+    assert work.repaired is None
+    assert "repair" not in work.details
+    assert work.notes == ["the mesh needed no repair"]
+
+
+def test_a_convex_die_has_nothing_to_repair(tmp_path: Path) -> None:
+    recipe = written(tmp_path / "good.obj", bumpy_sphere(1)) | {"method": {"exact": {}}}
+    with pytest.raises(InputError, match="repair: expected method concave"):
+        make_start(Work(checked_recipe(recipe)))
