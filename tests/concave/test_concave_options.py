@@ -26,8 +26,12 @@ from dicedesign.recipe.schema.reading import checked_recipe
             "paper: expected hull: paper or fill: paper with it, got gauss_newton and corr",
         ),
         ({"points": 49}, "points: expected at least 50, got 49; raise it, or leave it out to keep"),
-        ({"attempts": 0}, "attempts: expected a whole number above 0, got 0; leave it out for 40"),
-        ({"enough": 0}, "enough: expected a whole number above 0, got 0; leave it out for 8"),
+        ({"attempts": 0}, "attempts: expected a whole number above 0, got 0; leave it out for 60"),
+        ({"enough": 0}, "enough: expected a whole number above 0, got 0; leave it out for 24"),
+        ({"apart_deg": -1.0}, "apart_deg: expected degrees from 0 to below 180, got -1; leave it"),
+        ({"apart_deg": 180.0}, "apart_deg: expected degrees from 0 to below 180, got 180; leave"),
+        ({"margin_deg": 90.0}, "margin_deg: expected degrees from 0 to below 90, got 90; leave it"),
+        ({"margin_deg": math.nan}, "margin_deg: expected degrees from 0 to below 90, got nan"),
         ({"displacement": 0.0}, "displacement: expected a positive number, got 0; leave it out"),
         ({"displacement": math.inf}, "displacement: expected a positive number, got inf"),
         ({"seconds": -1.0}, "seconds: expected a positive number, got -1; leave it out"),
@@ -41,6 +45,8 @@ def test_values_out_of_range(options: dict[str, Any], text: str) -> None:
 
 def test_the_ends_of_the_ranges_are_taken() -> None:
     options = ConcaveOptions(tolerance=0.999, points=50, attempts=1, displacement=1e-9, seconds=0.1)
+    ConcaveOptions(apart_deg=0.0, margin_deg=0.0)
+    ConcaveOptions(apart_deg=179.9, margin_deg=89.9)
     assert (options.hull, options.fill) == ("gauss_newton", "correspondence")
 
 

@@ -1,0 +1,52 @@
+"""Hulls to be designed for small bodies, and designs of them that are as wanted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from common.bumpy import unit
+from dicedesign.concave.hull.design import design_hull
+from dicedesign.concave.hull.draft import HullDraft
+from dicedesign.concave.hull.outcome_directions import outcome_choices
+from dicedesign.concave.hull.problem import HullProblem
+from dicedesign.concave.hull.slopes import SlopeOptions
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.runtime.arrays import Floats
+
+SLOPES = SlopeOptions(fall=3e-3, rise=4e-3, circle=float(np.radians(7.5)))
+TOLERANCE = 0.004
+SHEAR = np.array([[1.0, 0.05, -0.03], [0.0, 1.0, 0.07], [0.0, 0.0, 1.0]])
+
+
+def problem_of(
+    surface: Surface, target: list[float], apart_deg: float = 45.0, margin_deg: float = 10.0
+) -> HullProblem:
+    """Of a sheared surface: symmetric bodies have ties."""
+    return HullProblem(
+        unit(surface.moved(surface.points @ SHEAR)),
+        np.array(target),
+        TOLERANCE,
+        float(np.radians(apart_deg)),
+        float(np.radians(margin_deg)),
+    )
+
+
+def choices_of(problem: HullProblem) -> list[Floats]:
+    """Of directions that are as far apart as wanted."""
+    return outcome_choices(problem.hull, problem.target, problem.apart, 0)
+
+
+def original_draft(problem: HullProblem) -> HullDraft:
+    """The surface's own hull, with the first choice of outcomes."""
+    draft = HullDraft.of(problem.hull.vertices, choices_of(problem)[0])
+    assert draft is not None
+    return draft
+
+
+def designed(problem: HullProblem) -> HullDraft:
+    """The hull of the first choice that leads to one without a shortfall."""
+    for directions in choices_of(problem):
+        draft = design_hull(problem, directions, SLOPES, lambda *step: None)
+        if draft is not None and draft.shortfall(problem) == 0.0:
+            return draft
+    raise AssertionError("no choice leads to a hull that is as wanted")

@@ -1,0 +1,104 @@
+"""Hulls that are eased: as good as before, and nearer to the original."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from common.bumpy import bent_capsule, bumpy_sphere
+from common.hull_problems import SLOPES, designed, problem_of
+
+from dicedesign import rest_poses
+from dicedesign.concave.fill.space_elasticity import HeldCorners
+from dicedesign.concave.hull.draft import HullDraft, designed_hull
+from dicedesign.concave.hull.easing import eased_hull, nearer_draft, settled_draft
+from dicedesign.concave.hull.problem import DesignedHull, HullProblem
+from dicedesign.rest.outcomes import outcome_margins, outcome_odds
+
+
+@cache
+def problem() -> HullProblem:
+    return problem_of(bumpy_sphere(), [0.3, 0.5, 0.2], 60.0, 15.0)
+
+
+@cache
+def draft() -> HullDraft:
+    return designed(problem())
+
+
+def is_as_wanted(design: DesignedHull) -> bool:
+    """By the forward model."""
+    poses = rest_poses(design.hull.vertices, center_of_mass=design.center_of_mass)
+    outcomes = outcome_odds(poses, design.directions)
+    return bool(
+        outcomes.error(problem().target) <= problem().tolerance
+        and outcomes.least_angle >= problem().apart - 1e-9
+        and outcome_margins(poses, outcomes).min() >= problem().margin - 1e-9
+    )
+
+
+def displacement(draft: HullDraft, problem: HullProblem) -> float:
+    return problem.displacement(draft.corners - problem.hull.vertices)
+
+
+def test_easing_takes_corners_back_and_nothing_gets_worse() -> None:
+    design = designed_hull(problem(), draft())
+    places = problem().surface.points[:10]
+    eased = eased_hull(problem(), design, places, 0.3)
+    assert eased is not None
+    assert is_as_wanted(eased)
+    corners = problem().hull.vertices
+    away = np.linalg.norm(corners[:, None] - places, axis=2).min(axis=1)
+    near, others = np.flatnonzero(away < 0.3), np.flatnonzero(away >= 0.3)
+    held = HeldCorners(problem().elasticity, problem().source[others])
+    off = [
+        np.linalg.norm(held.followed(moved[others])[problem().source[near]] - moved[near])
+        for moved in (design.moved, eased.moved)
+    ]
+    assert off[1] < 0.8 * off[0]
+    far = np.array([[9.0, 9.0, 9.0]])
+    assert eased_hull(problem(), design, far, 0.3) is None
+
+
+def test_what_is_nearer_is_as_wanted() -> None:
+    nearer = nearer_draft(problem(), draft(), SLOPES)
+    assert is_as_wanted(designed_hull(problem(), nearer))
+    assert nearer.shortfall(problem()) == 0.0
+    # It moves: there is work to be saved, or slopes to be had.
+    assert np.abs(nearer.corners - draft().corners).max() > 1e-6
+    assert displacement(nearer, problem()) < displacement(draft(), problem())
+
+
+def test_of_what_lacks_something_no_more_is_lacking() -> None:
+    """Asked for angles that it does not have."""
+    asked = HullProblem(
+        problem().surface,
+        problem().target,
+        problem().tolerance,
+        float(np.radians(170.0)),
+        problem().margin,
+    )
+    nearer = nearer_draft(asked, draft(), SLOPES)
+    assert 0.0 < nearer.shortfall(asked) <= draft().shortfall(asked)
+    assert displacement(nearer, asked) <= displacement(draft(), asked)
+
+
+@pytest.mark.parametrize("amount", [1e-5, 1e-4])
+def test_what_is_settled_has_the_odds_to_rounding(amount: float) -> None:
+    corners = draft().corners + amount * np.sin(9.0 * draft().corners)
+    near = HullDraft.of(corners, draft().normals)
+    assert near is not None
+    settled = settled_draft(problem(), near)
+    poses = rest_poses(settled.rests.hull.vertices, center_of_mass=np.zeros(3))
+    assert outcome_odds(poses, settled.normals).error(problem().target) < 1e-10
+    assert near.error(problem().target) > 1e-8
+
+
+def test_with_rests_beside_the_outcomes_their_odds_get_better() -> None:
+    two = problem_of(bent_capsule(18, 10), [0.5, 0.5])
+    first = HullDraft.of(two.hull.vertices, designed(two).directions)
+    assert first is not None
+    settled = settled_draft(two, first)
+    assert not settled.alone
+    assert settled.error(two.target) < first.error(two.target)
