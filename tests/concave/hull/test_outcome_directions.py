@@ -76,7 +76,7 @@ def cost(costs: Floats, shares: Floats) -> float:
     return float(found.fun)
 
 
-@pytest.mark.parametrize("target", [[0.7, 0.3], [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0]])
+@pytest.mark.parametrize("target", [[0.9, 0.1], [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0]])
 def test_the_cheapest_come_first(target: list[float]) -> None:
     points, shares = flat_hull().vertices, np.array(target)
     choices = outcome_choices(flat_hull(), shares, APART, 0)
