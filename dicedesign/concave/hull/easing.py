@@ -19,7 +19,7 @@ from dicedesign.concave.hull.problem import DesignedHull, HullMetric, HullProble
 from dicedesign.concave.hull.slopes import SlopeMemory, SlopeOptions
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["eased_hull", "nearer_draft", "settled_draft"]
+__all__ = ["NEAREST", "UNCROSSED", "eased_hull", "nearer_draft", "settled_draft"]
 
 ROUNDS: Final = 5
 """Most rounds back toward the original."""
@@ -45,16 +45,24 @@ CORRECTIONS: Final = 6
 EASED: Final = 16
 """Most groups of corners that are eased at a time."""
 
-RETURNING: Final = HullMetric(tether=0.1, smoothing=0.2, elastic=0.01, displaced=1.0)
+NEAREST: Final = HullMetric(tether=0.1, smoothing=0.2, elastic=0.01, displaced=1.0)
 """Metric of the steps: the displacement of the surface, above all."""
 
+UNCROSSED: Final = HullMetric(tether=0.1, smoothing=0.3, elastic=1.0, displaced=0.1)
+"""Metric where the surface meets itself: the work that it takes, above all."""
 
-def nearer_draft(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -> HullDraft:
+
+def nearer_draft(
+    problem: HullProblem,
+    draft: HullDraft,
+    slopes: SlopeOptions,
+    metric: HullMetric = NEAREST,
+) -> HullDraft:
     """A hull that is as good and nearer to the original: steps to the least displacement among
     hulls with these odds, of all corners and then of those about one place after the other. Each
     goes as far as it makes nothing worse that will do."""
     for _ in range(ROUNDS):
-        nearer = _nearer(problem, draft, slopes)
+        nearer = _nearer(problem, draft, slopes, metric)
         before, after = (
             problem.displacement(hull.corners - problem.hull.vertices) for hull in (draft, nearer)
         )
@@ -65,9 +73,11 @@ def nearer_draft(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -
     return draft
 
 
-def _nearer(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -> HullDraft:
+def _nearer(
+    problem: HullProblem, draft: HullDraft, slopes: SlopeOptions, metric: HullMetric
+) -> HullDraft:
     """A draft after one round."""
-    compliance, memory = problem.compliance(RETURNING), SlopeMemory(slopes)
+    compliance, memory = problem.compliance(metric), SlopeMemory(slopes)
     original = problem.hull.vertices
     centers = original[spread_points(original, PLACES)]
     widths = PLACE_WIDTH / np.sqrt(len(centers))
@@ -108,7 +118,7 @@ def settled_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
     exact = exact_draft(problem, draft)
     if exact is not None:
         return exact
-    compliance = problem.compliance(RETURNING)
+    compliance = problem.compliance(NEAREST)
     for _ in range(CORRECTIONS):
         # The last of the equations follows from the others.
         jacobian = draft.jacobian[:-1]
