@@ -83,32 +83,28 @@ def _nearer(
     widths = PLACE_WIDTH / np.sqrt(len(centers))
     squares = cdist(centers, original, "sqeuclidean")
     about = np.exp(-squares / (2.0 * widths**2))[:, :, None]
+    missing = draft.shortfall(problem)
     for sweep in range(SWEEPS):
+        first = draft
         goal = draft.corners + change_of_least_work(
             problem, draft, compliance, memory, draft.normals, sweep
         )
         for part in (np.ones((1, 1)), *about):
             change = part * (goal - draft.corners)
-            draft = _moved(problem, draft, change) or draft
+            draft = _moved(problem, draft, change, missing) or draft
+        if draft is first:
+            break
     return draft
 
 
 def _moved(
-    problem: HullProblem, draft: HullDraft, change: Floats, most: float | None = None
+    problem: HullProblem, draft: HullDraft, change: Floats, missing: float
 ) -> HullDraft | None:
-    """A draft after a change (n, 3) of its corners, or the first half, ... of it after which as
-    much will do as before, or the error is at most so much where that is given; None where it is
-    worse all the way."""
-    missing = draft.shortfall(problem)
+    """A draft after a change (n, 3) of its corners, or the first half, ... of it, from which no
+    more is missing than so much; None where more is all the way."""
     for halving in range(HALVINGS):
         following = HullDraft.of(draft.corners + 0.5**halving * change, draft.normals)
-        if following is None:
-            continue
-        if most is not None:
-            good = following.error(problem.target) <= most
-        else:
-            good = following.shortfall(problem) <= missing
-        if good:
+        if following is not None and following.lacks_at_most(problem, missing):
             return following
     return None
 
@@ -126,9 +122,8 @@ def settled_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
         square = np.tensordot(jacobian, raised, ((1, 2), (1, 2)))
         misses = (problem.target - draft.odds)[:-1]
         step = np.tensordot(np.linalg.lstsq(square, misses)[0], raised, 1)
-        less = np.nextafter(draft.error(problem.target), -1.0)
-        following = _moved(problem, draft, step, float(less))
-        if following is None:
+        following = HullDraft.of(draft.corners + step, draft.normals)
+        if following is None or not following.error(problem.target) < draft.error(problem.target):
             break
         draft = following
     return draft
@@ -147,6 +142,7 @@ def eased_hull(
     draft = HullDraft.of(original + design.moved, design.directions)
     if draft is None or len(near) == 0:
         return None
+    missing = draft.shortfall(problem)
     middles = original[near][spread_points(original[near], EASED)]
     owner = cKDTree(middles).query(original)
     eased = False
@@ -157,7 +153,7 @@ def eased_hull(
         followed = held.followed((draft.corners - original)[others])
         goal = draft.corners.copy()
         goal[group] = original[group] + followed[problem.source[group]]
-        following = _moved(problem, draft, goal - draft.corners)
+        following = _moved(problem, draft, goal - draft.corners, missing)
         if following is not None:
             draft, eased = following, True
     if not eased:
