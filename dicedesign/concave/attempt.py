@@ -10,14 +10,20 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.concave.criteria import MOST_EASED, doubts, missing
+from dicedesign.concave.criteria import MOST_EASED, doubts, missing, rank
 from dicedesign.concave.fill.correspondence import fill_by_correspondence
 from dicedesign.concave.fill.paper_options import ConcavePaperOptions
 from dicedesign.concave.fill.result import FillResult, FillStatus
 from dicedesign.concave.fill.space_elasticity import point_masses
 from dicedesign.concave.hull.design import design_hull
 from dicedesign.concave.hull.draft import HullDraft, designed_hull
-from dicedesign.concave.hull.easing import eased_hull, nearer_draft, settled_draft
+from dicedesign.concave.hull.easing import (
+    NEAREST,
+    UNCROSSED,
+    eased_hull,
+    nearer_draft,
+    settled_draft,
+)
 from dicedesign.concave.hull.outcome_directions import outcome_choices
 from dicedesign.concave.hull.problem import DesignedHull, HullProblem
 from dicedesign.concave.hull.slopes import SlopeOptions
@@ -129,10 +135,20 @@ class Attempts:
         )
         if draft is None or not self._better(draft, best, as_good=False):
             return None
-        draft = settled_draft(self.problem, nearer_draft(self.problem, draft, slopes))
-        if not self._better(draft, best, as_good=True):
-            return None
-        return self._filled(number, designed_hull(self.problem, draft), best)
+        made = None
+        for metric in (NEAREST, UNCROSSED):
+            nearer = nearer_draft(self.problem, draft, slopes, metric)
+            nearer = settled_draft(self.problem, nearer)
+            if not self._better(nearer, best, as_good=True):
+                break
+            filled = self._filled(number, designed_hull(self.problem, nearer), best)
+            if filled is None:
+                break
+            if made is None or rank(filled, self.options) < rank(made, self.options):
+                made = filled
+            if filled.intersections == 0:
+                break
+        return made
 
     def _better(self, draft: HullDraft, best: FilledHull | None, *, as_good: bool) -> bool:
         """Whether a die may come of a draft that is better than the best: less is missing from it,

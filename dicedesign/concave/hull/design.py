@@ -32,8 +32,8 @@ NEAR: Final = 0.05
 """Largest |p - q| from which on the last steps go."""
 
 SOFTENING: Final = tuple(
-    HullMetric(tether=0.3, smoothing=2.0, elastic=elastic, displaced=1.0)
-    for elastic in (1.0, 0.1, 0.01)
+    HullMetric(tether=0.2, smoothing=1.0, elastic=elastic, displaced=1.0)
+    for elastic in (0.1, 0.03, 0.01)
 )
 """Metrics of the steps: the stiffest in which a hull comes about is kept."""
 

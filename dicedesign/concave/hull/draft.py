@@ -72,6 +72,8 @@ class HullDraft:
     @cached_property
     def of_rest(self) -> Integers:
         """(r,) outcome of each rest: the one with the least to climb on the way."""
+        if self.alone:
+            return np.argsort(self.main)
         climb = climbs(self.rests.hull.vertices, self.rest_normals, self.directions)
         of_rest = np.argmin(climb, axis=1)
         of_rest[self.main] = np.arange(len(self.main))
@@ -114,6 +116,13 @@ class HullDraft:
     def error(self, target: Floats) -> float:
         """See `DesignedHull.error`."""
         return gathered(self.rest_normals, self.rests.odds, self.normals).error(target)
+
+    def lacks_at_most(self, problem: HullProblem, missing: float) -> bool:
+        """Whether the shortfall is no more than so much, which the odds alone often tell."""
+        error = self.error(problem.target)
+        if error > (1.0 + missing) * problem.tolerance:
+            return False
+        return self.shortfall(problem) <= missing
 
     def shortfall(self, problem: HullProblem) -> float:
         """How far odds, angles between outcomes and margin are from what will do, over what will

@@ -19,7 +19,7 @@ from dicedesign.concave.hull.problem import DesignedHull, HullMetric, HullProble
 from dicedesign.concave.hull.slopes import SlopeMemory, SlopeOptions
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["eased_hull", "nearer_draft", "settled_draft"]
+__all__ = ["NEAREST", "UNCROSSED", "eased_hull", "nearer_draft", "settled_draft"]
 
 ROUNDS: Final = 5
 """Most rounds back toward the original."""
@@ -45,16 +45,24 @@ CORRECTIONS: Final = 6
 EASED: Final = 16
 """Most groups of corners that are eased at a time."""
 
-RETURNING: Final = HullMetric(tether=0.1, smoothing=0.2, elastic=0.01, displaced=1.0)
+NEAREST: Final = HullMetric(tether=0.1, smoothing=0.2, elastic=0.01, displaced=1.0)
 """Metric of the steps: the displacement of the surface, above all."""
 
+UNCROSSED: Final = HullMetric(tether=0.1, smoothing=0.3, elastic=1.0, displaced=0.1)
+"""Metric where the surface meets itself: the work that it takes, above all."""
 
-def nearer_draft(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -> HullDraft:
+
+def nearer_draft(
+    problem: HullProblem,
+    draft: HullDraft,
+    slopes: SlopeOptions,
+    metric: HullMetric = NEAREST,
+) -> HullDraft:
     """A hull that is as good and nearer to the original: steps to the least displacement among
     hulls with these odds, of all corners and then of those about one place after the other. Each
     goes as far as it makes nothing worse that will do."""
     for _ in range(ROUNDS):
-        nearer = _nearer(problem, draft, slopes)
+        nearer = _nearer(problem, draft, slopes, metric)
         before, after = (
             problem.displacement(hull.corners - problem.hull.vertices) for hull in (draft, nearer)
         )
@@ -65,40 +73,38 @@ def nearer_draft(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -
     return draft
 
 
-def _nearer(problem: HullProblem, draft: HullDraft, slopes: SlopeOptions) -> HullDraft:
+def _nearer(
+    problem: HullProblem, draft: HullDraft, slopes: SlopeOptions, metric: HullMetric
+) -> HullDraft:
     """A draft after one round."""
-    compliance, memory = problem.compliance(RETURNING), SlopeMemory(slopes)
+    compliance, memory = problem.compliance(metric), SlopeMemory(slopes)
     original = problem.hull.vertices
     centers = original[spread_points(original, PLACES)]
     widths = PLACE_WIDTH / np.sqrt(len(centers))
     squares = cdist(centers, original, "sqeuclidean")
     about = np.exp(-squares / (2.0 * widths**2))[:, :, None]
+    missing = draft.shortfall(problem)
     for sweep in range(SWEEPS):
+        first = draft
         goal = draft.corners + change_of_least_work(
             problem, draft, compliance, memory, draft.normals, sweep
         )
         for part in (np.ones((1, 1)), *about):
             change = part * (goal - draft.corners)
-            draft = _moved(problem, draft, change) or draft
+            draft = _moved(problem, draft, change, missing) or draft
+        if draft is first:
+            break
     return draft
 
 
 def _moved(
-    problem: HullProblem, draft: HullDraft, change: Floats, most: float | None = None
+    problem: HullProblem, draft: HullDraft, change: Floats, missing: float
 ) -> HullDraft | None:
-    """A draft after a change (n, 3) of its corners, or the first half, ... of it after which as
-    much will do as before, or the error is at most so much where that is given; None where it is
-    worse all the way."""
-    missing = draft.shortfall(problem)
+    """A draft after a change (n, 3) of its corners, or the first half, ... of it, from which no
+    more is missing than so much; None where more is all the way."""
     for halving in range(HALVINGS):
         following = HullDraft.of(draft.corners + 0.5**halving * change, draft.normals)
-        if following is None:
-            continue
-        if most is not None:
-            good = following.error(problem.target) <= most
-        else:
-            good = following.shortfall(problem) <= missing
-        if good:
+        if following is not None and following.lacks_at_most(problem, missing):
             return following
     return None
 
@@ -108,7 +114,7 @@ def settled_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
     exact = exact_draft(problem, draft)
     if exact is not None:
         return exact
-    compliance = problem.compliance(RETURNING)
+    compliance = problem.compliance(NEAREST)
     for _ in range(CORRECTIONS):
         # The last of the equations follows from the others.
         jacobian = draft.jacobian[:-1]
@@ -116,9 +122,8 @@ def settled_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
         square = np.tensordot(jacobian, raised, ((1, 2), (1, 2)))
         misses = (problem.target - draft.odds)[:-1]
         step = np.tensordot(np.linalg.lstsq(square, misses)[0], raised, 1)
-        less = np.nextafter(draft.error(problem.target), -1.0)
-        following = _moved(problem, draft, step, float(less))
-        if following is None:
+        following = HullDraft.of(draft.corners + step, draft.normals)
+        if following is None or not following.error(problem.target) < draft.error(problem.target):
             break
         draft = following
     return draft
@@ -137,6 +142,7 @@ def eased_hull(
     draft = HullDraft.of(original + design.moved, design.directions)
     if draft is None or len(near) == 0:
         return None
+    missing = draft.shortfall(problem)
     middles = original[near][spread_points(original[near], EASED)]
     owner = cKDTree(middles).query(original)
     eased = False
@@ -147,7 +153,7 @@ def eased_hull(
         followed = held.followed((draft.corners - original)[others])
         goal = draft.corners.copy()
         goal[group] = original[group] + followed[problem.source[group]]
-        following = _moved(problem, draft, goal - draft.corners)
+        following = _moved(problem, draft, goal - draft.corners, missing)
         if following is not None:
             draft, eased = following, True
     if not eased:

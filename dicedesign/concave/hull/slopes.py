@@ -50,6 +50,9 @@ FARTHEST: Final = 0.05
 ALIKE: Final = 0.3
 """Of conditions on one corner whose tangents differ by less than about this, one is kept."""
 
+ALIKE_PLACES: Final = 2 * math.ceil(1.0 / ALIKE) + 1
+"""Multiples of that in a coordinate of a unit vector."""
+
 OPPOSITE: Final = 1e-9
 """Sine of the angle below which directions count as opposite, if they are not the same."""
 
@@ -185,8 +188,9 @@ def _worth_asking(along: Floats, at: Integers, wanted: Floats, vertices: Floats)
     of those that are alike, the one that asks for most."""
     near = np.flatnonzero((along * vertices[at]).sum(-1) + wanted > -FARTHEST)
     near = near[np.argsort(-wanted[near], kind="stable")]
-    alike = np.column_stack([at[near], np.round(along[near] / ALIKE).astype(np.int64)])
-    return np.sort(near[np.unique(alike, axis=0, return_index=True)[1]])
+    x, y, z = np.round(along[near] / ALIKE).astype(np.int64).T + ALIKE_PLACES // 2
+    alike = ((at[near] * ALIKE_PLACES + x) * ALIKE_PLACES + y) * ALIKE_PLACES + z
+    return np.sort(near[np.unique(alike, return_index=True)[1]])
 
 
 def _tangents(directions: Floats, ends: Floats) -> Floats:
