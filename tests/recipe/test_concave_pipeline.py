@@ -335,7 +335,7 @@ def test_an_interrupted_search_goes_on_and_ends_as_if_it_had_not_been(
     folder = tmp_path / "out"
     for done in (1, 2):
         search.interrupt_after = done
-        with pytest.raises(KeyboardInterrupt, match=rf"^{done} of 40 .* --resume"):
+        with pytest.raises(KeyboardInterrupt, match=rf"^{done} of 60 .* --resume"):
             run(recipe_path, folder, resume=done > 1)
         assert names(folder) == ["checkpoint.npz"]
     search.interrupt_after = None
@@ -407,7 +407,7 @@ def test_an_interrupt_while_a_checkpoint_is_written_keeps_the_one_before(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(concave, "atomic_write", interrupted)
-    with pytest.raises(KeyboardInterrupt, match=r"^1 of 40 "):
+    with pytest.raises(KeyboardInterrupt, match=r"^1 of 60 "):
         run(recipe_path, folder)
     assert names(folder) == ["checkpoint.npz"]
     with np.load(io.BytesIO((folder / "checkpoint.npz").read_bytes())) as content:
@@ -432,7 +432,7 @@ def test_an_interrupt_while_results_are_written_keeps_the_search(
         files.atomic_write(path, data)
 
     monkeypatch.setattr(results, "atomic_write", interrupted)
-    with pytest.raises(KeyboardInterrupt, match=r"^3 of 40 "):
+    with pytest.raises(KeyboardInterrupt, match=r"^3 of 60 "):
         run(recipe_path, folder)
     assert "result.json" not in names(folder)
     monkeypatch.setattr(results, "atomic_write", files.atomic_write)
@@ -546,10 +546,10 @@ def test_an_interrupt_is_one_line_that_says_how_to_go_on(
     assert main(arguments) == 130
     captured = capsys.readouterr()
     assert captured.out == ""
-    assert re.fullmatch(r"dicedesign: interrupted; 2 of 40 .* 2 %.*--resume.*\n", captured.err)
+    assert re.fullmatch(r"dicedesign: interrupted; 2 of 60 .* 2 %.*--resume.*\n", captured.err)
     search.leads_nowhere = True
     assert main(arguments) == 130
-    assert re.search(r"; 2 of 40 .*--resume", capsys.readouterr().err)
+    assert re.search(r"; 2 of 60 .*--resume", capsys.readouterr().err)
     search.leads_nowhere = False
     search.interrupt_after = None
     assert main([*arguments, "--resume"]) == 0

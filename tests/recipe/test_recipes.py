@@ -39,6 +39,8 @@ CONCAVE = [path for path in OTHERS if "concave" in path.read_text() and "finishe
 THROWN = [path for path in OTHERS if "thrown" in path.read_text() and "finished" not in path.stem]
 LARGEST_DISPLACEMENT = 0.05
 """Mean, over the diagonal, of the recipes of concave dice."""
+ENOUGH = 8
+"""Attempts of a test at them; the recipes' own come nearer to the original."""
 
 
 @pytest.mark.parametrize("path", CONVEX, ids=_name)
@@ -90,7 +92,7 @@ def test_a_recipe_gives_its_die_for_the_table(path: Path) -> None:
 
 @pytest.mark.parametrize("path", CONCAVE, ids=_name)
 def test_a_recipe_gives_its_concave_die_in_few_attempts(path: Path, tmp_path: Path) -> None:
-    recipe = read_recipe(path)
+    recipe = read_recipe(path, [f"method.concave.enough={ENOUGH}"])
     result = run(recipe, tmp_path)
     assert result.status == "converged", result.message
     assert result.attempts <= MOST_ATTEMPTS

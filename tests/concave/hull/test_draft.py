@@ -76,6 +76,9 @@ def test_the_shortfall_is_zero_exactly_where_everything_holds(place: int, lackin
     found = draft.shortfall(asked)
     assert (found == 0.0) == (not lacking)
     assert found == pytest.approx(expected, abs=1e-9)
+    assert draft.lacks_at_most(asked, found)
+    assert draft.lacks_at_most(asked, found + 0.1)
+    assert not draft.lacks_at_most(asked, 0.9 * found - 1e-9)
 
 
 def test_one_outcome_is_never_left() -> None:
