@@ -7,12 +7,9 @@ import re
 from typing import Any, Final
 
 from dicedesign.cli.run_recipe import add_result_options, run_and_print, with_result_options
-from dicedesign.errors import RecipeError
+from dicedesign.errors import InputError, RecipeError
 
 __all__ = ["add_parser"]
-
-METHOD: Final[dict[str, Any]] = {"exact": {}}
-"""`method` of the recipe that is made."""
 
 OPTION_OF_KEY: Final = (
     (r"target(: |\.)probabilities(\.\d+)?", "--target"),
@@ -20,6 +17,7 @@ OPTION_OF_KEY: Final = (
     (r"name", "--name"),
     (r"seed", "--seed"),
     (r"size_mm", "--size-mm"),
+    (r"start\.mesh(\.path)?", "--mesh"),
 )
 """How an error about an entry of the recipe begins, as a regular expression, and the option that
 the entry came from."""
@@ -31,7 +29,8 @@ def add_parser(commands: Any) -> None:
         "design",
         help="turn probabilities into a printable die",
         description="Turn probabilities into an engraved, printable die with a report. The shape "
-        "is found alone; the recipe is written beside the die.",
+        "is found alone, or is that of a mesh, bent a little (--mesh); the recipe is written "
+        "beside the die.",
     )
     parser.add_argument(
         "--target",
@@ -42,6 +41,17 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--labels", metavar="a,b,...", help="a label for each of them (default: 1,2,...)"
     )
+    parser.add_argument(
+        "--mesh",
+        metavar="FILE",
+        help="bend this closed surface (OBJ, STL, ...) until it is a die, and keep its shape as "
+        "far as can be",
+    )
+    parser.add_argument(
+        "--repair",
+        action="store_true",
+        help="make the mesh the closed surface of one solid first, where it is none",
+    )
     add_result_options(parser)
     parser.add_argument("--name", default="die", help="name of the die (default: die)")
     parser.add_argument(
@@ -51,7 +61,8 @@ def add_parser(commands: Any) -> None:
         "--size-mm",
         type=float,
         metavar="X",
-        help="largest distance between two corners (default: 30, or as much as the labels need)",
+        help="largest distance between two corners (default: 30, or as much as the labels need, "
+        "and 30 with --mesh)",
     )
     parser.set_defaults(command=_design)
 
@@ -62,13 +73,18 @@ def _design(options: argparse.Namespace) -> int:
     target = {"probabilities": _listed(options.target)}
     if options.labels is not None:
         target["labels"] = _listed(options.labels)
+    if options.repair and options.mesh is None:
+        raise InputError("--repair: expected --mesh FILE with it, got none; add it")
     entries: dict[str, Any] = {
         "name": options.name,
         "seed": options.seed,
         "target": target,
         "start": {"search": {}},
-        "method": METHOD,
+        "method": {"exact": {}},
     }
+    if options.mesh is not None:
+        entries["start"] = {"mesh": {"path": options.mesh, "repair": options.repair}}
+        entries["method"] = {"concave": {}}
     if options.size_mm is not None:
         entries["size_mm"] = options.size_mm
     try:
@@ -76,7 +92,9 @@ def _design(options: argparse.Namespace) -> int:
     except RecipeError as error:
         raise RecipeError(_with_option(str(error))) from error
     recipe = with_result_options(recipe, options)
-    return run_and_print(recipe, options.out, enlarge=options.size_mm is None)
+    return run_and_print(
+        recipe, options.out, enlarge=options.size_mm is None and options.mesh is None
+    )
 
 
 def _listed(text: str) -> list[str]:

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
 from check_outputs import check
 from common.kernels import usual_notes
 
 from dicedesign import read_body, rest_poses
+from dicedesign.bench.bodies.random_models import random_model
 from dicedesign.cli.main import main
 from dicedesign.recipe.schema.reading import read_recipe
 
@@ -247,3 +249,26 @@ def test_an_unknown_printer_is_refused(tmp_path: Path, capsys: pytest.CaptureFix
     assert main(command) == 2
     assert "--printer: printer: expected fdm, sla, sls, got 'lathe'" in capsys.readouterr().err
     assert not (tmp_path / "d").exists()
+
+
+def test_a_mesh_with_holes_becomes_a_die(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("igl", reason="repair needs the extra repair")
+    whole = random_model("animal_01")
+    path = tmp_path / "animal.obj"
+    trimesh.Trimesh(whole.points, whole.triangles[20:], process=False).export(path)
+    command = ["design", "--target", "1/2,1/2", "--mesh", str(path), "--no-figures"]
+    assert main([*command, "--out", str(tmp_path / "refused")]) == 2
+    assert "--repair" in capsys.readouterr().err
+    assert not (tmp_path / "refused").exists()
+    folder = tmp_path / "die"
+    assert main([*command, "--repair", "--out", str(folder)]) == 0
+    check(folder)
+    poses = rest_poses(read_body(folder / "die_plain.stl"))
+    np.testing.assert_allclose(poses.probabilities[:2], 0.5, atol=0.005)
+
+
+def test_repair_alone_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["design", "--target", "1/2,1/2", "--repair"]) == 2
+    assert "--mesh" in capsys.readouterr().err

@@ -18,7 +18,7 @@ from dicedesign.concave.shapes.distance_functions import (
 from dicedesign.concave.shapes.level_set import level_set
 from dicedesign.geometry.surfaces.surface import Surface
 
-__all__ = ["duck", "kitten"]
+__all__ = ["dragon", "duck", "kitten"]
 
 LENGTHENING: Final = np.array([1.25, 1.0, 1.0])
 """Of the duck, from bill to tail: rounder, it rests on everything a little."""
@@ -64,6 +64,39 @@ def kitten() -> Surface:
         (tube(tail, 0.20, 0.17), 0.18),
     )
     return level_set(body, np.array([-1.3, -1.1, -0.8]), np.array([1.2, 1.1, 2.2]), 0.077)
+
+
+def dragon() -> Surface:
+    """A sitting dragon, its wings raised and its tail around it; genus 0."""
+    neck = np.array([(0.22, 0.0, 0.46), (0.42, 0.0, 0.86), (0.38, 0.0, 1.22), (0.48, 0.0, 1.44)])
+    angle = np.radians(np.linspace(200.0, 60.0, 10))
+    tail = np.stack([0.92 * np.cos(angle), 0.80 * np.sin(angle), 0.02 * angle - 0.40], axis=1)
+    wing = stretched(
+        round_cone((-0.62, 0.58, 0.50), (-1.00, 1.06, 1.16), 0.36, 0.20), (1.0, 0.7, 1.0)
+    )
+    back = [(-0.10, 0.62, 0.18), (0.12, 0.86, 0.15), (0.16, 1.26, 0.14)]
+    body = _blended(
+        ellipsoid((-0.20, 0.0, 0.04), (0.66, 0.50, 0.54), 25.0),
+        (tube(neck, 0.36, 0.22), 0.25),
+        # Head, snout, brows and horns.
+        (ellipsoid((0.58, 0.0, 1.50), (0.36, 0.28, 0.25), -8.0), 0.12),
+        (ellipsoid((0.94, 0.0, 1.42), (0.30, 0.20, 0.15), -8.0), 0.12),
+        (mirrored(ellipsoid((0.66, 0.19, 1.64), (0.18, 0.13, 0.14))), 0.06),
+        (mirrored(round_cone((0.44, 0.14, 1.66), (0.12, 0.30, 2.00), 0.14, 0.11)), 0.08),
+        # Haunches, hind paws, front legs and paws, and what is between them; shoulders and wings.
+        (mirrored(ellipsoid((-0.12, 0.42, -0.14), (0.46, 0.26, 0.38), 10.0)), 0.12),
+        (mirrored(ellipsoid((0.14, 0.54, -0.40), (0.30, 0.18, 0.16))), 0.14),
+        (mirrored(round_cone((0.26, 0.24, 0.34), (0.50, 0.24, -0.36), 0.18, 0.14)), 0.10),
+        (mirrored(ellipsoid((0.60, 0.22, -0.42), (0.22, 0.16, 0.14))), 0.10),
+        (mirrored(ellipsoid((0.38, 0.36, -0.38), (0.20, 0.20, 0.17))), 0.10),
+        (ellipsoid((-0.42, 0.0, 0.46), (0.30, 0.50, 0.24), 25.0), 0.12),
+        (mirrored(wing), 0.20),
+        (tube(tail, 0.24, 0.15), 0.16),
+        (ellipsoid((0.50, 0.76, -0.36), (0.24, 0.18, 0.20), 0.0, -20.0), 0.10),
+        # Spikes along the back.
+        *((ellipsoid((x, 0.0, z), (r, 0.15, r)), 0.08) for x, z, r in back),
+    )
+    return level_set(body, np.array([-1.5, -1.2, -0.9]), np.array([1.5, 1.2, 2.4]), 0.082)
 
 
 def _blended(first: Distance, *others: tuple[Distance, float]) -> Distance:

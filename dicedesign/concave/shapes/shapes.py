@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from dicedesign.concave.shapes.animals import duck, kitten
+from dicedesign.concave.shapes.animals import dragon, duck, kitten
 from dicedesign.concave.shapes.gear import gear
 from dicedesign.concave.shapes.knot import knot
 from dicedesign.errors import InputError
@@ -18,6 +18,7 @@ from dicedesign.geometry.surfaces.surface import Surface
 __all__ = ["SHAPES", "shape"]
 
 SHAPES: Final[dict[str, Callable[[], Surface]]] = {
+    "dragon": dragon,
     "duck": duck,
     "gear": gear,
     "kitten": kitten,

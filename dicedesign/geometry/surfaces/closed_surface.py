@@ -23,7 +23,8 @@ from dicedesign.tolerances import VOLUME_TOLERANCE
 __all__ = ["make_surface", "one_shell"]
 
 REPAIR: Final = (
-    "write start: {mesh: {path: FILE, repair: true}}, or repair the file with dicedesign repair"
+    "write start: {mesh: {path: FILE, repair: true}} (dicedesign design: --repair), or repair the "
+    "file with dicedesign repair"
 )
 """The remedy for a surface that is none of one solid."""
 

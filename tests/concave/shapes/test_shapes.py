@@ -38,7 +38,10 @@ def test_each_is_one_closed_outward_piece_of_its_genus(built):
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.body_count == 1
-    assert mesh.euler_number == 2 - 2 * {"duck": 0, "gear": 1, "kitten": 0, "knot": 1}[name]
+    assert (
+        mesh.euler_number
+        == 2 - 2 * {"dragon": 0, "duck": 0, "gear": 1, "kitten": 0, "knot": 1}[name]
+    )
     assert surface.volume > 0.0
     assert surface.volume == pytest.approx(mesh.volume, rel=1e-9)
 
@@ -66,7 +69,9 @@ def test_each_is_the_same_every_time(built):
 
 
 def test_another_name_is_refused():
-    with pytest.raises(InputError, match="expected one of duck, gear, kitten, knot, got 'swan'"):
+    with pytest.raises(
+        InputError, match="expected one of dragon, duck, gear, kitten, knot, got 'swan'"
+    ):
         shape("swan")
 
 
