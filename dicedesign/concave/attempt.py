@@ -151,7 +151,7 @@ class Attempts:
         return made
 
     def _promising(self, draft: HullDraft, best: FilledHull | None) -> bool:
-        """Whether a die may come of a draft that is as wanted, or has less missing than the best."""
+        """Whether a die may come of a draft, as wanted or with less missing than from the best."""
         if best is None:
             return True
         lacking = draft.shortfall(self.problem)
@@ -159,7 +159,7 @@ class Attempts:
 
     def _nearer(self, draft: HullDraft, best: FilledHull | None) -> bool:
         """The same, and where the best is as wanted, whether the draft promises to be better by its
-        angles and the displacement by its corners, to which the fill only adds."""
+        angles and the displacement by its corners, to which the fill adds as a rule."""
         if best is None or missing(best, self.options) > 0.0:
             return self._promising(draft, best)
         apart, margin = math.degrees(draft.apart), math.degrees(draft.margin)
