@@ -133,13 +133,13 @@ class Attempts:
             slopes,
             lambda energy, error: self.on_step(number, "hull", energy, error),
         )
-        if draft is None or not self._better(draft, best, as_good=False):
+        if draft is None or not self._promising(draft, best):
             return None
         made = None
         for metric in (NEAREST, UNCROSSED):
             nearer = nearer_draft(self.problem, draft, slopes, metric)
             nearer = settled_draft(self.problem, nearer)
-            if not self._better(nearer, best, as_good=True):
+            if not self._nearer(nearer, best):
                 break
             filled = self._filled(number, designed_hull(self.problem, nearer), best)
             if filled is None:
@@ -150,20 +150,22 @@ class Attempts:
                 break
         return made
 
-    def _better(self, draft: HullDraft, best: FilledHull | None, *, as_good: bool) -> bool:
-        """Whether a die may come of a draft that is better than the best: less is missing from it,
-        or, where its displacement counts, it is nearer to the original."""
+    def _promising(self, draft: HullDraft, best: FilledHull | None) -> bool:
+        """Whether a die may come of a draft, as wanted or with less missing than from the best."""
         if best is None:
             return True
-        lacking, least = draft.shortfall(self.problem), missing(best, self.options)
-        if lacking > 0.0 or least > 0.0:
-            return lacking < least or lacking == 0.0
-        if not as_good:
-            return True
+        lacking = draft.shortfall(self.problem)
+        return lacking == 0.0 or lacking < missing(best, self.options)
+
+    def _nearer(self, draft: HullDraft, best: FilledHull | None) -> bool:
+        """The same, and where the best is as wanted, whether the draft promises to be better by its
+        angles and the displacement by its corners, to which the fill adds as a rule."""
+        if best is None or missing(best, self.options) > 0.0:
+            return self._promising(draft, best)
         apart, margin = math.degrees(draft.apart), math.degrees(draft.margin)
         moved = self.problem.displacement(draft.corners - self.problem.hull.vertices)
-        mine = (1.0 + doubts(apart, margin, self.options)) * moved
-        return mine < (1.0 + doubts(best.apart, best.margin, self.options)) * best.displacement
+        cost = (1.0 + doubts(apart, margin, self.options)) * moved
+        return draft.shortfall(self.problem) == 0.0 and cost < rank(best, self.options)[1]
 
     def _slopes(self, number: int) -> SlopeOptions:
         """Slopes to ask for in an attempt."""
