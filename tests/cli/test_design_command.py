@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,8 @@ from common.kernels import usual_notes
 from dicedesign import read_body, rest_poses
 from dicedesign.bench.bodies.random_models import random_model
 from dicedesign.cli.main import main
-from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.schema.reading import checked_recipe, read_recipe
+from dicedesign.recipe.schema.recipe import Recipe
 
 
 def test_fractions_and_labels_become_a_die_with_these_odds(
@@ -115,10 +117,19 @@ def test_labels_that_need_more_than_the_largest_size(
     assert not list(tmp_path.iterdir())
 
 
+def design_with(monkeypatch: pytest.MonkeyPatch, method: dict[str, Any]) -> None:
+    """Let the command take options of the method that it has none for."""
+
+    def changed(entries: dict[str, Any]) -> Recipe:
+        return checked_recipe({**entries, "method": method})
+
+    monkeypatch.setattr("dicedesign.recipe.schema.reading.checked_recipe", changed)
+
+
 def test_a_target_out_of_reach_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("dicedesign.cli.design.METHOD", {"exact": {"starts": 3}})
+    design_with(monkeypatch, {"exact": {"starts": 3}})
     folder = tmp_path / "out"
     target = ["design", "--target", "0.999998,1e-6,1e-6", "--out", str(folder)]
     assert main(target) == 1
@@ -136,7 +147,7 @@ def test_a_target_out_of_reach_is_told(
 def test_time_that_runs_out_is_told_with_what_to_raise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("dicedesign.cli.design.METHOD", {"exact": {"seconds": 1e-3}})
+    design_with(monkeypatch, {"exact": {"seconds": 1e-3}})
     target = ["design", "--target", "1/2,1/3,1/6", "--out", str(tmp_path / "out")]
     assert main(target) == 1
     printed = capsys.readouterr().out
