@@ -164,16 +164,16 @@ def without_seconds(progress: ConcaveProgress) -> bytes:
 
 @cache
 def uninterrupted() -> tuple[ConcaveDie, tuple[ConcaveProgress, ...]]:
-    """Four attempts, none of them good enough to end the search, and how far each came."""
+    """Three attempts, none of them good enough to end the search, and how far each came."""
     attempts: list[ConcaveProgress] = []
-    options = ConcaveOptions(attempts=4, displacement=1e-6)
+    options = ConcaveOptions(attempts=3, displacement=1e-6)
     die = make_concave_die(small(), HALVES, options, seed=3, on_attempt=attempts.append)
     return die, tuple(attempts)
 
 
 def test_attempts_are_told_and_the_best_is_kept() -> None:
     die, attempts = uninterrupted()
-    assert [progress.attempts for progress in attempts] == [1, 2, 3, 4]
+    assert [progress.attempts for progress in attempts] == [1, 2, 3]
     assert attempts[-1] is die.progress
     found = [progress.best for progress in attempts if progress.best is not None]
     assert found
@@ -191,7 +191,7 @@ def test_attempts_are_told_and_the_best_is_kept() -> None:
 def test_the_same_seed_makes_the_same_die() -> None:
     die, attempts = uninterrupted()
     again: list[ConcaveProgress] = []
-    options = ConcaveOptions(attempts=4, displacement=1e-6)
+    options = ConcaveOptions(attempts=3, displacement=1e-6)
     second = make_concave_die(small(), HALVES, options, seed=3, on_attempt=again.append)
     assert list(map(without_seconds, again)) == list(map(without_seconds, attempts))
     assert second.after.points.tobytes() == die.after.points.tobytes()
@@ -208,10 +208,10 @@ def test_threads_do_not_matter() -> None:
     assert without_seconds(dice[0].progress) == without_seconds(dice[1].progress)
 
 
-@pytest.mark.parametrize("done", [1, 4])
+@pytest.mark.parametrize("done", [1, 3])
 def test_a_resumed_search_ends_like_an_uninterrupted_one(done: int) -> None:
     die, attempts = uninterrupted()
-    options = ConcaveOptions(attempts=4, displacement=1e-6)
+    options = ConcaveOptions(attempts=3, displacement=1e-6)
     told: list[ConcaveProgress] = []
     resumed = make_concave_die(
         small(), HALVES, options, seed=3, resume=attempts[done - 1], on_attempt=told.append
@@ -268,7 +268,7 @@ def first_as_wanted() -> int:
 
 
 def test_enough_attempts_are_so_only_on_the_way_to_a_nearer_die() -> None:
-    options = ConcaveOptions(attempts=4, displacement=1e-6, enough=1)
+    options = ConcaveOptions(attempts=3, displacement=1e-6, enough=1)
     made = make_concave_die(small(), HALVES, options, seed=3)
     assert made.progress.attempts == first_as_wanted()
 
@@ -276,7 +276,7 @@ def test_enough_attempts_are_so_only_on_the_way_to_a_nearer_die() -> None:
 def test_attempts_are_made_until_they_are_enough_also_on_a_slow_machine() -> None:
     told: list[ConcaveProgress] = []
     enough = first_as_wanted() + 1
-    options = ConcaveOptions(attempts=4, displacement=1e-6, enough=enough)
+    options = ConcaveOptions(attempts=3, displacement=1e-6, enough=enough)
     with slow_machine():
         make_concave_die(small(), HALVES, options, seed=3, on_attempt=told.append)
     usual = uninterrupted()[1][:enough]

