@@ -28,14 +28,17 @@ SPREAD: Final = 60
 SPREAD_EACH: Final = 8
 """Of them for each outcome, at least."""
 
-DISTINCT: Final = math.cos(math.radians(10.0))
-"""Cosine between candidates, at most."""
+DISTINCT: Final = math.radians(10.0)
+"""Angle between candidates, at least; half of that between the spread ones where those are many."""
 
 SAMPLES: Final = 300
 """Directions that the body is set down with."""
 
 HEIGHTS: Final = (120, 240)
 """Heights of the body that are kept, by latitude and longitude: every degree and a half."""
+
+OPPOSITE: Final = 1e-9
+"""Sine of the angle below which directions count as opposite, or as the same."""
 
 ARC: Final = 24
 """Places on each great arc."""
@@ -47,7 +50,11 @@ BALANCINGS: Final = 30
 """Times that the shares are balanced in turn."""
 
 MOST_SETS: Final = 100_000
-"""Sets of candidates that are looked at; where there are more, so many at random."""
+"""Sets of candidates that are looked at; where there are more, so many at random, and fewer for
+more than `FEW` outcomes."""
+
+FEW: Final = 4
+"""Outcomes for which so many sets fit into memory at a time."""
 
 MOST_ASSIGNED: Final = 3_000
 """Of them, whose assignments are computed: those that would cost least with any shares."""
@@ -115,11 +122,13 @@ def outcome_choices(hull: ConvexHull, target: Floats, apart: float, seed: int) -
 def _candidates(hull: ConvexHull, count: int, random: np.random.Generator) -> Floats:
     """(m, 3) the rests, the most probable first, and directions between them."""
     rests = analyse(hull, np.zeros(3), "given").normals
-    kept: list[Floats] = []
-    for direction in (*rests, *_spread(max(SPREAD, SPREAD_EACH * count), random)):
-        if all(direction @ other <= DISTINCT for other in kept):
-            kept.append(direction)
-    return np.array(kept)
+    spread = _spread(max(SPREAD, SPREAD_EACH * count), random)
+    least = min(DISTINCT, 0.5 * math.sqrt(4.0 * math.pi / len(spread)))
+    kept = np.zeros((0, 3))
+    for direction in (*rests, *spread):
+        if (kept @ direction).max(initial=-1.0) <= math.cos(least):
+            kept = np.vstack([kept, direction])
+    return kept
 
 
 def _spread(count: int, random: np.random.Generator) -> Floats:
@@ -157,7 +166,7 @@ def _climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:
         cosine = starts @ end
         across = end - cosine[:, None] * starts
         # Opposite directions have any tangent.
-        across[np.abs(across).max(axis=1) < 1e-9] = np.roll(end, 1)
+        across[np.abs(across).max(axis=1) < OPPOSITE] = np.cross(end, np.eye(3)[end.argmin()])
         angle = np.arccos(np.clip(cosine, -1.0, 1.0))[:, None] * part
         aside = unit_vectors(across)
         arc = np.cos(angle)[..., None] * starts[:, None] + np.sin(angle)[..., None] * aside[:, None]
@@ -182,7 +191,7 @@ def _sets(
     while True:
         near = cosines > math.cos(apart) + 1e-12
         np.fill_diagonal(near, True)
-        every = math.comb(len(candidates), count) <= MOST_SETS
+        every = math.comb(len(candidates), count) <= MOST_SETS and count <= FEW
         sets = _all_sets(near, count) if every else _drawn_sets(near, count, random)
         if len(sets) > 0:
             break
@@ -195,6 +204,12 @@ def _sets(
     return sets
 
 
+def _at_a_time(most: int, count: int) -> int:
+    """How many sets of so many candidates, of `most` that would be for few outcomes: what is
+    computed grows with the square of their number, as there are more candidates too."""
+    return max(1, round(most * min(1.0, (FEW / count) ** 2)))
+
+
 def _all_sets(near: np.ndarray, count: int) -> Integers:
     sets = np.array(list(combinations(range(len(near)), count)), dtype=np.int64)
     good = np.ones(len(sets), dtype=bool)
@@ -205,8 +220,9 @@ def _all_sets(near: np.ndarray, count: int) -> Integers:
 
 def _drawn_sets(near: np.ndarray, count: int, random: np.random.Generator) -> Integers:
     """Sets that are drawn one candidate after the other, all at once."""
-    free = np.ones((MOST_SETS, len(near)), dtype=bool)
-    sets = np.empty((MOST_SETS, count), dtype=np.int64)
+    drawn = _at_a_time(MOST_SETS, count) if count > FEW else MOST_SETS
+    free = np.ones((drawn, len(near)), dtype=bool)
+    sets = np.empty((drawn, count), dtype=np.int64)
     for place in range(count):
         sets[:, place] = np.where(free, random.random(free.shape), -1.0).argmax(axis=1)
         # Where none was left, the first is taken again, and the set is dropped.
@@ -229,8 +245,9 @@ def _exchanged(near: np.ndarray, sets: Integers) -> Integers:
 def _cheapest(costs: Floats, sets: Integers, most: int) -> Integers:
     """The sets that cost least if every direction may go to the nearest of them."""
     bound = np.empty(len(sets))
-    for first in range(0, len(sets), MOST_ASSIGNED):
-        part = slice(first, first + MOST_ASSIGNED)
+    step = _at_a_time(MOST_ASSIGNED, sets.shape[1])
+    for first in range(0, len(sets), step):
+        part = slice(first, first + step)
         bound[part] = costs[:, sets[part]].min(axis=2).mean(axis=0)
     return sets[np.argsort(bound, kind="stable")[:most]]
 
@@ -263,8 +280,9 @@ def _assigned(costs: Floats, sets: Integers, shares: Floats) -> Floats:
     Source: Cuturi, Sinkhorn distances (NeurIPS 2013).
     """
     prices = np.empty(len(sets))
-    for first in range(0, len(sets), MOST_ASSIGNED):
-        part = sets[first : first + MOST_ASSIGNED]
+    step = _at_a_time(MOST_ASSIGNED, sets.shape[1])
+    for first in range(0, len(sets), step):
+        part = sets[first : first + step]
         climb = costs[:, part]
         kernel = np.exp(-climb / SOFTNESS) + 1e-300
         weights = np.ones(part.shape)
@@ -272,7 +290,7 @@ def _assigned(costs: Floats, sets: Integers, shares: Floats) -> Floats:
             rows = 1.0 / (len(costs) * np.einsum("smk,mk->sm", kernel, weights))
             weights = shares / np.einsum("smk,sm->mk", kernel, rows)
         flow = kernel * rows[:, :, None] * weights
-        prices[first : first + MOST_ASSIGNED] = (flow * climb).sum(axis=(0, 2))
+        prices[first : first + step] = (flow * climb).sum(axis=(0, 2))
     return prices
 
 
