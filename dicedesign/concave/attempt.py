@@ -119,7 +119,7 @@ class Attempts:
     def made(self, number: int, best: FilledHull | None) -> FilledHull | None:
         """A hull designed and filled; None where none comes about, or the best is as good."""
         if self.options.hull == "paper":
-            return self._filled(number, self._designed_as_paper(number), best)
+            return self._filled(number, self.problem, self._designed_as_paper(number), best)
         slopes, choices = self._slopes(number), self.choices
         draft = design_hull(
             self.problem,
@@ -127,25 +127,41 @@ class Attempts:
             slopes,
             lambda energy, error: self.on_step(number, "hull", energy, error),
         )
-        if draft is None or not self._better(draft, best, as_good=False):
+        if draft is None or not self._better(self.problem, draft, best, as_good=False):
             return None
-        draft = settled_draft(self.problem, nearer_draft(self.problem, draft, slopes))
-        if not self._better(draft, best, as_good=True):
-            return None
-        return self._filled(number, designed_hull(self.problem, draft), best)
+        return self.filled(number, draft, slopes, best)
 
-    def _better(self, draft: HullDraft, best: FilledHull | None, *, as_good: bool) -> bool:
+    def filled(
+        self, number: int, draft: HullDraft, slopes: SlopeOptions, best: FilledHull | None
+    ) -> FilledHull | None:
+        """A hull as it was designed, brought nearer to the original and filled; None where none
+        comes about, or the best is as good."""
+        nearer = nearer_draft(self.problem, draft, slopes)
+        return self.finished(number, self.problem, nearer, best)
+
+    def finished(
+        self, number: int, problem: HullProblem, draft: HullDraft, best: FilledHull | None
+    ) -> FilledHull | None:
+        """A draft as a filled hull; None where none comes about, or the best is as good."""
+        draft = settled_draft(problem, draft)
+        if not self._better(problem, draft, best, as_good=True):
+            return None
+        return self._filled(number, problem, designed_hull(problem, draft), best)
+
+    def _better(
+        self, problem: HullProblem, draft: HullDraft, best: FilledHull | None, *, as_good: bool
+    ) -> bool:
         """Whether a die may come of a draft that is better than the best: less is missing from it,
         or, where its displacement counts, it is nearer to the original."""
         if best is None:
             return True
-        lacking, least = draft.shortfall(self.problem), missing(best, self.options)
+        lacking, least = draft.shortfall(problem), missing(best, self.options)
         if lacking > 0.0 or least > 0.0:
             return lacking < least or lacking == 0.0
         if not as_good:
             return True
         apart, margin = math.degrees(draft.apart), math.degrees(draft.margin)
-        moved = self.problem.displacement(draft.corners - self.problem.hull.vertices)
+        moved = problem.displacement(draft.corners - problem.hull.vertices)
         mine = (1.0 + doubts(apart, margin, self.options)) * moved
         return mine < (1.0 + doubts(best.apart, best.margin, self.options)) * best.displacement
 
@@ -176,16 +192,16 @@ class Attempts:
         return self.options.paper or ConcavePaperOptions()
 
     def _filled(
-        self, number: int, design: DesignedHull, best: FilledHull | None
+        self, number: int, problem: HullProblem, design: DesignedHull, best: FilledHull | None
     ) -> FilledHull | None:
         """A designed hull filled in the way that the options say."""
         if self.options.fill == "correspondence":
-            return self._eased(number, design)
+            return self._eased(number, problem, design)
         if best is not None and design.error > max(self.options.tolerance, best.error):
             return None
         return self._filled_as_paper(number, design)
 
-    def _eased(self, number: int, design: DesignedHull) -> FilledHull | None:
+    def _eased(self, number: int, problem: HullProblem, design: DesignedHull) -> FilledHull | None:
         """A designed hull filled by correspondence, and eased as long as that helps."""
         points, triangles = self.problem.surface.points, self.surface.triangles
         best = self._filled_by_correspondence(number, design)
@@ -194,7 +210,7 @@ class Attempts:
                 break
             crossing = np.unique(intersecting_triangles(best.points, triangles))
             places = points[np.unique(triangles[crossing])]
-            following = eased_hull(self.problem, design, places, WIDTH * WIDENING**easing)
+            following = eased_hull(problem, design, places, WIDTH * WIDENING**easing)
             if following is None:
                 break
             eased = self._filled_by_correspondence(number, following)
@@ -238,7 +254,8 @@ class Attempts:
         # As they come out of a file of single precision.
         rounded = unit.moved(solid.points.astype(np.float32).astype(np.float64))
         reached = convex_hull(rounded.points, single_precision=True)
-        poses = analyse(reached, rounded.centroid, "uniform solid")
+        shift = back(design.center_of_mass + design.shift) - back(design.center_of_mass)
+        poses = analyse(reached, rounded.centroid + shift)
         directions = design.directions @ back.rotation.T
         wanted = back(design.hull.vertices)
         outcomes = outcome_odds(poses, directions)
@@ -248,6 +265,7 @@ class Attempts:
             attempt=number,
             points=self.center + self.radius * solid.points,
             hull_points=self.center + self.radius * wanted,
+            center_of_mass=self.center + self.radius * (solid.centroid + shift),
             directions=directions,
             error=error,
             gap=float(distances_from_surface(solid, wanted).max()) / unit.diagonal,
