@@ -138,15 +138,17 @@ class HullProblem:
         return self.held.relative
 
     @cached_property
-    def _compliances(self) -> dict[HullMetric, Floats]:
+    def _compliances(self) -> dict[tuple[HullMetric, bool], Floats]:
+        """By metric, and whether the center of mass gives way."""
         return {}
 
     def compliance(self, metric: HullMetric) -> Floats:
         """(n, 3, n, 3) displacement of the hull's corners for forces on them, relative to the
         center of mass, which gives way too where cavities can bring it elsewhere."""
-        if metric not in self._compliances:
-            self._compliances[metric] = self._compliance(metric)
-        return self._compliances[metric]
+        key = metric, self.room is not None
+        if key not in self._compliances:
+            self._compliances[key] = self._compliance(metric)
+        return self._compliances[key]
 
     def designed(
         self, vertices: Floats, source: Integers, moved: Floats, directions: Floats, error: float
