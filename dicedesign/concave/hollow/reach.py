@@ -37,8 +37,10 @@ def reach(surface: Surface, wall: float, part: float = 1.0) -> ConvexHull:
     grid = depth_grid(surface, STEPS)
     near = np.isfinite(grid.depths)
     depths, nodes = grid.depths[near], grid.places(np.argwhere(near))
-    # Parts of the cubes about the nodes that are in the solid, and deeper than the wall.
+    # Parts of the cubes about the nodes that are in the solid, and deeper than the wall: none of
+    # those whose middles are not, of which no part is where the solid is thin.
     filled, deep = (np.clip((depths - least) / grid.spacing + 0.5, 0.0, 1.0) for least in (0, wall))
+    deep[depths <= wall] = 0.0
     mass = filled.sum()
     moments = deep[:, None] * (nodes - filled @ nodes / mass)
     shifts = []
