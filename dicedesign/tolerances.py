@@ -24,6 +24,7 @@ __all__ = [
     "EQUAL_ODDS",
     "FILE_ANGLE",
     "FILE_ODDS",
+    "FILE_WALL",
     "FILLED_GAP",
     "FLATNESS_TOLERANCE",
     "FLAT_FOLD",
@@ -131,6 +132,10 @@ unevenness of a facet with float32 corners over the depth of a pocket."""
 FILE_ANGLE: Final = math.radians(0.05)
 """Angles between rests, and from rests to saddles, may fall short of what is wanted by this, in
 radians, where coordinates are rounded to the single precision of an STL file."""
+
+FILE_WALL: Final = 1e-4
+"""Part of the least thickness of walls around cavities that they may be thinner by in a file, whose
+coordinates are rounded."""
 
 FILE_ODDS: Final = 1e-6
 """Odds may change by this, and the die's tolerance be exceeded up to it, where coordinates are

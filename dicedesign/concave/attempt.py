@@ -125,7 +125,7 @@ class Attempts:
     def made(self, number: int, best: FilledHull | None) -> FilledHull | None:
         """A hull designed and filled; None where none comes about, or the best is as good."""
         if self.options.hull == "paper":
-            return self._filled(number, self._designed_as_paper(number), best)
+            return self._filled(number, self.problem, self._designed_as_paper(number), best)
         slopes, choices = self._slopes(number), self.choices
         draft = design_hull(
             self.problem,
@@ -133,15 +133,19 @@ class Attempts:
             slopes,
             lambda energy, error: self.on_step(number, "hull", energy, error),
         )
-        if draft is None or not self._promising(draft, best):
+        if draft is None or not self._promising(self.problem, draft, best):
             return None
+        return self.filled(number, draft, slopes, best)
+
+    def filled(
+        self, number: int, draft: HullDraft, slopes: SlopeOptions, best: FilledHull | None
+    ) -> FilledHull | None:
+        """A hull as it was designed, brought nearer to the original and filled; None where none
+        comes about, or the best is as good."""
         made = None
         for metric in (NEAREST, UNCROSSED):
             nearer = nearer_draft(self.problem, draft, slopes, metric)
-            nearer = settled_draft(self.problem, nearer)
-            if not self._nearer(nearer, best):
-                break
-            filled = self._filled(number, designed_hull(self.problem, nearer), best)
+            filled = self.finished(number, self.problem, nearer, best)
             if filled is None:
                 break
             if made is None or rank(filled, self.options) < rank(made, self.options):
@@ -150,22 +154,31 @@ class Attempts:
                 break
         return made
 
-    def _promising(self, draft: HullDraft, best: FilledHull | None) -> bool:
+    def finished(
+        self, number: int, problem: HullProblem, draft: HullDraft, best: FilledHull | None
+    ) -> FilledHull | None:
+        """A draft as a filled hull; None where none comes about, or the best is as good."""
+        draft = settled_draft(problem, draft)
+        if not self._nearer(problem, draft, best):
+            return None
+        return self._filled(number, problem, designed_hull(problem, draft), best)
+
+    def _promising(self, problem: HullProblem, draft: HullDraft, best: FilledHull | None) -> bool:
         """Whether a die may come of a draft, as wanted or with less missing than from the best."""
         if best is None:
             return True
-        lacking = draft.shortfall(self.problem)
+        lacking = draft.shortfall(problem)
         return lacking == 0.0 or lacking < missing(best, self.options)
 
-    def _nearer(self, draft: HullDraft, best: FilledHull | None) -> bool:
+    def _nearer(self, problem: HullProblem, draft: HullDraft, best: FilledHull | None) -> bool:
         """The same, and where the best is as wanted, whether the draft promises to be better by its
         angles and the displacement by its corners, to which the fill adds as a rule."""
         if best is None or missing(best, self.options) > 0.0:
-            return self._promising(draft, best)
+            return self._promising(problem, draft, best)
         apart, margin = math.degrees(draft.apart), math.degrees(draft.margin)
-        moved = self.problem.displacement(draft.corners - self.problem.hull.vertices)
+        moved = problem.displacement(draft.corners - problem.hull.vertices)
         cost = (1.0 + doubts(apart, margin, self.options)) * moved
-        return draft.shortfall(self.problem) == 0.0 and cost < rank(best, self.options)[1]
+        return draft.shortfall(problem) == 0.0 and cost < rank(best, self.options)[1]
 
     def _slopes(self, number: int) -> SlopeOptions:
         """Slopes to ask for in an attempt."""
@@ -194,16 +207,16 @@ class Attempts:
         return self.options.paper or ConcavePaperOptions()
 
     def _filled(
-        self, number: int, design: DesignedHull, best: FilledHull | None
+        self, number: int, problem: HullProblem, design: DesignedHull, best: FilledHull | None
     ) -> FilledHull | None:
         """A designed hull filled in the way that the options say."""
         if self.options.fill == "correspondence":
-            return self._eased(number, design)
+            return self._eased(number, problem, design)
         if best is not None and design.error > max(self.options.tolerance, best.error):
             return None
         return self._filled_as_paper(number, design)
 
-    def _eased(self, number: int, design: DesignedHull) -> FilledHull | None:
+    def _eased(self, number: int, problem: HullProblem, design: DesignedHull) -> FilledHull | None:
         """A designed hull filled by correspondence, and eased as long as that helps."""
         points, triangles = self.problem.surface.points, self.surface.triangles
         best = self._filled_by_correspondence(number, design)
@@ -212,7 +225,7 @@ class Attempts:
                 break
             crossing = np.unique(intersecting_triangles(best.points, triangles))
             places = points[np.unique(triangles[crossing])]
-            following = eased_hull(self.problem, design, places, WIDTH * WIDENING**easing)
+            following = eased_hull(problem, design, places, WIDTH * WIDENING**easing)
             if following is None:
                 break
             eased = self._filled_by_correspondence(number, following)
@@ -256,7 +269,8 @@ class Attempts:
         # As they come out of a file of single precision.
         rounded = unit.moved(solid.points.astype(np.float32).astype(np.float64))
         reached = convex_hull(rounded.points, single_precision=True)
-        poses = analyse(reached, rounded.centroid, "uniform solid")
+        shift = back(design.center_of_mass + design.shift) - back(design.center_of_mass)
+        poses = analyse(reached, rounded.centroid + shift)
         directions = design.directions @ back.rotation.T
         wanted = back(design.hull.vertices)
         outcomes = outcome_odds(poses, directions)
@@ -266,6 +280,7 @@ class Attempts:
             attempt=number,
             points=self.center + self.radius * solid.points,
             hull_points=self.center + self.radius * wanted,
+            center_of_mass=self.center + self.radius * (solid.centroid + shift),
             directions=directions,
             error=error,
             gap=float(distances_from_surface(solid, wanted).max()) / unit.diagonal,

@@ -15,7 +15,7 @@ from dicedesign.runtime.checkpoint import Arrays
 
 __all__ = ["checkpoint_bytes", "read_checkpoint"]
 
-_ARRAYS: Final = ("points", "hull_points", "directions")
+_ARRAYS: Final = ("points", "hull_points", "center_of_mass", "directions")
 """Of `FilledHull`; all else is text in JSON."""
 
 

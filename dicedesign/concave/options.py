@@ -12,10 +12,30 @@ from dicedesign.errors import InputError
 from dicedesign.optimize.options import require_choice
 from dicedesign.runtime.registry import STRICT
 
-__all__ = ["ConcaveOptions"]
+__all__ = ["ConcaveOptions", "HollowOptions"]
 
 FEWEST_POINTS: Final = 50
 """Of a surface that is to be decimated."""
+
+
+@dataclass(frozen=True)
+class HollowOptions:
+    """Cavities that help to bring the center of mass to where it is wanted.
+
+    Attributes
+    ----------
+    wall_mm: least thickness of the walls around them, in mm; positive.
+    """
+
+    __pydantic_config__ = STRICT
+
+    wall_mm: float = 2.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.wall_mm < np.inf:
+            raise InputError(
+                f"wall_mm: expected a positive number, got {self.wall_mm:g}; leave it out for 2"
+            )
 
 
 @dataclass(frozen=True)
@@ -35,6 +55,8 @@ class ConcaveOptions:
         180.
     margin_deg: least angle wanted by which the die must be tipped to leave an outcome, in degrees;
         not negative and below 90.
+    hollow: cavities that may shift the center of mass, so that the surface need be bent less; None
+        for a solid die.
     points: about as many the surface is decimated or refined to first; None to leave it.
     attempts: most ways to a hull that are tried, at least 1; the best is kept.
     displacement: mean displacement over the diagonal from which on no better one is sought,
@@ -53,6 +75,7 @@ class ConcaveOptions:
     paper: ConcavePaperOptions | None = None
     apart_deg: float = 45.0
     margin_deg: float = 10.0
+    hollow: HollowOptions | None = None
     points: int | None = None
     attempts: int = 60
     displacement: float = 0.01
@@ -80,6 +103,11 @@ class ConcaveOptions:
             raise InputError(
                 f"paper: expected hull: paper or fill: paper with it, got {self.hull} and "
                 f"{self.fill}; leave paper out, or write one of them"
+            )
+        if self.hollow is not None and "paper" in (self.hull, self.fill):
+            raise InputError(
+                "hollow: expected hull: gauss_newton and fill: correspondence with it, got "
+                f"{self.hull} and {self.fill}; leave hollow or paper out"
             )
         if self.points is not None and self.points < FEWEST_POINTS:
             raise InputError(

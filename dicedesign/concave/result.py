@@ -8,7 +8,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["AttemptResult", "ConcaveDie", "ConcaveProgress", "ConcaveStep", "FilledHull"]
+__all__ = ["AttemptResult", "ConcaveDie", "ConcaveProgress", "ConcaveStep", "FilledHull", "Hollow"]
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,8 @@ class FilledHull:
     attempt: the one that led there.
     points: (n, 3) of the surface, laid onto the original as well as a similarity can.
     hull_points: (v, 3) corners of the designed hull, the same way.
+    center_of_mass: (3,) for which the odds are meant: that of the uniform solid, or where cavities
+        are to bring it.
     directions: (k, 3) unit directions that are down in the outcomes.
     error: largest of |p - q| over the clusters and the odds of all other rests together.
     gap: largest distance of a corner of the hull from the surface, over the diagonal.
@@ -74,6 +76,7 @@ class FilledHull:
     attempt: int
     points: Floats
     hull_points: Floats
+    center_of_mass: Floats
     directions: Floats
     error: float
     gap: float
@@ -104,6 +107,20 @@ class ConcaveProgress:
 
 
 @dataclass(frozen=True, eq=False)
+class Hollow:
+    """What cavities are to do.
+
+    Attributes
+    ----------
+    wall: least thickness around them, over the largest distance of two points of the surface.
+    center_of_mass: (3,) that the die has with them.
+    """
+
+    wall: float
+    center_of_mass: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class ConcaveDie:
     """A finished search.
 
@@ -115,6 +132,7 @@ class ConcaveDie:
     directions: (k, 3) that are down in the outcomes, in the order of the target.
     hull_corners: numbers of corners of the hulls before and after.
     progress: how it went.
+    hollow: what its cavities are to do; None of a solid die.
     """
 
     before: Surface
@@ -123,3 +141,4 @@ class ConcaveDie:
     directions: Floats
     hull_corners: tuple[int, int]
     progress: ConcaveProgress
+    hollow: Hollow | None = None

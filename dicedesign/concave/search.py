@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Final
 
 from dicedesign.concave.attempt import Attempts
 from dicedesign.concave.criteria import missing, rank
@@ -15,14 +16,20 @@ from dicedesign.concave.result import (
     ConcaveProgress,
     ConcaveStep,
     FilledHull,
+    Hollow,
 )
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.threads import one_thread
 
 __all__ = ["make_concave_die"]
+
+UNSHIFTED: Final = 1e-9
+"""Distance of the center of mass from that of the uniform solid, over the diagonal, for which no
+cavity is made."""
 
 
 def make_concave_die(
@@ -30,6 +37,7 @@ def make_concave_die(
     target: Floats,
     options: ConcaveOptions,
     *,
+    wall: float | None = None,
     seed: int = 0,
     resume: ConcaveProgress | None = None,
     on_step: Callable[[ConcaveStep], None] | None = None,
@@ -46,6 +54,8 @@ def make_concave_die(
     surface: closed, of one component, without self-intersections (see `make_surface`).
     target: (k,) the odds.
     options: see `ConcaveOptions`.
+    wall: least thickness around cavities, over the largest distance of two points of the die, above
+        0; None for a solid die.
     seed: of the attempts' slopes and choices; attempt n is the same in any session, with any number
         of threads.
     resume: how far a former session came.
@@ -60,6 +70,11 @@ def make_concave_die(
     with one_thread():
         search = _Search(options, on_step)
         attempts = Attempts(surface, target, options, seed, search.record)
+        if wall is not None:
+            # Imported late, with manifold3d: solid dice do without.
+            from dicedesign.concave.hollow_attempt import HollowAttempts
+
+            attempts = HollowAttempts(surface, target, options, seed, search.record, wall)
         progress = search.attempted(
             attempts, resume or ConcaveProgress(0, 0.0, None, (), ()), on_attempt
         )
@@ -70,13 +85,15 @@ def make_concave_die(
             f"{progress.attempts} attempts did; allow more with method.concave.attempts, "
             "or take another target or surface"
         )
+    after = surface.moved(best.points)
     return ConcaveDie(
         surface,
-        surface.moved(best.points),
+        after,
         convex_hull(best.hull_points),
         best.directions,
         (len(attempts.problem.whole_hull.vertices), len(best.hull_points)),
         progress,
+        _hollow(after, wall, best.center_of_mass),
     )
 
 
@@ -135,6 +152,14 @@ class _Search:
         if best is None or missing(best, options) > 0.0:
             return False
         return best.displacement <= options.displacement or done >= options.enough
+
+
+def _hollow(surface: Surface, wall: float | None, center: Floats) -> Hollow | None:
+    """What cavities are to do for a center of mass, unless it is that of the uniform solid."""
+    shift = float(norms(center - surface.centroid))
+    if wall is None or shift <= UNSHIFTED * surface.diagonal:
+        return None
+    return Hollow(wall, center)
 
 
 def _told(filled: FilledHull, seconds: float) -> AttemptResult:

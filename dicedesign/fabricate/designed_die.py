@@ -105,13 +105,20 @@ def sized(die: DesignedDie, size_mm: float) -> SizedDie:
 def _sized_surface(die: DesignedDie, made: ConcaveDie, size_mm: float) -> SizedDie:
     # It brings a library of solids along, which no convex die needs.
     from dicedesign.fabricate.solids.printable import printable_solid
+    from dicedesign.geometry.surfaces.surface import Surface
 
-    center = made.after.centroid
+    hollow = made.hollow
+    center = made.after.centroid if hollow is None else hollow.center_of_mass
     scale = size_mm / convex_hull(made.after.points).diameter
     placed = made.after.moved((made.after.points - center) * scale)
     points, triangles, is_printable = placed.points, placed.triangles, True
     try:
         points, triangles, changes = printable_solid(placed)
+        if hollow is not None:
+            from dicedesign.fabricate.solids.hollow import with_cavity
+
+            whole = with_cavity(Surface(points, triangles), hollow.wall * size_mm, np.zeros(3))
+            points, triangles = whole.points, whole.triangles
     except InputError as error:
         # Then the die is written as it is, and says so.
         is_printable, changes = False, (str(error),)

@@ -5,6 +5,7 @@ Functions that differ between the two libraries take the module as `xp` (`numpy`
 
 from __future__ import annotations
 
+import math
 from types import ModuleType
 from typing import Any
 
@@ -15,6 +16,7 @@ from dicedesign.runtime.arrays import Floats
 
 __all__ = [
     "angle_between",
+    "even_directions",
     "foot_on_line",
     "norms",
     "oblique_projection",
@@ -84,6 +86,17 @@ def angle_between(a: Floats, b: Floats) -> Floats:
     y = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
     z = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     return np.asarray(np.arctan2(np.sqrt(x * x + y * y + z * z), (a * b).sum(-1)))
+
+
+def even_directions(count: int) -> Floats:
+    """(count, 3) unit directions all over the sphere, on a spiral.
+
+    Source: Gonzalez, Math. Geosci. 42, 2010 (the Fibonacci lattice).
+    """
+    number = np.arange(count) + 0.5
+    z, turn = 1.0 - 2.0 * number / count, math.pi * (1.0 + math.sqrt(5.0)) * number
+    aside = np.sqrt(1.0 - z * z)
+    return np.stack([aside * np.cos(turn), aside * np.sin(turn), z], axis=1)
 
 
 def rotation_between(a: Floats, b: Floats) -> Floats:

@@ -16,6 +16,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.results.balance import Balance
+from dicedesign.results.cavities import Cavities
 from dicedesign.results.print_odds import InfillOdds, PrintTolerances
 from dicedesign.results.printability import Printability
 from dicedesign.results.repair import Repair
@@ -169,6 +170,7 @@ class Result:
     displacement, hull, surface, quality, surface_quality, file_self_intersections: of a concave
         die, how far its points were moved, its hull, its size, defects and distortion as sentences
         and as numbers, and the pairs of triangles of its file that meet and should not.
+    cavities: of a concave die that has some.
     attempts, search_seconds, attempt: of the search for a concave die, over all sessions, the
         seconds not without a clock, and the number of the attempt that led to this one; None where
         none did. trade_off: what each led to, and what was wanted.
@@ -221,6 +223,7 @@ class Result:
     quality: tuple[str, ...] | None = None
     surface_quality: dict[str, Any] | None = None
     file_self_intersections: int | None = None
+    cavities: Cavities | None = None
     attempts: int | None = None
     search_seconds: float | None = None
     attempt: int | None = None

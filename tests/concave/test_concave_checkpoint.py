@@ -20,6 +20,7 @@ def progress(with_best: bool) -> ConcaveProgress:
         attempt=3,
         points=random.normal(size=(50, 3)),
         hull_points=random.normal(size=(20, 3)),
+        center_of_mass=random.normal(size=3),
         directions=random.normal(size=(2, 3)),
         error=1e-300,
         gap=np.pi * 1e-7,

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from dicedesign.concave.fill.paper_options import ConcavePaperOptions
-from dicedesign.concave.options import ConcaveOptions
+from dicedesign.concave.options import ConcaveOptions, HollowOptions
 from dicedesign.errors import InputError, RecipeError
 from dicedesign.recipe.schema.reading import checked_recipe
 
@@ -24,6 +24,10 @@ from dicedesign.recipe.schema.reading import checked_recipe
         (
             {"paper": ConcavePaperOptions()},
             "paper: expected hull: paper or fill: paper with it, got gauss_newton and corr",
+        ),
+        (
+            {"hollow": HollowOptions(), "fill": "paper"},
+            "hollow: expected hull: gauss_newton and fill: correspondence with it, got gauss_n",
         ),
         ({"points": 49}, "points: expected at least 50, got 49; raise it, or leave it out to keep"),
         ({"attempts": 0}, "attempts: expected a whole number above 0, got 0; leave it out for 60"),
@@ -41,6 +45,12 @@ from dicedesign.recipe.schema.reading import checked_recipe
 def test_values_out_of_range(options: dict[str, Any], text: str) -> None:
     with pytest.raises(InputError, match=text):
         ConcaveOptions(**options)
+
+
+@pytest.mark.parametrize("wall", [0.0, -1.0, math.nan, math.inf])
+def test_walls_that_are_none(wall: float) -> None:
+    with pytest.raises(InputError, match="wall_mm: expected a positive number, got"):
+        HollowOptions(wall_mm=wall)
 
 
 def test_the_ends_of_the_ranges_are_taken() -> None:

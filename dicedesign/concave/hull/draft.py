@@ -156,6 +156,7 @@ def change_of_least_work(
 ) -> Floats:
     """(n, 3) from a draft to the displacement of least work with the target's odds."""
     displacement = draft.corners - problem.hull.vertices
+    displacement = displacement + problem.shift(displacement)
     conditions = memory.conditions(draft.rests, directions, draft.of_rest, step)
     gains = np.clip(problem.target - draft.odds, -LARGEST_GAIN, LARGEST_GAIN)
     # The last of the equations follows from the others.

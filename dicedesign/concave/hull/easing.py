@@ -145,14 +145,15 @@ def eased_hull(
     missing = draft.shortfall(problem)
     middles = original[near][spread_points(original[near], EASED)]
     owner = cKDTree(middles).query(original)
-    eased = False
+    # Where the corners are when the surface is not bent.
+    unbent, eased = original - design.shift, False
     for place in range(len(middles)):
         group = np.flatnonzero((owner[1] == place) & (owner[0] < width))
         others = np.setdiff1d(np.arange(len(original)), group)
         held = HeldCorners(problem.elasticity, problem.source[others])
-        followed = held.followed((draft.corners - original)[others])
+        followed = held.followed((draft.corners - unbent)[others])
         goal = draft.corners.copy()
-        goal[group] = original[group] + followed[problem.source[group]]
+        goal[group] = unbent[group] + followed[problem.source[group]]
         following = _moved(problem, draft, goal - draft.corners, missing)
         if following is not None:
             draft, eased = following, True

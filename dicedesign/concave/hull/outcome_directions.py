@@ -16,7 +16,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.geometry.sphere import even_directions, unit_vectors
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -132,16 +132,9 @@ def _candidates(hull: ConvexHull, count: int, random: np.random.Generator) -> Fl
 
 
 def _spread(count: int, random: np.random.Generator) -> Floats:
-    """(count, 3) directions all over the sphere, on a spiral that is turned at random.
-
-    Source: Gonzalez, Math. Geosci. 42, 2010 (the Fibonacci lattice).
-    """
-    number = np.arange(count) + 0.5
-    z, turn = 1.0 - 2.0 * number / count, math.pi * (1.0 + math.sqrt(5.0)) * number
-    aside = np.sqrt(1.0 - z * z)
-    spiral = np.stack([aside * np.cos(turn), aside * np.sin(turn), z], axis=1)
+    """(count, 3) directions all over the sphere, turned at random."""
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
-    return np.asarray(spiral @ axes)
+    return np.asarray(even_directions(count) @ axes)
 
 
 def _climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
 from dicedesign.concave.fill.space_elasticity import Elasticity, HeldCorners, positive_inverse
+from dicedesign.concave.hollow.least_within import least_within
 from dicedesign.concave.hull.coarse_corners import coarse_corners
 from dicedesign.concave.hull.surface_displacement import squared_displacement
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
@@ -16,6 +18,11 @@ from dicedesign.optimize.solvers.sobolev import graph_laplacian
 from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["DesignedHull", "HullMetric", "HullProblem"]
+
+
+GIVING: Final = 3.0
+"""How far a center of mass gives way that cavities can shift, over how far the surface does when it
+is displaced as a whole: the more, the bolder are the steps with it."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +55,8 @@ class HullProblem:
     apart: least angle between two outcomes that will do, in radians.
     margin: least angle of tipping that leaves an outcome that will do, in radians.
     coarse: whether some of the corners will do (`coarse_corners`), or all are designed with.
+    room: where cavities can bring the center of mass, relative to that of the uniform solid, which
+        is inside; None for a solid die.
     """
 
     surface: Surface
@@ -56,6 +65,13 @@ class HullProblem:
     apart: float = 0.0
     margin: float = 0.0
     coarse: bool = False
+    room: ConvexHull | None = None
+
+    def with_room(self, room: ConvexHull) -> HullProblem:
+        """The same with other cavities; what was found about the surface is shared."""
+        other = replace(self, room=room)
+        vars(other).update({name: value for name, value in vars(self).items() if name != "room"})
+        return other
 
     @cached_property
     def hull(self) -> ConvexHull:
@@ -97,9 +113,22 @@ class HullProblem:
         """(n, 3, n, 3) see `squared_displacement`, for displacements of the corners."""
         return squared_displacement(self.held, self.relative[0])
 
+    def shift(self, moved: Floats) -> Floats:
+        """(3,) from the center of mass of the uniform solid to where cavities are to bring it, so
+        that the surface is displaced least.
+
+        moved: (n, 3) displacement of the corners relative to the center of mass, whichever it is.
+        That relative to the solid's own is larger by the shift.
+        """
+        if self.room is None:
+            return np.zeros(3)
+        slope = np.tensordot(moved, self.squared_displacement.sum(axis=2), 2)
+        return least_within(self.squared_displacement.sum(axis=(0, 2)), slope, self.room)
+
     def displacement(self, moved: Floats) -> float:
         """Root of the mean squared displacement of the surface, over its diagonal, when it is led
-        by the corners alone, moved by (n, 3)."""
+        by the corners alone, moved by (n, 3) as in `shift`."""
+        moved = moved + self.shift(moved)
         square = np.tensordot(np.tensordot(self.squared_displacement, moved, 2), moved, 2)
         return float(np.sqrt(square)) / self.surface.diagonal
 
@@ -109,14 +138,17 @@ class HullProblem:
         return self.held.relative
 
     @cached_property
-    def _compliances(self) -> dict[HullMetric, Floats]:
+    def _compliances(self) -> dict[tuple[HullMetric, bool], Floats]:
+        """By metric, and whether the center of mass gives way."""
         return {}
 
     def compliance(self, metric: HullMetric) -> Floats:
-        """(n, 3, n, 3) displacement of the hull's corners for forces on them."""
-        if metric not in self._compliances:
-            self._compliances[metric] = self._compliance(metric)
-        return self._compliances[metric]
+        """(n, 3, n, 3) displacement of the hull's corners for forces on them, relative to the
+        center of mass, which gives way too where cavities can bring it elsewhere."""
+        key = metric, self.room is not None
+        if key not in self._compliances:
+            self._compliances[key] = self._compliance(metric)
+        return self._compliances[key]
 
     def designed(
         self, vertices: Floats, source: Integers, moved: Floats, directions: Floats, error: float
@@ -124,12 +156,13 @@ class HullProblem:
         """A hull where the surface would be led by its corners alone.
 
         vertices: (m, 3) of it, relative to the center of mass; source: (m,) corner of the original
-        hull that each of them was; moved, directions, error: see `DesignedHull`.
+        hull that each of them was; moved: see `shift`; directions, error: see `DesignedHull`.
         """
-        center = np.tensordot(moved, self.relative[1], 2)
-        hull = convex_hull(vertices + center)
+        shift = self.shift(moved)
+        center = np.tensordot(moved + shift, self.relative[1], 2)
+        hull = convex_hull(vertices + (center + shift))
         corners = self.source[source[hull.source]]
-        return DesignedHull(hull, corners, center, directions, error, moved)
+        return DesignedHull(hull, corners, center, shift, directions, error, moved)
 
     def _compliance(self, metric: HullMetric) -> Floats:
         count = len(self.hull.vertices)
@@ -141,7 +174,11 @@ class HullProblem:
         if metric.displaced > 0.0:
             stiffness += metric.displaced * self.squared_displacement
         flat = stiffness.reshape(3 * count, 3 * count)
-        return positive_inverse(flat).reshape(count, 3, count, 3)
+        compliance = positive_inverse(flat).reshape(count, 3, count, 3)
+        if self.room is not None:
+            shifting = GIVING * np.linalg.inv(stiffness.sum(axis=(0, 2)))
+            compliance = compliance + shifting[None, :, None, :]
+        return compliance
 
 
 @dataclass(frozen=True)
@@ -153,16 +190,18 @@ class DesignedHull:
     hull: in the place of the surface; its corners are those of the surface's hull, moved, or some
         of them.
     corners: (v,) number of the surface's point of each corner.
-    center_of_mass: (3,) for which its odds are the wanted ones.
+    center_of_mass: (3,) that of the uniform solid that is to fill it.
+    shift: (3,) from there to the place for which its odds are the wanted ones.
     directions: (k, 3) normals of the outcomes' rests.
     error: largest of |p - q| over clusters of rests within `SAME_REST_ANGLE` of those, and the odds
         of all other rests together.
-    moved: (n, 3) displacement of all corners of the original hull, relative to the center of mass.
+    moved: (n, 3) displacement of all corners of the original hull, relative to that place.
     """
 
     hull: ConvexHull
     corners: Integers
     center_of_mass: Floats
+    shift: Floats
     directions: Floats
     error: float
     moved: Floats

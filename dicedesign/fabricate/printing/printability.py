@@ -213,9 +213,13 @@ def _warnings(
             f"{printer.groove_depth_mm:.2g} mm on: raise engrave.depth_mm"
         )
     if check.cavities and not printer.has_nozzle:
+        # A ball opposite to the labels of a convex die, or the cavity of one that keeps a shape.
+        remedy = (
+            "engrave.balance: shape" if die.shape is None else "fdm, or no method.concave.hollow"
+        )
         yield (
             f"the hidden hollow stays full of what {printer.name} prints with, and the odds are "
-            "others: take engrave.balance: shape"
+            f"others: take {remedy}"
         )
     if not check.is_solid:
         yield (

@@ -197,9 +197,10 @@ def _failed_check(plain: Manifold, body: Manifold, expected: float) -> str | Non
     """The first check that the engraved solid fails, in words, or None."""
     if body.status() != Error.NoError:
         return f"expected a boolean subtraction without error, got {body.status().name}"
-    pieces = len(body.decompose())
-    if pieces != 1:
-        return f"expected one piece, got {pieces}"
+    # Cavities are closed surfaces of their own.
+    pieces, wanted = len(body.decompose()), len(plain.decompose())
+    if pieces != wanted:
+        return f"expected {'one piece' if wanted == 1 else f'{wanted} surfaces'}, got {pieces}"
     if body.genus() != plain.genus():
         return f"expected {plain.genus()} handles (genus), got {body.genus()}"
     if not body.volume() > 0:

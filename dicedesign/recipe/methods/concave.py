@@ -74,6 +74,7 @@ def design(work: Work) -> DesignedDie:
             surface,
             work.target.probabilities,
             options,
+            wall=None if options.hollow is None else options.hollow.wall_mm / recipe.size_mm,
             seed=recipe.seed,
             resume=progress,
             on_step=lambda step: work.listeners.on_step(_step(next(numbers), step)),
@@ -82,7 +83,8 @@ def design(work: Work) -> DesignedDie:
     except NoStartError:
         made = _unchanged(surface, work.target.probabilities, progress)
     best = made.progress.best
-    poses = rest_poses(make_body(made.after.points, made.after.triangles))
+    center = None if made.hollow is None else made.hollow.center_of_mass
+    poses = rest_poses(make_body(made.after.points, made.after.triangles), center)
     work.details |= {
         "attempts": made.progress.attempts,
         "search_seconds": made.progress.seconds,
@@ -119,6 +121,8 @@ def _search_identity(recipe: Recipe, surface: Surface) -> dict[str, str]:
         del options[name]
     target = recipe.target.target().probabilities.tolist()
     data = surface.points.tobytes() + surface.triangles.tobytes()
+    if options["hollow"] is not None:
+        options["size_mm"] = recipe.size_mm
     return {
         "target": json.dumps(target),
         "seed": str(recipe.seed),

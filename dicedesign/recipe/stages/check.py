@@ -172,7 +172,7 @@ def _surface_flaws(work: Work) -> Iterator[Status]:
         yield Status.SELF_INTERSECTING
     if work.plain.poses.center_of_mass_source != "uniform solid":
         yield Status.OPEN
-    if not work.solid.is_printable:
+    if not work.solid.is_printable or not _is_hollow_as_wanted(work):
         yield Status.UNPRINTABLE
     # What is nearer, or left earlier, is crowded or unsteady, as of any die.
     apart, margin = work.plain.outcomes.least_angle, work.plain.margins.min()
@@ -180,6 +180,22 @@ def _surface_flaws(work: Work) -> Iterator[Status]:
         yield Status.TOO_NEAR
     if LEAST_MARGIN <= margin < np.radians(wanted.margin_deg) - FILE_ANGLE:
         yield Status.TIPPY
+
+
+def _is_hollow_as_wanted(work: Work) -> bool:
+    """Whether walls around cavities are as thick as wanted, if there are to be any. What is found
+    goes into the details."""
+    from dicedesign.fabricate.solids.hollow import measured_cavities
+    from dicedesign.tolerances import FILE_WALL
+
+    options, made = work.recipe.method.concave, work.die.reshaped
+    assert options is not None
+    assert made is not None
+    if made.hollow is None or not work.solid.is_printable:
+        return True
+    assert options.hollow is not None
+    found = work.details["cavities"] = measured_cavities(work.plain.body)
+    return found.wall_mm >= options.hollow.wall_mm * (1.0 - FILE_WALL)
 
 
 def _gap(surface: Surface, work: Work) -> float:

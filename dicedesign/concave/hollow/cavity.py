@@ -1,0 +1,224 @@
+"""The least cavity of a solid that brings its center of mass to a wanted place.
+
+Of all parts of a solid that lie deeper than a wall, the one of least volume whose removal has a
+wanted moment is what a plane cuts off. The plane is found by maximizing a concave function of three
+variables, the dual of that linear program.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from manifold3d import Manifold, OpType
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.manifold import mesh_of, solid
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.surfaces.depth_grid import DepthGrid, depth_grid
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.surfaces.surface_nets import surface_nets, without_double_cuts
+from dicedesign.runtime.arrays import Floats, Integers
+
+__all__ = ["Cavity", "balancing_cavity", "least_wall", "within_walls"]
+
+STEPS: Final = 48
+"""Of the grid along the longest extent."""
+
+LEAST_PART: Final = 0.01
+"""Volume of a part of the cavity, over that of the largest, below which it is left solid."""
+
+DEEPER: Final = 1.05
+"""Factor of what walls are too thin by, by which the cavity is made less wide the next time."""
+
+LITTLE: Final = 2e-3
+"""Part of the wall by which it is besides."""
+
+TIMES: Final = 6
+"""That walls are measured and the cavity is made less wide, at most."""
+
+CENTERED: Final = 1e-14
+"""Moment that may be left, in units of about the diagonal."""
+
+STEPS_TO_PLANE: Final = 60
+"""Most steps of Newton's method."""
+
+HALVINGS: Final = 40
+"""Times that one of them is halved at most."""
+
+DECREASE: Final = 1e-4
+"""Part of the decrease that the slope promises which a step must achieve."""
+
+START: Final = 1.2
+"""The first plane is nearer than the farthest corner by this factor."""
+
+NEAREST: Final = 1e-4
+"""Distance of the plane from the center of mass, over the diagonal, at which nothing is gained any
+more by bringing it nearer."""
+
+DIFFERENCE: Final = 1e-4
+"""Relative, of the planes whose slopes give second derivatives."""
+
+REGULAR: Final = 1e-9
+"""Part of their trace that is added to them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cavity:
+    """A cavity.
+
+    Attributes
+    ----------
+    surface: oriented outward, as if it were a solid; of one part or several.
+    wall: least distance from the surface of the solid around it.
+    """
+
+    surface: Surface
+    wall: float
+
+
+def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Cavity:
+    """The least cavity deeper than a wall with which a uniform solid has its center of mass at a
+    place.
+
+    surface: of the solid; wall: in its unit of length, above 0; center: (3,), another than that of
+    the solid.
+
+    Raises
+    ------
+    InputError: no cavity leads there, or there is none as deep; the surface bounds no solid.
+    """
+    unit = surface.diagonal
+    moment = surface.volume * (surface.centroid - center) / unit**4
+    room, least = within_walls(surface, wall)
+    plane = _Plane(room.translate(tuple(-center)).scale((1.0 / unit,) * 3), moment)
+    cut = plane.cut()
+    if cut is None:
+        far = float(norms(center - surface.centroid))
+        raise InputError(
+            f"hollow: expected a center of mass that cavities lead to, got one {far:.3g} from that "
+            f"of the solid without, too far for walls of {wall:g}; reduce wall_mm"
+        )
+    points, triangles = mesh_of(cut)
+    return Cavity(Surface(center + unit * points, triangles), least)
+
+
+def within_walls(surface: Surface, wall: float) -> tuple[Manifold, float]:
+    """All of a solid that is deeper than a wall, but for small parts, and its least distance from
+    the surface, measured between triangles. Parameters, and what is raised, as `balancing_cavity`.
+    """
+    outside = _outside(surface, wall)
+    grid, depth = depth_grid(surface, STEPS), wall
+    for _ in range(TIMES):
+        room = _deeper(grid, depth)
+        if room is None:
+            break
+        least = float(outside.min_gap(room, 2.0 * wall))
+        if least >= wall:
+            return room, least
+        depth += DEEPER * (wall - least) + LITTLE * wall
+    raise InputError(
+        f"hollow: expected room for a cavity in walls of {wall:g}, got none in a body with a "
+        f"largest depth of {grid.depths.max():.3g}; reduce wall_mm, or leave hollow out"
+    )
+
+
+def least_wall(surface: Surface, cavity: Surface) -> float:
+    """Least distance between the surface of a solid and that of a cavity, both oriented outward."""
+    most = surface.diagonal
+    inner = solid(cavity.points, cavity.triangles)
+    return float(_outside(surface, most).min_gap(inner, most))
+
+
+def _outside(surface: Surface, margin: float) -> Manifold:
+    """A box about a solid, larger by a margin, without it."""
+    lower = surface.points.min(axis=0) - margin
+    size = np.ptp(surface.points, axis=0) + 2.0 * margin
+    body = solid(surface.points, surface.triangles)
+    return Manifold.cube(tuple(size)).translate(tuple(lower)) - body
+
+
+def _deeper(grid: DepthGrid, depth: float) -> Manifold | None:
+    """What is deeper than so much; None where nothing is."""
+    values = grid.depths - depth
+    # Where two sheets would meet in a cell the cavity gives way.
+    inside = ~without_double_cuts(-values)
+    if not inside.any():
+        return None
+    least = np.finfo(np.float64).eps * grid.spacing
+
+    def crossing(nodes: Integers, ahead: Integers) -> Floats:
+        one, other = values[tuple(nodes.T)], values[tuple(ahead.T)]
+        leaves = inside[tuple(nodes.T)]
+        inner = np.where(leaves, one, other).clip(least)
+        outer = np.where(leaves, other, one).clip(max=0.0)
+        part = np.where(leaves, inner, -outer) / (inner - outer)
+        return grid.places(nodes + part[:, None] * (ahead - nodes))
+
+    parts = solid(*surface_nets(inside, crossing)).decompose()
+    most = max(part.volume() for part in parts)
+    kept = [part for part in parts if part.volume() >= LEAST_PART * most]
+    return Manifold.batch_boolean(kept, OpType.Add)
+
+
+class _Plane:
+    """The plane beyond which a room (in units of about 1, the wanted center of mass at the origin)
+    is hollow: normal / distance from the origin is the minimizer x of the convex function
+
+        integral over the room of max(x . y - 1, 0) dy  -  x . moment.
+    """
+
+    def __init__(self, room: Manifold, moment: Floats) -> None:
+        self.room, self.moment = room, moment
+
+    def cut(self) -> Manifold | None:
+        """What is beyond the plane; None where the moment is larger than that of any part."""
+        corners, _ = mesh_of(self.room)
+        toward = self.moment / norms(self.moment)
+        farthest = float((corners @ toward).max())
+        if farthest <= 0.0:
+            return None
+        now = START * toward / farthest
+        value, slope = self._at(now)
+        for _ in range(STEPS_TO_PLANE):
+            if norms(slope) <= CENTERED:
+                return self._beyond(now)
+            step = -np.linalg.solve(self._curvature(now), slope)
+            step *= min(1.0, float(norms(now) / norms(step)))
+            for _ in range(HALVINGS):
+                following, gradient = self._at(now + step)
+                # Near the end the value is all rounding, and the slope is not.
+                less = following <= value + DECREASE * float(slope @ step)
+                if less or norms(gradient) <= 0.5 * norms(slope):
+                    break
+                step = 0.5 * step
+            else:
+                return None
+            now, value, slope = now + step, following, gradient
+            if norms(now) * NEAREST >= 1.0:
+                return None
+        return None
+
+    def _beyond(self, plane: Floats) -> Manifold:
+        return self.room.trim_by_plane(tuple(plane), 1.0 / float(norms(plane)))
+
+    def _at(self, plane: Floats) -> tuple[float, Floats]:
+        """The function and its gradient."""
+        points, triangles = mesh_of(self._beyond(plane))
+        if len(triangles) == 0:
+            return -float(plane @ self.moment), -self.moment
+        volume, middle = solid_properties(points, triangles)
+        slope = volume * middle - self.moment
+        return float(plane @ slope) - volume, slope
+
+    def _curvature(self, plane: Floats) -> Floats:
+        """(3, 3) second derivatives, from differences."""
+        step = DIFFERENCE * float(norms(plane))
+        rows = [(self._at(plane + h)[1] - self._at(plane - h)[1]) for h in step * np.eye(3)]
+        matrix = np.array(rows) / (2.0 * step)
+        matrix = 0.5 * (matrix + matrix.T)
+        # There is none where the room is not cut.
+        least = REGULAR * np.trace(matrix) + np.finfo(np.float64).tiny
+        return np.asarray(matrix + least * np.eye(3))

@@ -1,0 +1,34 @@
+"""Least value of a quadratic function of three variables within a convex region."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from scipy.optimize import nnls
+
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["least_within"]
+
+REGULAR: Final = 1e-9
+"""Part of its trace that is added to the quadratic form: one direction may be free."""
+
+
+def least_within(form: Floats, slope: Floats, region: ConvexHull) -> Floats:
+    """(3,) the point x of a region where `x . form x / 2 + slope . x` is least.
+
+    form: (3, 3) symmetric, not negative; slope: (3,); region: with the origin inside.
+
+    Source: Lawson and Hanson, Solving Least Squares Problems (1974), chapter 23 (least distance
+    programming by nonnegative least squares).
+    """
+    root = np.linalg.cholesky(form + REGULAR * np.trace(form) * np.eye(3))
+    # In y = root^T x + offset the distance from the origin is to be least.
+    offset = np.linalg.solve(root, slope)
+    rows = -np.linalg.solve(root, region.normals.T)
+    bounds = offset @ rows - region.heights(np.zeros(3))
+    system, wanted = np.vstack([rows, bounds]), np.eye(4)[3]
+    rest = system @ nnls(system, wanted)[0] - wanted
+    return np.asarray(np.linalg.solve(root.T, -rest[:3] / rest[3] - offset))
