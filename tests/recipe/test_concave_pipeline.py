@@ -368,7 +368,7 @@ def test_a_search_that_was_done_is_finished_at_once(
         ("seed=1", "seed"),
         ("method.concave={fill: paper, paper: {bending: 1}}", "method"),
         ("method.concave={tolerance: 0.01}", "method"),
-        ("start={shape: gear}", "surface"),
+        ("start={shape: kitten}", "surface"),
     ],
 )
 def test_a_checkpoint_of_another_search_is_refused(

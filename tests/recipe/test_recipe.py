@@ -47,7 +47,7 @@ def test_a_resolved_recipe_reads_as_itself(repository: Path, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("method", ["exact", "paper", "concave"])
 def test_a_word_is_a_method_with_its_defaults(method: str, tmp_path: Path) -> None:
-    start = {"shape": "gear"} if method == "concave" else {"repulsion": {}}
+    start = {"shape": "duck"} if method == "concave" else {"repulsion": {}}
     entries = {"name": "x", "target": {"fair": 6}, "start": start}
     assert read(tmp_path, {**entries, "method": method}) == read(
         tmp_path, {**entries, "method": {method: {}}}

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import Final
 
 from dicedesign.concave.shapes.animals import dragon, duck, kitten
-from dicedesign.concave.shapes.gear import gear
 from dicedesign.concave.shapes.knot import knot
 from dicedesign.errors import InputError
 from dicedesign.geometry.surfaces.surface import Surface
@@ -20,7 +19,6 @@ __all__ = ["SHAPES", "shape"]
 SHAPES: Final[dict[str, Callable[[], Surface]]] = {
     "dragon": dragon,
     "duck": duck,
-    "gear": gear,
     "kitten": kitten,
     "knot": knot,
 }

@@ -18,10 +18,10 @@ def _surface(name: str, _: int) -> StartSurface:
 STARTS.register(
     StartKind(
         name="shape",
-        line="a surface built in, `dragon`, `duck`, `gear`, `kitten` or `knot`, for method concave",
+        line="a surface built in, `dragon`, `duck`, `kitten` or `knot`, for method concave",
         rank=4,
         # The keys of `SHAPES`, whose builders take long to import.
-        options=Literal["dragon", "duck", "gear", "kitten", "knot"],
+        options=Literal["dragon", "duck", "kitten", "knot"],
         surface=_surface,
     )
 )

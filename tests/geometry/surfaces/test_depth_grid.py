@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from common.dented_cube import dented_cube
 
-from dicedesign.concave.shapes.gear import gear
+from dicedesign.bench.bodies.gear import gear
 from dicedesign.geometry.surfaces.depth_grid import depth_grid
 from dicedesign.geometry.triangles import winding_number
 
