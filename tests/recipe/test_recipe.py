@@ -83,7 +83,7 @@ def test_every_shape_that_is_built_can_be_a_start(tmp_path: Path) -> None:
 
 
 BAD_CONCAVE = [
-    ({"start": {"shape": "dog"}}, "start.shape: input should be 'duck', .*got 'dog'"),
+    ({"start": {"shape": "dog"}}, "start.shape: input should be 'dragon', .*got 'dog'"),
     ({"start": {"search": {}}}, "start: expected a surface to keep .*, got search; write start: "),
     ({"start": {"prism": {}}}, "start: expected a surface to keep .*, got prism; write start: "),
     ({"method": "exact"}, r"start.shape: expected method: \{concave: \{\}\} with it, got exact"),
