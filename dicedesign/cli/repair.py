@@ -54,7 +54,7 @@ def _repair(options: argparse.Namespace) -> int:
     files = [options.out]
     atomic_write(options.out, data)
     if made is not None:
-        files.append(options.out.with_suffix(".png"))
+        files.append(options.out.with_name(f"{options.out.stem}_repair.png"))
         atomic_write(files[1], repair_figure(made, upward_of(options.mesh)).png())
     for note in notes:
         print(f"note: {printable(note)}", file=sys.stderr)

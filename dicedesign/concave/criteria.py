@@ -6,8 +6,11 @@ from typing import Final
 
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import AttemptResult, FilledHull
+from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.runtime.arrays import Floats
 
-__all__ = ["MOST_EASED", "doubts", "missing", "rank"]
+__all__ = ["MOST_EASED", "doubts", "is_shifted", "missing", "rank"]
 
 MOST_EASED: Final = 400
 """Pairs of triangles that meet, beyond which there is no hope to part them."""
@@ -22,6 +25,10 @@ nothing."""
 
 PREFERRED_MARGIN: Final = 2.0
 """The same of the angle of tipping."""
+
+UNSHIFTED: Final = 1e-6
+"""Distance of the center of mass from that of the uniform solid, over the diagonal, for which no
+cavity is made: in the single precision of a file it would be none."""
 
 
 def missing(die: FilledHull | AttemptResult, options: ConcaveOptions) -> float:
@@ -55,3 +62,9 @@ def doubts(apart: float, margin: float, options: ConcaveOptions) -> float:
         if least > 0.0:
             total += min(max((preferred - angle / least) / (preferred - 1.0), 0.0), 1.0)
     return total
+
+
+def is_shifted(surface: Surface, center_of_mass: Floats) -> bool:
+    """Whether a center of mass (3,) is another than that of the uniform solid in a surface."""
+    shift = float(norms(center_of_mass - surface.centroid))
+    return shift > UNSHIFTED * surface.diagonal

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from dicedesign.concave.attempt import Attempts
-from dicedesign.concave.criteria import rank
+from dicedesign.concave.criteria import is_shifted, rank
 from dicedesign.concave.hollow.cavity import balancing_cavity
 from dicedesign.concave.hollow.reach import reach
 from dicedesign.concave.hull.draft import HullDraft
@@ -85,6 +85,8 @@ class HollowAttempts(Attempts):
     def _has_room(self, filled: FilledHull) -> bool:
         """Whether a cavity brings the center of mass to where it is wanted."""
         surface = self.surface.moved(filled.points)
+        if not is_shifted(surface, filled.center_of_mass):
+            return True
         try:
             balancing_cavity(surface, self._thickness(surface), filled.center_of_mass)
         except InputError:

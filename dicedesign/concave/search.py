@@ -5,10 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Final
 
 from dicedesign.concave.attempt import Attempts
-from dicedesign.concave.criteria import missing, rank
+from dicedesign.concave.criteria import is_shifted, missing, rank
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import (
     AttemptResult,
@@ -20,16 +19,11 @@ from dicedesign.concave.result import (
 )
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.threads import one_thread
 
 __all__ = ["make_concave_die"]
-
-UNSHIFTED: Final = 1e-9
-"""Distance of the center of mass from that of the uniform solid, over the diagonal, for which no
-cavity is made."""
 
 
 def make_concave_die(
@@ -46,8 +40,9 @@ def make_concave_die(
     """Deform a surface until its convex hull and its center of mass have the wanted odds.
 
     Each attempt designs the hull with the center of mass held, for one choice of outcomes, and lets
-    the surface follow. The best is one with nothing missing (`criteria.missing`), of least mean
-    displacement; where none is as wanted, the one with the least missing.
+    the surface follow. The best is one with nothing missing (`criteria.missing`), of least
+    displacement, which counts for more where angles are small (`criteria.rank`); where none is as
+    wanted, the one with the least missing.
 
     Parameters
     ----------
@@ -69,8 +64,9 @@ def make_concave_die(
     """
     with one_thread():
         search = _Search(options, on_step)
-        attempts = Attempts(surface, target, options, seed, search.record)
-        if wall is not None:
+        if wall is None:
+            attempts = Attempts(surface, target, options, seed, search.record)
+        else:
             # Imported late, with manifold3d: solid dice do without.
             from dicedesign.concave.hollow_attempt import HollowAttempts
 
@@ -156,10 +152,7 @@ class _Search:
 
 def _hollow(surface: Surface, wall: float | None, center: Floats) -> Hollow | None:
     """What cavities are to do for a center of mass, unless it is that of the uniform solid."""
-    shift = float(norms(center - surface.centroid))
-    if wall is None or shift <= UNSHIFTED * surface.diagonal:
-        return None
-    return Hollow(wall, center)
+    return None if wall is None or not is_shifted(surface, center) else Hollow(wall, center)
 
 
 def _told(filled: FilledHull, seconds: float) -> AttemptResult:

@@ -44,7 +44,7 @@ def test_an_open_mesh_becomes_a_surface_of_the_same_solid(
     np.testing.assert_allclose(surface.centroid, original.centroid, atol=0.01)
     assert table["points"][1:] == [str(len(original.points)), str(len(surface.points))]
     assert table["handles"][-1] == "0"
-    with Image.open(tmp_path / "whole.png") as picture:
+    with Image.open(tmp_path / "whole_repair.png") as picture:
         assert picture.width > picture.height > 500
     assert "note: repaired the mesh" in said.err
 
@@ -59,7 +59,7 @@ def test_a_mesh_that_is_fine_is_written_as_it_is(
     body = read_body(tmp_path / "copy.obj")
     np.testing.assert_array_equal(body.points, original.points)
     np.testing.assert_array_equal(body.triangles, original.triangles)
-    assert not (tmp_path / "copy.png").exists()
+    assert not (tmp_path / "copy_repair.png").exists()
 
 
 def test_a_missing_extra(tmp_path: Path) -> None:

@@ -159,7 +159,9 @@ def _climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:
         cosine = starts @ end
         across = end - cosine[:, None] * starts
         # Opposite directions have any tangent.
-        across[np.abs(across).max(axis=1) < OPPOSITE] = np.cross(end, np.eye(3)[end.argmin()])
+        across[np.abs(across).max(axis=1) < OPPOSITE] = np.cross(
+            end, np.eye(3)[np.abs(end).argmin()]
+        )
         angle = np.arccos(np.clip(cosine, -1.0, 1.0))[:, None] * part
         aside = unit_vectors(across)
         arc = np.cos(angle)[..., None] * starts[:, None] + np.sin(angle)[..., None] * aside[:, None]
@@ -213,7 +215,7 @@ def _all_sets(near: np.ndarray, count: int) -> Integers:
 
 def _drawn_sets(near: np.ndarray, count: int, random: np.random.Generator) -> Integers:
     """Sets that are drawn one candidate after the other, all at once."""
-    drawn = _at_a_time(MOST_SETS, count) if count > FEW else MOST_SETS
+    drawn = _at_a_time(MOST_SETS, count)
     free = np.ones((drawn, len(near)), dtype=bool)
     sets = np.empty((drawn, count), dtype=np.int64)
     for place in range(count):

@@ -27,6 +27,9 @@ STRIDE: Final = math.radians(1.0)
 CLIMB_STRIDE: Final = math.radians(4.0)
 """Between directions of an arc at which heights are compared."""
 
+MOST_HEIGHTS: Final = 500_000
+"""Corners times arcs whose heights are held at a time."""
+
 CELL: Final = 0.03
 """Size of the cells of the sphere, of which each remembers one direction."""
 
@@ -98,6 +101,9 @@ def climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:
     end (k, 3), unit directions; 0 where it is downhill all the way. vertices: (n, 3)."""
     if len(starts) == 0:
         return np.zeros((0, len(ends)))
+    if len(starts) > 1 and len(starts) * len(ends) * len(vertices) > MOST_HEIGHTS:
+        halves = np.array_split(starts, 2)
+        return np.concatenate([climbs(vertices, half, ends) for half in halves])
     arcs = _arcs(starts, ends, CLIMB_STRIDE)
     heights = (arcs @ vertices.T).max(axis=-1)
     later = np.maximum.accumulate(heights[..., ::-1], axis=-1)[..., ::-1]
