@@ -34,7 +34,7 @@ def add_parser(commands: Any) -> None:
         type=Path,
         metavar="OUT",
         help="the file to write, in the unit of IN, in the format of its ending; a picture of "
-        "before and after is written beside it, ending in .png",
+        "before and after is written beside it, ending in _repair.png",
     )
     parser.set_defaults(command=_repair)
 

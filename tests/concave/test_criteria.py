@@ -20,6 +20,7 @@ def die(**changes: float) -> FilledHull:
         attempt=1,
         points=np.zeros((4, 3)),
         hull_points=np.zeros((4, 3)),
+        center_of_mass=np.zeros(3),
         directions=np.zeros((2, 3)),
         error=0.01,
         gap=0.0,
