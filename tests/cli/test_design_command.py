@@ -149,10 +149,12 @@ def test_time_that_runs_out_is_told_with_what_to_raise(
 ) -> None:
     design_with(monkeypatch, {"exact": {"seconds": 1e-3}})
     target = ["design", "--target", "1/2,1/3,1/6", "--out", str(tmp_path / "out")]
-    assert main(target) == 1
-    printed = capsys.readouterr().out
-    assert printed.startswith("die: time_limit (ran out of time; max |p - q| is ")
-    assert "; allow more with method.exact.seconds" in printed
+    # On a busy machine it may run out before there is a shape at all.
+    code = main(target)
+    printed, refused = capsys.readouterr()
+    assert code == 1 or (code == 2 and not (tmp_path / "out").exists())
+    assert code == 2 or printed.startswith("die: time_limit (ran out of time; max |p - q| is ")
+    assert "; allow more with method.exact.seconds" in (printed if code == 1 else refused)
 
 
 def test_a_die_that_must_be_large_or_is_changed_by_its_labels_is_told(

@@ -312,3 +312,10 @@ def test_a_cube_goes_through_the_command(
     monkeypatch.setattr(concave_dice, "LONGEST", 0.0)
     assert run_bench("concave", cube, extent=ONE) == 0
     assert "cube.obj: took 0 s" in capsys.readouterr().out
+
+
+def test_of_few_dice_half_must_be_as_wanted() -> None:
+    rows = [replace(GOOD, model="one"), replace(GOOD, model="two"), replace(GOOD, reason="odds")]
+    (two,), (one,) = summary(rows), summary([rows[0], rows[2], rows[2]])
+    assert (two.share, two.reached) == (pytest.approx(2.0 / 3.0), True)
+    assert not one.reached
