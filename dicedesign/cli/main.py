@@ -21,19 +21,19 @@ from dicedesign.runtime.printable import printable
 
 __all__ = ["main"]
 
-COMMANDS: Final = (
-    "run",
-    "design",
-    "search",
-    "rest",
-    "drop",
-    "repair",
-    "throw",
-    "rolls",
-    "table",
-    "bench",
-)
-"""Each is a module of this folder, with its parser and what it does."""
+COMMANDS: Final = {
+    "run": "dice.run",
+    "design": "dice.design",
+    "search": "dice.search",
+    "rest": "bodies.rest",
+    "drop": "bodies.drop",
+    "repair": "bodies.repair",
+    "throw": "tables.throw",
+    "rolls": "tables.rolls",
+    "table": "tables.table",
+    "bench": "bench",
+}
+"""The file of this folder that has the parser of a command, and what it does."""
 
 DEBUG: Final = "--debug"
 
@@ -139,7 +139,7 @@ def _parser(command: str | None) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name in (command,) if command in COMMANDS else COMMANDS:
         # Imported here, so that an interrupt during the import ends as plainly as any other.
-        import_module(f"dicedesign.cli.{name}").add_parser(commands)
+        import_module(f"dicedesign.cli.{COMMANDS[name]}").add_parser(commands)
     return parser
 
 

@@ -14,7 +14,7 @@ from common.kernels import compiled_only
 from scipy import stats
 
 from dicedesign.cli.main import main
-from dicedesign.cli.throw import throw_summary
+from dicedesign.cli.tables.throw import throw_summary
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.asymmetry import asymmetry
 from dicedesign.rest.poses import rest_poses

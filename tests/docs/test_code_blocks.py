@@ -14,6 +14,7 @@ from common.doc_pages import PAGES, blocks, commands, run_parts
 from common.paths import ROOT
 
 from dicedesign.bench.frame import BENCHES, add_options
+from dicedesign.cli.main import COMMANDS
 from dicedesign.recipe.schema.reading import read_recipe
 
 LONG = (
@@ -87,7 +88,7 @@ def test_a_command_is_understood(line: str) -> None:
         name, *given = given
         add_options(parser, BENCHES[name])
     else:
-        import_module(f"dicedesign.cli.{command}").add_parser(parser.add_subparsers())
+        import_module(f"dicedesign.cli.{COMMANDS[command]}").add_parser(parser.add_subparsers())
         given = [command, *given]
     parser.parse_args(given)
     for word in shlex.split(line):

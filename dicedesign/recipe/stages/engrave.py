@@ -19,7 +19,7 @@ from dicedesign.tolerances import FILE_ODDS
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from dicedesign.fabricate.balance.convex_object import Measured
+    from dicedesign.fabricate.compensation.convex_object import Measured
     from dicedesign.fabricate.labels.layout import Placement
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.geometry.hulls.hull import ConvexHull
@@ -81,8 +81,8 @@ STAGES.register(
 
 def _make_convex(work: Work) -> None:
     """The finished object of a convex die."""
-    from dicedesign.fabricate.balance.convex_object import ConvexObject
-    from dicedesign.fabricate.balance.reshaping import MOST_ROUNDS, largest_move, reshaped
+    from dicedesign.fabricate.compensation.convex_object import ConvexObject
+    from dicedesign.fabricate.compensation.reshaping import MOST_ROUNDS, largest_move, reshaped
     from dicedesign.results.balance import Balance
 
     options, edges, solid = work.recipe.engrave, work.recipe.edges, work.solid
@@ -121,7 +121,7 @@ def _measure(
 ) -> tuple[Callable[[Surface, Floats], Measured], ThrownOdds | None, Floats]:
     """How an object is measured, the model by which it is reshaped, and its target (k,): for a die
     to be thrown the odds that the plain shape has by the momentum model."""
-    from dicedesign.fabricate.balance.convex_object import measure_resting, measure_thrown
+    from dicedesign.fabricate.compensation.convex_object import measure_resting, measure_thrown
     from dicedesign.geometry.surfaces.surface import Surface
 
     if not work.recipe.method.thrown:
@@ -163,7 +163,7 @@ def _finish_stretched(
     core: ConvexHull | None = None,
 ) -> None:
     """The object of a surface, stretched until it has the odds."""
-    from dicedesign.fabricate.balance.stretching import stretched
+    from dicedesign.fabricate.compensation.stretching import stretched
     from dicedesign.geometry.hulls.hull import convex_hull
     from dicedesign.results.balance import Balance
 

@@ -15,8 +15,8 @@ import numpy as np
 import torch
 
 from dicedesign.errors import DiceError
-from dicedesign.fabricate.balance.carried_labels import carried
-from dicedesign.fabricate.balance.convex_object import ConvexObject, Measured
+from dicedesign.fabricate.compensation.carried_labels import carried
+from dicedesign.fabricate.compensation.convex_object import ConvexObject, Measured
 from dicedesign.fabricate.labels.layout import Placement
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.surfaces.surface import Surface

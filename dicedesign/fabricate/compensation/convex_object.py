@@ -67,7 +67,7 @@ class ConvexObject:
         return self._engraved(self.unlabelled(core), placements)
 
     def _engraved(self, plain: Surface, placements: Sequence[Placement]) -> Surface:
-        from dicedesign.fabricate.balance.hidden_ball import hollowed
+        from dicedesign.fabricate.compensation.hidden_ball import hollowed
         from dicedesign.fabricate.solids.engraving import engrave
 
         if self.labels is None:

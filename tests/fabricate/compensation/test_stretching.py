@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dicedesign.fabricate.balance.stretching import stretched
+from dicedesign.fabricate.compensation.stretching import stretched
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.surfaces.surface import Surface

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from dicedesign.cli.body import read_poses
+from dicedesign.cli.bodies.body import read_poses
 from dicedesign.cli.options import percent_interval, print_json
 from dicedesign.errors import InputError
 from dicedesign.runtime.printable import printable

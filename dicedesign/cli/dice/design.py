@@ -6,7 +6,7 @@ import argparse
 import re
 from typing import Any, Final
 
-from dicedesign.cli.run_recipe import add_result_options, run_and_print, with_result_options
+from dicedesign.cli.dice.run_recipe import add_result_options, run_and_print, with_result_options
 from dicedesign.errors import InputError, RecipeError
 
 __all__ = ["add_parser"]

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from dicedesign.cli.body import center_of_mass, read_poses
+from dicedesign.cli.bodies.body import center_of_mass, read_poses
 from dicedesign.cli.options import (
     add_engine_option,
     add_worker_options,

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from dicedesign.cli.run_recipe import add_result_options, run_and_print, with_result_options
+from dicedesign.cli.dice.run_recipe import add_result_options, run_and_print, with_result_options
 
 __all__ = ["add_parser"]
 

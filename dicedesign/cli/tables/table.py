@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from dicedesign.cli import table_learn
+from dicedesign.cli.tables import table_learn
 from dicedesign.cli.options import (
     add_worker_options,
     check_worker_options,

@@ -8,9 +8,9 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dicedesign.cli.body import add_body_options, center_of_mass, read_poses
+from dicedesign.cli.bodies.body import add_body_options, center_of_mass, read_poses
+from dicedesign.cli.bodies.rest_folder import add_folder_options, refuse_folder_options, rest_folder
 from dicedesign.cli.options import direction, print_json
-from dicedesign.cli.rest_folder import add_folder_options, refuse_folder_options, rest_folder
 from dicedesign.errors import named
 from dicedesign.runtime.files import atomic_write
 from dicedesign.runtime.printable import printable

@@ -6,7 +6,7 @@ import argparse
 import math
 from typing import TYPE_CHECKING, Any
 
-from dicedesign.cli.body import add_body_options, center_of_mass, read_poses
+from dicedesign.cli.bodies.body import add_body_options, center_of_mass, read_poses
 from dicedesign.cli.options import direction, print_json, vector
 from dicedesign.errors import InputError
 from dicedesign.runtime.text_table import text_table
