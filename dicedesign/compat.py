@@ -1,1 +1,1 @@
-"""Functions of other libraries with the same names and returned values, answered without sampling."""
+"""Functions of other libraries by their names, answered without sampling."""

@@ -116,6 +116,11 @@ class Attempts:
         )
 
     @cached_property
+    def masses(self) -> Floats:
+        """(n,) shares of the surface that its points stand for."""
+        return point_masses(self.problem.surface)
+
+    @cached_property
     def choices(self) -> list[Floats]:
         """(k, 3) directions of the outcomes, for one attempt after the other."""
         wanted = self.problem.apart
@@ -150,7 +155,7 @@ class Attempts:
                 break
             if made is None or rank(filled, self.options) < rank(made, self.options):
                 made = filled
-            if filled.intersections == 0:
+            if filled.self_intersections == 0:
                 break
         return made
 
@@ -221,7 +226,7 @@ class Attempts:
         points, triangles = self.problem.surface.points, self.surface.triangles
         best = self._filled_by_correspondence(number, design)
         for easing in range(EASINGS):
-            if best is None or not 0 < best.intersections <= MOST_EASED:
+            if best is None or not 0 < best.self_intersections <= MOST_EASED:
                 break
             crossing = np.unique(intersecting_triangles(best.points, triangles))
             places = points[np.unique(triangles[crossing])]
@@ -229,7 +234,7 @@ class Attempts:
             if following is None:
                 break
             eased = self._filled_by_correspondence(number, following)
-            if eased is None or eased.intersections > HELPED * best.intersections:
+            if eased is None or eased.self_intersections > HELPED * best.self_intersections:
                 break
             best, design = eased, following
         return best
@@ -264,7 +269,7 @@ class Attempts:
     def _measured(self, number: int, design: DesignedHull, filled: FillResult) -> FilledHull:
         """A designed hull after it was filled."""
         unit = self.problem.surface
-        back = best_similarity(filled.points, unit.points, point_masses(unit))
+        back = best_similarity(filled.points, unit.points, self.masses)
         solid = unit.moved(back(filled.points))
         # As they come out of a file of single precision.
         rounded = unit.moved(solid.points.astype(np.float32).astype(np.float64))
@@ -285,7 +290,7 @@ class Attempts:
             error=error,
             gap=float(distances_from_surface(solid, wanted).max()) / unit.diagonal,
             displacement=float(norms(solid.points - unit.points).mean() / unit.diagonal),
-            apart=float(np.degrees(outcomes.least_angle)),
-            margin=float(np.degrees(outcome_margins(poses, outcomes).min())),
-            intersections=len(intersecting_triangles(solid.points, unit.triangles)),
+            apart_deg=float(np.degrees(outcomes.least_angle)),
+            margin_deg=float(np.degrees(outcome_margins(poses, outcomes).min())),
+            self_intersections=len(intersecting_triangles(solid.points, unit.triangles)),
         )

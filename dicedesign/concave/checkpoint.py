@@ -8,8 +8,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from dicedesign.concave.result import AttemptResult, ConcaveProgress, ConcaveStep, FilledHull
+from dicedesign.concave.result import ConcaveProgress, ConcaveStep, FilledHull
 from dicedesign.errors import InputError
+from dicedesign.results.trade_off import Draft
 from dicedesign.runtime import checkpoint
 from dicedesign.runtime.checkpoint import Arrays
 
@@ -71,6 +72,6 @@ def _progress(state: dict[str, Any], arrays: Arrays) -> ConcaveProgress:
         attempts=state["attempts"],
         seconds=state["seconds"],
         best=best,
-        tried=tuple(AttemptResult(**attempt) for attempt in state["tried"]),
+        tried=tuple(Draft(**attempt) for attempt in state["tried"]),
         history=tuple(ConcaveStep(**step) for step in state["history"]),
     )

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Final
 
+from dicedesign.concave.hull.shortfall import shortfall
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.concave.result import AttemptResult, FilledHull
+from dicedesign.concave.result import FilledHull
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.results.trade_off import Draft
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["MOST_EASED", "doubts", "is_shifted", "missing", "rank"]
@@ -31,23 +33,21 @@ UNSHIFTED: Final = 1e-6
 cavity is made: in the single precision of a file it would be none."""
 
 
-def missing(die: FilledHull | AttemptResult, options: ConcaveOptions) -> float:
+def missing(die: FilledHull | Draft, options: ConcaveOptions) -> float:
     """How far odds, angles and surface are from what will do, over what will do, summed; 0 for a
     die as wanted."""
-    missing = max(die.error / options.tolerance - 1.0, 0.0)
-    if die.apart < options.apart_deg:
-        missing += 1.0 - die.apart / options.apart_deg
-    if die.margin < options.margin_deg:
-        missing += 1.0 - die.margin / options.margin_deg
-    if die.intersections > 0:
-        missing += MEETING + die.intersections / MOST_EASED
+    apart = die.apart_deg, options.apart_deg
+    margin = die.margin_deg, options.margin_deg
+    missing = shortfall(die.error, options.tolerance, apart, margin)
+    if die.self_intersections > 0:
+        missing += MEETING + die.self_intersections / MOST_EASED
     return missing
 
 
 def rank(die: FilledHull, options: ConcaveOptions) -> tuple[float, float]:
     """Sort key, best first: what is missing, then the displacement, which counts for more in a die
     that is hard to read (`doubts`)."""
-    dearer = 1.0 + doubts(die.apart, die.margin, options)
+    dearer = 1.0 + doubts(die.apart_deg, die.margin_deg, options)
     return missing(die, options), dearer * die.displacement
 
 

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.results.trade_off import Draft
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["AttemptResult", "ConcaveDie", "ConcaveProgress", "ConcaveStep", "FilledHull", "Hollow"]
+__all__ = ["ConcaveDie", "ConcaveProgress", "ConcaveStep", "FilledHull", "Hollow"]
 
 
 @dataclass(frozen=True)
@@ -31,29 +32,6 @@ class ConcaveStep:
     error: float | None
 
 
-@dataclass(frozen=True)
-class AttemptResult:
-    """What an attempt led to, in numbers.
-
-    Attributes
-    ----------
-    attempt: its number, from 1 on. seconds: it took, on the wall.
-    error: largest of |p - q| over the outcomes and the odds of all other rests together.
-    displacement: mean over the points, over the diagonal of the original.
-    apart: least angle between two outcomes' rests, in degrees.
-    margin: least angle by which it must be tipped to leave an outcome, in degrees.
-    intersections: pairs of triangles that meet and should not.
-    """
-
-    attempt: int
-    seconds: float
-    error: float
-    displacement: float
-    apart: float
-    margin: float
-    intersections: int
-
-
 @dataclass(frozen=True, eq=False)
 class FilledHull:
     """A surface that fills a designed hull.
@@ -69,8 +47,7 @@ class FilledHull:
     error: largest of |p - q| over the clusters and the odds of all other rests together.
     gap: largest distance of a corner of the hull from the surface, over the diagonal.
     displacement: mean over the points, over the diagonal of the original.
-    apart, margin: in degrees, see `AttemptResult`.
-    intersections: pairs of triangles that meet and should not.
+    apart_deg, margin_deg, self_intersections: as in `Draft`.
     """
 
     attempt: int
@@ -81,9 +58,21 @@ class FilledHull:
     error: float
     gap: float
     displacement: float
-    apart: float
-    margin: float
-    intersections: int
+    apart_deg: float
+    margin_deg: float
+    self_intersections: int
+
+    def draft(self, seconds: float) -> Draft:
+        """It in numbers, after an attempt that took so long."""
+        return Draft(
+            self.attempt,
+            seconds,
+            self.error,
+            self.displacement,
+            self.apart_deg,
+            self.margin_deg,
+            self.self_intersections,
+        )
 
 
 @dataclass(frozen=True)
@@ -102,7 +91,7 @@ class ConcaveProgress:
     attempts: int
     seconds: float
     best: FilledHull | None
-    tried: tuple[AttemptResult, ...]
+    tried: tuple[Draft, ...]
     history: tuple[ConcaveStep, ...]
 
 

@@ -10,11 +10,9 @@ from dicedesign.concave.attempt import Attempts
 from dicedesign.concave.criteria import is_shifted, missing, rank
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import (
-    AttemptResult,
     ConcaveDie,
     ConcaveProgress,
     ConcaveStep,
-    FilledHull,
     Hollow,
 )
 from dicedesign.errors import NoStartError
@@ -129,7 +127,7 @@ class _Search:
             if best is None:
                 history = tuple(self.steps)
             if filled is not None:
-                tried += (_told(filled, self.seconds - begun),)
+                tried += (filled.draft(self.seconds - begun),)
                 if best is None or rank(filled, self.options) < rank(best, self.options):
                     best, history = filled, tuple(self.steps)
             progress = ConcaveProgress(number, self.seconds, best, tried, history)
@@ -153,16 +151,3 @@ class _Search:
 def _hollow(surface: Surface, wall: float | None, center: Floats) -> Hollow | None:
     """What cavities are to do for a center of mass, unless it is that of the uniform solid."""
     return None if wall is None or not is_shifted(surface, center) else Hollow(wall, center)
-
-
-def _told(filled: FilledHull, seconds: float) -> AttemptResult:
-    """A filled hull in numbers."""
-    return AttemptResult(
-        filled.attempt,
-        seconds,
-        filled.error,
-        filled.displacement,
-        filled.apart,
-        filled.margin,
-        filled.intersections,
-    )

@@ -9,7 +9,6 @@ import numpy as np
 
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import (
-    AttemptResult,
     ConcaveDie,
     ConcaveProgress,
     ConcaveStep,
@@ -18,6 +17,7 @@ from dicedesign.concave.result import (
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.results.trade_off import Draft
 
 CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 NORMALS = np.concatenate([np.eye(3), -np.eye(3)])
@@ -85,11 +85,11 @@ class MadeUpSearch:
                 error=0.0,
                 gap=0.0,
                 displacement=0.01 * attempt,
-                apart=90.0,
-                margin=45.0,
-                intersections=0,
+                apart_deg=90.0,
+                margin_deg=45.0,
+                self_intersections=0,
             )
-            tried = AttemptResult(attempt, 0.6, 0.0, best.displacement, 90.0, 45.0, 0)
+            tried = Draft(attempt, 0.6, 0.0, best.displacement, 90.0, 45.0, 0)
             progress = ConcaveProgress(
                 attempt,
                 0.6 * attempt,

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from dicedesign.concave.checkpoint import checkpoint_bytes, read_checkpoint
-from dicedesign.concave.result import AttemptResult, ConcaveProgress, ConcaveStep, FilledHull
+from dicedesign.concave.result import ConcaveProgress, ConcaveStep, FilledHull
 from dicedesign.errors import InputError
+from dicedesign.results.trade_off import Draft
 
 SEARCH = {"target": "[0.5, 0.5]", "surface": "abc"}
 
@@ -25,12 +26,12 @@ def progress(with_best: bool) -> ConcaveProgress:
         error=1e-300,
         gap=np.pi * 1e-7,
         displacement=0.1 + 0.2,
-        apart=100.0 / 3.0,
-        margin=1.0 / 7.0,
-        intersections=7,
+        apart_deg=100.0 / 3.0,
+        margin_deg=1.0 / 7.0,
+        self_intersections=7,
     )
     steps = (ConcaveStep(3, "hull", 0.1, 1.0 / 3.0, 0.25), ConcaveStep(3, "fill", 0.2, 0.0, None))
-    tried = AttemptResult(3, 0.1, 1e-300, 0.1 + 0.2, 100.0 / 3.0, 1.0 / 7.0, 7)
+    tried = Draft(3, 0.1, 1e-300, 0.1 + 0.2, 100.0 / 3.0, 1.0 / 7.0, 7)
     return ConcaveProgress(
         5, 12.7, best if with_best else None, (tried,) if with_best else (), steps
     )

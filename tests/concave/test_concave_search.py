@@ -110,12 +110,12 @@ def test_the_solid_is_as_wanted(
     assert found.apart >= options.apart_deg - 0.01
     assert found.margin >= options.margin_deg - 0.01
     assert best.error <= 0.02
-    assert (best.error, best.apart, best.margin) == (
+    assert (best.error, best.apart_deg, best.margin_deg) == (
         pytest.approx(found.error, abs=1e-4),
         pytest.approx(found.apart, abs=0.01),
         pytest.approx(found.margin, abs=0.01),
     )
-    assert best.intersections == 0
+    assert best.self_intersections == 0
     assert best.gap < 1e-12
     # What is told of the die is what it is.
     assert die.before is surface
@@ -151,8 +151,8 @@ def test_where_none_is_as_wanted_it_is_the_best_that_was_found(
     found = read_back(die, target, tmp_path)
     assert found.apart < 120.0
     assert found.error == pytest.approx(best.error, abs=1e-4)
-    assert found.apart == pytest.approx(best.apart, abs=0.01)
-    assert found.margin == pytest.approx(best.margin, abs=0.01)
+    assert found.apart == pytest.approx(best.apart_deg, abs=0.01)
+    assert found.margin == pytest.approx(best.margin_deg, abs=0.01)
 
 
 def without_seconds(progress: ConcaveProgress) -> bytes:
@@ -179,13 +179,13 @@ def test_attempts_are_told_and_the_best_is_kept() -> None:
     assert found
     ranks = [rank(best, ConcaveOptions()) for best in found]
     assert ranks == sorted(ranks, reverse=True)
-    tried = {attempt.attempt: attempt for attempt in die.progress.tried}
+    tried = {draft.attempt: draft for draft in die.progress.tried}
     assert sorted(tried) == [attempt.attempt for attempt in die.progress.tried]
     for best in found:
         told = tried[best.attempt]
-        for name in ("error", "displacement", "apart", "margin", "intersections"):
+        for name in ("error", "displacement", "apart_deg", "margin_deg", "self_intersections"):
             assert getattr(told, name) == getattr(best, name)
-    assert 0.0 < sum(attempt.seconds for attempt in tried.values()) <= die.progress.seconds
+    assert 0.0 < sum(draft.seconds or 0.0 for draft in tried.values()) <= die.progress.seconds
 
 
 def test_the_same_seed_makes_the_same_die() -> None:

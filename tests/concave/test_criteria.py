@@ -25,25 +25,25 @@ def die(**changes: float) -> FilledHull:
         error=0.01,
         gap=0.0,
         displacement=0.03,
-        apart=40.0,
-        margin=10.0,
-        intersections=0,
+        apart_deg=40.0,
+        margin_deg=10.0,
+        self_intersections=0,
     )
     return replace(made, **changes)  # type: ignore[arg-type]
 
 
 def test_nothing_is_missing_at_the_limits() -> None:
     assert missing(die(), OPTIONS) == 0.0
-    assert missing(die(error=0.0, apart=170.0, margin=80.0), OPTIONS) == 0.0
+    assert missing(die(error=0.0, apart_deg=170.0, margin_deg=80.0), OPTIONS) == 0.0
 
 
 @pytest.mark.parametrize(
     ("name", "values"),
     [
         ("error", (0.01, 0.010001, 0.012, 0.5)),
-        ("apart", (40.0, 39.999, 20.0, 0.0)),
-        ("margin", (10.0, 9.999, 3.0, 0.0)),
-        ("intersections", (0, 1, 7, 1000)),
+        ("apart_deg", (40.0, 39.999, 20.0, 0.0)),
+        ("margin_deg", (10.0, 9.999, 3.0, 0.0)),
+        ("self_intersections", (0, 1, 7, 1000)),
     ],
 )
 def test_what_is_farther_off_lacks_more(name: str, values: tuple[float, ...]) -> None:
@@ -53,7 +53,7 @@ def test_what_is_farther_off_lacks_more(name: str, values: tuple[float, ...]) ->
 
 
 def test_what_is_off_in_several_ways_lacks_all_of_it() -> None:
-    ways: list[dict[str, float]] = [{"error": 0.03}, {"apart": 10.0}, {"margin": 5.0}]
+    ways: list[dict[str, float]] = [{"error": 0.03}, {"apart_deg": 10.0}, {"margin_deg": 5.0}]
     alone = [missing(die(**way), OPTIONS) for way in ways]
     np.testing.assert_allclose(alone, [2.0, 0.75, 0.5])
     together = {name: value for way in ways for name, value in way.items()}
@@ -62,22 +62,27 @@ def test_what_is_off_in_several_ways_lacks_all_of_it() -> None:
 
 def test_angles_that_are_not_asked_for_are_not_missed() -> None:
     free = replace(OPTIONS, apart_deg=0.0, margin_deg=0.0)
-    assert missing(die(apart=0.0, margin=0.0), free) == 0.0
+    assert missing(die(apart_deg=0.0, margin_deg=0.0), free) == 0.0
     assert doubts(0.0, 0.0, free) == 0.0
 
 
 def test_a_die_as_wanted_is_better_than_a_nearer_one_that_is_not() -> None:
     far = die(displacement=0.2)
-    for change in ({"error": 0.0101}, {"apart": 39.9}, {"margin": 9.9}, {"intersections": 1}):
+    for change in (
+        {"error": 0.0101},
+        {"apart_deg": 39.9},
+        {"margin_deg": 9.9},
+        {"self_intersections": 1},
+    ):
         near = die(displacement=0.001, **change)
         assert rank(far, OPTIONS) < rank(near, OPTIONS)
     assert rank(die(displacement=0.02), OPTIONS) < rank(far, OPTIONS)
     # Neither is as wanted: the one that lacks less.
-    assert rank(die(apart=30.0, displacement=0.2), OPTIONS) < rank(die(apart=20.0), OPTIONS)
+    assert rank(die(apart_deg=30.0, displacement=0.2), OPTIONS) < rank(die(apart_deg=20.0), OPTIONS)
 
 
 def test_of_dice_as_wanted_the_one_that_is_easier_to_read_may_be_farther_off() -> None:
-    hard, easy = die(displacement=0.03), die(displacement=0.04, apart=90.0, margin=30.0)
+    hard, easy = die(displacement=0.03), die(displacement=0.04, apart_deg=90.0, margin_deg=30.0)
     assert rank(easy, OPTIONS) < rank(hard, OPTIONS)
     assert rank(die(displacement=0.01), OPTIONS) < rank(easy, OPTIONS)
 

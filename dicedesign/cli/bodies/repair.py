@@ -15,6 +15,7 @@ from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
     from dicedesign.geometry.surfaces.repair import RepairedMesh
+    from dicedesign.geometry.surfaces.surface import Surface
 
 __all__ = ["add_parser"]
 
@@ -59,17 +60,17 @@ def _repair(options: argparse.Namespace) -> int:
     for note in notes:
         print(f"note: {printable(note)}", file=sys.stderr)
     if made is not None:
-        print("\n".join(_table(made)))
+        print("\n".join(_table(made, surface)))
     print(f"files: {', '.join(printable(str(path)) for path in files)}")
     return 0
 
 
-def _table(made: RepairedMesh) -> list[str]:
+def _table(made: RepairedMesh, surface: Surface) -> list[str]:
     numbers = made.numbers
     closed = numbers.handles_before is not None
     rows = [
-        ("points", len(made.points), len(made.surface.points)),
-        ("triangles", len(made.triangles), len(made.surface.triangles)),
+        ("points", len(made.points), len(surface.points)),
+        ("triangles", len(made.triangles), len(surface.triangles)),
         ("pieces", numbers.pieces, 1),
         ("cavities", numbers.cavities, 0),
         ("handles", numbers.handles_before if closed else "not closed", numbers.handles),

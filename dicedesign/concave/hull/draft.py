@@ -11,6 +11,7 @@ import torch
 
 from dicedesign.concave.hull.least_displacement import least_displacement
 from dicedesign.concave.hull.problem import DesignedHull, HullProblem
+from dicedesign.concave.hull.shortfall import shortfall
 from dicedesign.concave.hull.slopes import SlopeMemory, climbs
 from dicedesign.errors import DiceError
 from dicedesign.geometry.sphere import angle_between, foot_on_line
@@ -127,12 +128,8 @@ class HullDraft:
     def shortfall(self, problem: HullProblem) -> float:
         """How far odds, angles between outcomes and margin are from what will do, over what will
         do, summed; 0 where nothing is missing."""
-        missing = max(self.error(problem.target) / problem.tolerance - 1.0, 0.0)
-        if self.apart < problem.apart:
-            missing += 1.0 - self.apart / problem.apart
-        if self.margin < problem.margin:
-            missing += 1.0 - self.margin / problem.margin
-        return missing
+        apart, margin = (self.apart, problem.apart), (self.margin, problem.margin)
+        return shortfall(self.error(problem.target), problem.tolerance, apart, margin)
 
     @property
     def jacobian(self) -> Floats:

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from dicedesign.concave.hull.slopes import largest_rise
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import even_directions, unit_vectors
@@ -168,8 +169,7 @@ def _climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:
         row = np.minimum((np.arccos(np.clip(arc[..., 2], -1, 1)) / math.pi * rows), rows - 1)
         turn = (np.arctan2(arc[..., 1], arc[..., 0]) + math.pi) / (2.0 * math.pi) * columns
         heights = table[row.astype(np.int64), np.minimum(turn, columns - 1).astype(np.int64)]
-        later = np.maximum.accumulate(heights[:, ::-1], axis=1)[:, ::-1]
-        highest[:, column] = (later - heights).max(axis=1)
+        highest[:, column] = largest_rise(heights)
     return highest
 
 

@@ -105,7 +105,11 @@ def climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:
         halves = np.array_split(starts, 2)
         return np.concatenate([climbs(vertices, half, ends) for half in halves])
     arcs = _arcs(starts, ends, CLIMB_STRIDE)
-    heights = (arcs @ vertices.T).max(axis=-1)
+    return largest_rise((arcs @ vertices.T).max(axis=-1))
+
+
+def largest_rise(heights: Floats) -> Floats:
+    """(...) most by which heights (..., m) rise from one on to a later one."""
     later = np.maximum.accumulate(heights[..., ::-1], axis=-1)[..., ::-1]
     return np.asarray((later - heights).max(axis=-1))
 

@@ -8,7 +8,7 @@ from dicedesign.concave.hollow.cavity import balancing_cavity, least_wall
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.orientation import shells_of
-from dicedesign.geometry.surfaces.surface import Surface, joined
+from dicedesign.geometry.surfaces.surface import Surface, joined, surface_of
 from dicedesign.results.cavities import Cavities
 from dicedesign.runtime.arrays import Floats
 
@@ -29,7 +29,9 @@ def measured_cavities(body: Body) -> Cavities:
     """
     assert body.triangles is not None
     shell = shells_of(body.triangles)
-    shells = [_part(body.points, body.triangles[shell == k]) for k in range(int(shell.max()) + 1)]
+    shells = [
+        surface_of(body.points, body.triangles[shell == k]) for k in range(int(shell.max()) + 1)
+    ]
     outer = [each for each in shells if each.volume > 0.0]
     inner = [_reversed(each) for each in shells if each.volume < 0.0]
     if len(outer) != 1 or not inner:
@@ -46,11 +48,6 @@ def measured_cavities(body: Body) -> Cavities:
         part=volume / outer[0].volume,
         shift_mm=float(np.linalg.norm(whole.centroid - outer[0].centroid)),
     )
-
-
-def _part(points: Floats, triangles: np.ndarray) -> Surface:
-    used, numbered = np.unique(triangles, return_inverse=True)
-    return Surface(points[used], numbered.reshape(-1, 3))
 
 
 def _reversed(surface: Surface) -> Surface:

@@ -10,7 +10,7 @@ from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.orientation import closed_triangles, distinct_triangles, shells_of
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.surfaces.surface import Surface, surface_of
 from dicedesign.geometry.triangles import (
     connected_parts,
     edge_keys,
@@ -73,22 +73,22 @@ def one_shell(body: Body) -> tuple[Surface, tuple[str, ...]]:
     if len(distinct) < len(body.triangles):
         repeated = f"left {len(body.triangles) - len(distinct)} repeated triangles out"
         notes = (repeated, *notes)
-    used, triangles = np.unique(triangles, return_inverse=True)
-    points, triangles = body.points[used], triangles.reshape(-1, 3)
-    if len(used) < len(body.points):
-        notes += (f"dropped {len(body.points) - len(used)} points that are on no triangle",)
-    _check_shells(points, triangles, name)
-    volume = Surface(points, triangles).volume
-    extent = float(np.ptp(points, axis=0).max())
+    surface = surface_of(body.points, triangles)
+    if len(surface.points) < len(body.points):
+        unused = len(body.points) - len(surface.points)
+        notes += (f"dropped {unused} points that are on no triangle",)
+    _check_shells(surface.points, surface.triangles, name)
+    volume = surface.volume
+    extent = float(np.ptp(surface.points, axis=0).max())
     if abs(volume) <= VOLUME_TOLERANCE * extent**3:
         raise DegenerateBodyError(
             f"{name}: expected a surface that encloses a volume, got {volume:.3g} at an extent of "
             f"{extent:.3g}; use a mesh with thickness"
         )
     if volume < 0.0:
-        triangles = triangles[:, ::-1].copy()
+        surface = Surface(surface.points, surface.triangles[:, ::-1].copy())
         notes += ("turned the surface, which was oriented inward",)
-    return Surface(points, triangles), body.notes + notes
+    return surface, body.notes + notes
 
 
 def _pinched_points(triangles: Integers) -> Integers:

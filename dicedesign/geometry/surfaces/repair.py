@@ -13,7 +13,7 @@ from dicedesign.geometry.meshes.orientation import distinct_triangles, shells_of
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.remeshing import thinned
 from dicedesign.geometry.surfaces.soup import Soup
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.surfaces.surface import Surface, surface_of
 from dicedesign.geometry.surfaces.untangling import untangled
 from dicedesign.geometry.surfaces.wound_solid import BESIDE, HALF, WoundSolid
 from dicedesign.geometry.triangles import doubled_area_vectors, edge_keys
@@ -129,9 +129,7 @@ def _largest(points: Floats, triangles: Integers) -> tuple[Surface, int, float, 
     a, b, c = (points[triangles] - points.mean(axis=0)).transpose(1, 0, 2)
     volumes = np.bincount(shell, (a * np.linalg.cross(b, c)).sum(axis=1) / 6.0)
     solids = volumes[volumes > 0.0]
-    kept = triangles[shell == volumes.argmax()]
-    used, kept = np.unique(kept, return_inverse=True)
-    surface = Surface(points[used], kept.reshape(-1, 3))
+    surface = surface_of(points, triangles[shell == volumes.argmax()])
     dropped = 1.0 - float(solids.max() / solids.sum())
     return surface, len(solids), dropped, len(volumes) - len(solids)
 

@@ -10,7 +10,7 @@ import numpy as np
 from dicedesign.geometry.solid import centroid_derivatives, solid_properties
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["Surface", "joined"]
+__all__ = ["Surface", "joined", "surface_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +52,12 @@ class Surface:
     def moved(self, points: Floats) -> Surface:
         """The same triangles between other points (n, 3)."""
         return Surface(points, self.triangles)
+
+
+def surface_of(points: Floats, triangles: Integers) -> Surface:
+    """The surface of triangles (t, 3) alone: of the points (n, 3) those that they use."""
+    used, renumbered = np.unique(triangles, return_inverse=True)
+    return Surface(points[used], renumbered.reshape(-1, 3))
 
 
 def joined(first: Surface, second: Surface) -> Surface:

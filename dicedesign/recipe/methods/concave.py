@@ -27,7 +27,7 @@ from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import CHECKPOINT
 from dicedesign.results.record import Step
 from dicedesign.results.status import Status
-from dicedesign.results.trade_off import Draft, TradeOff
+from dicedesign.results.trade_off import TradeOff
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import atomic_write
 from dicedesign.tolerances import SAME_REST_ANGLE
@@ -148,19 +148,7 @@ def _unchanged(surface: Surface, target: Floats, progress: ConcaveProgress) -> C
 
 
 def _trade_off(progress: ConcaveProgress, options: ConcaveOptions) -> TradeOff:
-    drafts = tuple(
-        Draft(
-            attempt=tried.attempt,
-            seconds=tried.seconds,
-            error=tried.error,
-            displacement=tried.displacement,
-            apart_deg=tried.apart,
-            margin_deg=tried.margin,
-            self_intersections=tried.intersections,
-        )
-        for tried in progress.tried
-    )
-    return TradeOff(options.tolerance, options.apart_deg, options.margin_deg, drafts)
+    return TradeOff(options.tolerance, options.apart_deg, options.margin_deg, progress.tried)
 
 
 def _told(progress: ConcaveProgress, options: ConcaveOptions) -> str:
