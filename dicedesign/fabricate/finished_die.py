@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.labels.layout import Placement
     from dicedesign.fabricate.labels.reading import Reading
     from dicedesign.geometry.hulls.hull import ConvexHull
+    from dicedesign.geometry.repair.repair import RepairedMesh
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
-    from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.throws.simulation.die_on_table import ThrownDie
 

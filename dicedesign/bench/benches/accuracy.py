@@ -14,7 +14,7 @@ from dicedesign.bench.options import Amount, meshes
 from dicedesign.bench.rows import Row
 
 if TYPE_CHECKING:
-    from dicedesign.bench.measures.answers import Answer
+    from dicedesign.bench.measures.queries.answers import Answer
     from dicedesign.bench.reference.bodies_with_answers import Subject
     from dicedesign.geometry.meshes.body import Body
     from dicedesign.report.charts.paper import Paper
@@ -105,7 +105,7 @@ class BodyAnswers(Row):
 
 
 def _rows(run: Run) -> Items:
-    from dicedesign.bench.measures.answers import SEED, SPREAD, answers
+    from dicedesign.bench.measures.queries.answers import SEED, SPREAD, answers
     from dicedesign.bench.reference.bodies_with_answers import make_subject
 
     extent: Extent = run.extent

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from dicedesign.bench.frame import BENCHES, Bench, Items, Run
-from dicedesign.bench.measures.concave_dice import (
+from dicedesign.bench.measures.designs.concave_dice import (
     FILLS,
     ConcaveCase,
     ConcaveRow,
@@ -137,7 +137,7 @@ def _target(text: str) -> dict[str, Any]:
 def _models(run: Run) -> dict[str, Path | None]:
     """The models that were asked for, see `concave_cases`."""
     from dicedesign.batch.folder import list_folder
-    from dicedesign.bench.bodies.random_models import model_names
+    from dicedesign.bench.bodies.models.random_models import model_names
 
     options, found = run.options, dict[str, Path | None]()
     for path in options.meshes:

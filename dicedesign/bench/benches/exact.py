@@ -14,7 +14,7 @@ from dicedesign.bench.options import Amount, recipes
 from dicedesign.bench.rows import Row, column, hidden
 
 if TYPE_CHECKING:
-    from dicedesign.bench.measures.random_targets import Attempt
+    from dicedesign.bench.measures.designs.random_targets import Attempt
     from dicedesign.bench.measures.recipes import Work
     from dicedesign.recipe.schema.recipe import Recipe
     from dicedesign.results.record import Result
@@ -156,7 +156,7 @@ class RecipeRow(Row):
 
 
 def _rows(run: Run) -> Items:
-    from dicedesign.bench.measures.random_targets import STARTS, attempt_target
+    from dicedesign.bench.measures.designs.random_targets import STARTS, attempt_target
     from dicedesign.bench.measures.recipes import begun
     from dicedesign.recipe.schema.reading import read_recipe
 

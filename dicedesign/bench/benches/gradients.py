@@ -13,8 +13,8 @@ from dicedesign.bench.options import Amount
 from dicedesign.bench.rows import Row, column
 
 if TYPE_CHECKING:
-    from dicedesign.bench.measures.gradient_errors import GradientRow
-    from dicedesign.bench.measures.polygon_gradients import PolygonRow
+    from dicedesign.bench.measures.gradients.gradient_errors import GradientRow
+    from dicedesign.bench.measures.gradients.polygon_gradients import PolygonRow
 
 __all__ = ["EventsRow", "Extent", "HullsRow", "PolygonsRow"]
 
@@ -70,7 +70,7 @@ class HullsRow(Row):
 @dataclass(frozen=True)
 class PolygonsRow(Row):
     """Bodies of polygons of one kind: how many, the most sides of a facet, the largest errors as in
-    `dicedesign.bench.measures.polygon_gradients.PolygonRow`, and how many are beyond a limit."""
+    `polygon_gradients.PolygonRow`, and how many are beyond a limit."""
 
     table: ClassVar[str | None] = None
 
@@ -118,14 +118,14 @@ class EventsRow(Row):
 
 
 def _rows(run: Run) -> Items:
-    from dicedesign.bench.measures.gradient_errors import (
+    from dicedesign.bench.measures.gradients.gradient_errors import (
         compare_gradients,
         exponent,
         glancing_rows,
         grazing_rows,
         is_sound,
     )
-    from dicedesign.bench.measures.gradient_speed import gradient_times
+    from dicedesign.bench.measures.gradients.gradient_speed import gradient_times
 
     extent: Extent = run.extent
     run.begin("random hulls")
@@ -176,7 +176,7 @@ def _hulls_rows(rows: Sequence[GradientRow]) -> Items:
 
 
 def _polygons_rows(run: Run) -> Items:
-    from dicedesign.bench.measures.polygon_gradients import (
+    from dicedesign.bench.measures.gradients.polygon_gradients import (
         polygon_bodies,
         polygon_row,
         random_polyhedron,
@@ -202,7 +202,7 @@ def _polygons_rows(run: Run) -> Items:
 
 
 def _events_rows(bodies: int) -> Items:
-    from dicedesign.bench.measures.decision_events import BODIES, EVENTS, find_events
+    from dicedesign.bench.measures.designs.decision_events import BODIES, EVENTS, find_events
 
     events = list(find_events(BODIES[:bodies]))
     for kind in EVENTS:

@@ -51,7 +51,7 @@ _WORKS: Final = {
 
 
 def _rows(run: Run) -> Items:
-    from dicedesign.bench.measures.feature_costs import (
+    from dicedesign.bench.measures.designs.feature_costs import (
         energy_rows,
         exact_rows,
         hull_rows,
@@ -77,7 +77,7 @@ def _rows(run: Run) -> Items:
 
 
 def _programs(processes: int) -> Items:
-    from dicedesign.bench.measures.feature_costs import CostRow
+    from dicedesign.bench.measures.designs.feature_costs import CostRow
     from dicedesign.bench.measures.processes import in_new_process
     from dicedesign.geometry.hulls.hull import convex_hull
     from dicedesign.geometry.meshes.stl import stl_bytes

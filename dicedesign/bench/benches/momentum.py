@@ -76,7 +76,7 @@ class DieRow(Row):
 
 
 def _rows(run: Run) -> Items:
-    from dicedesign.bench.measures.momentum_judging import (
+    from dicedesign.bench.measures.throws.momentum_judging import (
         judge_printed_die,
         model_times,
         throw_unseen_dice,
@@ -168,7 +168,7 @@ def by_kind(deviations: Sequence[Deviation]) -> Iterator[KindRow]:
 
 def _figure(rows: Sequence[Row], run: Run) -> Paper:
     """Bars of each die's total variation without momentum and by the model."""
-    from dicedesign.bench.measures.momentum_judging import RESTS
+    from dicedesign.bench.measures.throws.momentum_judging import RESTS
     from dicedesign.report.charts.deviation_bars import deviation_bars_figure
 
     dice = [row for row in rows if isinstance(row, DieRow)]

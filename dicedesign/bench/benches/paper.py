@@ -14,7 +14,7 @@ from dicedesign.bench.options import Amount, recipes
 from dicedesign.bench.rows import Row, column, hidden, percent
 
 if TYPE_CHECKING:
-    from dicedesign.bench.measures.paper_designs import Ending, PaperProblem, Seeded
+    from dicedesign.bench.measures.designs.paper_designs import Ending, PaperProblem, Seeded
     from dicedesign.recipe.schema.recipe import Recipe
     from dicedesign.report.charts.paper import Paper
     from dicedesign.runtime.arrays import Floats, Integers
@@ -199,7 +199,7 @@ class AblationRow(Row):
 
 
 def _rows(run: Run) -> Items:
-    from dicedesign.bench.measures.paper_designs import PaperProblem
+    from dicedesign.bench.measures.designs.paper_designs import PaperProblem
     from dicedesign.recipe.schema.reading import read_recipe
 
     extent: Extent = run.extent

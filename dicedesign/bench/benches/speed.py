@@ -70,9 +70,9 @@ class ProgramRow(Row):
 
 
 def _rows(run: Run) -> Items:
-    from dicedesign.bench.measures.design_steps import speed_parts
-    from dicedesign.bench.measures.other_methods import TrimeshTimer
-    from dicedesign.bench.measures.query_speed import Effort, speed_row
+    from dicedesign.bench.measures.designs.design_steps import speed_parts
+    from dicedesign.bench.measures.queries.other_methods import TrimeshTimer
+    from dicedesign.bench.measures.queries.query_speed import Effort, speed_row
     from dicedesign.bench.reference.speed_cases import built_in_cases, mesh_case
     from dicedesign.geometry.hulls.hull import convex_hull
     from dicedesign.geometry.meshes.reading import read_body
@@ -133,7 +133,7 @@ def _programs(run: Run) -> Items:
 
 def _growth(run: Run, time_trimesh: Any) -> Items:
     """Rows of the figure."""
-    from dicedesign.bench.measures.query_speed import Effort, GrowthRow, speed_row
+    from dicedesign.bench.measures.queries.query_speed import Effort, GrowthRow, speed_row
     from dicedesign.bench.reference.speed_cases import sphere_case
 
     for size in SIZES:

@@ -130,7 +130,7 @@ def _measured(problem: Problem, turns: int) -> list[Measurement]:
 
 
 def _design_row(name: str, problem: DesignProblem) -> CaseRow:
-    from dicedesign.bench.measures.watched_design import watch_design
+    from dicedesign.bench.measures.designs.watched_design import watch_design
 
     watched = watch_design(problem)
     row = CaseRow(name)

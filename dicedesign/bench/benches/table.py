@@ -15,7 +15,7 @@ from dicedesign.bench.rows import Row, plain
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
-    from dicedesign.bench.measures.simulator_odds import ShapeOdds
+    from dicedesign.bench.measures.throws.simulator_odds import ShapeOdds
     from dicedesign.bench.reference.published_distances import PublishedDistances
     from dicedesign.geometry.meshes.body import Body
     from dicedesign.report.charts.paper import Paper
@@ -74,8 +74,8 @@ class ShapeRow(Row):
 
 
 def _rows(run: Run) -> Items:
-    from dicedesign.bench.measures.simulator_odds import compare_shapes, installed_engines
-    from dicedesign.bench.measures.simulator_summary import (
+    from dicedesign.bench.measures.throws.simulator_odds import compare_shapes, installed_engines
+    from dicedesign.bench.measures.throws.simulator_summary import (
         engine_totals,
         published_correlations,
         summaries,
@@ -128,7 +128,7 @@ def table_shapes(files: Sequence[Path], extent: Extent) -> list[Body]:
 
 def _speeds(bodies: Sequence[Body], engines: Sequence[str], extent: Extent) -> Items:
     """Of a die of 11 facets and of the shape whose hull has the most corners."""
-    from dicedesign.bench.measures.engine_speed import GOAL, SPEED_TABLE, die_of_11, speeds
+    from dicedesign.bench.measures.throws.engine_speed import GOAL, SPEED_TABLE, die_of_11, speeds
     from dicedesign.geometry.hulls.hull import convex_hull
 
     densest = max(bodies, key=lambda body: len(convex_hull(body.points).vertices))
@@ -141,8 +141,8 @@ def _speeds(bodies: Sequence[Body], engines: Sequence[str], extent: Extent) -> I
 
 def _halved_step(engines: Sequence[str], extent: Extent, workers: Any) -> Items:
     """What half the step changes in the package's own simulator, if it can throw here."""
-    from dicedesign.bench.measures.engine_speed import die_of_11, halve_step
-    from dicedesign.bench.measures.simulator_summary import measured
+    from dicedesign.bench.measures.throws.engine_speed import die_of_11, halve_step
+    from dicedesign.bench.measures.throws.simulator_summary import measured
 
     halving = None
     if "native" in engines:
@@ -159,7 +159,7 @@ def _halved_step(engines: Sequence[str], extent: Extent, workers: Any) -> Items:
 
 def _shape_heading(shape: ShapeOdds) -> str:
     """Of the first shape, from whose tables the columns are taken."""
-    from dicedesign.bench.measures.simulator_odds import ENGINE_NAMES
+    from dicedesign.bench.measures.throws.simulator_odds import ENGINE_NAMES
 
     table = next(iter(shape.tables.values()))
     short = ["-".join(name.split()[0] for name in models) for models in table.comparisons]
@@ -170,7 +170,7 @@ def _shape_heading(shape: ShapeOdds) -> str:
 
 def _shape_lines(shape: ShapeOdds) -> str:
     """The shape, and a line for each table."""
-    from dicedesign.bench.measures.simulator_summary import measured
+    from dicedesign.bench.measures.throws.simulator_summary import measured
 
     lines = [
         f"{shape.name}: {shape.vertices} corners, {shape.rests} rests, rho {shape.asymmetry:.3f}"
@@ -216,8 +216,8 @@ def table_figure(shapes: Sequence[ShapeOdds], published: PublishedDistances | No
 
     Source: figure 10.
     """
-    from dicedesign.bench.measures.simulator_odds import ENGINE_NAMES
-    from dicedesign.bench.measures.simulator_summary import compared
+    from dicedesign.bench.measures.throws.simulator_odds import ENGINE_NAMES
+    from dicedesign.bench.measures.throws.simulator_summary import compared
     from dicedesign.report.charts.picture_grid import picture_grid
     from dicedesign.report.charts.scatter import asymmetry_scatter_figure
 

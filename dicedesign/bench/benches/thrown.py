@@ -13,7 +13,7 @@ from dicedesign.bench.rows import Row, column
 from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
-    from dicedesign.bench.measures.thrown_dice import DieThrows, ThrownRow
+    from dicedesign.bench.measures.throws.thrown_dice import DieThrows, ThrownRow
     from dicedesign.recipe.schema.recipe import Recipe
     from dicedesign.report.charts.chart import Chart
     from dicedesign.report.charts.paper import Paper
@@ -123,7 +123,7 @@ class ChangeLine(Row):
 
 
 def _rows(run: Run) -> Items:
-    from dicedesign.bench.measures.thrown_dice import PARAMETERS, Thrower, throw_recipe
+    from dicedesign.bench.measures.throws.thrown_dice import PARAMETERS, Thrower, throw_recipe
     from dicedesign.throws.simulation.simulation import check_throws
 
     extent, engine = run.extent, run.options.engine
@@ -156,7 +156,7 @@ def _rows(run: Run) -> Items:
 
 def _recipes(paths: Sequence[Path]) -> list[Recipe]:
     """All recipes; what is wrong with one is said before anything is designed."""
-    from dicedesign.bench.measures.thrown_dice import refinement_of
+    from dicedesign.bench.measures.throws.thrown_dice import refinement_of
     from dicedesign.recipe.schema.reading import read_recipe
 
     recipes = []
@@ -210,7 +210,7 @@ def thrown_chart(rows: Sequence[Row], run: Run) -> Chart:
 
     Raises InputError: no die was thrown.
     """
-    from dicedesign.bench.measures.thrown_dice import ThrownRow
+    from dicedesign.bench.measures.throws.thrown_dice import ThrownRow
     from dicedesign.report.charts.axes import Axis
     from dicedesign.report.charts.chart import Chart
     from dicedesign.report.charts.palette import ACCENT, DARK, FAINT, PALE

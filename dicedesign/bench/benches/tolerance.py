@@ -113,7 +113,7 @@ class PreferenceRow(Row):
 
 
 def _rows(run: Run) -> Items:
-    from dicedesign.bench.measures import print_spreads
+    from dicedesign.bench.measures.designs import print_spreads
 
     extent: Extent = run.extent
     dice = dict(list(DICE.items())[: extent.dice])

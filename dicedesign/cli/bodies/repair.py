@@ -14,7 +14,7 @@ from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
-    from dicedesign.geometry.surfaces.repair import RepairedMesh
+    from dicedesign.geometry.repair.repair import RepairedMesh
     from dicedesign.geometry.surfaces.surface import Surface
 
 __all__ = ["add_parser"]
@@ -44,7 +44,7 @@ def _repair(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.fabricate.files.formats import format_of_ending, mesh_bytes
     from dicedesign.geometry.meshes.reading import read_body
-    from dicedesign.geometry.surfaces.input_surface import FINEST, input_surface
+    from dicedesign.geometry.repair.input_surface import FINEST, input_surface
     from dicedesign.report.figures.repair import repair_figure
     from dicedesign.report.render.cameras import upward_of
 

@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 
 from dicedesign.concave.shapes.distance_functions import Distance
-from dicedesign.geometry.surfaces.evening import evened
+from dicedesign.geometry.repair.evening import evened
+from dicedesign.geometry.repair.surface_nets import surface_nets
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.geometry.surfaces.surface_nets import surface_nets
 from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["level_set"]

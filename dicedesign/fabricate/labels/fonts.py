@@ -17,8 +17,8 @@ from typing import Any, Final
 import numpy as np
 
 from dicedesign.errors import EngravingError, InputError, named
-from dicedesign.fabricate.labels.flattening import CHORD_TOLERANCE, PolylinePen
 from dicedesign.fabricate.labels.options import BUNDLED_FONT, is_font_file
+from dicedesign.fabricate.outlines.flattening import CHORD_TOLERANCE, PolylinePen
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import read_file
 

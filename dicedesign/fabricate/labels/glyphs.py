@@ -15,7 +15,7 @@ from manifold3d import CrossSection
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.labels.fonts import open_font
 from dicedesign.fabricate.labels.options import BUNDLED_FONT
-from dicedesign.fabricate.labels.sections import non_zero
+from dicedesign.fabricate.outlines.sections import non_zero
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["line_breaks", "text_contours", "text_section"]

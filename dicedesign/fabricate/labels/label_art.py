@@ -13,10 +13,10 @@ from manifold3d import CrossSection
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.labels.ambiguity import marked, reads_upside_down
 from dicedesign.fabricate.labels.glyphs import line_breaks, text_section
-from dicedesign.fabricate.labels.icons import icon_section
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.labels.pips import pips_section
-from dicedesign.fabricate.labels.sections import grown, holes_and_parts, stroke_growth
+from dicedesign.fabricate.outlines.icons import icon_section
+from dicedesign.fabricate.outlines.sections import grown, holes_and_parts, stroke_growth
 
 __all__ = ["LabelArt", "label_arts", "require_art"]
 

@@ -11,7 +11,7 @@ import numpy as np
 from manifold3d import CrossSection, OpType
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.labels.flattening import CHORD_TOLERANCE
+from dicedesign.fabricate.outlines.flattening import CHORD_TOLERANCE
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["MOST_PIPS", "pip_places", "pips_section"]

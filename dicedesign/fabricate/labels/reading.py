@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.labels.opposite import opposite_facets
+from dicedesign.fabricate.numbering.opposite import opposite_facets
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import angle_between, norms
 from dicedesign.runtime.arrays import Floats, Integers

@@ -17,7 +17,7 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.registry import Extension, Registry
 
 if TYPE_CHECKING:
-    from dicedesign.geometry.surfaces.repair import RepairedMesh
+    from dicedesign.geometry.repair.repair import RepairedMesh
     from dicedesign.geometry.surfaces.surface import Surface
 
 __all__ = [

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.finished_die import EngravedFile
     from dicedesign.fabricate.labels.reading import Reading
     from dicedesign.fabricate.verdict import Verdict
+    from dicedesign.geometry.repair.repair import RepairedMesh
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
-    from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.optimize.refinement import Round
     from dicedesign.optimize.starts.start import Start

@@ -46,8 +46,8 @@ STAGES.register(
 
 
 def _make_surface(work: Work) -> None:
+    from dicedesign.geometry.repair.input_surface import FINEST, MOST_POINTS
     from dicedesign.geometry.surfaces.dents import require_dents
-    from dicedesign.geometry.surfaces.input_surface import FINEST, MOST_POINTS
     from dicedesign.geometry.surfaces.remeshing import decimated, refined
 
     start, method = work.recipe.start, work.recipe.method.concave

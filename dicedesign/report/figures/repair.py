@@ -18,7 +18,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.finished_die import FinishedDie
-    from dicedesign.geometry.surfaces.repair import RepairedMesh
+    from dicedesign.geometry.repair.repair import RepairedMesh
 
 __all__ = ["repair_figure"]
 

@@ -19,7 +19,7 @@ from dicedesign.bench.bodies.problem import Problem
 from dicedesign.bench.bodies.solids import box, platonic, prism
 from dicedesign.bench.bodies.stiff import placed, random_body
 from dicedesign.bench.frame import Run
-from dicedesign.bench.measures.answers import (
+from dicedesign.bench.measures.queries.answers import (
     CENTERS,
     DIRECTIONS,
     FLOAT32,
@@ -34,7 +34,7 @@ from dicedesign.bench.measures.answers import (
     timed,
     timed_trimesh,
 )
-from dicedesign.bench.measures.other_methods import (
+from dicedesign.bench.measures.queries.other_methods import (
     TrimeshError,
     TrimeshRequest,
     matched,

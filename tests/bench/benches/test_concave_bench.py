@@ -16,10 +16,10 @@ from common.bumpy import bumpy_sphere
 from common.dented_cube import MadeUpSearch, dented_cube, write_cube
 
 from dicedesign.bench.benches.concave import GOALS, Extent, concave_cases, summary
-from dicedesign.bench.bodies.random_models import model_names, random_model
+from dicedesign.bench.bodies.models.random_models import model_names, random_model
 from dicedesign.bench.frame import BENCHES
-from dicedesign.bench.measures import concave_dice
-from dicedesign.bench.measures.concave_dice import (
+from dicedesign.bench.measures.designs import concave_dice
+from dicedesign.bench.measures.designs.concave_dice import (
     ConcaveCase,
     ConcaveRow,
     attempt_concave,

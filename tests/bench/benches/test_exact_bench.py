@@ -11,7 +11,7 @@ import pytest
 from common.benches import run_bench
 
 from dicedesign.bench.benches.exact import Extent, RecipeRow, attempt_recipe, summaries
-from dicedesign.bench.measures.random_targets import (
+from dicedesign.bench.measures.designs.random_targets import (
     Attempt,
     attempt_target,
     checked,

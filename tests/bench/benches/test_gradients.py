@@ -15,15 +15,15 @@ from dicedesign.bench.bodies import extremes, solids, stiff
 from dicedesign.bench.bodies.problem import Problem, turned
 from dicedesign.bench.bodies.random_hulls import KINDS, random_hull
 from dicedesign.bench.bodies.solids import PLATONIC
-from dicedesign.bench.measures.decision_events import DISCONTINUOUS, EVENTS, find_events
-from dicedesign.bench.measures.gradient_errors import (
+from dicedesign.bench.measures.designs.decision_events import DISCONTINUOUS, EVENTS, find_events
+from dicedesign.bench.measures.gradients.gradient_errors import (
     compare_gradients,
     exponent,
     gradient_row,
     grazing_body,
     is_sound,
 )
-from dicedesign.bench.measures.path_angles import smallest_growth_and_slant
+from dicedesign.bench.measures.gradients.path_angles import smallest_growth_and_slant
 from dicedesign.bench.reference.oracle_derivatives import oracle_derivative
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import angle_between, oblique_projection, unit_vectors

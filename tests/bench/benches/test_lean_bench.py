@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dicedesign.bench.frame import BENCHES, Run
-from dicedesign.bench.measures.feature_costs import CostRow, time_row
+from dicedesign.bench.measures.designs.feature_costs import CostRow, time_row
 from dicedesign.bench.measures.processes import in_new_process
 from dicedesign.kernels import ops
 

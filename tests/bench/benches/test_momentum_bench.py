@@ -14,7 +14,7 @@ from common.kernels import compiled_only
 from scipy.stats import chisquare
 
 from dicedesign.bench.benches.momentum import Extent, by_kind
-from dicedesign.bench.measures.momentum_judging import (
+from dicedesign.bench.measures.throws.momentum_judging import (
     RESTS,
     judge_printed_die,
     model_times,

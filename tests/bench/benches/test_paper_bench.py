@@ -12,7 +12,7 @@ from common.paths import ROOT
 from PIL import Image
 
 from dicedesign.bench.benches.paper import AblationRow, Extent, SeedsRow, SideRow
-from dicedesign.bench.measures.paper_designs import Ending, PaperProblem
+from dicedesign.bench.measures.designs.paper_designs import Ending, PaperProblem
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.result import DesignResult, DesignStep

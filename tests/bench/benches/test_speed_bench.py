@@ -12,8 +12,7 @@ from common.benches import run_bench
 
 from dicedesign import rest_poses
 from dicedesign.bench.benches.speed import Extent
-from dicedesign.bench.measures.design_steps import part_works, speed_parts
-from dicedesign.bench.measures.other_methods import MOST_CORNERS, TrimeshRequest, TrimeshTimer
+from dicedesign.bench.measures.designs.design_steps import part_works, speed_parts
 from dicedesign.bench.measures.programs import (
     FEW_FILES,
     FolderRow,
@@ -23,7 +22,12 @@ from dicedesign.bench.measures.programs import (
     throughput,
     wall_seconds,
 )
-from dicedesign.bench.measures.query_speed import PAPER, Effort, energy_gradient, speed_row
+from dicedesign.bench.measures.queries.other_methods import (
+    MOST_CORNERS,
+    TrimeshRequest,
+    TrimeshTimer,
+)
+from dicedesign.bench.measures.queries.query_speed import PAPER, Effort, energy_gradient, speed_row
 from dicedesign.bench.reference.speed_cases import (
     Ratios,
     built_in_cases,

@@ -18,8 +18,8 @@ from scipy.stats import binom, pearsonr
 
 from dicedesign.bench.benches.table import Extent, table_figure, table_shapes
 from dicedesign.bench.frame import BENCHES
-from dicedesign.bench.measures.engine_speed import die_of_11, halve_step, speeds
-from dicedesign.bench.measures.simulator_odds import (
+from dicedesign.bench.measures.throws.engine_speed import die_of_11, halve_step, speeds
+from dicedesign.bench.measures.throws.simulator_odds import (
     GEOMETRIC,
     TABLES,
     EngineThrows,
@@ -29,7 +29,7 @@ from dicedesign.bench.measures.simulator_odds import (
     compare_shapes,
     installed_engines,
 )
-from dicedesign.bench.measures.simulator_summary import (
+from dicedesign.bench.measures.throws.simulator_summary import (
     engine_totals,
     published_correlations,
     summaries,

@@ -19,7 +19,7 @@ from scipy.stats import binom
 
 from dicedesign.bench.benches.thrown import DieLine, Extent, thrown_figure
 from dicedesign.bench.frame import BENCHES, Run
-from dicedesign.bench.measures.thrown_dice import (
+from dicedesign.bench.measures.throws.thrown_dice import (
     FRESH,
     PARAMETERS,
     Change,

@@ -24,7 +24,7 @@ from dicedesign.bench.bodies.stiff_designs import (
     loaded_box,
     near_facet,
 )
-from dicedesign.bench.measures.watched_design import step_faults, watch_design
+from dicedesign.bench.measures.designs.watched_design import step_faults, watch_design
 from dicedesign.bench.reference.measurement import OK
 from dicedesign.bench.reference.oracle import hull_probabilities
 from dicedesign.errors import DegenerateBodyError

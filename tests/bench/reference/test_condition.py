@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from dicedesign.bench.bodies.random_hulls import random_hull
-from dicedesign.bench.measures.gradient_errors import grazing_body
+from dicedesign.bench.measures.gradients.gradient_errors import grazing_body
 from dicedesign.bench.reference.condition import derivative_condition, probability_condition
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms

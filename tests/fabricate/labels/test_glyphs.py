@@ -12,7 +12,6 @@ from fontTools.pens.areaPen import AreaPen
 from fontTools.ttLib import TTFont
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.labels.flattening import CHORD_TOLERANCE
 from dicedesign.fabricate.labels.fonts import _bundled
 from dicedesign.fabricate.labels.glyphs import (
     LINE_SPACING,
@@ -20,6 +19,7 @@ from dicedesign.fabricate.labels.glyphs import (
     text_contours,
     text_section,
 )
+from dicedesign.fabricate.outlines.flattening import CHORD_TOLERANCE
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from common.made_up_die import SIDES, box
 from scipy import stats
 
-from dicedesign.bench.measures.perturbed_dice import PrintedDie
+from dicedesign.bench.measures.designs.perturbed_dice import PrintedDie
 from dicedesign.fabricate.print_odds.odds_slopes import OddsSlopes
 from dicedesign.fabricate.print_odds.off_prints import OffPrints
 from dicedesign.fabricate.print_odds.tolerances import ROLLS, OddsSpread, print_tolerances

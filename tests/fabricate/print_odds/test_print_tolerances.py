@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from common.made_up_die import SIDES, box
 
-from dicedesign.bench.measures.perturbed_dice import PrintedDie, only
+from dicedesign.bench.measures.designs.perturbed_dice import PrintedDie, only
 from dicedesign.fabricate.print_odds.odds_slopes import OddsSlopes
 from dicedesign.fabricate.print_odds.tolerances import (
     NOTICED,

@@ -1,0 +1,224 @@
+"""From triangles of any kind to the closed surface of one solid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.meshes.orientation import distinct_triangles, shells_of
+from dicedesign.geometry.repair.soup import Soup
+from dicedesign.geometry.repair.untangling import untangled
+from dicedesign.geometry.repair.wound_solid import BESIDE, HALF, WoundSolid
+from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.surfaces.remeshing import thinned
+from dicedesign.geometry.surfaces.surface import Surface, surface_of
+from dicedesign.geometry.triangles import doubled_area_vectors, edge_keys
+from dicedesign.results.repair import Repair
+from dicedesign.runtime.arrays import Floats, Integers
+
+__all__ = ["RepairedMesh", "repaired"]
+
+GRIDS: Final = ((100, 0.0), (100, 0.25), (80, 0.0), (64, 0.25))
+"""Cells along the longest side and the grid's shift, in cells, tried in turn until a surface does
+not meet itself."""
+
+MOST_TRIANGLES: Final = 100_000
+"""Triangles beyond which there are fewer made of them first: the grid's cells are larger."""
+
+SAMPLES: Final = 20_000
+"""Points that are drawn on a surface to measure distances."""
+
+SEED: Final = 0
+"""Of these points."""
+
+SHEETS: Final = 0.5
+"""Part of the area that may be sheets with no solid on either side."""
+
+TOLD: Final = 5e-3
+"""Part of the area from which on sheets and thin parts are told of: there are some at every sharp
+edge."""
+
+
+@dataclass(frozen=True, eq=False)
+class RepairedMesh:
+    """A surface made of triangles that bounded no single solid.
+
+    Attributes
+    ----------
+    points, triangles: (n, 3) and (t, 3), what came, wound alike and without repeated triangles.
+    surface: of one solid.
+    numbers: about both.
+    notes: the same, one sentence each, after those of the body.
+    """
+
+    points: Floats
+    triangles: Integers
+    surface: Surface
+    numbers: Repair
+    notes: tuple[str, ...]
+
+
+def repaired(body: Body) -> RepairedMesh:
+    """The closed surface of the largest solid that the triangles of a body bound.
+
+    What they wind around more than half a turn is solid (`WoundSolid`): holes are covered, shells
+    that overlap are joined, walls and cavities inside are filled. Parts thinner than a hundredth of
+    the longest side are thickened to about that, and gaps as narrow may close.
+
+    Raises
+    ------
+    InputError: the body is a point cloud; the extra `repair` is not installed; no surface that does
+        not meet itself was found.
+    DegenerateBodyError: the triangles bound no solid, or are mostly sheets.
+    """
+    if body.triangles is None:
+        raise InputError(
+            f"{body.name}: expected a triangle mesh to repair, got a point cloud; export the "
+            "surface as a mesh"
+        )
+    notes = body.notes
+    points, triangles = body.points, body.triangles
+    if len(triangles) > MOST_TRIANGLES:
+        points, triangles = thinned(points, triangles, MOST_TRIANGLES)
+        notes += (
+            f"thinned out {len(body.triangles)} triangles to {len(triangles)} before the repair "
+            "(fast-simplification)",
+        )
+    low, extent = points.min(axis=0), float(np.ptp(points, axis=0).max())
+    distinct = distinct_triangles(triangles)
+    if len(distinct) < len(triangles):
+        notes += (f"left {len(triangles) - len(distinct)} repeated triangles out",)
+    for cells, shift in GRIDS:
+        solid = WoundSolid((points - low) / extent, distinct, cells)
+        found, joined = solid.surfaces(shift)
+        if len(joined) == 0:
+            raise _nothing_inside(body)
+        piece, pieces, dropped, cavities = _largest(found, joined)
+        even = untangled(Surface(*solid.evened(piece.points, piece.triangles)))
+        if even is None:
+            continue
+        numbers = _compared(solid, even, body.triangles, cells, pieces, dropped, cavities)
+        if numbers.sheets > SHEETS:
+            raise _nothing_inside(body)
+        surface = even.moved(low + extent * even.points)
+        return RepairedMesh(
+            points, solid.soup.triangles, surface, numbers, notes + _sentences(numbers, surface)
+        )
+    raise InputError(
+        f"{body.name}: expected triangles whose solid has a surface that does not meet itself, got "
+        f"none on {len(GRIDS)} grids; take the mesh apart, or mend it in a modelling program"
+    )
+
+
+def _nothing_inside(body: Body) -> DegenerateBodyError:
+    return DegenerateBodyError(
+        f"{body.name}: expected triangles that enclose a solid, got sheets, open or thinner than "
+        f"1/{GRIDS[0][0]} of the longest side; give them a thickness (Solidify in Blender) or "
+        "close large holes"
+    )
+
+
+def _largest(points: Floats, triangles: Integers) -> tuple[Surface, int, float, int]:
+    """The surface of the largest solid without its cavities, the number of solids, the volume of
+    the others over that of all, and the number of all cavities."""
+    shell = shells_of(triangles)
+    a, b, c = (points[triangles] - points.mean(axis=0)).transpose(1, 0, 2)
+    volumes = np.bincount(shell, (a * np.linalg.cross(b, c)).sum(axis=1) / 6.0)
+    solids = volumes[volumes > 0.0]
+    surface = surface_of(points, triangles[shell == volumes.argmax()])
+    dropped = 1.0 - float(solids.max() / solids.sum())
+    return surface, len(solids), dropped, len(volumes) - len(solids)
+
+
+def _drawn(points: Floats, triangles: Integers) -> tuple[Floats, Floats]:
+    """Points drawn evenly on triangles, and their normals, (k, 3) each."""
+    rng = np.random.default_rng(SEED)
+    vectors = doubled_area_vectors(points, triangles)
+    areas = norms(vectors)
+    chosen = rng.choice(len(areas), SAMPLES, p=areas / areas.sum())
+    weights = rng.dirichlet((1.0, 1.0, 1.0), SAMPLES)
+    places = (weights[:, :, None] * points[triangles[chosen]]).sum(axis=1)
+    return places, vectors[chosen] / areas[chosen][:, None]
+
+
+def _compared(
+    solid: WoundSolid,
+    surface: Surface,
+    triangles: Integers,
+    cells: int,
+    pieces: int,
+    dropped: float,
+    cavities: int,
+) -> Repair:
+    """The numbers of a repair, from its surface in the coordinates of the solid, the triangles as
+    they came, and what `_largest` counted."""
+    diagonal = float(norms(np.ptp(solid.soup.points, axis=0)))
+    ours, _ = _drawn(surface.points, surface.triangles)
+    off = norms(solid.soup.closest(ours) - ours) / diagonal
+    theirs, normals = _drawn(solid.soup.points, solid.soup.triangles)
+    beside = BESIDE * solid.cell * normals
+    above, below = (solid.soup.turns(theirs + way * beside) > HALF for way in (1.0, -1.0))
+    outer = theirs[~(above & below)]
+    missed = norms(Soup(surface.points, surface.triangles).closest(outer) - outer) / diagonal
+    return Repair(
+        cells=cells,
+        pieces=pieces,
+        dropped=dropped,
+        cavities=cavities,
+        handles_before=_handles(triangles),
+        handles=1 - (len(surface.points) - len(surface.triangles) // 2) // 2,
+        off_mean=float(off.mean()),
+        off_largest=float(off.max()),
+        missed_mean=float(missed.mean()),
+        missed_largest=float(missed.max()),
+        thin=solid.thin_area / solid.soup.area,
+        sheets=float((~above & ~below).mean()),
+    )
+
+
+def _handles(triangles: Integers) -> int | None:
+    """Of a surface of shells in which each edge is of two triangles; None of another."""
+    uses = np.unique(edge_keys(triangles), return_counts=True)[1]
+    if (uses != 2).any():
+        return None
+    shells = int(shells_of(triangles).max()) + 1
+    return shells - (len(np.unique(triangles)) - len(triangles) // 2) // 2
+
+
+def _sentences(numbers: Repair, surface: Surface) -> tuple[str, ...]:
+    before = "" if numbers.handles_before is None else f", {numbers.handles_before} before"
+    sentences = [
+        f"repaired the mesh: the surface of what its triangles enclose, on a grid of "
+        f"{numbers.cells} cells along the longest side, has {len(surface.points)} points and "
+        f"{numbers.handles} handle{'' if numbers.handles == 1 else 's'}{before}",
+        f"the repaired surface is {_percent(numbers.off_mean)} of the diagonal from the triangles "
+        f"on average and {_percent(numbers.off_largest)} at most, these from it "
+        f"{_percent(numbers.missed_mean)} and {_percent(numbers.missed_largest)}",
+    ]
+    if numbers.pieces > 1:
+        sentences.append(
+            f"kept the largest of {numbers.pieces} pieces and dropped "
+            f"{_percent(numbers.dropped)} of the volume; pieces that overlap are kept as one"
+        )
+    if numbers.cavities:
+        sentences.append(
+            f"filled {numbers.cavities} {'cavity' if numbers.cavities == 1 else 'cavities'}"
+        )
+    if numbers.thin > TOLD:
+        sentences.append(
+            f"{_percent(numbers.thin)} of the area is over parts thinner than 1/{numbers.cells} of "
+            "the longest side, which were thickened to about that"
+        )
+    if numbers.sheets > TOLD:
+        sentences.append(
+            f"{_percent(numbers.sheets)} of the area are sheets that enclose nothing and are gone"
+        )
+    return tuple(sentences)
+
+
+def _percent(part: float) -> str:
+    return f"{100.0 * part:.2g} %"
