@@ -73,6 +73,13 @@ from dicedesign.report.figures.figure import FIGURES as FIGURES
 from dicedesign.report.figures.figure import Figure as Figure
 from dicedesign.rest.poses import RestPoses as RestPoses
 from dicedesign.rest.poses import rest_poses as rest_poses
+from dicedesign.rest.prior import PRIORS as PRIORS
+from dicedesign.rest.prior import Prior as Prior
+from dicedesign.rest.prior import PriorKind as PriorKind
+from dicedesign.rest.priors.cap import SphericalCap as SphericalCap
+from dicedesign.rest.priors.density_function import DensityFunction as DensityFunction
+from dicedesign.rest.priors.samples import SampledDirections as SampledDirections
+from dicedesign.rest.priors.von_mises_fisher import VonMisesFisher as VonMisesFisher
 from dicedesign.rest.roll import RollStep as RollStep
 from dicedesign.rest.roll import roll as roll
 from dicedesign.results.reading import read_result as read_result

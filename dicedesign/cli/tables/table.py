@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from dicedesign.cli.tables import table_learn
 from dicedesign.cli.options import (
     add_worker_options,
     check_worker_options,
@@ -17,6 +16,7 @@ from dicedesign.cli.options import (
     workers_of,
     write_table,
 )
+from dicedesign.cli.tables import table_learn
 from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
 
