@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import Body, as_numbers, is_rounded, make_body
+from dicedesign.geometry.meshes.body import Body, body_of
 from dicedesign.geometry.meshes.center_of_mass import resolve_center_of_mass
 from dicedesign.geometry.sphere import angle_between, rotation_between, unit_vectors
 from dicedesign.rest.basins import Basins, find_basins
@@ -235,8 +235,8 @@ def rest_poses(
     points_or_mesh: (n, 3) points in any length unit, a `Body`, or any mesh object with `vertices`
         (n, 3) and triangular `faces` (t, 3), such as a `trimesh.Trimesh`.
     center_of_mass: (3,) in the same unit, strictly inside the convex hull; "hull" for that of the
-        uniform solid hull; None for that of the uniform solid bounded by a closed mesh, or of the
-        hull for points and open meshes.
+        uniform solid hull; None for that of a body of several densities, of the uniform solid
+        bounded by a closed mesh, or of the hull for points and open meshes.
     coplanar_tolerance: see `convex_hull`.
 
     Raises
@@ -245,15 +245,8 @@ def rest_poses(
     OutsideHullError: the center of mass is not strictly inside the hull.
     InputError: `center_of_mass` is not three finite numbers.
     """
-    if isinstance(points_or_mesh, Body):
-        body = points_or_mesh
-    elif hasattr(points_or_mesh, "vertices"):
-        faces = getattr(points_or_mesh, "faces", None)
-        vertices = as_numbers(points_or_mesh.vertices, "mesh")
-        rounded = is_rounded(vertices)
-        body = make_body(vertices, faces, name="mesh", single_precision=rounded)
-    else:
-        body = make_body(points_or_mesh)
+    is_mesh = hasattr(points_or_mesh, "vertices")
+    body = body_of(points_or_mesh, "mesh" if is_mesh else "points")
     started = time.perf_counter()
     try:
         hull = convex_hull(body.points, coplanar_tolerance, single_precision=body.single_precision)

@@ -88,7 +88,7 @@ def _rest(options: argparse.Namespace) -> int:
         return rest_folder(options, center_of_mass(options.com))
     refuse_folder_options(options)
     center = center_of_mass(options.com)
-    body, poses = read_poses(options.mesh, center, options.coplanar_tolerance)
+    body, poses = read_poses(options.mesh, center, options.coplanar_tolerance, options.part)
     if options.prior is not None:
         poses = _under_prior(options, poses)
     thrown = None

@@ -89,7 +89,7 @@ class Recipe(Strict):
         "uniform" in a file, for that of the solid.
     prior: how likely each direction is to be down at first, such as "vmf:0,0,-1:5", one of
         `PRIORS`; the directions are in the coordinates that the start is made or read in, which the
-        files keep; None, "uniform" in a file, for all directions alike.
+        files keep; None, "uniform" in a file, for all alike.
     symmetry: name of the point group that the die has, such as C2, Cs, D3h, Td, Oh or Ih, about the
         centroid of the start, along its own axes; None, "none" in a file, if it need not have any.
     size_mm: largest vertex-to-vertex distance of the printed die.
