@@ -15,7 +15,10 @@ from dicedesign.fabricate.printing.printer import PRINTERS as PRINTERS
 from dicedesign.fabricate.printing.printer import Printer as Printer
 from dicedesign.geometry.meshes.body import Body as Body
 from dicedesign.geometry.meshes.body import make_body as make_body
+from dicedesign.geometry.meshes.mass_properties import MassProperties as MassProperties
 from dicedesign.geometry.meshes.reading import read_body as read_body
+from dicedesign.geometry.meshes.voxels import voxel_body as voxel_body
+from dicedesign.geometry.meshes.weighted_body import weighted_body as weighted_body
 from dicedesign.geometry.point_groups import point_group as point_group
 from dicedesign.gradient.differentiable_rest import differentiable_rest as differentiable_rest
 from dicedesign.gradient.height import height as height
@@ -73,6 +76,13 @@ from dicedesign.report.figures.figure import FIGURES as FIGURES
 from dicedesign.report.figures.figure import Figure as Figure
 from dicedesign.rest.poses import RestPoses as RestPoses
 from dicedesign.rest.poses import rest_poses as rest_poses
+from dicedesign.rest.prior import PRIORS as PRIORS
+from dicedesign.rest.prior import Prior as Prior
+from dicedesign.rest.prior import PriorKind as PriorKind
+from dicedesign.rest.priors.cap import SphericalCap as SphericalCap
+from dicedesign.rest.priors.density_function import DensityFunction as DensityFunction
+from dicedesign.rest.priors.samples import SampledDirections as SampledDirections
+from dicedesign.rest.priors.von_mises_fisher import VonMisesFisher as VonMisesFisher
 from dicedesign.rest.roll import RollStep as RollStep
 from dicedesign.rest.roll import roll as roll
 from dicedesign.results.reading import read_result as read_result

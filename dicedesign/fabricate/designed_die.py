@@ -20,6 +20,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 if TYPE_CHECKING:
     from dicedesign.concave.result import ConcaveDie
     from dicedesign.optimize.refinement import Round
+    from dicedesign.rest.prior import Prior
 
 __all__ = ["DesignedDie", "SizedDie", "sized"]
 
@@ -40,6 +41,7 @@ class DesignedDie:
     starts: starting shapes that were tried; evaluations: dice; hulls: computed for them.
     rounds: of throws and new designs.
     reshaped: the surface before and after, of a die that keeps the shape of one; else None.
+    prior: that the odds are under, or None where any side is down alike at first.
     """
 
     status: Status
@@ -54,6 +56,7 @@ class DesignedDie:
     hulls: HullsMade | None = None
     rounds: tuple[Round, ...] = ()
     reshaped: ConcaveDie | None = None
+    prior: Prior | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +95,7 @@ def sized(die: DesignedDie, size_mm: float) -> SizedDie:
         poses = analyse(hull, hull.centroid, "uniform solid")
     else:
         poses = analyse(hull, np.zeros(3), "given")
+    poses = poses.under(die.prior)
     return SizedDie(
         points=hull.vertices,
         triangles=hull.triangles,

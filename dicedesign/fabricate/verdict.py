@@ -17,6 +17,7 @@ from dicedesign.optimize.targets import Target
 from dicedesign.rest.asymmetry import border_margins
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_margins, outcome_odds
 from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.rest.prior import Prior
 from dicedesign.results.record import FacetOfDie
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats
@@ -101,7 +102,11 @@ class Verdict:
 
 
 def judged(
-    data: bytes, directions: Floats, target: Target, center_of_mass: Floats | None = None
+    data: bytes,
+    directions: Floats,
+    target: Target,
+    center_of_mass: Floats | None = None,
+    prior: Prior | None = None,
 ) -> Verdict:
     """The verdict on a file.
 
@@ -111,6 +116,8 @@ def judged(
     directions: (k, 3) unit, down in the outcomes, in the order of the target.
     target: what is wanted.
     center_of_mass: (3,) in the file's coordinates, or None for that of the uniform solid.
+    prior: that its odds are under, in the file's coordinates, or None where any side is down alike
+        at first.
 
     Raises
     ------
@@ -119,5 +126,5 @@ def judged(
     points, triangles = parsed_stl(data, Path("die.stl"))
     # The coordinates are those of the file, float32.
     body = make_body(points, triangles, "die.stl", single_precision=True)
-    poses = rest_poses(body, center_of_mass)
+    poses = rest_poses(body, center_of_mass).under(prior)
     return Verdict(body, poses, outcome_odds(poses, directions), target)

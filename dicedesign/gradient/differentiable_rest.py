@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import torch
 from torch import Tensor
 
+from dicedesign.gradient.odds_model import odds_model
 from dicedesign.gradient.rested_bodies import rested
 from dicedesign.gradient.tensors import double_tensor
-from dicedesign.gradient.thrown_odds import ThrownOdds
+
+if TYPE_CHECKING:
+    from dicedesign.rest.prior import Prior
 
 __all__ = ["differentiable_rest"]
 
 
 def differentiable_rest(
-    vertices: Tensor, center_of_mass: Tensor | None = None, *, table: str | None = None
+    vertices: Tensor,
+    center_of_mass: Tensor | None = None,
+    *,
+    table: str | None = None,
+    prior: Prior | str | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Rests of the convex hull of points, differentiable in the points and the center of mass.
 
@@ -31,6 +40,8 @@ def differentiable_rest(
     table: name or .json file of a table, for the odds of a body that is thrown onto it, by the
         momentum model; None for a body that is let go without momentum. What is thrown has the
         inertia of the uniform solid hull.
+    prior: where not all orientations are equally likely at first, such as "vmf:0,0,-1:5", see
+        `RestPoses.under`; second derivatives are NaN then. Not with a table.
 
     Returns
     -------
@@ -39,7 +50,8 @@ def differentiable_rest(
 
     Raises
     ------
-    InputError: no tensors of these kinds and shapes, or an unknown table.
+    InputError: no tensors of these kinds and shapes, an unknown table, a prior that has no density,
+        or both a table and a prior.
     DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`.
 
     Of a body that balances within rounding the mean of both sides is returned, as by `rest_poses`.
@@ -54,6 +66,6 @@ def differentiable_rest(
         points,
         center,
         single_precision=vertices.dtype == torch.float32,
-        thrown=None if table is None else ThrownOdds.on(table),
+        model=odds_model(table, prior),
     )
     return normals.to(vertices), probabilities.to(vertices)

@@ -13,8 +13,8 @@ from torch import Tensor
 
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["offset_derivatives", "offset_secants"]
@@ -29,9 +29,7 @@ def offset_derivatives(rests: RestEvaluation, rows: Floats) -> Floats:
     return np.add.reduceat(along, hull.facet_start[:-1], axis=1)
 
 
-def offset_secants(
-    rests: RestEvaluation, thrown: ThrownOdds | None, step: Tensor | float
-) -> Tensor:
+def offset_secants(rests: RestEvaluation, model: OddsModel | None, step: Tensor | float) -> Tensor:
     """(k, m) changes of the odds of the rests, in the order of `rests.paths.rests`, when a facet
     goes from `step` inside of its place to `step` outside, over that distance; with gradients in
     the vertices.
@@ -40,12 +38,12 @@ def offset_secants(
     Where a facet breaks, the rests on its parts count together; one that is lost counts as 0. A
     side on which the body is none is left out.
 
-    thrown: the model of odds when thrown, or None for odds without momentum; step: () positive, in
-        the unit of the vertices.
+    model: of the odds, where they are not those without momentum and with any side down alike;
+    step: () positive, in the unit of the vertices.
     """
     hull, vertices = rests.hull, rests.vertices
     moves = _corner_moves(hull, rests.facet_normals(np.arange(len(hull.normals))))
-    here = _odds_by_rest(rests, rests, thrown)
+    here = _odds_by_rest(rests, rests, model)
     columns = []
     for facet, first in enumerate(hull.facet_start[:-1]):
         border = slice(int(first), int(hull.facet_start[facet + 1]))
@@ -55,7 +53,7 @@ def offset_secants(
         for side in (1, -1):
             try:
                 there = vertices + side * step * outward
-                moved = _odds_by_rest(evaluate_rests(there, rests.given_center), rests, thrown)
+                moved = _odds_by_rest(evaluate_rests(there, rests.given_center), rests, model)
                 length += 1
             except DiceError:
                 moved = here
@@ -64,11 +62,9 @@ def offset_secants(
     return torch.stack(columns, dim=1)
 
 
-def _odds_by_rest(
-    rests: RestEvaluation, named: RestEvaluation, thrown: ThrownOdds | None
-) -> Tensor:
+def _odds_by_rest(rests: RestEvaluation, named: RestEvaluation, model: OddsModel | None) -> Tensor:
     """(k,) odds of rests by the nearest of those of another body, k."""
-    odds = rests.probabilities if thrown is None else thrown.tensor(rests)
+    odds = rests.probabilities if model is None else model.tensor(rests)
     normals, names = rests.hull.normals[rests.facets], named.hull.normals[named.facets]
     nearest = torch.from_numpy(np.argmax(normals @ names.T, axis=1))
     return torch.zeros(len(names), dtype=torch.float64).index_add(0, nearest, odds)

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from dicedesign.errors import InputError
+from dicedesign.gradient.odds_model import odds_model
 from dicedesign.gradient.rested_bodies import rested
 from dicedesign.gradient.tensors import double_tensor
-from dicedesign.gradient.thrown_odds import ThrownOdds
+
+if TYPE_CHECKING:
+    from dicedesign.rest.prior import Prior
 
 __all__ = ["differentiable_rest_batch"]
 
@@ -21,6 +25,7 @@ def differentiable_rest_batch(
     *,
     counts: Tensor | Sequence[int] | None = None,
     table: str | None = None,
+    prior: Prior | str | None = None,
 ) -> tuple[Tensor, Tensor]:
     """`differentiable_rest` of many bodies in one call, for all that it says of one.
 
@@ -34,7 +39,7 @@ def differentiable_rest_batch(
     centers_of_mass: (b, 3), or None for those of the uniform solid hulls.
     counts: (b,) with a tensor of bodies, how many of its rows each body has; the others are left
         out of account and get zero gradient. None for all.
-    table: see `differentiable_rest`.
+    table, prior: see `differentiable_rest`.
 
     Returns
     -------
@@ -64,7 +69,7 @@ def differentiable_rest_batch(
         centers,
         kept,
         single_precision=like.dtype == torch.float32,
-        thrown=None if table is None else ThrownOdds.on(table),
+        model=odds_model(table, prior),
     )
     return normals.to(like), probabilities.to(like)
 

@@ -94,13 +94,13 @@ class RestEvaluation:
     def probabilities(self) -> Tensor:
         """(k,) the same, with gradients."""
         hull, paths, center = self.hull, self.paths, self.equilibria.center_of_mass
-        return self._tensor(
+        return self.function(
             self.odds,
             lambda slopes: kernels.area_gradient(hull, paths, center, slopes / (4.0 * np.pi)),
             partial(rest_probabilities, hull, paths),
         )
 
-    def _tensor(
+    def function(
         self,
         value: Floats | None,
         gradient: Callable[[Floats], tuple[Floats, Floats] | None],
@@ -190,7 +190,7 @@ class RestEvaluation:
     def facet_depths(self) -> Tensor:
         """(m,) how far inside each facet the foot of the center of mass lies: its signed distance
         from the nearest edge's line over the circumscribed radius, positive for rests."""
-        return self._tensor(
+        return self.function(
             kernels.facet_depths(self.hull, self.equilibria.center_of_mass),
             replace(self).depth_gradient,
             partial(facet_depths, self.hull),

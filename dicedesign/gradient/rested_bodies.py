@@ -1,7 +1,7 @@
 """Odds and normals of the rests of one body or of many, as functions of their points.
 
 Bodies about which rounding can change nothing are done by compiled kernels, all in one call and on
-as many threads as torch has. The others, those that are thrown, and derivatives that the kernels do
+as many threads as torch has. The others, those with other odds, and derivatives that the kernels do
 not know are done body by body (`RestEvaluation`).
 """
 
@@ -17,9 +17,9 @@ from torch import Tensor
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull, hull_precision
 from dicedesign.gradient.body_function import BodyFunction, seen
+from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.gradient.solid_moments import hull_centroid
-from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.equilibria import classify
@@ -34,7 +34,7 @@ def rested(
     counts: Tensor | None = None,
     *,
     single_precision: bool = False,
-    thrown: ThrownOdds | None = None,
+    model: OddsModel | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Normals (*l, k, 3) and odds (*l, k) of the rests of bodies (*l), the most probable first.
 
@@ -47,15 +47,15 @@ def rested(
     counts: (*l) how many of its points each body has, the others are left out of account; None for
         all.
     single_precision: see `convex_hull`.
-    thrown: the model of the table that bodies are thrown onto; None where they are let go without
-        momentum.
+    model: of the odds, for bodies that are thrown or let go under a prior; None where they are let
+        go without momentum, with any side down alike.
 
     Raises
     ------
     DegenerateBodyError, OutsideHullError: as `differentiable_rest`; where there are several bodies
         their numbers come first.
     """
-    bodies = _RestedBodies(centers is not None, counts is not None, single_precision, thrown)
+    bodies = _RestedBodies(centers is not None, counts is not None, single_precision, model)
     inputs = (points,) if centers is None else (points, centers)
     which = seen(bodies.find, *inputs, *(() if counts is None else (counts,)))
     normals, odds = bodies.function(which, *inputs)
@@ -85,10 +85,10 @@ class _RestedBodies:
         has_centers: bool,
         has_counts: bool,
         single_precision: bool,
-        thrown: ThrownOdds | None,
+        model: OddsModel | None,
     ) -> None:
         self._has_centers, self._has_counts = has_centers, has_counts
-        self._single_precision, self._thrown = single_precision, thrown
+        self._single_precision, self._model = single_precision, model
         self._sides: dict[int, tuple[Basins, ...]] = {}
         self._records: dict[int, _Record] = {}
 
@@ -110,7 +110,7 @@ class _RestedBodies:
         if self._has_counts:
             self._counts = np.ascontiguousarray(others[-1], np.int64).reshape(bodies)
         self._handle = None
-        if self._thrown is None:
+        if self._model is None:
             self._handle = kernels.bodies(
                 self._points.reshape(-1, 3),
                 size * np.arange(bodies),
@@ -185,14 +185,14 @@ class _RestedBodies:
                 middle = hull_centroid(corners, hull) if given is None else given
                 at = middle + torch.from_numpy(aside)
             beside = RestEvaluation(side.equilibria, corners, at, side)
-            odds = beside.probabilities if self._thrown is None else self._thrown.tensor(beside)
+            odds = beside.probabilities if self._model is None else self._model.tensor(beside)
             of_facet = of_facet.index_add(0, torch.from_numpy(side.paths.rests), odds)
-        facets = self._facets[body, : np.count_nonzero(self._odds[body])]
+        facets = self._facets[body, : np.count_nonzero(self._normals[body].any(axis=1))]
         if len(facets) == 0:
             resting = np.unique(np.concatenate([side.paths.rests for side in sides]))
             # Stable, so that equal rests keep the order of their facets.
-            order = np.argsort(-of_facet.detach().numpy(), kind="stable")
-            facets = order[: len(resting)]
+            order = np.argsort(-of_facet.detach().numpy()[resting], kind="stable")
+            facets = resting[order]
         odds = of_facet[torch.from_numpy(facets)] / len(sides)
         return facets, beside.facet_normals(facets), odds
 

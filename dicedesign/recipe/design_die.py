@@ -176,6 +176,7 @@ def design(
     start: str | Mapping[str, Any] | None = None,
     method: str | Mapping[str, Any] | None = None,
     center_of_mass: Sequence[float] | None = None,
+    prior: str | None = None,
     symmetry: str | None = None,
     numbering: str = "given",
     seed: int = 0,
@@ -197,6 +198,8 @@ def design(
     method: "exact", the default, "paper" or "concave", or a mapping with its options such as
         `{"exact": {"prefer": {"margin": 1.0}}}`.
     center_of_mass: (3,) in the start's own coordinates; by default that of the uniform solid.
+    prior: how likely each direction is to be down at first, a recipe's `prior`, such as
+        "half:0,0,-1"; by default all alike.
     symmetry: name of a point group that the die shall have, such as "C2" or "D3h".
     numbering: of equally probable outcomes whose labels are numbers: "given", "standard" for
         opposite facets that sum to a constant, or "balanced" for even sums around corners too.
@@ -229,6 +232,8 @@ def design(
         entries["method"] = method
     if center_of_mass is not None:
         entries["center_of_mass"] = np.asarray(center_of_mass, dtype=np.float64).tolist()
+    if prior is not None:
+        entries["prior"] = prior
     if symmetry is not None:
         entries["symmetry"] = symmetry
     if edges is not None:

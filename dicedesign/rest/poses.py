@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import Body, as_numbers, is_rounded, make_body
+from dicedesign.geometry.meshes.body import Body, body_of
 from dicedesign.geometry.meshes.center_of_mass import resolve_center_of_mass
 from dicedesign.geometry.sphere import angle_between, rotation_between, unit_vectors
 from dicedesign.rest.basins import Basins, find_basins
@@ -20,6 +20,9 @@ from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import destined_facets
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import CLOSURE_TOLERANCE
+
+if TYPE_CHECKING:
+    from dicedesign.rest.prior import Prior
 
 __all__ = ["MorseComplex", "RestPoses", "analyse", "rest_poses", "standing_transform"]
 
@@ -98,6 +101,9 @@ class RestPoses:
     notes: what was repaired or assumed on the way.
     seconds: wall-clock seconds spent on "hull" and on "rest".
     basins: of the body, or of a tied one those of bodies beside it (`find_basins`).
+    prior: the distribution of orientations at first; None where all are equally likely.
+    errors: (k,) by how much each probability may be off under a prior, by estimate; None without
+        one, where they are areas, exact to rounding.
     """
 
     hull: ConvexHull
@@ -108,6 +114,52 @@ class RestPoses:
     notes: tuple[str, ...]
     seconds: dict[str, float]
     basins: tuple[Basins, ...]
+    prior: Prior | None = None
+    errors: Floats | None = None
+
+    def under(self, prior: Prior | str | None) -> RestPoses:
+        """The same rests with their odds where not all orientations are equally likely at first,
+        again the most probable first. A rest whose basin the prior leaves out stays, with
+        probability 0.
+
+        prior: such as `VonMisesFisher([0, 0, -1], 5.0)` or the text "vmf:0,0,-1:5", see `PRIORS`;
+        its directions are those that point down in the body's frame. None for all alike.
+
+        Raises
+        ------
+        InputError: the prior cannot be read, or is none.
+        """
+        if prior is None:
+            return self if self.prior is None else self._with_odds(None, self._areas, None)
+        # Imported here, as most queries do without.
+        from dicedesign.rest.prior import read_prior
+
+        if isinstance(prior, str):
+            prior = read_prior(prior)
+        odds, errors = np.zeros((2, len(self.basins), len(self.hull.normals)))
+        for row, side in enumerate(self.basins):
+            found, rests = prior.odds(side), side.paths.rests
+            odds[row, rests], errors[row, rests] = found.odds, found.errors
+        of_rests = odds.mean(axis=0)[self.facets]
+        return self._with_odds(prior, of_rests, errors.mean(axis=0)[self.facets])
+
+    @property
+    def _areas(self) -> Floats:
+        """(k,) parts of the sphere that the basins of the rests have."""
+        parts = np.zeros((len(self.basins), len(self.hull.normals)))
+        for row, side in zip(parts, self.basins, strict=True):
+            row[side.paths.rests] = side.areas / (4.0 * np.pi)
+        return np.asarray(parts.mean(axis=0)[self.facets])
+
+    def _with_odds(self, prior: Prior | None, odds: Floats, errors: Floats | None) -> RestPoses:
+        order = np.argsort(-odds, kind="stable")
+        return replace(
+            self,
+            probabilities=odds[order],
+            facets=self.facets[order],
+            prior=prior,
+            errors=None if errors is None else errors[order],
+        )
 
     @cached_property
     def normals(self) -> Floats:
@@ -183,8 +235,8 @@ def rest_poses(
     points_or_mesh: (n, 3) points in any length unit, a `Body`, or any mesh object with `vertices`
         (n, 3) and triangular `faces` (t, 3), such as a `trimesh.Trimesh`.
     center_of_mass: (3,) in the same unit, strictly inside the convex hull; "hull" for that of the
-        uniform solid hull; None for that of the uniform solid bounded by a closed mesh, or of the
-        hull for points and open meshes.
+        uniform solid hull; None for that of a body of several densities, of the uniform solid
+        bounded by a closed mesh, or of the hull for points and open meshes.
     coplanar_tolerance: see `convex_hull`.
 
     Raises
@@ -193,15 +245,8 @@ def rest_poses(
     OutsideHullError: the center of mass is not strictly inside the hull.
     InputError: `center_of_mass` is not three finite numbers.
     """
-    if isinstance(points_or_mesh, Body):
-        body = points_or_mesh
-    elif hasattr(points_or_mesh, "vertices"):
-        faces = getattr(points_or_mesh, "faces", None)
-        vertices = as_numbers(points_or_mesh.vertices, "mesh")
-        rounded = is_rounded(vertices)
-        body = make_body(vertices, faces, name="mesh", single_precision=rounded)
-    else:
-        body = make_body(points_or_mesh)
+    is_mesh = hasattr(points_or_mesh, "vertices")
+    body = body_of(points_or_mesh, "mesh" if is_mesh else "points")
     started = time.perf_counter()
     try:
         hull = convex_hull(body.points, coplanar_tolerance, single_precision=body.single_precision)

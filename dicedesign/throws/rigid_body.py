@@ -72,8 +72,8 @@ def rigid_body(body: Body, poses: RestPoses, inertia: ArrayLike | None = None) -
     ----------
     body: the mesh or point cloud; poses: its rests.
     inertia: (3, 3) tensor of inertia about the center of mass over the mass, in the body's frame
-        and squared unit of length; None takes that of the uniform solid about its centroid, or of
-        the uniform solid hull where the body bounds no solid.
+        and squared unit of length; None takes that of the body's densities, or that of the uniform
+        solid about its centroid, or of the uniform solid hull where the body bounds no solid.
 
     Raises
     ------
@@ -115,6 +115,9 @@ def rigid_body(body: Body, poses: RestPoses, inertia: ArrayLike | None = None) -
 
 
 def _solid_inertia(body: Body, poses: RestPoses) -> Floats:
+    known = body.mass_properties
+    if known is not None and poses.center_of_mass_source != "uniform solid hull":
+        return known.inertia
     solid = None if poses.center_of_mass_source == "uniform solid hull" else solid_triangles(body)
     if solid is None:
         return solid_inertia(poses.hull.vertices, poses.hull.triangles)

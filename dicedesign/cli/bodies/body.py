@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dicedesign.cli.options import vector
+from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
     from dicedesign.batch.analyse import Center
@@ -20,7 +23,21 @@ __all__ = ["add_body_options", "center_of_mass", "read_poses"]
 
 def add_body_options(parser: argparse.ArgumentParser) -> None:
     """Add MESH, `--com` and `--coplanar-tolerance`."""
-    parser.add_argument("mesh", type=Path, metavar="MESH", help="STL, OBJ, PLY, OFF, GLB, XYZ, ...")
+    parser.add_argument(
+        "mesh",
+        type=Path,
+        metavar="MESH",
+        help="STL, OBJ, PLY, OFF, GLB, XYZ, ..., or densities of cells, NPY or NPZ",
+    )
+    parser.add_argument(
+        "--part",
+        action="append",
+        default=[],
+        metavar="FILE:DENSITY",
+        help="a closed mesh in the same frame, of another density in units of MESH's own; it takes "
+        "the place of what it overlaps, and 0 is a cavity; more than one may be given, the last "
+        "one counts where they overlap",
+    )
     parser.add_argument(
         "--com",
         metavar="x,y,z|hull",
@@ -44,11 +61,14 @@ def center_of_mass(text: str | None) -> Center:
 
 
 def read_poses(
-    path: Path, center: Center | Floats = None, coplanar_tolerance: float | None = None
+    path: Path,
+    center: Center | Floats = None,
+    coplanar_tolerance: float | None = None,
+    parts: Sequence[str] = (),
 ) -> tuple[Body, RestPoses]:
     """The body of a file and its rests; notes about them go to stderr.
 
-    center, coplanar_tolerance: as in `rest_poses`.
+    center, coplanar_tolerance: as in `rest_poses`; parts: what `--part` gives.
     """
     # Imported here, as other commands do without.
     from dicedesign.geometry.meshes.formats import without_solids
@@ -57,7 +77,29 @@ def read_poses(
 
     with without_solids():
         body = read_body(path)
+        others = [_part(text) for text in parts]
+    if others:
+        from dicedesign.geometry.meshes.weighted_body import weighted_body
+
+        body = weighted_body([(body, 1.0), *others])
     poses = rest_poses(body, center, coplanar_tolerance=coplanar_tolerance)
     for note in poses.notes:
         print(f"note: {note}", file=sys.stderr)
     return body, poses
+
+
+def _part(text: str) -> tuple[Body, float]:
+    """The body and the density that a `--part` gives."""
+    from dicedesign.geometry.meshes.reading import read_body
+
+    path, _, density = text.rpartition(":")
+    try:
+        number = float(density)
+    except ValueError:
+        number = math.nan
+    if not path or not 0.0 <= number < math.inf:
+        raise InputError(
+            f"--part: expected FILE:DENSITY with a density from 0 on, got {text!r}; write it such "
+            "as ball.stl:7.8"
+        )
+    return read_body(Path(path)), number

@@ -53,7 +53,7 @@ def _drop(options: argparse.Namespace) -> int:
                 f"{options.max_angle_deg:g}; take a larger angle"
             )
     center = center_of_mass(options.com)
-    _, poses = read_poses(options.mesh, center, options.coplanar_tolerance)
+    _, poses = read_poses(options.mesh, center, options.coplanar_tolerance, options.part)
     equilibria = poses.morse.equilibria
     steps = roll_steps(equilibria, down, largest)
     if options.json:

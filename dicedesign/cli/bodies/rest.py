@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dicedesign.cli.bodies.body import add_body_options, center_of_mass, read_poses
 from dicedesign.cli.bodies.rest_folder import add_folder_options, refuse_folder_options, rest_folder
 from dicedesign.cli.options import direction, print_json
-from dicedesign.errors import named
+from dicedesign.errors import InputError, named
 from dicedesign.runtime.files import atomic_write
 from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
@@ -41,6 +42,13 @@ def add_parser(commands: Any) -> None:
         "board-game, hard-wood, paper, carpet, or a file that `dicedesign table learn` made",
     )
     parser.add_argument(
+        "--prior",
+        metavar="PRIOR",
+        help="of a mesh: its odds where not all sides are equally likely to be down at first: "
+        "vmf:x,y,z:CONCENTRATION, half:x,y,z, cap:x,y,z:ANGLE in degrees, or samples:FILE.csv; "
+        "x,y,z point down, in the mesh's frame",
+    )
+    parser.add_argument(
         "--figure", type=Path, metavar="FILE.png", help="draw the Morse-Smale complex"
     )
     parser.add_argument(
@@ -63,6 +71,7 @@ def rest_summary(poses: RestPoses, thrown: Floats | None = None) -> dict[str, An
             {
                 "normal": poses.normals[i].tolist(),
                 "probability": float(poses.probabilities[i]),
+                **({} if poses.errors is None else {"error": float(poses.errors[i])}),
                 **({} if thrown is None else {"thrown": float(thrown[i])}),
                 "transform": poses.transforms[i].tolist(),
                 "area": float(poses.areas[i]),
@@ -79,7 +88,9 @@ def _rest(options: argparse.Namespace) -> int:
         return rest_folder(options, center_of_mass(options.com))
     refuse_folder_options(options)
     center = center_of_mass(options.com)
-    body, poses = read_poses(options.mesh, center, options.coplanar_tolerance)
+    body, poses = read_poses(options.mesh, center, options.coplanar_tolerance, options.part)
+    if options.prior is not None:
+        poses = _under_prior(options, poses)
     thrown = None
     if options.table is not None:
         from dicedesign.throws.momentum.momentum_model import momentum_model
@@ -97,6 +108,29 @@ def _rest(options: argparse.Namespace) -> int:
     else:
         print(_table(options, poses, thrown))
     return 0
+
+
+def _under_prior(options: argparse.Namespace, poses: RestPoses) -> RestPoses:
+    """The rests with the odds that `--prior` asks for."""
+    from dicedesign.rest.prior import read_prior
+    from dicedesign.rest.priors.samples import SampledDirections
+    from dicedesign.rest.priors.von_mises_fisher import VonMisesFisher
+
+    if options.table is not None:
+        raise InputError(
+            "--prior: expected none with --table, onto which bodies are thrown with any side down "
+            "alike, got both; leave one of them out"
+        )
+    prior = read_prior(options.prior)
+    if isinstance(prior, SampledDirections):
+        near = VonMisesFisher.fitted(prior.directions)
+        axis = ",".join(f"{x:.6g}" for x in near.axis)
+        print(
+            f"note: the density of one axis nearest to the samples is vmf:{axis}:"
+            f"{near.concentration:.6g}",
+            file=sys.stderr,
+        )
+    return poses.under(prior)
 
 
 def _complex(poses: RestPoses) -> bytes:
@@ -122,6 +156,10 @@ def _table(options: argparse.Namespace, poses: RestPoses, thrown: Floats | None)
             zip(poses.probabilities, poses.normals, poses.areas, poses.margins, strict=True)
         )
     ]
+    if poses.errors is not None:
+        columns.insert(2, ("error", ">"))
+        for row, error in zip(rows, poses.errors, strict=True):
+            row.insert(2, f"{100 * error:.1e} %")
     if thrown is not None:
         columns.insert(2, ("thrown", ">"))
         for row, odds in zip(rows, thrown, strict=True):
@@ -132,6 +170,7 @@ def _table(options: argparse.Namespace, poses: RestPoses, thrown: Floats | None)
             f"{len(poses.hull.vertices)} vertices and {len(poses.hull.normals)} facets, "
             f"{milliseconds:.1f} ms",
             f"center of mass ({center}), {poses.center_of_mass_source}",
+            *([] if options.prior is None else [f"under the prior {printable(options.prior)}"]),
             "",
             *text_table(columns, rows),
         ]

@@ -206,8 +206,8 @@ def throw_summary(
     import numpy as np
 
     from dicedesign.rest.asymmetry import asymmetry
+    from dicedesign.runtime.intervals import exact_intervals
     from dicedesign.throws.statistics.goodness_of_fit import chi_square
-    from dicedesign.throws.statistics.intervals import exact_intervals
     from dicedesign.throws.statistics.total_variation import effective_counts, measure_variation
     from dicedesign.throws.statistics.transport import measure_transport
 

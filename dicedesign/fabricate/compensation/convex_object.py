@@ -20,6 +20,7 @@ from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
+from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum.momentum_model import MomentumModel
 from dicedesign.throws.simulation.die_on_table import DieOnTable
@@ -99,10 +100,15 @@ class ConvexObject:
         )
 
 
-def measure_resting(surface: Surface, directions: Floats) -> Measured:
-    """Odds without momentum of a solid whose outcomes have directions (k, 3)."""
-    poses = rest_poses(make_body(surface.points, surface.triangles))
-    return Measured(poses.center_of_mass, outcome_odds(poses, directions).odds)
+def measure_resting(prior: Prior | None) -> Callable[[Surface, Floats], Measured]:
+    """Odds without momentum, under a prior if there is one, of a solid whose outcomes have
+    directions (k, 3)."""
+
+    def measure(surface: Surface, directions: Floats) -> Measured:
+        poses = rest_poses(make_body(surface.points, surface.triangles)).under(prior)
+        return Measured(poses.center_of_mass, outcome_odds(poses, directions).odds)
+
+    return measure
 
 
 def measure_thrown(

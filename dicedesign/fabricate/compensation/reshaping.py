@@ -20,8 +20,8 @@ from dicedesign.fabricate.compensation.convex_object import ConvexObject, Measur
 from dicedesign.fabricate.labels.layout import Placement
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import evaluate_rests
-from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
@@ -77,7 +77,7 @@ def reshaped(
     measure: Callable[[Surface, Floats], Measured],
     *,
     rounds: int = MOST_ROUNDS,
-    thrown: ThrownOdds | None = None,
+    model: OddsModel | None = None,
 ) -> Reshaped:
     """Lead the object made of a shape to wanted odds.
 
@@ -95,7 +95,7 @@ def reshaped(
     target: (k,) wanted odds of the object.
     made: how the object is made; measure: it, with the directions of its outcomes.
     rounds: objects that are made and measured after the first; 0 for only that.
-    thrown: the model of odds when thrown, or None for those without momentum.
+    model: of the odds, where they are not those without momentum and with any side down alike.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def reshaped(
         if min(errors) <= BALANCED_ODDS or (len(errors) > 2 and errors[-1] > SLOW * errors[-3]):
             break
         try:
-            shape = _solved(core, directions, measured, target, thrown, guesses)
+            shape = _solved(core, directions, measured, target, model, guesses)
             if shape is None:
                 break
             labels = carried(labels, core, shape.rests.hull)
@@ -173,15 +173,15 @@ def _solved(
     directions: Floats,
     measured: Measured,
     target: Floats,
-    thrown: ThrownOdds | None,
+    model: OddsModel | None,
     guesses: _Guesses,
 ) -> Candidate | None:
     """A shape nearby that has the odds if its object differs from a plain one as guessed; None
     where there is none."""
     offset = measured.center_of_mass - core.centroid
-    plain = _plain_odds(core, directions, offset, thrown)
+    plain = _plain_odds(core, directions, offset, model)
     offset, rest = guesses.next(offset, measured.odds - plain)
-    wanted, maker = target - rest, CandidateMaker(None, thrown, offset)
+    wanted, maker = target - rest, CandidateMaker(None, model, offset)
     best = None
     for first in _candidates(core, directions, maker):
         approach = LevenbergMarquardt(
@@ -196,11 +196,11 @@ def _solved(
 
 
 def _plain_odds(
-    core: ConvexHull, directions: Floats, offset: Floats, thrown: ThrownOdds | None
+    core: ConvexHull, directions: Floats, offset: Floats, model: OddsModel | None
 ) -> Floats:
     """(k,) odds of a plain shape whose center of mass has an offset (3,)."""
     rests = evaluate_rests(torch.from_numpy(core.vertices), offset=offset)
-    odds = rests.odds if thrown is None else thrown.odds(rests)
+    odds = rests.odds if model is None else model.odds(rests)
     return gathered(rests.hull.normals[rests.facets], odds, directions).odds
 
 

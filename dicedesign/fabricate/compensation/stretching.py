@@ -18,6 +18,7 @@ from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse, rest_poses
+from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import BALANCED_ODDS, FILE_ODDS
 
@@ -68,18 +69,20 @@ class Stretched:
     errors: tuple[float, float]
 
 
-def stretched(surface: Surface, directions: Floats, target: Floats) -> Stretched:
+def stretched(
+    surface: Surface, directions: Floats, target: Floats, prior: Prior | None = None
+) -> Stretched:
     """Stretch a solid until its odds are as near to wanted ones as it can bring them.
 
     A stretch has five parameters beside the size, so that up to six outcomes can be met exactly.
     Newton's method takes the shortest way, with derivatives from differences of the hull's odds.
 
-    surface: of the solid; directions: (k, 3) unit, down in its outcomes; target: (k,) odds. The
-    best stretch found is returned, and none where nothing is gained. Raises DiceError if the body
-    has no rests.
+    surface: of the solid; directions: (k, 3) unit, down in its outcomes; target: (k,) odds; prior:
+    they are under, if any, which stays where it is as the body is stretched. The best stretch found
+    is returned, and none where nothing is gained. Raises DiceError if the body has no rests.
     """
     poses = rest_poses(make_body(surface.points, surface.triangles))
-    body = _Body(poses.hull.vertices - poses.center_of_mass, directions, target)
+    body = _Body(poses.hull.vertices - poses.center_of_mass, directions, target, prior)
     first = best = body.tried(np.zeros(6))
     random = np.random.default_rng(0)
     for length in LENGTHS:
@@ -105,11 +108,12 @@ class _Trial:
 
 @dataclass(frozen=True)
 class _Body:
-    """Corners (n, 3) of a hull about the center of mass, directions and target."""
+    """Corners (n, 3) of a hull about the center of mass, directions, target and prior."""
 
     corners: Floats
     directions: Floats
     target: Floats
+    prior: Prior | None
 
     def tried(self, parameters: Floats) -> _Trial:
         """The body after a stretch, whose error is infinite where it has no rests."""
@@ -151,7 +155,7 @@ class _Body:
             corners = corners.astype(np.float32).astype(np.float64)
         try:
             image = convex_hull(corners, single_precision=in_file)
-            poses = analyse(image, np.zeros(3))
+            poses = analyse(image, np.zeros(3)).under(self.prior)
         except DiceError:
             return np.full(len(self.target), np.inf)
         return outcome_odds(poses, _turned(self.directions, matrix)).odds

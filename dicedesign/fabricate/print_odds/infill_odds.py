@@ -47,7 +47,8 @@ def infill_odds(
 
     def printed(part: float) -> tuple[float, Floats, OutcomeOdds]:
         mass, center = weighed(volume, verdict.poses.center_of_mass, inside, part)
-        return mass, center, outcome_odds(analyse(verdict.poses.hull, center), directions)
+        poses = analyse(verdict.poses.hull, center).under(verdict.poses.prior)
+        return mass, center, outcome_odds(poses, directions)
 
     def weighs(part: float) -> bool:
         return volume - (1.0 - part) * inside.volume >= LEAST_MASS * volume

@@ -14,8 +14,8 @@ from dicedesign.geometry.solid import is_closed, second_moments
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.gradient.facet_offsets import offset_derivatives
+from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import RestEvaluation
-from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.rest.basins import Basins
 from dicedesign.rest.outcomes import OutcomeOdds
 from dicedesign.rest.poses import RestPoses
@@ -53,19 +53,20 @@ class OddsSlopes:
         body: Body,
         poses: RestPoses,
         outcomes: OutcomeOdds,
-        thrown: ThrownOdds | None = None,
+        model: OddsModel | None = None,
     ) -> OddsSlopes:
         """Those of a body and its rests; of a tied one the mean over the bodies beside it.
 
-        outcomes: what its rests count for; thrown: the model of the odds when thrown, or None for
-        those without momentum; is_uniform: False for a center of mass that was given.
+        outcomes: what its rests count for; model: of the odds, where they are not those
+        without momentum and with any side down alike; is_uniform: False for a center of mass that
+        was given.
         """
         place = np.full(len(poses.hull.normals), -1)
         place[poses.facets] = outcomes.outcome_of_rest
         rows, planes = [], []
         for side in poses.basins:
             rests = _evaluation(side)
-            jacobian = rests.jacobian if thrown is None else thrown.jacobian(rests)
+            jacobian = rests.jacobian if model is None else model.jacobian(rests)
             of_outcomes = np.zeros((len(outcomes.odds), jacobian.shape[1]))
             of_rests = place[side.paths.rests]
             np.add.at(of_outcomes, of_rests[of_rests >= 0], jacobian[of_rests >= 0])

@@ -15,6 +15,7 @@ import torch
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.rest.outcomes import gathered
 from dicedesign.rest.poses import RestPoses
@@ -36,11 +37,13 @@ class OffPrints:
     poses: the rests of the file.
     directions: (k, 3) down in the outcomes.
     has_planes: whether the places of whole facets differ, or those of corners, see `OddsSpread`.
+    model: of the odds under a prior, or None where any side is down alike at first.
     """
 
     poses: RestPoses
     directions: Floats
     has_planes: bool = True
+    model: OddsModel | None = None
 
     def noticed(self, offset: float, target: Floats, bias: Floats, rolls: int) -> float:
         """Part of the prints with facets off by a standard deviation in mm that a test of so many
@@ -70,4 +73,5 @@ class OffPrints:
             # What labels take away stays as it is.
             center = center + convex_hull(corners).centroid - self.poses.hull.centroid
         rests = evaluate_rests(torch.from_numpy(corners), torch.from_numpy(center))
-        return gathered(rests.hull.normals[rests.facets], rests.odds, self.directions).odds
+        odds = rests.odds if self.model is None else self.model.odds(rests)
+        return gathered(rests.hull.normals[rests.facets], odds, self.directions).odds

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.geometry.meshes.mass_properties import MassProperties
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ROUNDED_DIGITS, SMALLEST_EXTENT
 
-__all__ = ["Body", "as_numbers", "is_rounded", "make_body", "repeated_positions", "weld"]
+__all__ = ["Body", "as_numbers", "body_of", "is_rounded", "make_body", "repeated_positions", "weld"]
 
 _POWERS_OF_TEN: Final = np.array([float(f"1e{k}") for k in range(23)])
 """Those that are float64 numbers, so that a quotient by them is the nearest to the decimal."""
@@ -31,6 +32,7 @@ class Body:
     name: what error messages and reports call the body; for a file, its path.
     single_precision: the coordinates were rounded to float32 or to as few decimal digits.
     notes: what was repaired on the way in, one sentence each.
+    mass_properties: of a body of several densities, or None for one of a single density.
     """
 
     points: Floats
@@ -38,6 +40,7 @@ class Body:
     name: str
     single_precision: bool
     notes: tuple[str, ...]
+    mass_properties: MassProperties | None = None
 
 
 def make_body(
@@ -94,6 +97,18 @@ def make_body(
             "add points"
         )
     return Body(welded, welded_faces, name, single, tuple(notes))
+
+
+def body_of(mesh: Any, name: str = "mesh") -> Body:
+    """A `Body` as it is, a mesh object with `vertices` (n, 3) and perhaps triangular `faces` (t,
+    3), or points (n, 3). Raises as `make_body`; name: what to call what has no name."""
+    if isinstance(mesh, Body):
+        return mesh
+    if not hasattr(mesh, "vertices"):
+        return make_body(mesh, name=name)
+    vertices = as_numbers(mesh.vertices, name)
+    faces = getattr(mesh, "faces", None)
+    return make_body(vertices, faces, name=name, single_precision=is_rounded(vertices))
 
 
 def weld(points: Floats, triangles: Integers | None) -> tuple[Floats, Integers | None]:

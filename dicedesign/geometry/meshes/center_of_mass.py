@@ -30,13 +30,13 @@ def resolve_center_of_mass(
     hull_centroid: (3,) centroid of the body's convex hull, taken for a point cloud, an open mesh
         or on request.
     request: "hull", or (3,) numbers that are taken as they are, in the unit of the points; None
-        decides by the mesh.
+        decides by the densities of the body, or else by the mesh.
 
     Returns
     -------
     (3,) the center in the unit of the points, not checked to lie inside the hull; its source
-    "uniform solid", "uniform solid hull" or "given"; and what was assumed or re-oriented, one
-    sentence each.
+    "uniform solid", "uniform solid hull", "given" or that of `MassProperties`; and what was
+    assumed or re-oriented, one sentence each.
 
     Raises
     ------
@@ -49,6 +49,8 @@ def resolve_center_of_mass(
         return hull_centroid, "uniform solid hull", ()
     if request is not None:
         return _given(request), "given", ()
+    if body.mass_properties is not None:
+        return body.mass_properties.center_of_mass, body.mass_properties.source, ()
     if body.triangles is None:
         return hull_centroid, "uniform solid hull", ("the body has no triangles",)
 

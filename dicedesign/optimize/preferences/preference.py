@@ -14,9 +14,9 @@ from dicedesign.runtime.registry import Extension, Registry
 if TYPE_CHECKING:
     from torch import Tensor
 
+    from dicedesign.gradient.odds_model import OddsModel
     from dicedesign.gradient.rest_odds import RestEvaluation
     from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
-    from dicedesign.gradient.thrown_odds import ThrownOdds
     from dicedesign.runtime.arrays import Integers
 
 __all__ = ["PREFERENCES", "BearingFacets", "Preference", "Preferences", "preference_residuals"]
@@ -35,13 +35,14 @@ class BearingFacets:
     facets: (k,) facet of each outcome.
     sensitivity: of its odds when thrown, or None for odds without momentum, the same on every
         table.
-    thrown: the model of its odds when thrown, or None for odds without momentum.
+    model: of its odds, where it is thrown or let go under a prior; None for odds without momentum,
+        with any side down alike.
     """
 
     rests: RestEvaluation
     facets: Integers
     sensitivity: RestitutionSensitivity | None = None
-    thrown: ThrownOdds | None = None
+    model: OddsModel | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,7 +28,7 @@ def tolerance_residuals(die: BearingFacets) -> Tensor:
     from dicedesign.gradient.inscribed_circles import soft_diameter
 
     diameter = soft_diameter(die.rests)
-    secants = offset_secants(die.rests, die.thrown, OFF * diameter)
+    secants = offset_secants(die.rests, die.model, OFF * diameter)
     return torch.linalg.vector_norm(secants, dim=0) * diameter / USUAL_SLOPE
 
 

@@ -13,8 +13,8 @@ from torch import Tensor
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.reuse import HullMemory
 from dicedesign.gradient.facet_edges import SOFTNESS, FacetEdges
+from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.optimize.coordinates.shape import Coordinates, Shape
 from dicedesign.rest.equilibria import Tie
 from dicedesign.runtime.arrays import Floats, Integers
@@ -36,7 +36,8 @@ class Candidate:
     shape: what they make.
     rests: the die.
     rest_of_outcome: (k,) index into the die's rests of each outcome.
-    thrown: the model of its odds when thrown, or None where they are those without momentum.
+    model: of its odds, where it is thrown or let go under a prior; None where they are those
+        without momentum, with any side down alike.
     """
 
     coordinates: Coordinates
@@ -44,7 +45,7 @@ class Candidate:
     shape: Shape
     rests: RestEvaluation
     rest_of_outcome: Integers
-    thrown: ThrownOdds | None = None
+    model: OddsModel | None = None
 
     @property
     def outcome_facets(self) -> Integers:
@@ -59,7 +60,7 @@ class Candidate:
     @cached_property
     def odds(self) -> Floats:
         """(k,) probabilities of the outcomes."""
-        odds = self.rests.odds if self.thrown is None else self.thrown.odds(self.rests)
+        odds = self.rests.odds if self.model is None else self.model.odds(self.rests)
         return odds[self.rest_of_outcome]
 
     @cached_property
@@ -81,8 +82,8 @@ class Candidate:
     @cached_property
     def odds_jacobian(self) -> Floats:
         """(k, n) derivatives of the odds in the parameters, those of all outcomes in one sweep."""
-        if self.thrown is not None:
-            return self._in_parameters(self.thrown.jacobian(self.rests)[self.rest_of_outcome])
+        if self.model is not None:
+            return self._in_parameters(self.model.jacobian(self.rests)[self.rest_of_outcome])
         return self._in_parameters(self.rests.jacobian[self.rest_of_outcome])
 
     def jacobian(self, *values: Tensor) -> Floats:
@@ -112,14 +113,14 @@ class CandidateMaker:
     Attributes
     ----------
     center_of_mass: (3,) fixed, or None for that of the uniform solid.
-    thrown: the model of odds when thrown, or None for odds without momentum.
+    model: see `Candidate`.
     offset: (3,) of the center of mass from that of the uniform solid, where it is not fixed.
     evaluations: how many candidates were asked for.
     shapes, polars: memories of the hulls of dice, and of those that coordinates need.
     """
 
     center_of_mass: Floats | None
-    thrown: ThrownOdds | None = None
+    model: OddsModel | None = None
     offset: Floats | None = None
     evaluations: int = 0
     shapes: HullMemory = field(default_factory=HullMemory)
@@ -144,7 +145,7 @@ class CandidateMaker:
             nearest = np.argmax(directions @ stable.T, axis=1)
             if not np.array_equal(np.sort(nearest), np.arange(len(stable))):
                 return None
-            candidate = Candidate(coordinates, parameters, shape, rests, nearest, self.thrown)
+            candidate = Candidate(coordinates, parameters, shape, rests, nearest, self.model)
             return candidate if np.isfinite(candidate.odds).all() else None
         except (DiceError, Tie, np.linalg.LinAlgError):
             return None

@@ -9,12 +9,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from dicedesign.errors import DegenerateBodyError, DiceError, InputError, NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.inscribed_circles import circle_radii
+from dicedesign.gradient.prior_odds import OddsUnderPrior
 from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.coordinates.shape import Coordinates
@@ -22,13 +23,16 @@ from dicedesign.optimize.coordinates.symmetric import SymmetricCoordinates
 from dicedesign.optimize.coordinates.vertices import VertexCoordinates
 from dicedesign.optimize.options import MOST_WORK, ExactOptions
 from dicedesign.optimize.result import DesignResult, DesignStep
+from dicedesign.optimize.solvers.brittle import largest_jump
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
 from dicedesign.optimize.solvers.null_space_descent import improve
 from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.poses import rest_poses
+from dicedesign.rest.prior import Prior
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats
+from dicedesign.tolerances import FILE_ODDS
 
 __all__ = ["solve_exactly"]
 
@@ -53,6 +57,7 @@ def solve_exactly(
     least_circle: float = 0.0,
     least_angle: float = 0.0,
     sensitivity: RestitutionSensitivity | None = None,
+    prior: Prior | str | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
     on_candidate: Callable[[Candidate], None] | None = None,
 ) -> DesignResult:
@@ -76,6 +81,8 @@ def solve_exactly(
         keep; 0 for none.
     sensitivity: has the model of thrown dice by which the target is met, and is what
         `prefer.robustness` lowers; None for odds without momentum.
+    prior: how likely each direction is to be down at first, in the coordinates of `Start.points`,
+        see `RestPoses.under`; None for all alike. Not with a sensitivity or a group.
     on_step: called after every accepted step.
     on_candidate: called with the die that every accepted step was recorded from, to look at more of
         it.
@@ -84,8 +91,12 @@ def solve_exactly(
     ------
     NoStartError: none of the starts has one rest for each outcome and no other.
     InputError: a start without the symmetry; a symmetry with `coordinates` "vertices"; least_circle
-        out of range.
+        out of range; a prior without a density, or with a symmetry or thrown odds.
     """
+    if prior is not None and (group is not None or sensitivity is not None):
+        raise InputError(
+            "prior: expected no symmetry and no thrown odds with it, got one of them; leave it out"
+        )
     if group is not None and options.coordinates != "facets":
         raise InputError(
             f'symmetry: expected coordinates "facets", got {options.coordinates!r}; leave one of '
@@ -104,6 +115,7 @@ def solve_exactly(
         least_circle,
         least_angle,
         sensitivity,
+        None if prior is None else OddsUnderPrior.of(prior),
         on_step,
         on_candidate,
     )
@@ -141,6 +153,7 @@ class _Search:
     least_circle: float
     least_angle: float
     sensitivity: RestitutionSensitivity | None
+    under_prior: OddsUnderPrior | None
     on_step: Callable[[DesignStep], None] | None
     on_candidate: Callable[[Candidate], None] | None
     first: Start | None = None
@@ -155,7 +168,7 @@ class _Search:
         if sensitivity is None or not sensitivity.is_known:
             self.prefer = self.prefer.changed(robustness=0.0)
         thrown = None if sensitivity is None else sensitivity.thrown
-        self.maker = CandidateMaker(self.center_of_mass, thrown)
+        self.maker = CandidateMaker(self.center_of_mass, thrown or self.under_prior)
 
     @property
     def aim(self) -> float:
@@ -202,6 +215,12 @@ class _Search:
         reached = approach.solve(first)
         if reached.error(self.target) > self.aim:
             return False
+        on_the_way = [reached]
+
+        def note(candidate: Candidate, value: float) -> None:
+            on_the_way.append(candidate)
+            self._record(candidate, value)
+
         reached = improve(
             reached,
             self.target,
@@ -212,11 +231,28 @@ class _Search:
             tolerance=self.aim,
             steps=MOST_IMPROVEMENTS,
             out_of_time=lambda: self.is_spent,
-            on_step=self._record,
+            on_step=note,
         )
+        if self.under_prior is not None and not self._is_firm(on_the_way, self.under_prior.prior):
+            return False
         fits = self.shortfall(reached) == (0.0, 0.0)
         self.too_small += not fits
         return fits
+
+    def _is_firm(self, dice: list[Candidate], prior: Prior) -> bool:
+        """Whether one of some dice that meet the target keeps its odds in a file: the last of those
+        is then the best; else the last of all is, with that as a fault."""
+        most = max(self.options.tolerance, FILE_ODDS)
+        for candidate in reversed(dice):
+            jump = largest_jump(candidate, self.target, prior)
+            if jump <= most:
+                if candidate is not dice[-1]:
+                    terms = {"dice": candidate.dice_energy(self.target)}
+                    self.best = _Best(candidate, self.shortfall(candidate), terms)
+                return True
+        assert self.best is not None
+        self.best = replace(self.best, shortfall=(jump, 0.0))
+        return False
 
     def _coordinates(self, start: Start) -> tuple[Coordinates, Floats]:
         hull = convex_hull(start.points)

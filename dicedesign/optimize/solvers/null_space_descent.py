@@ -167,7 +167,7 @@ class _Goal:
     def residuals(self, candidate: Candidate) -> list[Tensor]:
         """Vectors whose squares are summed, but for `away`."""
         facets = candidate.outcome_facets
-        die = BearingFacets(candidate.rests, facets, self.sensitivity, candidate.thrown)
+        die = BearingFacets(candidate.rests, facets, self.sensitivity, candidate.model)
         parts = [
             *preference_residuals(die, self.preferences),
             np.sqrt(self.preferences.largest or 1.0) * barrier_residuals(candidate.rests),

@@ -59,6 +59,7 @@ def designed_die(work: Work, result: DesignResult, rounds: tuple[Round, ...] = (
             replace(done, asked=done.asked[order], frequencies=done.frequencies[order])
             for done in rounds
         ),
+        prior=recipe.prior_read(),
     )
 
 

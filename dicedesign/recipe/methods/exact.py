@@ -48,6 +48,7 @@ def solver(work: Work) -> Callable[..., DesignResult]:
         center_of_mass=normalised_center(recipe, work.start),
         group=recipe.group(),
         least_circle=recipe.min_inradius_mm / recipe.size_mm,
+        prior=recipe.prior_read(),
         on_step=step_listener(work),
     )
 

@@ -21,6 +21,7 @@ from dicedesign.optimize.starts.kinds.search import SearchOptions
 from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts
 from dicedesign.recipe.schema.entries import Label, StartRecipe, Strict, TargetRecipe
 from dicedesign.recipe.schema.method import MethodRecipe
+from dicedesign.rest.prior import DensityPrior, read_prior
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["NAME", "Recipe"]
@@ -40,6 +41,15 @@ def _known_group(name: str | None) -> str | None:
     if name is not None:
         point_group(name)
     return name
+
+
+def _known_prior(text: str | None) -> str | None:
+    if text is not None and not isinstance(read_prior(text), DensityPrior):
+        raise ValueError(
+            f"expected a density, which has derivatives to design by, got {text!r}; `dicedesign "
+            "rest` says which vmf density is nearest to samples"
+        )
+    return text
 
 
 def _word(word: str, meaning: object) -> BeforeValidator:
@@ -77,6 +87,9 @@ class Recipe(Strict):
         "balanced" for sums over opposite facets and around corners that are as even as possible.
     center_of_mass: (3,) fixed, in the coordinates that a given start is made or read in; None,
         "uniform" in a file, for that of the solid.
+    prior: how likely each direction is to be down at first, such as "vmf:0,0,-1:5", one of
+        `PRIORS`; the directions are in the coordinates that the start is made or read in, which the
+        files keep; None, "uniform" in a file, for all alike.
     symmetry: name of the point group that the die has, such as C2, Cs, D3h, Td, Oh or Ih, about the
         centroid of the start, along its own axes; None, "none" in a file, if it need not have any.
     size_mm: largest vertex-to-vertex distance of the printed die.
@@ -103,6 +116,7 @@ class Recipe(Strict):
         _word("uniform", None),
         BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value),
     ] = None
+    prior: Annotated[str | None, AfterValidator(_known_prior), _word("uniform", None)] = None
     symmetry: Annotated[str | None, AfterValidator(_known_group), _word("none", None)] = None
     method: MethodRecipe = Field(default_factory=MethodRecipe)
     size_mm: Annotated[float, Field(ge=LEAST_MM, le=MOST_MM)] = 30.0
@@ -167,6 +181,8 @@ class Recipe(Strict):
                 f"min_inradius_mm: expected less than half of size_mm = {self.size_mm:g}, got "
                 f"{self.min_inradius_mm:g}; lower it"
             )
+        if self.prior is not None:
+            self._check_prior()
         if self.symmetry is not None:
             self._check_symmetry(self.symmetry)
         balance = None if self.engrave is None else self.engrave.balance
@@ -251,6 +267,25 @@ class Recipe(Strict):
                 "known coordinates; leave it out, or take another start"
             )
 
+    def _check_prior(self) -> None:
+        if self.method.exact is None or self.method.thrown:
+            got = "thrown odds" if self.method.thrown else self.method.name
+            raise ValueError(
+                "prior: expected the exact method with resting odds, which are the ones known "
+                f"under a prior, got {got}; leave one of them out"
+            )
+        if self.symmetry is not None:
+            raise ValueError(
+                "prior: expected no symmetry with it, as sides that are images of each other "
+                f"differ in their odds, got {self.symmetry}; leave one of them out"
+            )
+
+    def prior_read(self) -> DensityPrior | None:
+        """The prior, or None for all directions alike."""
+        prior = None if self.prior is None else read_prior(self.prior)
+        assert prior is None or isinstance(prior, DensityPrior)
+        return prior
+
     def _check_symmetry(self, name: str) -> None:
         if self.method.exact is None or self.method.exact.coordinates != "facets":
             raise ValueError(
@@ -293,6 +328,7 @@ class Recipe(Strict):
         plain: dict[str, Any] = self.model_dump(mode="json")
         plain["assignment"] = plain["assignment"] or ("any" if self.any_order else "in_order")
         plain["center_of_mass"] = plain["center_of_mass"] or "uniform"
+        plain["prior"] = plain["prior"] or "uniform"
         plain["symmetry"] = plain["symmetry"] or "none"
         for part in ("engrave", "edges", "print"):
             plain[part] = plain[part] or False

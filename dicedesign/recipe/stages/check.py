@@ -34,9 +34,13 @@ RELAXED: Final = {
 def check(work: Work) -> None:
     """Read die_plain.stl back and say what it does and what is wrong with it."""
     die, solid = work.die, work.solid
-    work.plain = judged(
-        work.files["die_plain.stl"], die.directions, work.target, solid.center_of_mass
-    )
+    data = work.files["die_plain.stl"]
+    work.plain = judged(data, die.directions, work.target, solid.center_of_mass, die.prior)
+    if die.prior is not None:
+        work.notes.append(
+            f"all odds are those under the prior {work.recipe.prior}, whose directions are in the "
+            "frame of die_plain.stl and die.stl; die_oriented.stl and other formats may be turned"
+        )
     thrown = work.recipe.method.thrown
     tolerance = None if thrown else work.recipe.method.tolerance
     flaws = list(work.plain.flaws(tolerance))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.surfaces.surface import Surface
-    from dicedesign.gradient.thrown_odds import ThrownOdds
+    from dicedesign.gradient.odds_model import OddsModel
     from dicedesign.runtime.arrays import Floats
 
 __all__ = ["engrave"]
@@ -96,11 +96,9 @@ def _make_convex(work: Work) -> None:
         return
     by = "shape" if options is None else options.balance
     rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
-    measure, thrown, target = _measure(work)
+    measure, model, target = _measure(work)
     directions = work.die.directions
-    end = reshaped(
-        core, directions, placements, target, made, measure, rounds=rounds, thrown=thrown
-    )
+    end = reshaped(core, directions, placements, target, made, measure, rounds=rounds, model=model)
     work.details["balance"] = Balance(
         by, tuple(end.first.odds.tolist()), end.errors, largest_move(core, end.core)
     )
@@ -118,14 +116,17 @@ def _make_convex(work: Work) -> None:
 
 def _measure(
     work: Work,
-) -> tuple[Callable[[Surface, Floats], Measured], ThrownOdds | None, Floats]:
+) -> tuple[Callable[[Surface, Floats], Measured], OddsModel | None, Floats]:
     """How an object is measured, the model by which it is reshaped, and its target (k,): for a die
     to be thrown the odds that the plain shape has by the momentum model."""
     from dicedesign.fabricate.compensation.convex_object import measure_resting, measure_thrown
     from dicedesign.geometry.surfaces.surface import Surface
+    from dicedesign.gradient.prior_odds import OddsUnderPrior
 
     if not work.recipe.method.thrown:
-        return measure_resting, None, work.target.probabilities
+        prior = work.die.prior
+        model = None if prior is None else OddsUnderPrior.of(prior)
+        return measure_resting(prior), model, work.target.probabilities
     from dicedesign.gradient.thrown_odds import ThrownOdds
     from dicedesign.recipe.methods.exact import exact_options
     from dicedesign.throws.momentum.momentum_model import momentum_model
@@ -169,7 +170,7 @@ def _finish_stretched(
 
     center = surface.centroid
     surface = surface.moved(surface.points - center)
-    end = stretched(surface, work.die.directions, work.target.probabilities)
+    end = stretched(surface, work.die.directions, work.target.probabilities, work.die.prior)
     alone = Balance(by, tuple(end.unbalanced.tolist()), end.errors[:1], 0.0)
     before = work.details.get("balance", alone)
     scales = np.linalg.eigvalsh(end.matrix)
@@ -217,7 +218,7 @@ def _finish(
         data = stl_bytes(whole.points, whole.triangles)
     verdict = None
     if work.solid.center_of_mass is None:
-        verdict = judged(data, work.die.directions, work.target)
+        verdict = judged(data, work.die.directions, work.target, prior=work.die.prior)
         work.details |= verdict.odds("engraved_")
         work.notes += _changes(work, verdict.outcomes.odds)
         _tell(work, verdict)

@@ -12,7 +12,7 @@ from dicedesign.recipe.planning.work import Work
 if TYPE_CHECKING:
     from dicedesign.fabricate.printing.options import PrintOptions
     from dicedesign.fabricate.verdict import Verdict
-    from dicedesign.gradient.thrown_odds import ThrownOdds
+    from dicedesign.gradient.odds_model import OddsModel
     from dicedesign.results.printability import Printability
     from dicedesign.runtime.arrays import Floats
 
@@ -30,7 +30,7 @@ def find_tolerances(work: Work) -> None:
     from dicedesign.rest.poses import analyse
 
     verdict, target = _printed(work), work.target.probabilities
-    thrown = _table_odds(work)
+    model, is_thrown = _odds_model(work), work.recipe.method.thrown
     body, poses, outcomes = verdict.body, verdict.poses, verdict.outcomes
     core = None if work.engraved is None else work.engraved.core
     if work.recipe.edges is not None and core is not None:
@@ -38,18 +38,19 @@ def find_tolerances(work: Work) -> None:
         # the finished die's center of mass its odds too.
         body = make_body(core.vertices, core.triangles)
         poses = analyse(core, poses.center_of_mass, poses.center_of_mass_source)
+        poses = poses.under(work.die.prior)
         outcomes = outcome_odds(poses, work.die.directions)
-    slopes = OddsSlopes.of(body, poses, outcomes, thrown)
+    slopes = OddsSlopes.of(body, poses, outcomes, model)
     options = work.recipe.print
     assert options is not None
     has_planes = work.die.reshaped is None
     spread = OddsSpread(slopes, options.expected_errors, has_planes, _axes(work))
     # The odds of throws are known from counts alone: what they lack is in doubt.
-    bias = np.zeros(len(target)) if thrown is not None else verdict.outcomes.odds - target
+    bias = np.zeros(len(target)) if is_thrown else verdict.outcomes.odds - target
     prints = None
-    if thrown is None:
+    if not is_thrown:
         # The momentum model jumps where a corner of several facets falls apart, which dice do not.
-        prints = OffPrints(poses, work.die.directions, has_planes)
+        prints = OffPrints(poses, work.die.directions, has_planes, model)
     work.details["tolerances"] = print_tolerances(spread, target, bias, prints)
     if options.infill < 1.0:
         _find_infill(work, options, verdict)
@@ -79,14 +80,14 @@ def _printed(work: Work) -> Verdict:
     return engraved or work.plain
 
 
-def _table_odds(work: Work) -> ThrownOdds | None:
-    """The model of the odds that the die is designed for, if it is to be thrown."""
-    if not work.recipe.method.thrown:
-        return None
-    from dicedesign.gradient.thrown_odds import ThrownOdds
+def _odds_model(work: Work) -> OddsModel | None:
+    """The model of the odds that the die is designed for, if it is to be thrown or let go under a
+    prior."""
+    from dicedesign.gradient.odds_model import odds_model
     from dicedesign.recipe.methods.exact import exact_options
 
-    return ThrownOdds.on(exact_options(work.recipe).table)
+    is_thrown = work.recipe.method.thrown
+    return odds_model(exact_options(work.recipe).table if is_thrown else None, work.die.prior)
 
 
 def _axes(work: Work) -> Floats | None:

@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri, chndtrinc, ndtri
 
 from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.intervals import exact_intervals
 from dicedesign.throws.statistics.goodness_of_fit import (
     ChiSquareTest,
     MultinomialTest,
     chi_square,
     exact_multinomial,
 )
-from dicedesign.throws.statistics.intervals import Posterior, exact_intervals, jeffreys_posterior
+from dicedesign.throws.statistics.intervals import Posterior, jeffreys_posterior
 from dicedesign.throws.statistics.total_variation import MeasuredDistance, measure_variation
 from dicedesign.tolerances import EQUAL_ODDS
 

@@ -16,11 +16,11 @@ from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.results.throws import SimulatedThrows
 from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.intervals import exact_intervals
 from dicedesign.throws.momentum.momentum_model import MomentumModel
 from dicedesign.throws.momentum.momentum_odds import momentum_odds
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.simulation.simulation import Throws, simulate
-from dicedesign.throws.statistics.intervals import exact_intervals
 from dicedesign.throws.statistics.total_variation import measure_variation
 from dicedesign.throws.tables import Table
 

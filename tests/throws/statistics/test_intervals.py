@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from dicedesign.throws.statistics.intervals import exact_intervals, jeffreys_posterior
+from dicedesign.runtime.intervals import exact_intervals
+from dicedesign.throws.statistics.intervals import jeffreys_posterior
 
 
 @pytest.mark.parametrize("confidence", [0.5, 0.95, 0.999])

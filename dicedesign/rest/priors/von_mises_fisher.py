@@ -1,0 +1,185 @@
+"""Directions scattered about an axis, the normal distribution of the sphere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dicedesign.errors import InputError
+from dicedesign.rest.basins import Basins
+from dicedesign.rest.border_arcs import Arcs, Borders
+from dicedesign.rest.prior import (
+    PRIORS,
+    DensityPrior,
+    PriorKind,
+    PriorOdds,
+    axis_of,
+)
+from dicedesign.rest.priors.quadrature import integrals
+from dicedesign.runtime.arrays import Floats, Integers
+
+__all__ = ["VonMisesFisher"]
+
+TOLERANCE: Final = 1e-15
+"""Of the integral along one arc."""
+
+REACH: Final = 8.0
+"""Angle from the axis, over the width of the distribution, beyond which next to nothing lies."""
+
+LARGEST: Final = 1e12
+"""Beyond it rounded directions are farther from the axis than the distribution is wide."""
+
+
+@dataclass(frozen=True)
+class VonMisesFisher(DensityPrior):
+    """Directions about an axis, with a density in proportion to exp(concentration * cosine).
+
+    Attributes
+    ----------
+    axis: (3,) the most likely direction, of any length but zero.
+    concentration: from 0, for all directions alike, to `LARGEST`; where it is large the mean square
+        of the angle to the axis is 2 / concentration, in radians.
+
+    Raises InputError for others.
+    """
+
+    axis: Sequence[float]
+    concentration: float
+
+    def __post_init__(self) -> None:
+        axis = axis_of(self.axis)
+        object.__setattr__(self, "axis", tuple(axis.tolist()))
+        if not 0.0 <= self.concentration <= LARGEST:
+            raise InputError(
+                f"prior: expected a concentration from 0 to {LARGEST:g}, got "
+                f"{self.concentration:g}; 0 stands for all directions alike"
+            )
+
+    @classmethod
+    def fitted(cls, directions: ArrayLike) -> VonMisesFisher:
+        """The distribution under which directions (n, 3), none of them zero, are the most likely.
+
+        Raises InputError for no such array.
+
+        Source: Mardia and Jupp, "Directional Statistics", Wiley, 2000, section 10.3.
+        """
+        from dicedesign.rest.priors.samples import unit_directions
+
+        mean = unit_directions(directions).mean(axis=0)
+        length = float(np.linalg.norm(mean))
+        if length == 0.0:
+            return cls((0.0, 0.0, 1.0), 0.0)
+        return cls(mean.tolist(), _concentration(length))
+
+    @cached_property
+    def _axis(self) -> Floats:
+        return np.array(self.axis)
+
+    def _drop(self, directions: Floats) -> Floats:
+        """1 - cosine of the angle to the axis, exact for small ones."""
+        apart = directions - self._axis
+        return np.asarray((apart * apart).sum(-1) / 2.0)
+
+    def density(self, directions: Floats) -> Floats:
+        """(n,) density per steradian in unit directions (n, 3)."""
+        return self._of_drop(self._drop(directions))
+
+    def _of_drop(self, drop: Floats) -> Floats:
+        if self.concentration == 0.0:
+            return np.full(drop.shape, 1.0 / (4.0 * math.pi))
+        scale = self.concentration / -math.expm1(-2.0 * self.concentration) / (2.0 * math.pi)
+        return np.asarray(scale * np.exp(-self.concentration * drop))
+
+    def odds(self, basins: Basins) -> PriorOdds:
+        """Odds of the rests: of all directions alike, and what the density changes, which flows
+        over the borders only.
+
+        With the axis as pole, what a cap holds beyond its part of the sphere, over the square of
+        its sine, is smooth everywhere, and Stokes' theorem makes its integral along the border of a
+        basin that of the density over it (docs/method.md).
+        """
+        borders = Borders.of_basins(basins)
+        arcs = borders.arcs
+        height = arcs.pole @ self._axis
+
+        def along(rows: Integers, distance: Floats) -> Floats:
+            drop = self._drop(arcs.at(rows, distance))
+            return np.asarray((height[rows, None] * self._excess(drop))[..., None])
+
+        values, errors = integrals(along, self._edges(arcs), TOLERANCE)
+        odds = basins.areas / (4.0 * math.pi) + borders.sums(values[:, 0])
+        rounding = np.finfo(np.float64).eps
+        return PriorOdds(np.maximum(odds, 0.0), borders.totals(errors) + rounding)
+
+    def _excess(self, drop: Floats) -> Floats:
+        """What the cap up to a drop holds beyond its part of the sphere, over 2 pi and the square
+        of its sine."""
+        k = self.concentration
+        if k == 0.0:
+            return np.zeros(drop.shape)
+        whole = -math.expm1(-2.0 * k)
+        rest = 2.0 - drop
+        # Near the pole what the cap holds, near the antipode what it does not.
+        with np.errstate(over="ignore"):
+            held = -np.expm1(-k * drop) / whole - drop / 2.0
+            left = rest / 2.0 + np.exp(-k * drop) * np.expm1(-k * rest) / whole
+        beyond = np.where(drop < 1.0, held, left) / (2.0 * math.pi)
+        square = drop * rest
+        limit = np.where(drop < 1.0, k / whole - 0.5, 0.5 - k * math.exp(-2.0 * k) / whole)
+        safe = np.where(square > 0.0, square, 1.0)
+        return np.asarray(np.where(square > 0.0, beyond / safe, limit / (4.0 * math.pi)))
+
+    def _edges(self, arcs: Arcs) -> Floats:
+        """(n, 5) intervals of the arcs that begin or end where they are nearest to the axis."""
+        near = arcs.nearest(self._axis)
+        reach = REACH / math.sqrt(max(self.concentration, 1.0))
+        inner = np.clip(near[:, None] + reach * np.arange(-1, 2), 0.0, arcs.length[:, None])
+        return np.column_stack([np.zeros(len(near)), inner, arcs.length])
+
+    def fluxes(self, arcs: Arcs) -> Floats:
+        """See `DensityPrior`."""
+
+        def along(rows: Integers, distance: Floats) -> Floats:
+            density = self._of_drop(self._drop(arcs.at(rows, distance)))
+            return density[..., None] * arcs.speeds(rows, distance)
+
+        return integrals(along, self._edges(arcs), TOLERANCE * max(self.concentration, 1.0))[0]
+
+
+def _concentration(length: float) -> float:
+    """The concentration at which a mean direction has a length in (0, 1]."""
+
+    def mean(k: float) -> float:
+        if k < 1e-3:
+            return k / 3.0
+        return 1.0 / math.tanh(k) - 1.0 / k
+
+    if mean(LARGEST) <= length:
+        return LARGEST
+    low, high = 0.0, LARGEST
+    while high - low > 1e-12 * high:
+        middle = (low + high) / 2.0 if high < 2.0 else math.sqrt(max(low, 1e-3) * high)
+        low, high = (middle, high) if mean(middle) < length else (low, middle)
+    return (low + high) / 2.0
+
+
+def _read(text: str) -> VonMisesFisher:
+    axis, concentration = text.split(":")
+    return VonMisesFisher([float(x) for x in axis.split(",")], float(concentration))
+
+
+PRIORS.register(
+    PriorKind(
+        name="vmf",
+        line="scattered about the axis as by the distribution of von Mises and Fisher",
+        rank=1,
+        form="vmf:x,y,z:CONCENTRATION",
+        read=_read,
+    )
+)

@@ -1,0 +1,204 @@
+"""Bodies of several densities, against closed forms, samples of points and cells of a grid."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+import dicedesign as dd
+from dicedesign.cli.main import main
+
+SIDES = np.array([4.0, 2.0, 2.0])
+
+
+def block(sides: tuple[float, float, float], middle: tuple[float, float, float]) -> trimesh.Trimesh:
+    made = trimesh.creation.box(sides)
+    made.apply_translation(middle)
+    return made
+
+
+def box_inertia(sides: np.ndarray) -> np.ndarray:
+    return (np.diag(np.full(3, (sides**2).sum())) - np.diag(sides**2)) / 12.0
+
+
+def test_a_part_inside_takes_the_place_of_what_is_around_it() -> None:
+    outer, inner = block((4, 2, 2), (0, 0, 0)), block((1, 1, 1), (1.2, 0.1, -0.3))
+    body = dd.weighted_body([(outer, 1.0), (inner, 7.8)])
+    assert body.mass_properties is not None
+    known = body.mass_properties
+    # (7.8 - 1) of the inner one are added to the whole.
+    mass = 16.0 + 6.8
+    center = 6.8 * np.array([1.2, 0.1, -0.3]) / mass
+    assert known.mass == pytest.approx(mass, rel=1e-14)
+    np.testing.assert_allclose(known.center_of_mass, center, atol=1e-14)
+    arms = np.array([[0.0, 0.0, 0.0], [1.2, 0.1, -0.3]]) - center
+    expected = np.zeros((3, 3))
+    for share, sides, arm in zip((16.0, 6.8), (SIDES, np.ones(3)), arms, strict=True):
+        expected += share * (box_inertia(sides) + arm @ arm * np.eye(3) - np.outer(arm, arm))
+    np.testing.assert_allclose(known.inertia, expected / mass, atol=1e-13)
+    poses = dd.rest_poses(body)
+    np.testing.assert_allclose(poses.center_of_mass, center, atol=1e-14)
+    same = dd.rest_poses(np.asarray(outer.vertices), center)
+    np.testing.assert_allclose(poses.probabilities, same.probabilities, atol=1e-13)
+    np.testing.assert_allclose(dd.rigid_body(body, poses).inertia, known.inertia, atol=1e-13)
+
+
+def test_a_part_of_no_density_is_a_cavity_and_one_of_the_same_is_nothing() -> None:
+    outer, inner = block((4, 2, 2), (0, 0, 0)), block((1, 1, 1), (1, 0, 0))
+    hollow = dd.weighted_body([(outer, 2.0), (inner, 0.0)]).mass_properties
+    even = dd.weighted_body([(outer, 2.0), (inner, 2.0)]).mass_properties
+    assert hollow is not None
+    assert even is not None
+    np.testing.assert_allclose(hollow.center_of_mass, [-1.0 / 15.0, 0, 0], atol=1e-14)
+    assert hollow.mass == pytest.approx(30.0, rel=1e-14)
+    np.testing.assert_allclose(even.center_of_mass, 0.0, atol=1e-14)
+    np.testing.assert_allclose(even.inertia, box_inertia(SIDES), atol=1e-13)
+
+
+def test_the_later_of_parts_that_overlap_counts() -> None:
+    left, right = block((2, 2, 2), (0, 0, 0)), block((2, 2, 2), (1, 0, 0))
+    found = dd.weighted_body([(left, 1.0), (right, 3.0)]).mass_properties
+    assert found is not None
+    # Half of the left one is left, with its middle at -0.5.
+    assert found.mass == pytest.approx(4.0 + 24.0, rel=1e-12)
+    np.testing.assert_allclose(found.center_of_mass, [(-2.0 + 24.0) / 28.0, 0, 0], atol=1e-12)
+
+
+def test_a_part_beside_is_fixed_and_belongs_to_the_hull() -> None:
+    body = dd.weighted_body([(block((2, 2, 2), (0, 0, 0)), 1), (block((2, 2, 2), (0, 0, 2)), 3)])
+    assert any("not inside" in note for note in body.notes)
+    poses = dd.rest_poses(body)
+    np.testing.assert_allclose(poses.center_of_mass, [0, 0, 1.5], atol=1e-14)
+    assert np.ptp(poses.hull.vertices[:, 2]) == pytest.approx(4.0)
+    down = poses.normals[np.argmax(poses.probabilities[:2])]
+    assert (
+        poses.probabilities[np.argmax(poses.normals @ [0, 0, 1])]
+        > poses.probabilities[np.argmax(poses.normals @ [0, 0, -1])]
+    )
+    assert abs(down[2]) < 1e-12
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_turned_and_in_any_unit(unit: float) -> None:
+    turn = Rotation.from_rotvec([0.4, -0.2, 1.1]).as_matrix()
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.4)
+    ball.apply_translation([1.0, 0.2, 0.3])
+    parts = [block((4, 2, 2), (0, 0, 0)), ball]
+    there = []
+    for part in parts:
+        moved = part.copy()
+        moved.vertices = unit * (np.asarray(part.vertices) @ turn.T + [100.0, 0, 0])
+        there.append(moved)
+    here = dd.weighted_body(zip(parts, (1.0, 5.0), strict=True)).mass_properties
+    away = dd.weighted_body(zip(there, (1.0, 5.0), strict=True)).mass_properties
+    assert here is not None
+    assert away is not None
+    expected = unit * (turn @ here.center_of_mass + [100.0, 0, 0])
+    np.testing.assert_allclose(away.center_of_mass, expected, rtol=1e-11, atol=1e-11 * unit)
+    np.testing.assert_allclose(
+        away.inertia, unit**2 * turn @ here.inertia @ turn.T, atol=1e-9 * unit**2
+    )
+
+
+def test_cells_are_boxes() -> None:
+    random = np.random.default_rng(2)
+    density = np.where(random.random((4, 3, 5)) < 0.6, random.random((4, 3, 5)), 0.0)
+    spacing, origin = np.array([0.5, 1.0, 0.25]), np.array([7.0, -3.0, 2.0])
+    body = dd.voxel_body(density, spacing, origin)
+    boxes = []
+    for place in np.argwhere(density > 0):
+        middle = origin + spacing * (place + 0.5)
+        boxes.append((density[tuple(place)] * spacing.prod(), middle))
+    mass = sum(share for share, _ in boxes)
+    center = sum(share * middle for share, middle in boxes) / mass
+    inertia = np.zeros((3, 3))
+    for share, middle in boxes:
+        arm = middle - center
+        own = box_inertia(spacing) + arm @ arm * np.eye(3) - np.outer(arm, arm)
+        inertia += share / mass * own
+    known = body.mass_properties
+    assert known is not None
+    assert known.mass == pytest.approx(mass, rel=1e-13)
+    np.testing.assert_allclose(known.center_of_mass, center, atol=1e-13)
+    np.testing.assert_allclose(known.inertia, inertia, atol=1e-13)
+    steps = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1]), axis=-1).reshape(-1, 3)
+    corners = (np.argwhere(density > 0)[:, None] + steps).reshape(-1, 3)
+    whole = dd.rest_poses(origin + spacing * corners, center)
+    poses = dd.rest_poses(body)
+    np.testing.assert_allclose(poses.probabilities, whole.probabilities, atol=1e-12)
+
+
+def test_a_grid_of_one_density_is_the_mesh(tmp_path: Path) -> None:
+    path = tmp_path / "cells.npz"
+    np.savez(path, density=np.full((8, 4, 4), 3, dtype=np.uint8), spacing=0.5, origin=-SIDES / 2)
+    poses = dd.rest_poses(dd.read_body(path))
+    same = dd.rest_poses(block((4, 2, 2), (0, 0, 0)))
+    np.testing.assert_allclose(poses.probabilities, same.probabilities, atol=1e-14)
+    np.testing.assert_allclose(poses.center_of_mass, 0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("entries", "said"),
+    [
+        ({"density": np.zeros((2, 2, 2))}, "mass above 0"),
+        ({"density": -np.ones((2, 2, 2))}, "from 0 on"),
+        ({"density": np.full((2, 2, 2), np.nan)}, "finite"),
+        ({"density": np.ones((2, 2))}, "array"),
+        ({"density": np.ones((2, 2, 2)), "spacing": 0.0}, "spacing"),
+        ({"density": np.ones((2, 2, 2)), "origin": np.ones(2)}, "origin"),
+        ({"densities": np.ones((2, 2, 2))}, "density"),
+    ],
+)
+def test_a_file_of_cells_that_is_none(
+    entries: dict[str, np.ndarray], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "cells.npz"
+    np.savez(path, **entries)  # type: ignore[arg-type]
+    assert main(["rest", str(path)]) == 2
+    assert said in capsys.readouterr().err
+    path.write_bytes(path.read_bytes()[:-30])
+    assert main(["rest", str(path)]) == 2
+    assert "cells.npz" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("density", [-1.0, np.nan, np.inf, "1", None])
+def test_a_density_that_is_none(density: object) -> None:
+    with pytest.raises(dd.InputError, match="density"):
+        dd.weighted_body([(block((1, 1, 1), (0, 0, 0)), density)])  # type: ignore[list-item]
+
+
+def test_what_has_no_mass() -> None:
+    box = block((1, 1, 1), (0, 0, 0))
+    with pytest.raises(dd.InputError, match="mass above 0"):
+        dd.weighted_body([(box, 0.0)])
+    with pytest.raises(dd.InputError, match="mass above 0"):
+        dd.weighted_body([(box, 2.0), (block((2, 2, 2), (0, 0, 0)), 0.0)])
+    with pytest.raises(dd.InputError, match="at least one"):
+        dd.weighted_body([])
+    open_box = trimesh.Trimesh(box.vertices, box.faces[1:], process=False)
+    with pytest.raises(dd.InputError, match="closed"):
+        dd.weighted_body([(box, 1.0), (open_box, 2.0)])
+    with pytest.raises(dd.InputError, match="closed"):
+        dd.weighted_body([(np.asarray(box.vertices), 1.0)])
+
+
+def test_parts_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    block((4, 2, 2), (0, 0, 0)).export(tmp_path / "box.stl")
+    block((1, 1, 1), (1.25, 0, 0)).export(tmp_path / "weight.stl")
+    box, weight = str(tmp_path / "box.stl"), str(tmp_path / "weight.stl")
+    assert main(["rest", box, "--part", f"{weight}:5", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["center_of_mass"] == pytest.approx([0.25, 0.0, 0.0], abs=1e-12)
+    assert "densities" in told["center_of_mass_source"]
+    assert main(["drop", box, "--part", f"{weight}:5", "--down", "1,1,1"]) == 0
+    capsys.readouterr()
+    for bad in (weight, f"{weight}:heavy", f"{weight}:-1", ":5", f"{tmp_path}/none.stl:5"):
+        assert main(["rest", box, "--part", bad]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert main(["rest", str(tmp_path), "--out", str(tmp_path / "t.csv"), "--part", "a:1"]) == 2
+    assert "--part" in capsys.readouterr().err

@@ -1,0 +1,125 @@
+"""Derivatives of odds under priors, against differences of the forward model and each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+import dicedesign as dd
+from dicedesign.gradient.prior_odds import OddsUnderPrior
+from dicedesign.runtime.arrays import Floats
+
+RNG = np.random.default_rng(5)
+POINTS = RNG.normal(size=(14, 3))
+POINTS /= np.linalg.norm(POINTS, axis=1)[:, None]
+CENTER = np.array([0.03, 0.02, -0.05])
+AXIS = RNG.normal(size=3)
+PRIORS = {
+    "vmf": dd.VonMisesFisher(AXIS, 4.0),
+    "narrow": dd.VonMisesFisher(AXIS, 300.0),
+    "half": dd.SphericalCap(AXIS),
+    "cap": dd.SphericalCap(AXIS, 40.0),
+    "function": dd.DensityFunction(lambda u: 1.0 + u[:, 0] ** 2 + 0.5 * u[:, 1]),
+}
+STEP = 1e-6
+
+
+def odds_at(normals: Floats, points: Floats, center: Floats | None, prior: dd.Prior) -> Floats:
+    """(k,) odds of the rests with these normals, by the forward model."""
+    poses = dd.rest_poses(points, "hull" if center is None else center).under(prior)
+    return poses.probabilities[np.argmax(normals @ poses.normals.T, axis=1)]
+
+
+@pytest.mark.parametrize("center", [None, CENTER])
+@pytest.mark.parametrize("name", PRIORS)
+def test_gradients_are_differences(name: str, center: Floats | None) -> None:
+    prior = PRIORS[name]
+    points = torch.tensor(POINTS, requires_grad=True)
+    given = None if center is None else torch.tensor(center, requires_grad=True)
+    normals, odds = dd.differentiable_rest(points, given, prior=prior)
+    down = normals.detach().numpy()
+    np.testing.assert_allclose(odds.detach(), odds_at(down, POINTS, center, prior), atol=1e-14)
+    weights = RNG.normal(size=len(odds))
+    (odds @ torch.from_numpy(weights)).backward()
+    move, shift = RNG.normal(size=POINTS.shape), RNG.normal(size=3)
+    ends = []
+    for side in (STEP, -STEP):
+        moved = None if center is None else center + side * shift
+        ends.append(weights @ odds_at(down, POINTS + side * move, moved, prior))
+    expected = (ends[0] - ends[1]) / (2.0 * STEP)
+    assert points.grad is not None
+    found = float((points.grad.numpy() * move).sum())
+    if given is not None:
+        assert given.grad is not None
+        found += float(given.grad.numpy() @ shift)
+    assert found == pytest.approx(expected, abs=2e-8)
+    assert abs(expected) > 1e-3
+
+
+@pytest.mark.parametrize("name", PRIORS)
+def test_the_jacobian_has_the_gradients_as_rows(name: str) -> None:
+    model = OddsUnderPrior.of(PRIORS[name])
+    points = torch.tensor(POINTS, requires_grad=True)
+    rests = dd.evaluate_rests(points)
+    rows = model.jacobian(rests)
+    for row, value in zip(rows, model.tensor(rests), strict=True):
+        (gradient,) = torch.autograd.grad(value, points, retain_graph=True)
+        hull = gradient.numpy()[rests.hull.source]
+        np.testing.assert_allclose(row, hull.ravel(), atol=1e-13)
+    # The odds sum to 1, and stay what they are as the body moves or grows.
+    np.testing.assert_allclose(rows.sum(axis=0), 0.0, atol=1e-13)
+    np.testing.assert_allclose(rows @ rests.hull.vertices.ravel(), 0.0, atol=1e-12)
+    np.testing.assert_allclose(rows.reshape(len(rows), -1, 3).sum(axis=1), 0.0, atol=1e-12)
+
+
+def test_a_density_that_is_even_has_the_gradients_of_areas() -> None:
+    rests = dd.evaluate_rests(torch.tensor(POINTS, requires_grad=True))
+    for prior in (
+        dd.VonMisesFisher(AXIS, 0.0),
+        dd.SphericalCap(AXIS, 180.0),
+        dd.DensityFunction(lambda u: np.full(len(u), 2.0)),
+    ):
+        rows = OddsUnderPrior(prior).jacobian(rests)
+        np.testing.assert_allclose(rows, rests.jacobian, atol=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated")
+def test_forward_mode_is_the_jacobian_and_second_derivatives_are_unknown() -> None:
+    def odds(points: torch.Tensor) -> torch.Tensor:
+        return dd.differentiable_rest(points, prior=PRIORS["vmf"])[1]
+
+    points, move = torch.tensor(POINTS), torch.from_numpy(RNG.normal(size=POINTS.shape))
+    _, tangent = torch.func.jvp(odds, (points,), (move,))
+    rows = torch.autograd.functional.jacobian(odds, points)
+    np.testing.assert_allclose(tangent, (rows * move).sum((1, 2)), atol=1e-12)
+    hessian = torch.autograd.functional.hessian(lambda x: odds(x)[0], points)
+    assert torch.isnan(hessian).any()
+
+
+def test_rests_that_a_prior_leaves_out_stay() -> None:
+    cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    points = torch.tensor(cube * [1.0, 1.1, 1.2], requires_grad=True)
+    normals, odds = dd.differentiable_rest(points, prior="cap:0,0,1:20")
+    assert len(odds) == 6
+    np.testing.assert_allclose(normals.norm(dim=1).detach(), 1.0)
+    np.testing.assert_allclose(odds.detach(), [1, 0, 0, 0, 0, 0], atol=1e-15)
+    odds[0].backward()
+    assert points.grad is not None
+    np.testing.assert_allclose(points.grad, 0.0, atol=1e-15)
+
+
+def test_many_bodies_at_once() -> None:
+    bodies = torch.stack([torch.tensor(POINTS), torch.tensor(POINTS[:, [1, 2, 0]])])
+    _, odds = dd.differentiable_rest_batch(bodies, prior=PRIORS["half"])
+    for body, row in zip(bodies, odds, strict=True):
+        alone = dd.differentiable_rest(body, prior=PRIORS["half"])[1]
+        np.testing.assert_allclose(row[: len(alone)], alone, atol=1e-15)
+
+
+def test_what_has_no_density_or_two_origins_is_refused() -> None:
+    points = torch.tensor(POINTS)
+    with pytest.raises(dd.InputError, match=r"VonMisesFisher\.fitted"):
+        dd.differentiable_rest(points, prior=dd.SampledDirections(POINTS))
+    with pytest.raises(dd.InputError, match="table"):
+        dd.differentiable_rest(points, prior="half:0,0,1", table="paper")

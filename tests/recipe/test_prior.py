@@ -1,0 +1,102 @@
+"""`prior:` in a recipe: the files have the odds under it, by rolling directions that are drawn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dicedesign as dd
+from dicedesign.errors import RecipeError
+from dicedesign.recipe.design_die import design_recipe
+from dicedesign.recipe.planning.stage import plan
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.rest.outcomes import outcome_odds
+
+BARE = {"print": False, "figures": False, "report": False, "engrave": False}
+
+
+def lower_half(axis: tuple[float, float, float], count: int) -> np.ndarray:
+    """(count, 3) directions all over the half-sphere about an axis."""
+    drawn = np.random.default_rng(11).normal(size=(count, 3))
+    return drawn * np.sign(drawn @ np.array(axis))[:, None]
+
+
+@pytest.mark.parametrize(
+    ("target", "prior"),
+    [
+        ({"fair": 6}, "half:0,0,-1"),
+        ({"probabilities": [0.5, 0.3, 0.2]}, "vmf:1,0,0:2"),
+        ({"sum_of_dice": [6, 6]}, "half:1,2,3"),
+        ({"binomial": 4}, "cap:0,0,1:120"),
+    ],
+)
+def test_the_target_is_met_under_the_prior(target: dict[str, object], prior: str) -> None:
+    given = checked_recipe({"name": "die", "target": target, "prior": prior, **BARE})
+    work = design_recipe(given, last="check")
+    wanted = work.target.probabilities
+    assert work.status is dd.Status.CONVERGED, work.remarks
+    assert work.solid.outcomes.max_abs_error(wanted) <= 1e-12
+    assert work.plain.max_abs_error < 1e-6
+    # With all directions alike it is another die.
+    even = outcome_odds(work.plain.poses.under(None), work.die.directions)
+    assert even.max_abs_error(wanted) > 0.01
+
+
+def test_the_labelled_file_has_the_odds_of_directions_that_are_drawn(tmp_path: Path) -> None:
+    axis = (0.0, 0.6, -0.8)
+    recipe = {**BARE, "engrave": True, "edges": True, "print": {"printer": "fdm", "infill": 0.4}}
+    text = "half:" + ",".join(map(str, axis))
+    given = checked_recipe({"name": "die", "target": {"fair": 5}, "prior": text, **recipe})
+    work = design_recipe(given, last="engrave")
+    assert work.status is dd.Status.CONVERGED, work.remarks
+    assert work.engraved is not None
+    path = tmp_path / "die.stl"
+    path.write_bytes(work.files["die.stl"])
+    poses = dd.rest_poses(dd.read_body(path))
+    found = outcome_odds(poses.under(text), work.die.directions)
+    assert found.max_abs_error(work.target.probabilities) < 1e-6
+    rolled = poses.under(dd.SampledDirections(lower_half(axis, 20_000)))
+    counted = outcome_odds(rolled, work.die.directions)
+    # Four standard deviations.
+    assert counted.max_abs_error(work.target.probabilities) < 4.0 * np.sqrt(0.16 / 20_000)
+    plan(work, after="engrave", last="tolerances")
+    result = work.result()
+    assert result.infill is not None
+    assert result.infill.max_abs_error < 0.05
+    assert np.abs(np.array(result.tolerances.deviations)).max() < 0.1
+
+
+def test_all_directions_alike_is_no_prior() -> None:
+    for prior in ("uniform", None):
+        given = checked_recipe({"name": "die", "target": {"fair": 4}, "prior": prior})
+        assert given.prior is None
+        assert given.resolved()["prior"] == "uniform"
+    even = dd.design({"fair": 4}, prior="vmf:0,0,1:0")
+    assert even.max_abs_error < 1e-6
+    poses = dd.rest_poses(even.vertices)
+    assert np.abs(poses.probabilities - 0.25).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("entries", "said"),
+    [
+        ({"prior": "vmf:0,0,0:1"}, "prior: expected an axis"),
+        ({"prior": "often"}, "vmf:x,y,z:CONCENTRATION"),
+        ({"prior": 3}, "prior"),
+        ({"prior": "half:0,0,1", "method": "paper", "start": {"repulsion": {}}}, "paper"),
+        ({"prior": "half:0,0,1", "symmetry": "C2"}, "symmetry"),
+        ({"prior": "half:0,0,1", "method": {"exact": {"odds": "thrown"}}}, "thrown odds"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(entries: dict[str, object], said: str) -> None:
+    with pytest.raises(RecipeError, match=said):
+        checked_recipe({"name": "die", "target": {"fair": 6}, **entries})
+
+
+def test_samples_are_refused_with_what_would_help(tmp_path: Path) -> None:
+    path = tmp_path / "seen.csv"
+    path.write_text("x,y,z\n0,0,1\n")
+    with pytest.raises(RecipeError, match="dicedesign rest"):
+        checked_recipe({"name": "die", "target": {"fair": 6}, "prior": f"samples:{path}"})
