@@ -6,16 +6,21 @@ import io
 import json
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from common.browser import chromium
+from common.finished import finished_box
 from PIL import Image
 
+from dicedesign.fabricate.files.file_format import Part
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.report.figures.gauss_map import MAP_SIZE, placed_discs
+from dicedesign.report.live.live_die import live_die
+from dicedesign.report.pages.die_page import die_page
 from dicedesign.rest.poses import rest_poses
 
 SHOWN = "() => [...document.querySelectorAll('.shown')].map((x) => [x.tagName, x.dataset.facet])"
@@ -49,9 +54,12 @@ class Opened:
 
     def marked_pixels(self) -> float:
         """Share of the view that has the colour of what is pointed at."""
+        return float((np.abs(self.pixels() - ACCENT).max(axis=2) < 40.0).mean())
+
+    def pixels(self) -> np.ndarray:
+        """Colours (h, w, 3) of the view, from 0 to 255."""
         data = self.page.locator("canvas").screenshot()
-        pixels = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
-        return float((np.abs(pixels - ACCENT).max(axis=2) < 40.0).mean())
+        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
 
     def settle(self) -> None:
         """Wait until the die, which turns at once for those who want no motion, is drawn."""
@@ -160,6 +168,51 @@ def test_dragging_turns_the_die(opened: Opened) -> None:
     page.mouse.up()
     page.mouse.move(box["x"] + 5.0, box["y"] + 5.0)
     assert page.locator("canvas").screenshot() != before
+
+
+def test_a_finger_taps(browser: Any, fair_d3: Path) -> None:
+    size = {"width": 400, "height": 800}
+    page = browser.new_page(viewport=size, has_touch=True, reduced_motion="reduce")
+    opened = Opened(page, fair_d3 / "report.html")
+    page.wait_for_selector("#view:not([hidden])")
+    page.tap("tr[data-facet='1']")
+    opened.settle()
+    assert opened.shown() == {("tr", "1"), ("path", "1")}
+    assert opened.marked_pixels() > 0.1
+    page.tap("tr[data-facet='0']")
+    assert opened.facet_in_view() == "0"
+    opened.settle()
+    page.tap("canvas", position={"x": 5.0, "y": 5.0})
+    assert opened.shown() == set()
+    box = page.locator("canvas").bounding_box()
+    page.tap("canvas", position={"x": box["width"] / 2.0, "y": box["height"] / 2.0})
+    assert opened.shown() == {("tr", "0"), ("path", "0")}
+    assert opened.said == []
+    page.close()
+
+
+def test_a_shape_stands_on_the_rest_that_is_pointed_at(browser: Any, tmp_path: Path) -> None:
+    """Of a box of 14 x 16 x 20 mm more is seen on its smallest side than on its largest."""
+    die = finished_box()
+    body = die.plain.body
+    assert body.triangles is not None
+    live = live_die(die, [Part("die", "#e8e3d8", body.points, body.triangles)])
+    file = tmp_path / "box.html"
+    file.write_text(die_page(die.result, {}, replace(live, stands=True)), "utf-8")
+    page = browser.new_page(viewport={"width": 1100, "height": 900}, reduced_motion="reduce")
+    opened = Opened(page, file)
+    page.wait_for_selector("#view:not([hidden])")
+    rows: dict[int, list[int]] = {0: [], 1: [], 2: []}
+    for number, facet in enumerate(die.result.facets):
+        page.hover(f"tr[data-facet='{number}']")
+        opened.settle()
+        assert opened.shown() == {("tr", str(number))}
+        # The table, which is pale, does not count.
+        colored = np.ptp(opened.pixels(), axis=2) > 40.0
+        rows[int(np.abs(facet.normal).argmax())].append(int(colored.any(axis=1).sum()))
+    assert 0 < max(rows[0]) < min(rows[2])
+    assert opened.said == []
+    page.close()
 
 
 def test_no_other_script_runs_and_nothing_is_fetched(browser: Any, fair_d3: Path) -> None:
