@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
+from dicedesign.recipe.stages.figures import finished_die
+from dicedesign.recipe.stages.files import die_contents
 
 __all__ = ["write_page"]
 
 
 def write_page(work: Work) -> None:
-    """Make report.html of the result and the figures."""
+    """Make report.html of the result, the printed die and the figures."""
+    from dicedesign.report.live.live_die import live_die
     from dicedesign.report.pages.die_page import die_page
 
-    work.files["report.html"] = die_page(work.result(), work.images).encode("utf-8")
+    die = finished_die(work)
+    live = live_die(die, die_contents(work).parts)
+    work.files["report.html"] = die_page(die.result, work.images, live).encode("utf-8")
 
 
 STAGES.register(

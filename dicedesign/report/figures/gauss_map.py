@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -22,7 +23,14 @@ from dicedesign.runtime.arrays import Floats, Integers
 if TYPE_CHECKING:
     from dicedesign.fabricate.finished_die import FinishedDie
 
-__all__ = ["basin_of_directions", "complex_figure", "gauss_map_figure"]
+__all__ = [
+    "MAP_SIZE",
+    "PlacedDisc",
+    "basin_of_directions",
+    "complex_figure",
+    "gauss_map_figure",
+    "placed_discs",
+]
 
 Painter = Callable[[Floats, Integers], Picture]
 """From directions (p, p, 3) and the rests (p, p) they lead to, to a picture (p, p, 3) of them."""
@@ -37,6 +45,9 @@ _LEAST_WRITTEN: Final = 0.01
 
 _DISC: Final = 690.0
 """Pixels of a disc's square, which is a little larger."""
+
+MAP_SIZE: Final = (2.0 * _DISC + 60.0, _DISC + 195.0)
+"""Pixels across and down of the figure."""
 
 _MARGIN: Final = 1.02
 
@@ -58,6 +69,39 @@ _POINTS: Final = {
 _AREAS_ARE_ODDS: Final = "Equal-area projection: areas on paper are probabilities."
 
 _NAMES: Final = {"minima": "minima (rests)"}
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedDisc:
+    """A hemisphere on paper.
+
+    Attributes
+    ----------
+    disc: the hemisphere; axis: (3,) short integer direction of its centre.
+    middle: (2,) pixels of its centre; radius: in pixels.
+    """
+
+    disc: Disc
+    axis: tuple[int, int, int]
+    middle: Floats
+    radius: float
+
+    def on_paper(self, points: Floats) -> Floats:
+        """Pixels (..., 2), the second downward, of points (..., 2) of the disc of radius 1."""
+        return self.middle + self.radius * points * [1.0, -1.0]
+
+
+def placed_discs(poses: RestPoses) -> tuple[PlacedDisc, PlacedDisc]:
+    """The two hemispheres of the figure of a body, where the figure has them."""
+    weighty = poses.probabilities >= min(_LEAST_WRITTEN, poses.probabilities[0])
+    x, y, z = choose_axis(poses.normals[weighty])
+    one, other = opposite_discs((x, y, z))
+    height, radius = 60.0 + _DISC / 2.0, _DISC / (2.0 * _MARGIN)
+    left, right = 15.0 + _DISC / 2.0, 45.0 + 1.5 * _DISC
+    return (
+        PlacedDisc(one, (x, y, z), np.array([left, height]), radius),
+        PlacedDisc(other, (-x, -y, -z), np.array([right, height]), radius),
+    )
 
 
 def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> Paper:
@@ -93,19 +137,16 @@ def complex_figure(
 
     painter: makes the picture; note: what is written below about it; others as `gauss_map_figure`.
     """
-    weighty = poses.probabilities >= min(_LEAST_WRITTEN, poses.probabilities[0])
-    axis = choose_axis(poses.normals[weighty])
-    paper = Paper(2.0 * _DISC + 60.0, _DISC + 195.0)
-    for column, disc in enumerate(opposite_discs(axis)):
-        middle = np.array([15.0 + _DISC / 2.0 + column * (_DISC + 30.0), 60.0 + _DISC / 2.0])
-        _draw_disc(paper, middle, disc, poses, painter, labels)
-        side = ", ".join(f"{(1 - 2 * column) * n:d}" for n in axis)
-        paper.text(f"seen from ({side}) of the body", (middle[0], 46.0), anchor="md")
+    paper = Paper(*MAP_SIZE)
+    for placed in placed_discs(poses):
+        _draw_disc(paper, placed, poses, painter, labels)
+        side = ", ".join(f"{n:d}" for n in placed.axis)
+        paper.text(f"seen from ({side}) of the body", (placed.middle[0], 46.0), anchor="md")
     shown = [] if len(poses.hull.tail) // 2 > _MOST_HULL_EDGES else [_ARCS]
     shown += [_SEPARATRICES]
     shown += [Curve([], [], style, _NAMES.get(kind, kind)) for kind, style in _POINTS.items()]
     draw_legend(paper, shown, (paper.width / 2.0, _DISC + 80.0))
-    upward = "+y" if axis[:2] == (0, 0) else "+z"
+    upward = "+y" if placed.axis[:2] == (0, 0) else "+z"
     paper.text(
         f"Each point is a direction that points down in the body's frame. {note} "
         f"The body's {upward} is upward on both discs.",
@@ -117,18 +158,13 @@ def complex_figure(
 
 def _draw_disc(
     paper: Paper,
-    middle: Floats,
-    disc: Disc,
+    placed: PlacedDisc,
     poses: RestPoses,
     painter: Painter,
     labels: Sequence[str] | None,
 ) -> None:
-    """Draw one hemisphere around a place (2,) on paper."""
-    radius = _DISC / (2.0 * _MARGIN)
-
-    def on_paper(points: Floats) -> Floats:
-        return middle + radius * points * [1.0, -1.0]
-
+    """Draw one hemisphere."""
+    disc, middle, radius, on_paper = placed.disc, placed.middle, placed.radius, placed.on_paper
     pixels = disc.pixels(_PIXELS)
     regions = basin_of_directions(poses, pixels.reshape(-1, 3)).reshape(_PIXELS, _PIXELS)
     paper.backdrop(painter(pixels, regions)[::-1], middle - radius, 2.0 * radius)

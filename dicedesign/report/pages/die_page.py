@@ -7,6 +7,7 @@ from html import escape
 from typing import Final
 
 from dicedesign.report.figures.figure import FIGURES
+from dicedesign.report.live.live_die import LiveDie
 from dicedesign.report.pages.attempts import attempt_sections
 from dicedesign.report.pages.html_parts import (
     figure_section,
@@ -17,6 +18,7 @@ from dicedesign.report.pages.html_parts import (
     table_section,
     text_section,
 )
+from dicedesign.report.pages.linked import MAP, linked_sections, page_script
 from dicedesign.report.pages.print_odds import print_odds_sections
 from dicedesign.report.pages.printability import printability_sections
 from dicedesign.report.pages.throwing import throwing_advice, throws_told
@@ -47,29 +49,32 @@ _MARKED: Final = (
 )
 
 
-def die_page(result: Result, images: Mapping[str, bytes]) -> str:
+def die_page(result: Result, images: Mapping[str, bytes], live: LiveDie | None = None) -> str:
     """The report of any kind of die as HTML.
 
     Parameters
     ----------
     result: of the run.
     images: PNG or GIF bytes of figures by name, see `FIGURES`; others are left out.
+    live: the die for its 3D view; None for a page that does not move.
 
     Returns
     -------
     str, a whole document; the same for the same arguments.
     """
-    return page(result.name, list(_sections(result, images)))
+    script = None if live is None else page_script(live)
+    return page(result.name, list(_sections(result, images, live)), script)
 
 
-def _sections(result: Result, images: Mapping[str, bytes]) -> Iterator[str]:
+def _sections(result: Result, images: Mapping[str, bytes], live: LiveDie | None) -> Iterator[str]:
     verdict = f"<strong>{escape(result.status)}</strong>: {escape(result.message)}"
     yield f'<h1>{escape(result.name)}</h1>\n<p class="verdict">{verdict}</p>'
     if result.thrown is not None:
         yield text_section("On the table", throws_told(result.thrown))
+    yield from linked_sections(result, images.get(MAP), live)
     hidden = {figure.instead_of for figure in FIGURES if figure.name in images}
     for figure in FIGURES:
-        if figure.name in images and figure.name not in hidden:
+        if figure.name in images and figure.name not in hidden | {MAP}:
             yield figure_section(figure.title, images[figure.name], figure.caption)
     yield _odds(result)
     if result.trade_off is not None:
@@ -77,8 +82,6 @@ def _sections(result: Result, images: Mapping[str, bytes]) -> Iterator[str]:
     if result.balance is not None:
         yield text_section("From the shape to the object", [_balance(result, result.balance)])
     yield from print_odds_sections(result)
-    if result.displacement is None:
-        yield _facets(result)
     if result.quality is not None:
         yield list_section("Quality of the surface", result.quality)
     yield from _measures(result)
@@ -155,30 +158,6 @@ def _percent(odds: Sequence[float], elsewhere: float | None) -> list[str]:
     """Odds (k,) and those of all other rests, if they are known."""
     others = "-" if elsewhere is None else f"{100.0 * elsewhere:.3f}"
     return [*(f"{100.0 * value:.3f}" for value in odds), others]
-
-
-def _facets(result: Result) -> str:
-    targets = dict(zip(result.labels, result.target, strict=True))
-    rows = [
-        [
-            facet.label or "-",
-            f"{facet.probability:.5f}",
-            f"{targets[facet.label]:.5f}" if facet.label else "-",
-            number(facet.polygon_area_mm2, 4),
-            number(facet.inradius_mm, 3),
-            number(facet.margin_deg, 3),
-        ]
-        for facet in result.facets
-    ]
-    odds = "probability" if result.thrown is None else "without momentum"
-    header = ["outcome", odds, "target", "area (mm²)", "inscribed radius (mm)", "margin (°)"]
-    x, y, z = (f"{round(value, 3) + 0.0:.3f}" for value in result.center_of_mass)
-    note = (
-        "Facets that the die can rest on; it cannot rest on its other "
-        f"{result.unstable_facets}. The margin is the angle by which the die must be tipped to "
-        f"leave the facet. Center of mass: ({x}, {y}, {z}) mm."
-    )
-    return table_section("Facets", header, rows, note)
 
 
 def _measures(result: Result) -> Iterator[str]:

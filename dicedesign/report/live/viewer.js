@@ -1,0 +1,276 @@
+// Links the 3D view of a die, the table of its facets and its Gauss map: what is pointed at in one
+// is shown in all. Without WebGL table and map are linked alone; without scripts the page is as it
+// is printed.
+"use strict";
+(() => {
+  const ACCENT = [0.539, 0.095, 0.0103]; // #c2571a in amounts of light
+  const LIFT = 0.35; // of the camera above a table, in radians
+  const LEAN = [0.22, -0.3]; // of a facet that is shown, about the axes to the right and upward
+  const TURN_MS = 350;
+  const KEY_TURN = 0.15;
+  const FIELD = 30;
+
+  const linked = document.querySelectorAll("[data-facet]");
+  const rows = new Map();
+  const view = document.getElementById("view");
+  let shown = null;
+  let die = null;
+
+  for (const part of linked) {
+    const facet = part.dataset.facet;
+    if (part.tagName === "TR") {
+      rows.set(facet, part);
+      part.addEventListener("focus", () => show(facet, true));
+      part.addEventListener("blur", () => show(null));
+    }
+    part.addEventListener("pointerenter", () => show(facet, true));
+    // A finger leaves what it has tapped at once.
+    part.addEventListener("pointerleave", (event) => event.pointerType === "touch" || show(null));
+  }
+
+  function show(facet, turns = false) {
+    if (facet === shown) return;
+    shown = facet;
+    for (const part of linked) part.classList.toggle("shown", part.dataset.facet === facet);
+    if (die) die.show(facet, turns);
+  }
+
+  function scrollTo(row) {
+    const box = row.closest(".scroll");
+    const head = row.closest("table").tHead.offsetHeight;
+    const top = row.offsetTop - head;
+    if (top < box.scrollTop) box.scrollTop = top;
+    const bottom = row.offsetTop + row.offsetHeight - box.clientHeight;
+    if (bottom > box.scrollTop) box.scrollTop = bottom;
+  }
+
+  function unpacked(id) {
+    const bytes = Uint8Array.from(atob(document.getElementById(id).textContent), (c) => c.charCodeAt(0));
+    const whole = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    return new Response(whole);
+  }
+
+  // Vectors in the page are in the body's frame, in mm; in a GLB y is upward, in metres.
+  function vector(text) {
+    const [x, y, z] = text.split(" ").map(Number);
+    return new THREE.Vector3(x, z, -y);
+  }
+
+  async function start() {
+    const canvas = view.querySelector("canvas");
+    const context = canvas.getContext("webgl2", { antialias: true });
+    if (!context || typeof DecompressionStream === "undefined") return;
+    const library = document.createElement("script");
+    library.textContent = await unpacked("three").text();
+    document.head.append(library);
+    const data = await unpacked("solid").arrayBuffer();
+    const file = await new Promise((done, failed) => new THREE.GLTFLoader().parse(data, "", done, failed));
+    die = new Die(canvas, context, file.scene);
+    view.hidden = false;
+  }
+
+  class Die {
+    constructor(canvas, context, solid) {
+      this.canvas = canvas;
+      this.renderer = new THREE.WebGLRenderer({ canvas, context, antialias: true });
+      if (!("outputColorSpace" in this.renderer)) this.renderer.outputEncoding = THREE.sRGBEncoding;
+      this.renderer.setClearColor(0xffffff);
+      this.scene = new THREE.Scene();
+      this.camera = new THREE.PerspectiveCamera(FIELD, 1);
+      const light = new THREE.DirectionalLight(0xffffff, 0.65);
+      light.position.set(-0.5, 0.8, 1);
+      this.scene.add(light, new THREE.AmbientLight(0xffffff, 0.55));
+      this.stands = "stands" in view.dataset;
+      this.body = new THREE.Group();
+      this.body.add(solid);
+      this.scene.add(this.body);
+      solid.position.copy(vector(view.dataset.center)).multiplyScalar(-0.001);
+      this.meshes = [];
+      for (const node of [...solid.children]) {
+        const named = node.name.match(/^(?:facet|labels)-(\d+)/);
+        node.traverse((mesh) => {
+          if (!mesh.isMesh) return;
+          mesh.material = mesh.material.clone();
+          const isLabel = mesh.material.name.startsWith("labels");
+          const facet = named ? named[1] : null;
+          this.meshes.push({ mesh, facet, isLabel, color: mesh.material.color.clone() });
+          mesh.userData.facet = facet;
+        });
+      }
+      this.radius = this.reach(solid.position);
+      this.nearness = 1;
+      if (this.stands) this.addTable();
+      const tilt = new THREE.Euler(0.4, -0.6, 0);
+      this.body.quaternion.setFromEuler(tilt);
+      this.caster = new THREE.Raycaster();
+      this.listen();
+      new ResizeObserver(() => this.resize()).observe(canvas);
+      this.resize();
+    }
+
+    // Largest distance of a corner from the center of mass, about which the die turns.
+    reach(shift) {
+      let far = 0;
+      const corner = new THREE.Vector3();
+      for (const { mesh } of this.meshes) {
+        const places = mesh.geometry.attributes.position;
+        for (let k = 0; k < places.count; k++) {
+          far = Math.max(far, corner.fromBufferAttribute(places, k).add(shift).length());
+        }
+      }
+      return far;
+    }
+
+    addTable() {
+      const look = { color: 0x9fb3c8, transparent: true, opacity: 0.5, side: THREE.DoubleSide };
+      const disc = new THREE.CircleGeometry(0.9 * this.radius, 64);
+      this.table = new THREE.Mesh(disc, new THREE.MeshBasicMaterial(look));
+      this.table.visible = false;
+      this.body.add(this.table);
+    }
+
+    show(facet, turns) {
+      for (const { mesh, facet: own, isLabel, color } of this.meshes) {
+        if (isLabel) continue;
+        if (own !== null && own === facet) mesh.material.color.setRGB(...ACCENT);
+        else mesh.material.color.copy(color);
+      }
+      const row = rows.get(facet);
+      this.tell(row);
+      if (this.table) this.table.visible = Boolean(row);
+      if (row) {
+        const down = vector(row.dataset.down).normalize();
+        if (this.table) {
+          this.table.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), down);
+          this.table.position.copy(down).multiplyScalar(0.001 * Number(row.dataset.height));
+        }
+        if (turns) this.turnTo(this.stands ? this.standing(down) : this.facing(down, row.dataset.up));
+        else scrollTo(row);
+      }
+      view.dataset.shown = row ? facet : "";
+      this.draw();
+    }
+
+    tell(row) {
+      const heads = row ? [...row.closest("table").tHead.rows[0].cells] : [];
+      const texts = heads.map((head, k) => `${head.textContent} ${row.cells[k].textContent}`);
+      view.querySelector("output").textContent = texts.slice(0, 3).join(", ");
+    }
+
+    // The turn after which a direction of the body points to the viewer, nearly, and another upward.
+    facing(outward, up) {
+      const lean = new THREE.Quaternion().setFromEuler(new THREE.Euler(LEAN[0], LEAN[1], 0));
+      if (!up) return lean.multiply(this.brought(outward, new THREE.Vector3(0, 0, 1)));
+      const right = new THREE.Vector3().crossVectors(vector(up), outward).normalize();
+      const upward = new THREE.Vector3().crossVectors(outward, right);
+      const frame = new THREE.Matrix4().makeBasis(right, upward, outward);
+      return lean.multiply(new THREE.Quaternion().setFromRotationMatrix(frame).conjugate());
+    }
+
+    // The turn after which the body stands on its rest, seen a little from above.
+    standing(down) {
+      return this.brought(down, new THREE.Vector3(0, -Math.cos(LIFT), -Math.sin(LIFT)));
+    }
+
+    // The least further turn that brings a direction of the body to one of the view.
+    brought(direction, place) {
+      const now = this.body.quaternion;
+      const seen = direction.clone().applyQuaternion(now);
+      return new THREE.Quaternion().setFromUnitVectors(seen, place).multiply(now);
+    }
+
+    turnTo(goal) {
+      const begun = performance.now();
+      const from = this.body.quaternion.clone();
+      const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+      const step = (now) => {
+        if (this.turning !== step) return;
+        const part = still ? 1 : Math.max(0, Math.min(1, (now - begun) / TURN_MS));
+        this.body.quaternion.copy(from).slerp(goal, part * part * (3 - 2 * part));
+        this.draw();
+        if (part < 1) requestAnimationFrame(step);
+        else this.turning = null;
+      };
+      this.turning = step;
+      requestAnimationFrame(step);
+    }
+
+    turnBy(right, down) {
+      this.turning = null;
+      const turn = new THREE.Quaternion().setFromEuler(new THREE.Euler(down, right, 0));
+      this.body.quaternion.premultiply(turn).normalize();
+      this.draw();
+    }
+
+    approach(factor) {
+      this.nearness = Math.max(0.5, Math.min(8, this.nearness * factor));
+      this.resize();
+    }
+
+    facetAt(event) {
+      const box = this.canvas.getBoundingClientRect();
+      const x = (2 * (event.clientX - box.left)) / box.width - 1;
+      const y = 1 - (2 * (event.clientY - box.top)) / box.height;
+      this.caster.setFromCamera({ x, y }, this.camera);
+      const [hit] = this.caster.intersectObjects(this.meshes.map(({ mesh }) => mesh), false);
+      return hit ? hit.object.userData.facet : null;
+    }
+
+    listen() {
+      const canvas = this.canvas;
+      let from = null;
+      canvas.addEventListener("pointerdown", (event) => {
+        from = event;
+        canvas.setPointerCapture(event.pointerId);
+        show(this.facetAt(event));
+      });
+      canvas.addEventListener("pointermove", (event) => {
+        if (!from) return show(this.facetAt(event));
+        const scale = 4 / canvas.clientHeight;
+        this.turnBy((event.clientX - from.clientX) * scale, (event.clientY - from.clientY) * scale);
+        from = event;
+      });
+      for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => (from = null));
+      canvas.addEventListener("pointerleave", (event) => event.pointerType === "touch" || show(null));
+      canvas.addEventListener("wheel", (event) => {
+        // Else the page scrolls, until the view has been clicked.
+        if (document.activeElement !== canvas) return;
+        event.preventDefault();
+        this.approach(Math.exp(-0.001 * event.deltaY));
+      }, { passive: false });
+      const turns = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+      canvas.addEventListener("keydown", (event) => {
+        const [right, down] = turns[event.key] || [0, 0];
+        if (right || down) this.turnBy(right * KEY_TURN, down * KEY_TURN);
+        else if (event.key === "+" || event.key === "=") this.approach(1.2);
+        else if (event.key === "-") this.approach(1 / 1.2);
+        else return;
+        event.preventDefault();
+      });
+      canvas.addEventListener("webglcontextlost", () => {
+        view.hidden = true;
+        die = null;
+      });
+    }
+
+    resize() {
+      const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight];
+      if (!width || !height) return;
+      const half = Math.sin((Math.PI * FIELD) / 360) * Math.min(1, width / height);
+      this.camera.position.z = (1.03 * this.radius) / half / this.nearness;
+      this.camera.aspect = width / height;
+      this.camera.near = Math.max(0.05 * this.radius, this.camera.position.z - 1.1 * this.radius);
+      this.camera.far = this.camera.position.z + 1.1 * this.radius;
+      this.camera.updateProjectionMatrix();
+      this.renderer.setPixelRatio(Math.min(2, devicePixelRatio));
+      this.renderer.setSize(width, height, false);
+      this.draw();
+    }
+
+    draw() {
+      this.renderer.render(this.scene, this.camera);
+    }
+  }
+
+  if (view) start();
+})();
