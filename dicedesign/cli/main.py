@@ -27,6 +27,7 @@ COMMANDS: Final = {
     "search": "dice.search",
     "rest": "bodies.rest",
     "drop": "bodies.drop",
+    "pose": "bodies.pose",
     "repair": "bodies.repair",
     "throw": "tables.throw",
     "rolls": "tables.rolls",
