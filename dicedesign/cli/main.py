@@ -28,6 +28,7 @@ COMMANDS: Final = {
     "rest": "bodies.rest",
     "drop": "bodies.drop",
     "pose": "bodies.pose",
+    "scatter": "bodies.scatter",
     "repair": "bodies.repair",
     "throw": "tables.throw",
     "rolls": "tables.rolls",
