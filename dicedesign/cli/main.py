@@ -29,6 +29,7 @@ COMMANDS: Final = {
     "drop": "bodies.drop",
     "pose": "bodies.pose",
     "scatter": "bodies.scatter",
+    "figure": "bodies.figure",
     "repair": "bodies.repair",
     "throw": "tables.throw",
     "rolls": "tables.rolls",
