@@ -148,7 +148,7 @@ def print_json(plain: object) -> None:
     print(json_text(plain), end="")
 
 
-WORDS = {3: "three", 6: "six"}
+WORDS = {2: "two", 3: "three", 6: "six"}
 
 
 def numbers(option: str, text: str, form: str) -> list[float]:

@@ -17,6 +17,7 @@ from dicedesign.geometry.meshes.center_of_mass import resolve_center_of_mass
 from dicedesign.geometry.sphere import angle_between, rotation_between, unit_vectors
 from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.equilibria import Equilibria
+from dicedesign.rest.sampling import SampledPoses, Seed, sampled_poses
 from dicedesign.rest.tracing import destined_facets
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import CLOSURE_TOLERANCE
@@ -211,6 +212,14 @@ class RestPoses:
                 for normal, height in zip(self.normals, heights, strict=True)
             ]
         )
+
+    def sample(self, n: int, rng: Seed = None) -> SampledPoses:
+        """Draw n poses, each rest as often as it is probable, with any heading.
+
+        rng: a seed, a `numpy.random.Generator` to draw from, or None for other poses every time.
+        Raises InputError: `n` is no whole number of at least 0, or `rng` is none of these.
+        """
+        return sampled_poses(self.probabilities, self.transforms, n, rng)
 
 
 def standing_transform(normal: Floats, height: float, center_of_mass: Floats) -> Floats:

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from dicedesign.rest.poses import RestPoses
     from dicedesign.runtime.arrays import Floats
 
-__all__ = ["add_body_options", "center_of_mass", "read_poses"]
+__all__ = ["add_body_options", "add_rest_options", "center_of_mass", "read_poses"]
 
 
 def add_body_options(parser: argparse.ArgumentParser) -> None:
-    """Add MESH, `--com` and `--coplanar-tolerance`."""
+    """Add MESH, `--part` and `add_rest_options`."""
     parser.add_argument(
         "mesh",
         type=Path,
@@ -38,6 +38,11 @@ def add_body_options(parser: argparse.ArgumentParser) -> None:
         "the place of what it overlaps, and 0 is a cavity; more than one may be given, the last "
         "one counts where they overlap",
     )
+    add_rest_options(parser)
+
+
+def add_rest_options(parser: argparse.ArgumentParser) -> None:
+    """Add `--com` and `--coplanar-tolerance`."""
     parser.add_argument(
         "--com",
         metavar="x,y,z|hull",

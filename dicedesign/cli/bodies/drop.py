@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dicedesign.cli.bodies.body import add_body_options, center_of_mass, read_poses
 from dicedesign.cli.options import direction, print_json, vector
 from dicedesign.errors import InputError
+from dicedesign.runtime.files import atomic_write
 from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
@@ -35,6 +37,12 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--max-angle-deg", type=float, metavar="A", help="split rotations larger than this"
     )
+    parser.add_argument(
+        "--figure",
+        type=Path,
+        metavar="FILE.png",
+        help="draw the moments in which the contact changes, and the path over the Gauss map",
+    )
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.set_defaults(command=_drop)
 
@@ -53,9 +61,16 @@ def _drop(options: argparse.Namespace) -> int:
                 f"{options.max_angle_deg:g}; take a larger angle"
             )
     center = center_of_mass(options.com)
-    _, poses = read_poses(options.mesh, center, options.coplanar_tolerance, options.part)
+    body, poses = read_poses(options.mesh, center, options.coplanar_tolerance, options.part)
     equilibria = poses.morse.equilibria
     steps = roll_steps(equilibria, down, largest)
+    if options.figure is not None:
+        from dicedesign.report.body_figures.body_figure import drawn_surface
+        from dicedesign.report.body_figures.drop import drop_figure
+
+        surface = drawn_surface(body.points, body.triangles, poses.hull)
+        changes = steps if largest is None else roll_steps(equilibria, down)
+        atomic_write(options.figure, drop_figure(surface, poses, changes).png())
     if options.json:
         source = equilibria.hull.source
         print_json({"steps": [_plain(step, source) for step in steps]})

@@ -140,7 +140,7 @@ def _complex(poses: RestPoses) -> bytes:
 
 
 def _heights(poses: RestPoses) -> bytes:
-    from dicedesign.report.figures.heights import heights_figure
+    from dicedesign.report.body_figures.heights import heights_figure
 
     return heights_figure(poses).png()
 

@@ -72,11 +72,13 @@ class Contents:
     title: name of the die.
     parts: at least one, all in the same coordinates.
     facts: texts by a word each, such as Target, for formats that can hold them.
+    unit: what lengths are in, for formats with room for a remark.
     """
 
     title: str
     parts: Sequence[Part]
     facts: Mapping[str, str] = field(default_factory=dict)
+    unit: str = "millimetres"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ from dicedesign.geometry.meshes.voxels import VOXEL_ENDINGS, parsed_voxels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.files import read_file
 
-__all__ = ["read_body"]
+__all__ = ["quiet_trimesh", "read_body"]
 
 OWN_READERS: Final[dict[str, Callable[[bytes, Path], Geometry]]] = {
     **TEXT_READERS,
@@ -102,7 +102,7 @@ def _read_scene(
     path: Path,
 ) -> tuple[Floats, Integers, bool, int]:
     """Points, triangles, whether they were rounded, and the number of parts, by trimesh."""
-    with _quiet():
+    with quiet_trimesh():
         import trimesh
 
         endings = mesh_endings()
@@ -142,7 +142,7 @@ def _transformed(points: Floats, matrix: Floats) -> Floats:
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
+def quiet_trimesh() -> Iterator[None]:
     """Silence the log and the warnings of trimesh."""
     logger = logging.getLogger("trimesh")
     level = logger.level

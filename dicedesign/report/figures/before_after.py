@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from dicedesign.report.charts.paper import Paper
 from dicedesign.report.charts.picture_grid import picture_grid, trimmed
@@ -11,27 +11,28 @@ from dicedesign.report.figures.figure import FIGURES, Figure
 from dicedesign.report.render.raster import Camera
 from dicedesign.report.render.renderer import Surface, render
 from dicedesign.report.render.scene import surfaces_before_and_after
-from dicedesign.runtime.arrays import Floats, Integers
+
+if TYPE_CHECKING:
+    from dicedesign.fabricate.finished_die import FinishedDie
 
 __all__ = ["before_after_figure"]
 
 _PIXELS: Final = 400
 
 
-def before_after_figure(
-    before: Floats, after: Floats, triangles: Integers, cameras: Sequence[Camera]
-) -> Paper:
-    """A surface above what it was deformed into, from the same cameras.
-
-    before, after: (n, 3) in one length unit; triangles: (t, 3) of both, oriented alike; cameras: at
-    least one.
-    """
+def before_after_figure(before: Surface, after: Surface, cameras: Sequence[Camera]) -> Paper:
+    """A surface above what it was made into, from the same cameras, of which there is at least
+    one."""
     pictures, titles = [], []
-    for name, points in (("before", before), ("after", after)):
-        surface = Surface(points, triangles)
+    for name, surface in (("before", before), ("after", after)):
         pictures += trimmed([render(surface, camera, _PIXELS) for camera in cameras])
         titles += [f"{name}, view {k + 1}" for k in range(len(cameras))]
     return picture_grid(pictures, titles, len(cameras))
+
+
+def _draw(die: FinishedDie) -> bytes:
+    before, after, triangles, cameras = surfaces_before_and_after(die)
+    return before_after_figure(Surface(before, triangles), Surface(after, triangles), cameras).png()
 
 
 FIGURES.register(
@@ -45,6 +46,6 @@ FIGURES.register(
             "the same scale."
         ),
         wanted=lambda die: die.reshaped is not None,
-        draw=lambda die: before_after_figure(*surfaces_before_and_after(die)).png(),
+        draw=_draw,
     )
 )

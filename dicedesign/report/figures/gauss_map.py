@@ -59,6 +59,11 @@ _ARCS: Final = Curve([], [], Style(FAINT, width=1.0), "hull arcs")
 
 _SEPARATRICES: Final = Curve([], [], Style(DARK, width=3.3), "separatrices")
 
+_PATHS: Final = Curve([], [], Style("#d6006e", width=2.2), "paths")
+
+_START: Final = 4.5
+"""Radius of the dot at a path's start."""
+
 _POINTS: Final = {
     "maxima": Style("white", "", marker="^", size=6.0, edge=DARK),
     "saddles": Style("white", "", marker="D", size=4.5, edge=DARK),
@@ -131,19 +136,28 @@ def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> P
 
 
 def complex_figure(
-    poses: RestPoses, painter: Painter, note: str, labels: Sequence[str] | None = None
+    poses: RestPoses,
+    painter: Painter,
+    note: str,
+    labels: Sequence[str] | None = None,
+    paths: Sequence[Floats] = (),
 ) -> Paper:
     """Separatrices and stationary points over a picture of the sphere, as two equal-area discs.
 
-    painter: makes the picture; note: what is written below about it; others as `gauss_map_figure`.
+    Parameters
+    ----------
+    painter: makes the picture; note: what is written below about it.
+    paths: of bodies that roll, each (n, 3) unit directions that great arcs join, with a dot at its
+        start.
+    poses, labels: as of `gauss_map_figure`.
     """
     paper = Paper(*MAP_SIZE)
     for placed in placed_discs(poses):
-        _draw_disc(paper, placed, poses, painter, labels)
+        _draw_disc(paper, placed, poses, painter, labels, paths)
         side = ", ".join(f"{n:d}" for n in placed.axis)
         paper.text(f"seen from ({side}) of the body", (placed.middle[0], 46.0), anchor="md")
     shown = [] if len(poses.hull.tail) // 2 > _MOST_HULL_EDGES else [_ARCS]
-    shown += [_SEPARATRICES]
+    shown += [_SEPARATRICES, _PATHS] if paths else [_SEPARATRICES]
     shown += [Curve([], [], style, _NAMES.get(kind, kind)) for kind, style in _POINTS.items()]
     draw_legend(paper, shown, (paper.width / 2.0, _DISC + 80.0))
     upward = "+y" if placed.axis[:2] == (0, 0) else "+z"
@@ -162,6 +176,7 @@ def _draw_disc(
     poses: RestPoses,
     painter: Painter,
     labels: Sequence[str] | None,
+    paths: Sequence[Floats],
 ) -> None:
     """Draw one hemisphere."""
     disc, middle, radius, on_paper = placed.disc, placed.middle, placed.radius, placed.on_paper
@@ -178,6 +193,11 @@ def _draw_disc(
     for path in poses.morse.polylines:
         for line in disc.lines(great_arcs(path[:-1], path[1:], _ARC_PIECES)):
             _SEPARATRICES.style.trace(paper, on_paper(line))
+    for path in paths:
+        for line in disc.lines(great_arcs(path[:-1], path[1:], _ARC_PIECES)):
+            _PATHS.style.trace(paper, on_paper(line))
+        if path[0] @ disc.axis >= 0.0:
+            paper.disc(on_paper(disc.project(path[:1]))[0], _START, _PATHS.style.color)
     paper.ring(middle, radius, DARK, 2.0)
     for name, style in _POINTS.items():
         points = getattr(poses.morse, name)

@@ -7,11 +7,11 @@ import pytest
 from common.drawings import is_whole, painted
 
 from dicedesign.errors import InputError
+from dicedesign.report.body_figures.heights import heights_figure
 from dicedesign.report.charts.hemispheres import choose_axis, great_arcs, opposite_discs
 from dicedesign.report.charts.palette import BASINS, LOW_TO_HIGH
 from dicedesign.report.charts.text_places import place_texts
 from dicedesign.report.figures.gauss_map import basin_of_directions, gauss_map_figure
-from dicedesign.report.figures.heights import heights_figure
 from dicedesign.rest.poses import RestPoses, rest_poses
 
 PIXELS = 300

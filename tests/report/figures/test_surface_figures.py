@@ -112,14 +112,15 @@ def test_before_and_after_are_drawn_at_one_scale() -> None:
     before = np.asarray(mesh.vertices)
     after = 0.5 * before
     cameras = three_cameras(before, UP)
-    figure = before_after_figure(before, after, mesh.faces, cameras)
+    both = Surface(before, mesh.faces), Surface(after, mesh.faces)
+    figure = before_after_figure(*both, cameras)
     assert figure.texts == [f"{name}, view {k}" for name in ("before", "after") for k in (1, 2, 3)]
     sizes = [
         np.ptp(np.nonzero((picture < 255).any(axis=2)), axis=1) + 1 for picture in figure.pictures
     ]
     for large, small in zip(sizes[:3], sizes[3:], strict=True):
         np.testing.assert_allclose(small, 0.5 * large, atol=1.5)
-    assert figure.png() == before_after_figure(before, after, mesh.faces, cameras).png()
+    assert figure.png() == before_after_figure(*both, cameras).png()
 
 
 def test_tints_are_the_outcomes_colours() -> None:
@@ -175,7 +176,7 @@ def test_the_overlay_shows_the_hull_and_its_rests() -> None:
     assert share_tinted(first, plain[0], colors[1]) == 0.0
     assert share_tinted(second, plain[1], colors[1]) > 0.2
     # The hull covers more than the surface alone.
-    bare = before_after_figure(surface.points, surface.points, mesh.faces, cameras[1:]).pictures[0]
+    bare = before_after_figure(surface, surface, cameras[1:]).pictures[0]
     assert (second < 255).any(axis=2).sum() > 1.1 * (bare < 255).any(axis=2).sum()
     assert is_whole(figure)
 
@@ -284,7 +285,8 @@ def test_a_model_fills_its_pictures(name: str) -> None:
     body = read_body(public_data(f"models/{name}.obj"))
     assert body.triangles is not None
     cameras = three_cameras(body.points, np.array([0.0, 1.0, 0.0]))
-    shown = before_after_figure(body.points, body.points, body.triangles, cameras).pictures
+    surface = Surface(body.points, body.triangles)
+    shown = before_after_figure(surface, surface, cameras).pictures
     widest = 0
     for picture in shown[:3]:
         drawn = (picture < 255).any(axis=2)

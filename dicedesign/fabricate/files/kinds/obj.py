@@ -10,7 +10,7 @@ __all__ = ["obj"]
 
 def obj(contents: Contents) -> bytes:
     """Contents as Wavefront OBJ: an object for each part, and a group for each colour of one."""
-    text, first = f"# {contents.title}, lengths in millimetres, z upward\n", 1
+    text, first = f"# {contents.title}, lengths in {contents.unit}, z upward\n", 1
     for part in contents.parts:
         text += f"o {part.name}\n" + rows("v {!r} {!r} {!r}\n", part.points)
         for name, _, triangles in part.groups():

@@ -12,7 +12,7 @@ __all__ = ["ply"]
 def ply(contents: Contents) -> bytes:
     """Contents as little-endian binary PLY."""
     points, triangles = joined(contents.parts)
-    header = "ply\nformat binary_little_endian 1.0\ncomment lengths in millimetres\n"
+    header = f"ply\nformat binary_little_endian 1.0\ncomment lengths in {contents.unit}\n"
     header += f"element vertex {len(points)}\n"
     header += "".join(f"property double {axis}\n" for axis in "xyz")
     header += f"element face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header\n"

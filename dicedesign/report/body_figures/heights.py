@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from dicedesign.report.body_figures.body_figure import BODY_FIGURES, BodyFigure
 from dicedesign.report.charts.palette import DARK, LOW_TO_HIGH, rgb
 from dicedesign.report.charts.paper import NOTE, Paper, Picture
 from dicedesign.report.figures.gauss_map import complex_figure
@@ -50,3 +51,13 @@ def _colors(parts: Floats) -> Picture:
     places = np.linspace(0.0, 1.0, len(anchors))
     mixed = [np.interp(parts, places, channel) for channel in anchors.T]
     return np.rint(255.0 * np.stack(mixed, axis=-1)).astype(np.uint8)
+
+
+BODY_FIGURES.register(
+    BodyFigure(
+        name="heights",
+        line="height of the center of mass over the Gauss map, by colour",
+        rank=10,
+        draw=lambda subject: heights_figure(subject.poses),
+    )
+)

@@ -1,0 +1,188 @@
+"""What a figure of a body is about: a mesh file, the folder of a run, or a recipe."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.report.body_figures.body_figure import Lain, Subject, drawn_surface
+from dicedesign.report.render.cameras import upward_of
+from dicedesign.report.render.renderer import Surface
+from dicedesign.rest.poses import rest_poses
+
+if TYPE_CHECKING:
+    from dicedesign.recipe.schema.recipe import Recipe
+    from dicedesign.report.body_figures.body_figure import Ablation
+
+__all__ = ["subject_of"]
+
+RECIPES = (".yaml", ".yml")
+"""Endings of recipe files."""
+
+PLAIN = "die_plain.stl"
+"""The die of a folder without its labels."""
+
+
+def subject_of(
+    path: Path,
+    *,
+    center_of_mass: tuple[float, float, float] | Literal["hull"] | None = None,
+    coplanar_tolerance: float | None = None,
+    down: tuple[float, float, float] | None = None,
+    before: Path | None = None,
+    steps: int | None = None,
+    on_step: Callable[[], None] = lambda: None,
+) -> Subject:
+    """The subject that a path names. It is read or designed when a figure asks for it.
+
+    Parameters
+    ----------
+    path: a mesh file, a folder that a run left, or a recipe, whose die is then designed.
+    center_of_mass, coplanar_tolerance: of a mesh, as in `rest_poses`.
+    down: see `Subject`.
+    before: a mesh that the body was made from, in the same place and scale; without it a recipe's
+        start.
+    steps: most of each descent of an ablation; None for the recipe's.
+    on_step: called after every step of a design.
+
+    Raises
+    ------
+    InputError: there is no such file, or options that go with a mesh only are given with another.
+    RecipeError: the recipe cannot be used.
+    """
+    if os.path.isdir(path) or path.suffix.lower() in RECIPES:
+        if center_of_mass is not None or coplanar_tolerance is not None:
+            raise InputError(
+                f"--com, --coplanar-tolerance: expected a mesh file, got {path}, which says both "
+                "itself; leave them out"
+            )
+        return _of_recipe(path, down, before, steps, on_step)
+    make = partial(_mesh, path, center_of_mass, coplanar_tolerance)
+    make_before = partial(_unknown, path) if before is None else partial(_other, before)
+    return Subject(upward_of(path), make, make_before, partial(_no_recipe, path), down)
+
+
+def _mesh(path: Path, center: Any, coplanar_tolerance: float | None) -> Lain:
+    body = read_body(path)
+    return Lain(body, rest_poses(body, center, coplanar_tolerance=coplanar_tolerance))
+
+
+def _other(path: Path, _: Lain) -> Surface:
+    """The mesh of another file as it is."""
+    body = read_body(path)
+    return drawn_surface(body.points, body.triangles, _hull_of(body))
+
+
+def _hull_of(body: Body) -> ConvexHull:
+    return convex_hull(body.points, single_precision=body.single_precision)
+
+
+def _unknown(path: Path, _: Lain) -> NoReturn:
+    raise InputError(
+        f"before_after: expected to know what {path} was made from, got a mesh alone; name that "
+        "mesh with --before, or a recipe or a folder of a run instead"
+    )
+
+
+def _no_recipe(path: Path) -> NoReturn:
+    raise InputError(
+        f"ablation: expected a recipe by the paper's method, or the folder of its run, got the "
+        f"mesh {path}; recipes/paper has some"
+    )
+
+
+def _of_recipe(
+    path: Path,
+    down: tuple[float, float, float] | None,
+    before: Path | None,
+    steps: int | None,
+    on_step: Callable[[], None],
+) -> Subject:
+    from dicedesign.recipe.schema.reading import read_recipe
+    from dicedesign.results.folder import RECIPE
+
+    folder = os.path.isdir(path)
+    recipe = read_recipe(path / RECIPE if folder else path)
+    make = partial(_finished, path) if folder else partial(_designed, recipe, on_step)
+    make_before = partial(_start, recipe, path) if before is None else partial(_other, before)
+    mesh = recipe.start.mesh
+    upward = np.array([0.0, 0.0, 1.0]) if mesh is None else upward_of(Path(mesh.path))
+    return Subject(
+        upward, make, make_before, partial(_ablations, recipe, path, steps, on_step), down
+    )
+
+
+def _finished(folder: Path) -> Lain:
+    """The die of a run's folder."""
+    from dicedesign.results.reading import read_result
+
+    result = read_result(folder)
+    body = read_body(folder / PLAIN)
+    # A file does not say where the center of mass is of a body that is not uniform.
+    given = result.center_of_mass if _is_given(folder) else None
+    poses = rest_poses(body, given)
+    labels = [facet.label or "" for facet in result.facets]
+    return Lain(body, poses, labels if len(labels) == len(poses.facets) else None)
+
+
+def _is_given(folder: Path) -> bool:
+    from dicedesign.recipe.schema.reading import read_recipe
+    from dicedesign.results.folder import RECIPE
+
+    return read_recipe(folder / RECIPE).center_of_mass is not None
+
+
+def _designed(recipe: Recipe, on_step: Callable[[], None]) -> Lain:
+    """The die of a recipe, designed and read back from its file."""
+    from dicedesign.recipe.design_die import design_recipe
+    from dicedesign.recipe.planning.work import Listeners
+
+    work = design_recipe(recipe, Listeners(on_step=lambda _: on_step()), last="check")
+    labels = [facet.label or "" for facet in work.plain.facets]
+    return Lain(work.plain.body, work.plain.poses, labels)
+
+
+def _start(recipe: Recipe, path: Path, after: Lain) -> Surface:
+    """What a recipe's design begins with, as large as the die and about the same middle."""
+    from dicedesign.recipe.planning.stage import plan
+    from dicedesign.recipe.planning.work import Listeners, Work
+
+    work = Work(recipe, None, Listeners())
+    plan(work, last="start")
+    if work.surface is not None:
+        points, triangles = work.surface.points, work.surface.triangles
+        hull = convex_hull(points)
+    elif work.start is not None:
+        hull = convex_hull(work.start.points)
+        points, triangles = hull.vertices, hull.triangles
+    else:
+        raise InputError(
+            f"before_after: expected a recipe with a start, got {path}, which searches for shapes; "
+            "write start: into it, or name a mesh with --before"
+        )
+    whole = after.poses.hull
+    moved = (points - hull.centroid) * (whole.diameter / hull.diameter) + whole.centroid
+    return drawn_surface(moved, triangles, hull)
+
+
+def _ablations(
+    recipe: Recipe, path: Path, steps: int | None, on_step: Callable[[], None]
+) -> list[Ablation]:
+    # It brings torch along.
+    from dicedesign.recipe.methods.ablation import ablated
+
+    if recipe.method.paper is None:
+        raise InputError(
+            f"ablation: expected a recipe by the paper's method, got {path} by method "
+            f"{recipe.method.name}; recipes/paper has some"
+        )
+    return ablated(recipe, steps, on_step)

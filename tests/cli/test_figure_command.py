@@ -1,0 +1,95 @@
+"""`dicedesign figure` and `drop --figure` write pictures, and tell in one line what they cannot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import trimesh
+from PIL import Image
+
+from dicedesign.cli.main import main
+
+
+@pytest.fixture
+def inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working directory with two meshes and a recipe."""
+    monkeypatch.chdir(tmp_path)
+    trimesh.creation.box((1, 2, 3)).export("box.stl")
+    trimesh.creation.cylinder(1, 2, sections=11).export("rod.obj")
+    Path("few.yaml").write_text(
+        "name: few\ntarget: {binomial: 2}\nstart: {prism: {}}\nmethod: {paper: {steps: 30}}\n"
+    )
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["heights", "box.stl"],
+        ["paths", "box.stl"],
+        ["paths", "box.stl", "--down", "-1,0.2,0.4"],
+        ["complex", "box.stl", "--com", "0.1,0,0.2"],
+        ["drop", "rod.obj"],
+        ["drop", "rod.obj", "--down", "0.3,0.1,1"],
+        ["before_after", "box.stl", "--before", "rod.obj"],
+        ["before_after", "few.yaml"],
+        ["complex", "few.yaml"],
+        ["ablation", "few.yaml", "--steps", "3"],
+    ],
+)
+def test_a_picture_is_written(
+    inside: Path, capsys: pytest.CaptureFixture[str], arguments: list[str]
+) -> None:
+    assert main(["figure", *arguments]) == 0
+    name = f"{Path(arguments[1]).stem}_{arguments[0]}.png"
+    assert capsys.readouterr().out == f"files: {name}\n"
+    with Image.open(inside / name) as picture:
+        assert min(picture.size) > 300
+
+
+def test_rest_and_figure_draw_the_same(inside: Path) -> None:
+    assert main(["rest", "box.stl", "--figure", "a.png", "--heights", "b.png"]) == 0
+    assert main(["figure", "complex", "box.stl", "--out", "c.png"]) == 0
+    assert main(["figure", "heights", "box.stl", "--out", "d.png"]) == 0
+    assert (inside / "a.png").read_bytes() == (inside / "c.png").read_bytes()
+    assert (inside / "b.png").read_bytes() == (inside / "d.png").read_bytes()
+    down = ["--down", "0.3,0.1,1"]
+    assert main(["drop", "box.stl", *down, "--max-angle-deg", "5", "--figure", "e.png"]) == 0
+    assert main(["figure", "drop", "box.stl", *down, "--out", "f.png"]) == 0
+    assert (inside / "e.png").read_bytes() == (inside / "f.png").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["pie", "box.stl"], "kind of figure: expected heights, paths, complex, drop"),
+        (["heights", "none.stl"], "no such file"),
+        (["heights", "box.stl", "--out", "box.svg"], "--out: expected a path that ends in .png"),
+        (["heights", "box.stl", "--out", "missing/box.png"], "create the folder"),
+        (["heights", "box.stl", "--down", "1,0,0"], "--down: expected with paths or drop"),
+        (["drop", "box.stl", "--down", "0,0,0"], "down: expected three finite numbers"),
+        (["before_after", "box.stl"], "--before"),
+        (["ablation", "box.stl"], "recipe by the paper's method"),
+        (["ablation", "few.yaml", "--steps", "0"], "--steps"),
+        (["complex", "."], "recipe.yaml"),
+        (["complex", "few.yaml", "--com", "hull"], "--com"),
+    ],
+)
+def test_what_cannot_be_drawn_is_told_in_one_line(
+    inside: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], said: str
+) -> None:
+    before = sorted(inside.iterdir())
+    assert main(["figure", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert sorted(inside.iterdir()) == before
+
+
+def test_the_help_lists_the_kinds(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["figure", "--help"])
+    text = capsys.readouterr().out
+    for kind in ("heights:", "paths:", "complex:", "drop:", "before_after:", "ablation:"):
+        assert kind in text

@@ -1,0 +1,151 @@
+"""`dicedesign pose` writes meshes that stand where they are said to, read back by other code."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pygltflib
+import pytest
+import trimesh
+from trimesh.visual.material import PBRMaterial
+
+from dicedesign import read_body, rest_poses
+from dicedesign.cli.main import main
+
+
+@pytest.fixture
+def egg(tmp_path: Path) -> Path:
+    """A red solid without symmetry, off its origin, as GLB."""
+    points = np.random.default_rng(1).normal([3.0, 1.0, -2.0], 1.0, (20, 3))
+    mesh = trimesh.convex.convex_hull(points)
+    mesh.visual = trimesh.visual.TextureVisuals(
+        material=PBRMaterial(name="red", baseColorFactor=[255, 0, 0, 255])
+    )
+    path = tmp_path / "egg.glb"
+    mesh.export(path)
+    return path
+
+
+def told(capsys: pytest.CaptureFixture[str]) -> list[dict[str, object]]:
+    files: list[dict[str, object]] = json.loads(capsys.readouterr().out)["files"]
+    return files
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj", "ply", "off", "glb", "3mf"])
+@pytest.mark.parametrize("number", [1, 3])
+def test_the_file_holds_the_mesh_in_that_pose(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], egg: Path, ending: str, number: int
+) -> None:
+    out = tmp_path / f"posed.{ending}"
+    assert main(["pose", str(egg), "--pose", str(number), "--out", str(out), "--json"]) == 0
+    (one,) = told(capsys)
+    poses = rest_poses(read_body(egg))
+    assert one["probability"] == pytest.approx(poses.probabilities[number - 1], abs=1e-9)
+    posed = trimesh.load(out, force="mesh")
+    original = trimesh.load(egg, force="mesh")
+    assert posed.volume == pytest.approx(original.volume, rel=1e-5)
+    assert abs(posed.bounds[0, 2]) < 1e-6
+    np.testing.assert_allclose(posed.center_mass[:2], 0.0, atol=1e-5)
+    # It stands on the facet of that rest: as much of its area is on the plane.
+    flat = np.abs(posed.triangles[:, :, 2]).max(axis=1) < 1e-5
+    assert posed.area_faces[flat].sum() == pytest.approx(poses.areas[number - 1], rel=1e-4)
+    moved = trimesh.transform_points(original.vertices, one["transform"])
+    np.testing.assert_allclose(moved.min(axis=0), posed.bounds[0], atol=1e-5)
+    np.testing.assert_allclose(moved.max(axis=0), posed.bounds[1], atol=1e-5)
+
+
+def test_a_glb_keeps_its_material_and_a_ply_its_colors(tmp_path: Path, egg: Path) -> None:
+    out = tmp_path / "out.glb"
+    assert main(["pose", str(egg), "--out", str(out)]) == 0
+    read = pygltflib.GLTF2().load(str(out))
+    assert read.materials[0].name == "red"
+    assert read.materials[0].pbrMetallicRoughness.baseColorFactor == [1.0, 0.0, 0.0, 1.0]
+    cone = trimesh.creation.cone(1.0, 2.0, sections=9)
+    colors = np.random.default_rng(2).integers(0, 255, (len(cone.faces), 4)).astype(np.uint8)
+    cone.visual.face_colors = colors
+    cone.export(tmp_path / "cone.ply")
+    assert main(["pose", str(tmp_path / "cone.ply"), "--out", str(tmp_path / "posed.ply")]) == 0
+    posed = trimesh.load(tmp_path / "posed.ply", process=False)
+    np.testing.assert_array_equal(posed.visual.face_colors, colors)
+
+
+def test_y_can_be_upward(tmp_path: Path, egg: Path) -> None:
+    assert main(["pose", str(egg), "--up", "y", "--out", str(tmp_path / "y.glb")]) == 0
+    assert main(["pose", str(egg), "--out", str(tmp_path / "z.glb")]) == 0
+    y, z = (trimesh.load(tmp_path / f"{axis}.glb", force="mesh") for axis in "yz")
+    assert abs(y.bounds[0, 1]) < 1e-6
+    assert y.extents[1] == pytest.approx(z.extents[2], rel=1e-6)
+    assert y.volume == pytest.approx(z.volume, rel=1e-5)
+
+
+def test_one_seed_is_one_file_whatever_is_posed_beside_it(tmp_path: Path, egg: Path) -> None:
+    trimesh.creation.box((1, 2, 3)).export(tmp_path / "box.stl")
+    alone, beside = tmp_path / "egg.obj", tmp_path / "both"
+    arguments = ["--random", "--seed", "5"]
+    assert main(["pose", str(egg), *arguments, "--out", str(alone)]) == 0
+    both = [str(tmp_path / "box.stl"), str(egg)]
+    assert main(["pose", *both, *arguments, "--format", "obj", "--out", str(beside)]) == 0
+    assert (beside / "egg.obj").read_bytes() == alone.read_bytes()
+    assert main(["pose", str(egg), "--random", "--seed", "6", "--out", str(alone)]) == 0
+    assert (beside / "egg.obj").read_bytes() != alone.read_bytes()
+
+
+def test_a_bad_file_does_not_end_a_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], egg: Path
+) -> None:
+    folder = tmp_path / "meshes"
+    (folder / "within").mkdir(parents=True)
+    trimesh.creation.box((1, 2, 3)).export(folder / "box.stl")
+    trimesh.creation.cylinder(1, 4, sections=9).export(folder / "within" / "rod.off")
+    (folder / "bad.stl").write_text("rubbish")
+    np.savetxt(folder / "points.xyz", np.random.default_rng(3).normal(size=(20, 3)))
+    out = tmp_path / "new" / "posed"
+    assert main(["pose", str(folder), "--out", str(out), "--jobs", "1"]) == 0
+    said = capsys.readouterr()
+    assert "bad.stl: expected a .stl file" in said.err
+    assert "1 files could not be posed" in said.err
+    for name in ("box.stl", "within/rod.off", "points.xyz"):
+        assert name in said.out
+        points = read_body(out / name).points
+        assert abs(points[:, 2].min()) < 1e-6
+    assert read_body(out / "box.stl").points[:, 2].max() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["box.stl", "--out", "box.stl"], "mesh's own"),
+        (["box.stl", "--out", "out.stl", "--pose", "7"], "at least 7 poses, got one of 6"),
+        (["box.stl", "--out", "out.stl", "--pose", "0"], "--pose"),
+        (["box.stl", "--out", "out.docx"], "format that can be written"),
+        (["box.stl", "--out", "out.stl", "--format", "obj"], "--format"),
+        (["box.stl", "--out", "out", "--random", "--seed", "-1"], "--seed"),
+        (["none.stl", "--out", "out.stl"], "no such file"),
+        (["points.xyz", "--out", "out.stl"], "points alone"),
+        (["box.stl", "--out", "missing/out.stl"], "create the folder"),
+        (["box.stl", "within/box.stl", "--out", "posed"], "different names"),
+        (["empty", "--out", "posed"], "folder with meshes"),
+        (["box.stl", "--com", "9,0,0", "--out", "out.stl"], "center of mass"),
+    ],
+)
+def test_what_cannot_be_done_is_told_in_one_line(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    said: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "within").mkdir()
+    (tmp_path / "empty").mkdir()
+    for path in ("box.stl", "within/box.stl"):
+        trimesh.creation.box((1, 2, 3)).export(path)
+    np.savetxt("points.xyz", np.random.default_rng(3).normal(size=(20, 3)))
+    before = sorted(tmp_path.rglob("*"))
+    assert main(["pose", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert sorted(tmp_path.rglob("*")) == before

@@ -1,0 +1,226 @@
+"""`dicedesign scatter`: the files read back by other code, the footprints by boolean operations."""
+
+from __future__ import annotations
+
+import json
+import re
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pygltflib
+import pytest
+import trimesh
+from manifold3d import CrossSection
+from PIL import Image
+from trimesh.visual.material import PBRMaterial
+
+from dicedesign import read_body, rest_poses
+from dicedesign.cli.main import main
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Four meshes, one of them red and of two parts, a point cloud and a file that is none."""
+    meshes = tmp_path / "meshes"
+    (meshes / "within").mkdir(parents=True)
+    trimesh.creation.box((1, 2, 3)).export(meshes / "box.stl")
+    trimesh.creation.annulus(0.6, 1.2, 0.7, sections=16).export(meshes / "ring.obj")
+    trimesh.creation.cylinder(0.5, 3, sections=7).export(meshes / "within" / "rod.off")
+    two = trimesh.Scene()
+    for name, shift in (("one", 0.0), ("two", 2.0)):
+        part = trimesh.creation.icosphere(subdivisions=1)
+        material = PBRMaterial(name=name, baseColorFactor=[255, 0, 0, 255])
+        part.visual = trimesh.visual.TextureVisuals(material=material)
+        two.add_geometry(
+            part,
+            geom_name=name,
+            transform=trimesh.transformations.translation_matrix([shift, 0, 0]),
+        )
+    two.export(meshes / "two.glb")
+    np.savetxt(meshes / "points.xyz", np.random.default_rng(3).normal(size=(20, 3)))
+    (meshes / "bad.stl").write_text("rubbish")
+    return meshes
+
+
+def scatter(folder: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
+    assert main(["scatter", str(folder), *arguments, "--json"]) == 0
+    told: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return told
+
+
+def test_bodies_stand_on_the_floor_in_their_poses_apart_from_each_other(
+    tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "room.glb")
+    told = scatter(folder, capsys, "--count", "25", "--seed", "3", "--out", out)
+    assert len(told["bodies"]) == 25
+    wide, deep = told["floor"]
+    shapes = []
+    for body in told["bodies"]:
+        mesh, transform = read_body(folder / body["file"]), np.array(body["transform"])
+        placed = mesh.points @ transform[:3, :3].T + transform[:3, 3]
+        assert abs(placed[:, 2].min()) < 1e-6
+        assert (np.abs(placed[:, :2]) <= [wide / 2, deep / 2]).all()
+        poses = rest_poses(mesh)
+        down = transform[:3, :3] @ poses.normals[body["pose"] - 1]
+        np.testing.assert_allclose(down, [0.0, 0.0, -1.0], atol=1e-12)
+        assert body["probability"] == poses.probabilities[body["pose"] - 1]
+        shapes.append(CrossSection.hull_points(placed[:, :2].tolist()))
+    for one, other in combinations(shapes, 2):
+        assert (one ^ other).area() == 0.0
+    counts = {
+        name: sum(b["file"] == name for b in told["bodies"])
+        for name in ("box.stl", "ring.obj", "two.glb", "within/rod.off")
+    }
+    assert sorted(counts.values()) == [6, 6, 6, 7]
+
+
+def test_the_glb_holds_each_mesh_once_and_each_body_as_a_node(
+    tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "room.glb"
+    told = scatter(folder, capsys, "--count", "10", "--out", str(out))
+    read = pygltflib.GLTF2().load(str(out))
+    # Three files of one mesh, one of two, and the floor.
+    assert len(read.meshes) == 6
+    assert sorted(m.name for m in read.materials) == ["one", "two"]
+    names = [node.name for node in read.nodes]
+    assert {f"body {k}" for k in range(10)} < set(names)
+    scene = trimesh.load(out)
+    # In the file y is upward.
+    back = np.linalg.inv(scene.graph["room"][0])
+    for k, body in enumerate(told["bodies"]):
+        np.testing.assert_allclose(back @ scene.graph[f"body {k}"][0], body["transform"], atol=1e-6)
+    assert scene.bounds[0, 1] == pytest.approx(0.0, abs=1e-6)
+    np.testing.assert_allclose(scene.extents[[0, 2]], told["floor"], rtol=1e-6)
+    # All points of a body, through the scene's own graph.
+    points = [
+        trimesh.transform_points(
+            scene.geometry[scene.graph[node][1]].vertices, scene.graph[node][0]
+        )
+        for node in scene.graph.nodes_geometry
+        if node.startswith("body 4")
+    ]
+    body = told["bodies"][4]
+    mesh, transform = read_body(folder / body["file"]), np.array(body["transform"])
+    expected = trimesh.transform_points(mesh.points, scene.graph["room"][0] @ transform)
+    np.testing.assert_allclose(np.concatenate(points).min(0), expected.min(0), atol=1e-5)
+    np.testing.assert_allclose(np.concatenate(points).max(0), expected.max(0), atol=1e-5)
+
+
+def test_the_usd_file_says_the_same(
+    tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Read by what its grammar says: points are rows, and matrices multiply from the right."""
+    out = tmp_path / "room.usda"
+    told = scatter(folder, capsys, "--count", "8", "--out", str(out))
+    text = out.read_text()
+    assert text.startswith("#usda 1.0\n")
+    assert text.count("{") == text.count("}")
+    assert text.count("(") == text.count(")")
+    models = {}
+    for block in text.split("\nclass Xform ")[1:]:
+        (number,), (file,) = (
+            re.findall(r'^"Model_(\d+)"', block),
+            re.findall(r'file = "(.*)"', block),
+        )
+        (row,) = re.findall(r"point3f\[\] points = \[(.*)\]", block.split("\ndef ")[0])
+        numbers = re.findall(r"[-+.\deE]+", row)
+        (faces,) = re.findall(r"faceVertexIndices = \[(.*)\]", block.split("\ndef ")[0])
+        assert max(map(int, faces.split(","))) == len(numbers) // 3 - 1
+        models[number] = (file, np.array(numbers, dtype=float).reshape(-1, 3))
+    bodies = re.findall(r'"Body_(\d+)".*?</Model_(\d+)>.*?transform = \((.*?)\)\n', text, re.DOTALL)
+    assert [int(k) for k, _, _ in bodies] == list(range(8))
+    for k, model, row in bodies:
+        body, (file, points) = told["bodies"][int(k)], models[model]
+        assert file == body["file"]
+        matrix = np.array(re.findall(r"[-+.\deE]+", row), dtype=float).reshape(4, 4)
+        placed = np.hstack([points, np.ones((len(points), 1))]) @ matrix
+        mesh = read_body(folder / file)
+        expected = trimesh.transform_points(mesh.points, np.array(body["transform"]))
+        np.testing.assert_allclose(placed[:, :3], expected, atol=1e-5)
+
+
+def test_one_seed_is_one_room_and_another_is_another(
+    tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rooms = [tmp_path / f"{k}.glb" for k in range(3)]
+    first, second, third = (
+        scatter(folder, capsys, "--count", "6", "--seed", seed, "--out", str(out))
+        for seed, out in zip("118", rooms, strict=True)
+    )
+    assert first == second != third
+    assert rooms[0].read_bytes() == rooms[1].read_bytes()
+
+
+def test_a_size_is_given_to_all(
+    tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    huge = trimesh.creation.box((1000, 500, 200))
+    huge.export(folder / "huge.stl")
+    out = str(tmp_path / "room.glb")
+    assert main(["scatter", str(folder), "--out", out]) == 2
+    assert "scale all to one size with --size" in capsys.readouterr().err
+    told = scatter(folder, capsys, "--count", "5", "--size", "2", "--out", out)
+    for body in told["bodies"]:
+        points = read_body(folder / body["file"]).points
+        assert np.ptp(points, axis=0).max() * body["scale"] == pytest.approx(2.0)
+        turn = np.array(body["transform"])[:3, :3]
+        np.testing.assert_allclose(turn @ turn.T, body["scale"] ** 2 * np.eye(3), atol=1e-12)
+
+
+def test_the_picture_shows_the_colors_of_the_meshes(
+    tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, picture = str(tmp_path / "room.usda"), tmp_path / "room.png"
+    scatter(folder, capsys, "--count", "9", "--out", out, "--figure", str(picture))
+    with Image.open(picture) as image:
+        assert image.width == 1600
+        pixels = np.asarray(image.convert("HSV")).reshape(-1, 3)
+    hues = np.bincount(pixels[pixels[:, 1] > 60, 0] // 16, minlength=16)
+    assert np.count_nonzero(hues > 5000) >= 4
+
+
+def test_a_floor_that_is_too_small_says_which_would_do(
+    tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "room.glb"
+    arguments = ["scatter", str(folder), "--count", "20", "--out", str(out)]
+    assert main([*arguments, "--floor", "9,6"]) == 2
+    said = capsys.readouterr().err
+    assert not out.exists()
+    (found, floor), *_ = re.findall(r"only (\d+) found.*take --floor ([\d.,]+),", said)
+    assert 0 < int(found) < 20
+    assert main([*arguments, "--floor", floor]) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["meshes", "--out", "room.obj"], "--out: expected a path that ends in"),
+        (["meshes", "--out", "room.glb", "--count", "0"], "--count"),
+        (["meshes", "--out", "room.glb", "--count", "100000000"], "--count"),
+        (["meshes", "--out", "room.glb", "--floor", "0,5"], "--floor"),
+        (["meshes", "--out", "room.glb", "--floor", "5"], "--floor: expected two numbers"),
+        (["meshes", "--out", "room.glb", "--size", "-2"], "--size"),
+        (["meshes", "--out", "room.glb", "--seed", "-1"], "--seed"),
+        (["meshes", "--out", "missing/room.glb"], "create the folder"),
+        (["nothing", "--out", "room.glb"], "nothing"),
+        (["bad", "--out", "room.glb"], "mesh that can be read, got 1"),
+    ],
+)
+def test_what_cannot_be_done_is_told(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    folder: Path,
+    arguments: list[str],
+    said: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad").mkdir()
+    (tmp_path / "bad" / "bad.stl").write_text("rubbish")
+    assert main(["scatter", *arguments]) == 2
+    assert said in capsys.readouterr().err.splitlines()[-1]

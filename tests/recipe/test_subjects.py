@@ -1,0 +1,96 @@
+"""What figures are about: meshes, recipes and folders of runs, each with what it was made from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.recipe.run import run
+from dicedesign.recipe.subjects import subject_of
+
+PAPER = {
+    "name": "few",
+    "target": {"binomial": 2},
+    "start": {"prism": {}},
+    "method": {"paper": {"steps": 40}},
+    "figures": False,
+    "report": False,
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of a run by the paper's method."""
+    out = tmp_path_factory.mktemp("run") / "few"
+    run(PAPER, out=out)
+    return out
+
+
+def test_a_recipe_and_its_folder_are_the_same_die(folder: Path) -> None:
+    finished, designed = subject_of(folder), subject_of(folder / "recipe.yaml")
+    assert finished.lain.labels == designed.lain.labels
+    assert set(finished.lain.labels or ()) >= {"0", "1", "2"}
+    np.testing.assert_allclose(
+        finished.poses.probabilities, designed.poses.probabilities, atol=1e-7
+    )
+    for subject in (finished, designed):
+        before = subject.make_before(subject.lain)
+        hulls = convex_hull(before.points), subject.poses.hull
+        assert hulls[0].diameter == pytest.approx(hulls[1].diameter)
+        np.testing.assert_allclose(hulls[0].centroid, hulls[1].centroid, atol=1e-9)
+        # A start of the prism is not the die.
+        assert len(hulls[0].vertices) != len(hulls[1].vertices)
+
+
+def test_ablations_leave_out_one_weight_after_the_other(folder: Path) -> None:
+    steps = []
+    subject = subject_of(folder, steps=6, on_step=lambda: steps.append(1))
+    dice = subject.make_ablations()
+    assert [die.name for die in dice] == [
+        "all terms",
+        "without coplanar",
+        "without barycenter",
+        "without neighbor",
+        "without apart",
+        "odds alone",
+    ]
+    # After so many steps with momentum comes a line search of as many.
+    assert len(dice) < len(steps) <= len(dice) * 2 * (6 + 1)
+    for die in dice:
+        assert die.poses.probabilities.sum() == pytest.approx(1.0)
+        odds = np.bincount(die.outcomes, die.poses.probabilities, minlength=3)
+        assert np.abs(np.sort(odds) - [0.25, 0.25, 0.5]).max() == pytest.approx(die.error, abs=1e-9)
+
+
+def test_a_mesh_has_no_past_unless_it_is_named(tmp_path: Path) -> None:
+    mesh, other = tmp_path / "mesh.stl", tmp_path / "other.stl"
+    trimesh.creation.box((1, 2, 3)).export(mesh)
+    trimesh.creation.cylinder(1, 2).export(other)
+    subject = subject_of(mesh)
+    with pytest.raises(InputError, match="--before"):
+        subject.make_before(subject.lain)
+    with pytest.raises(InputError, match="recipe by the paper's method"):
+        subject.make_ablations()
+    subject = subject_of(mesh, before=other)
+    assert len(subject.make_before(subject.lain).points) == 66
+    assert subject.lain.labels is None
+
+
+def test_a_recipe_that_searches_has_no_start(tmp_path: Path) -> None:
+    recipe = tmp_path / "d4.yaml"
+    recipe.write_text("name: d4\ntarget: {fair: 4}\n")
+    subject = subject_of(recipe)
+    with pytest.raises(InputError, match="searches for shapes"):
+        subject.make_before(subject.lain)
+    with pytest.raises(InputError, match=r"got .*d4\.yaml by method exact"):
+        subject.make_ablations()
+
+
+def test_a_recipe_says_where_its_center_of_mass_is(folder: Path) -> None:
+    with pytest.raises(InputError, match="--com"):
+        subject_of(folder, center_of_mass="hull")

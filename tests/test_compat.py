@@ -1,0 +1,196 @@
+"""In place of trimesh: the same answers where its estimate is right, the truth where it is not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from common.flow_oracle import flow_frequencies
+from scipy.optimize import nnls
+
+import dicedesign as dd
+from dicedesign.compat import compute_stable_poses
+from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
+
+
+def turned(mesh: trimesh.Trimesh, seed: int) -> trimesh.Trimesh:
+    """A mesh in any orientation and place."""
+    rng = np.random.default_rng(seed)
+    copy = mesh.copy()
+    copy.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
+    copy.apply_translation(rng.normal(size=3))
+    return copy
+
+
+def blob(seed: int, count: int = 20) -> trimesh.Trimesh:
+    points = np.random.default_rng(seed).normal(size=(count, 3))
+    return trimesh.convex.convex_hull(points)
+
+
+def by_normal(transforms: np.ndarray, probabilities: np.ndarray) -> dict[tuple[float, ...], float]:
+    """Odds by the direction of the mesh that is up."""
+    keys = [tuple(np.round(transform[2, :3], 5) + 0.0) for transform in transforms]
+    return dict(zip(keys, probabilities.tolist(), strict=True))
+
+
+ALL_FACETS_HOLD = {
+    "cube": trimesh.creation.box(),
+    "brick": trimesh.creation.box((1.0, 2.0, 3.0)),
+    "icosahedron": trimesh.creation.icosahedron(),
+    "prism": trimesh.creation.cylinder(radius=1.0, height=2.0, sections=7),
+}
+"""Bodies that rest on all their facets: there a facet's basin is what it covers as seen from the
+center of mass, which is what trimesh computes."""
+
+
+@pytest.mark.parametrize("name", ALL_FACETS_HOLD)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_where_all_facets_hold_the_two_agree(name: str, seed: int) -> None:
+    mesh = turned(ALL_FACETS_HOLD[name], seed)
+    ours, theirs = compute_stable_poses(mesh), trimesh.poses.compute_stable_poses(mesh)
+    mine, other = by_normal(*ours), by_normal(*theirs)
+    assert len(mine) == len(other)
+    for normal, probability in mine.items():
+        nearest = min(other, key=lambda key: np.linalg.norm(np.subtract(key, normal)))
+        assert other[nearest] == pytest.approx(probability, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_transforms_are_those_of_trimesh(seed: int) -> None:
+    mesh = blob(seed)
+    ours, _ = compute_stable_poses(mesh)
+    theirs, _ = trimesh.poses.compute_stable_poses(mesh)
+    assert len(ours) == len(theirs)
+    for transform in ours:
+        nearest = theirs[np.linalg.norm(theirs[:, 2, :3] - transform[2, :3], axis=1).argmin()]
+        np.testing.assert_allclose(transform, nearest, atol=1e-9)
+
+
+def test_a_twenty_sided_die_has_twenty_poses_of_a_twentieth() -> None:
+    transforms, probabilities = compute_stable_poses(trimesh.creation.icosahedron())
+    assert transforms.shape == (20, 4, 4)
+    np.testing.assert_allclose(probabilities, 0.05, atol=1e-12)
+
+
+def test_a_cylinder_has_poses_with_and_without_samples() -> None:
+    mesh = trimesh.primitives.Cylinder(radius=1.0, height=10.0)
+    once, again = compute_stable_poses(mesh), compute_stable_poses(mesh, n_samples=10)
+    np.testing.assert_array_equal(once[0], again[0])
+    np.testing.assert_array_equal(once[1], again[1])
+    assert once[1].sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_mesh_touches_the_plane_and_the_odds_fall(seed: int) -> None:
+    mesh = blob(seed)
+    transforms, probabilities = compute_stable_poses(mesh)
+    assert (np.diff(probabilities) <= 0.0).all()
+    assert probabilities.sum() == pytest.approx(1.0, abs=1e-12)
+    for transform in transforms:
+        placed = mesh.copy()
+        placed.apply_transform(transform)
+        assert abs(placed.bounds[0, 2]) < 1e-12
+        assert np.linalg.det(transform[:3, :3]) == pytest.approx(1.0)
+        # The center of mass is above the facet that it stands on: a mean of its corners.
+        feet = placed.vertices[placed.vertices[:, 2] < 1e-9, :2]
+        above = [*placed.center_mass[:2], 1.0]
+        _, missed = nnls(np.vstack([feet.T, np.ones(len(feet))]), above)
+        assert missed < 1e-9
+
+
+def test_where_facets_topple_rolling_bodies_agree_with_us_and_not_with_trimesh() -> None:
+    """A facet that does not hold is left to several neighbours; trimesh gives one of them all."""
+    mesh = blob(3, 12)
+    ours, theirs = compute_stable_poses(mesh), trimesh.poses.compute_stable_poses(mesh)
+    down = -ours[0][:, 2, :3]
+    rolled, lost = flow_frequencies(mesh.vertices, mesh.center_mass, down, 1 << 13, 4e-3, seed=1)
+    assert lost < 100
+    assert np.abs(rolled - ours[1]).max() < 0.005
+    other = by_normal(*theirs)
+    missed = [abs(other[normal] - p) for normal, p in by_normal(*ours).items()]
+    assert max(missed) > 0.015
+
+
+def test_a_threshold_leaves_poses_out_and_scales_none() -> None:
+    mesh = blob(4)
+    transforms, probabilities = compute_stable_poses(mesh)
+    limit = float(probabilities[2])
+    fewer, likely = compute_stable_poses(mesh, threshold=limit)
+    np.testing.assert_array_equal(likely, probabilities[probabilities > limit])
+    np.testing.assert_array_equal(fewer, transforms[: len(fewer)])
+    none, odds = compute_stable_poses(mesh, threshold=1.0)
+    assert none.shape == (0, 4, 4)
+    assert odds.shape == (0,)
+
+
+def test_a_center_of_mass_is_taken_as_given_or_from_the_mesh() -> None:
+    mesh = blob(5)
+    center = mesh.center_mass + np.array([0.1, -0.05, 0.02])
+    given = compute_stable_poses(mesh, center_mass=center)
+    np.testing.assert_allclose(given[1], dd.rest_poses(mesh, center).probabilities, atol=1e-12)
+    weighted = mesh.copy()
+    weighted.center_mass = center
+    np.testing.assert_allclose(compute_stable_poses(weighted)[1], given[1], atol=1e-12)
+
+
+def test_sigma_is_the_mean_over_centers_of_mass() -> None:
+    """The same draws, each analysed alone."""
+    mesh, sigma, count = blob(6), 4e-3, 12
+    transforms, probabilities = compute_stable_poses(mesh, sigma=sigma, n_samples=count, seed=3)
+    rng = np.random.default_rng(3)
+    centers = mesh.center_mass + np.sqrt(sigma) * rng.standard_normal((count, 3))
+    expected: dict[tuple[float, ...], float] = {}
+    for center in centers:
+        poses = dd.rest_poses(mesh, center)
+        for normal, p in zip(poses.normals, poses.probabilities, strict=True):
+            key = tuple(np.round(-normal, 5) + 0.0)
+            expected[key] = expected.get(key, 0.0) + p / count
+    found = by_normal(transforms, probabilities)
+    assert found.keys() == expected.keys()
+    for key, p in expected.items():
+        assert found[key] == pytest.approx(p, abs=1e-12)
+    assert probabilities.sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_sigma_has_the_variance_that_trimesh_gives_it() -> None:
+    """Over many samples both estimate the same odds of a body on all of whose facets they agree."""
+    mesh, arguments = trimesh.creation.box((1.0, 1.0, 1.3)), {"sigma": 2e-3, "n_samples": 600}
+    _, ours = compute_stable_poses(mesh, **arguments, seed=1)
+    _, theirs = trimesh.poses.compute_stable_poses(mesh, **arguments, seed=2)
+    np.testing.assert_allclose(ours, theirs, atol=0.01)
+    one = compute_stable_poses(mesh, sigma=2e-3, n_samples=1, seed=1)[1]
+    assert np.ptp(one[:4]) > 0.02
+
+
+def test_a_point_cloud_and_an_open_mesh_are_hulls() -> None:
+    mesh = blob(7)
+    expected = compute_stable_poses(mesh)[1]
+    np.testing.assert_allclose(compute_stable_poses(mesh.vertices)[1], expected, atol=1e-9)
+    opened = trimesh.Trimesh(mesh.vertices, mesh.faces[1:], process=False)
+    np.testing.assert_allclose(compute_stable_poses(opened)[1], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kind", "said"),
+    [
+        ({"sigma": -1.0}, InputError, "sigma"),
+        ({"sigma": np.nan}, InputError, "sigma"),
+        ({"n_samples": 0}, InputError, "n_samples"),
+        ({"n_samples": 2.5}, InputError, "n_samples"),
+        ({"threshold": np.inf}, InputError, "threshold"),
+        ({"sigma": 1.0, "seed": -4}, InputError, "rng"),
+        ({"center_mass": [9.0, 0.0, 0.0]}, OutsideHullError, "center of mass"),
+        ({"sigma": 1e12, "n_samples": 2, "seed": 0}, OutsideHullError, "sigma"),
+    ],
+)
+def test_what_cannot_be_meant(arguments: dict[str, Any], kind: type[Exception], said: str) -> None:
+    with pytest.raises(kind, match=said):
+        compute_stable_poses(trimesh.creation.box(), **arguments)
+
+
+def test_a_flat_mesh_is_refused() -> None:
+    flat = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2], [1, 3, 2]])
+    with pytest.raises(DegenerateBodyError):
+        compute_stable_poses(flat)
