@@ -22,7 +22,7 @@ from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.geometry.surfaces.surface_nets import surface_nets, without_double_cuts
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["Cavity", "balancing_cavity", "least_wall", "within_walls"]
+__all__ = ["Cavity", "balancing_cavity", "beyond_plane", "least_wall", "within_walls"]
 
 STEPS: Final = 48
 """Of the grid along the longest extent."""
@@ -90,19 +90,24 @@ def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Cavity:
     ------
     InputError: no cavity leads there, or there is none as deep; the surface bounds no solid.
     """
-    unit = surface.diagonal
-    moment = surface.volume * (surface.centroid - center) / unit**4
     room, least = within_walls(surface, wall)
-    plane = _Plane(room.translate(tuple(-center)).scale((1.0 / unit,) * 3), moment)
-    cut = plane.cut()
+    cut = beyond_plane(room, center, surface.volume * (surface.centroid - center))
     if cut is None:
         far = float(norms(center - surface.centroid))
         raise InputError(
             f"hollow: expected a center of mass that cavities lead to, got one {far:.3g} from that "
             f"of the solid without, too far for walls of {wall:g}; reduce wall_mm"
         )
-    points, triangles = mesh_of(cut)
-    return Cavity(Surface(center + unit * points, triangles), least)
+    return Cavity(Surface(*mesh_of(cut)), least)
+
+
+def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> Manifold | None:
+    """The part of least volume of a solid that has a moment (3,), in the fourth power of its unit
+    and not 0, about a place (3,): all that is beyond a plane. None where none has it."""
+    low, high = np.reshape(room.bounding_box(), (2, 3))
+    unit = float(norms(high - low) + norms(0.5 * (low + high) - center))
+    cut = _Plane(room.translate(tuple(-center)).scale((1.0 / unit,) * 3), moment / unit**4).cut()
+    return None if cut is None else cut.scale((unit,) * 3).translate(tuple(center))
 
 
 def within_walls(surface: Surface, wall: float) -> tuple[Manifold, float]:
