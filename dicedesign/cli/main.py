@@ -28,6 +28,7 @@ COMMANDS: Final = {
     "rest": "bodies.rest",
     "drop": "bodies.drop",
     "repair": "bodies.repair",
+    "balance": "bodies.balance",
     "throw": "tables.throw",
     "rolls": "tables.rolls",
     "table": "tables.table",
@@ -44,7 +45,15 @@ _NOT_WRITTEN: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno
 """What the system says where a stream is full or gone; files of this package have errors of their
 own."""
 
-LIST_OPTIONS: Final = ("--com", "--down", "--inertia", "--target", "--labels")
+LIST_OPTIONS: Final = (
+    "--com",
+    "--down",
+    "--inertia",
+    "--labels",
+    "--region",
+    "--stand-down",
+    "--target",
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
