@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 from manifold3d import Manifold, OpType
 
@@ -60,7 +60,7 @@ def _made(
     holes: tuple[Hole, ...],
 ) -> Made:
     assert body.triangles is not None
-    facts = {"cavities": number, "cavity_mm3": volume, "part": part}
+    facts: dict[str, Any] = {"cavities": number, "cavity_mm3": volume, "part": part}
     several = f"{number} cavities" if number > 1 else "a cavity"
     notes = [f"{several} of {volume:.4g} mm3, {100.0 * part:.3g} % of the body"]
     if holes:
@@ -69,7 +69,7 @@ def _made(
             place = ", ".join(f"{x:.4g}" for x in hole.mouth)
             notes.append(f"a hole of {2.0 * hole.radius:g} mm at {place} drains it")
     else:
-        notes.append("a closed cavity: powder and resin stay in it, filament does not fill it")
+        notes.append("the cavity is closed: filament leaves it empty, but powder and resin would stay in it")
     center = solid_properties(body.points, body.triangles)[1]
     return Made({"": data}, body, center, wall, facts, tuple(notes))
 

@@ -122,17 +122,16 @@ def _balance(options: argparse.Namespace) -> int:
     from dicedesign.geometry.meshes.reading import read_body
 
     goal = _goal(options)
-    lists = {
-        name: _numbers(name, getattr(options, name))
-        for name in ("infill", "weights_mm")
-        if getattr(options, name) is not None
-    }
-    names = ("wall_mm", "drain_mm", "weight_density", "density")
-    given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
+    names = ("wall_mm", "drain_mm", "infill", "weights_mm", "weight_density", "density")
+    material: dict[str, Any] = {}
+    for name in names:
+        value = getattr(options, name)
+        if value is not None:
+            material[name] = _numbers(name, value) if isinstance(value, str) else value
     wanted = BalanceOptions(
         region=_region(options.region),
         by=options.by,
-        material=Material(**given, **lists),
+        material=Material(**material),
         size_mm=options.size_mm,
         **({} if options.tolerance is None else {"tolerance": options.tolerance}),
     )

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dicedesign.report.charts.bar_chart import OddsBars, odds_chart
-from dicedesign.report.charts.palette import ACCENT, DARK, PALE, rgb
+from dicedesign.report.charts.palette import ACCENT, DARK, FAINT, PALE, rgb
 from dicedesign.report.charts.paper import Paper, Picture
-from dicedesign.report.charts.picture_grid import picture_grid
+from dicedesign.report.charts.picture_grid import picture_grid, trimmed
 from dicedesign.report.render.raster import Camera
 from dicedesign.report.render.renderer import Surface, render
 from dicedesign.report.render.shading import MATERIAL
@@ -41,17 +41,14 @@ def balance_figure(found: Balanced) -> Paper:
     """The body in its most probable pose before and now, and cut open through its center of mass,
     below bars of the odds of the poses that the goal is about."""
     views = [
-        ("before", *_standing(found, before=True)),
-        ("now", *_standing(found, before=False)),
-        ("cut open", *_opened(found)),
+        ("before", _standing(found, before=True)),
+        ("now", _standing(found, before=False)),
+        ("cut open, and the center of mass", _opened(found)),
     ]
-    paper = picture_grid([view[1] for view in views], [view[0] for view in views], 3, above=_CHART)
-    for column, (_, _, dot) in enumerate(views):
-        left = 24.0 + column * (_PIXELS + 24.0)
-        place = (left + dot[0], _CHART + 24.0 + 42.0 + dot[1])
-        paper.disc(place, _CENTER, ACCENT)
+    pictures = trimmed([picture for _, picture in views])
+    paper = picture_grid(pictures, [name for name, _ in views], 3, above=_CHART)
     kinds = [
-        OddsBars.written("before", PALE, found.before[:_MOST_POSES]),
+        OddsBars.written("before", FAINT, found.before[:_MOST_POSES]),
         OddsBars.written("now", ACCENT, found.odds[:_MOST_POSES]),
     ]
     chart = odds_chart(
@@ -65,17 +62,15 @@ def balance_figure(found: Balanced) -> Paper:
     return paper
 
 
-def _standing(found: Balanced, *, before: bool) -> tuple[Picture, Floats]:
-    """The outside in its most probable pose, and where its center of mass is in the picture."""
+def _standing(found: Balanced, *, before: bool) -> Picture:
+    """The outside in its most probable pose."""
     poses = found.poses_before if before else found.poses
     body = found.made.body
     assert body.triangles is not None
     turn, move = poses.transforms[0][:3, :3], poses.transforms[0][:3, 3]
     points = body.points @ turn.T + move
     camera = _camera(points, np.array(_SIDE), np.array([0.0, 0.0, 1.0]))
-    center = turn @ poses.center_of_mass + move
-    picture = render(Surface(points, body.triangles), camera, _PIXELS)
-    return picture, camera.pixel_positions(center[None], _PIXELS)[0, :2]
+    return render(Surface(points, body.triangles), camera, _PIXELS)
 
 
 def _camera(points: Floats, direction: Floats, up: Floats) -> Camera:
@@ -84,8 +79,9 @@ def _camera(points: Floats, direction: Floats, up: Floats) -> Camera:
     return Camera(direction, up, middle, radius)
 
 
-def _opened(found: Balanced) -> tuple[Picture, Floats]:
-    """The body cut through its centers of mass, before and now, upright if it can be."""
+def _opened(found: Balanced) -> Picture:
+    """The body cut through its centers of mass, before and now, upright if it can be, with a dot at
+    each."""
     shift = found.center - found.center_before
     up = np.array([0.0, 0.0, 1.0])
     across = np.linalg.cross(up, shift)
@@ -111,7 +107,12 @@ def _opened(found: Balanced) -> tuple[Picture, Floats]:
     )
     camera = _camera(found.made.body.points, direction, up)
     picture = render(drawn, camera, _PIXELS)
-    return picture, camera.pixel_positions(found.center[None], _PIXELS)[0, :2]
+    for center, dot in ((found.center_before, FAINT), (found.center, ACCENT)):
+        column, row = camera.pixel_positions(center[None], _PIXELS)[0, :2]
+        places = np.indices((_PIXELS, _PIXELS)) + 0.5
+        spot = np.hypot(places[0] - row, places[1] - column) <= _CENTER
+        picture[spot] = np.rint(255.0 * rgb([dot])[0]).astype(np.uint8)
+    return picture
 
 
 def _parts(found: Balanced) -> list[tuple[Manifold, Floats]]:
