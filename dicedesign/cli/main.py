@@ -31,6 +31,7 @@ COMMANDS: Final = {
     "scatter": "bodies.scatter",
     "figure": "bodies.figure",
     "repair": "bodies.repair",
+    "balance": "bodies.balance",
     "throw": "tables.throw",
     "rolls": "tables.rolls",
     "table": "tables.table",
@@ -47,7 +48,15 @@ _NOT_WRITTEN: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno
 """What the system says where a stream is full or gone; files of this package have errors of their
 own."""
 
-LIST_OPTIONS: Final = ("--com", "--down", "--inertia", "--target", "--labels")
+LIST_OPTIONS: Final = (
+    "--com",
+    "--down",
+    "--inertia",
+    "--labels",
+    "--region",
+    "--stand-down",
+    "--target",
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -22,7 +22,7 @@ from dicedesign.geometry.surfaces.depth_grid import DepthGrid, depth_grid
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["Cavity", "balancing_cavity", "least_wall", "within_walls"]
+__all__ = ["Cavity", "Cut", "balancing_cavity", "beyond_plane", "least_wall", "within_walls"]
 
 STEPS: Final = 48
 """Of the grid along the longest extent."""
@@ -79,6 +79,15 @@ class Cavity:
     wall: float
 
 
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """The part of a solid where `normal @ x >= offset`, with normal (3,) a unit vector."""
+
+    part: Manifold
+    normal: Floats
+    offset: float
+
+
 def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Cavity:
     """The least cavity deeper than a wall with which a uniform solid has its center of mass at a
     place.
@@ -90,19 +99,30 @@ def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Cavity:
     ------
     InputError: no cavity leads there, or there is none as deep; the surface bounds no solid.
     """
-    unit = surface.diagonal
-    moment = surface.volume * (surface.centroid - center) / unit**4
     room, least = within_walls(surface, wall)
-    plane = _Plane(room.translate(tuple(-center)).scale((1.0 / unit,) * 3), moment)
-    cut = plane.cut()
+    cut = beyond_plane(room, center, surface.volume * (surface.centroid - center))
     if cut is None:
         far = float(norms(center - surface.centroid))
         raise InputError(
             f"hollow: expected a center of mass that cavities lead to, got one {far:.3g} from that "
             f"of the solid without, too far for walls of {wall:g}; reduce wall_mm"
         )
-    points, triangles = mesh_of(cut)
-    return Cavity(Surface(center + unit * points, triangles), least)
+    return Cavity(Surface(*mesh_of(cut.part)), least)
+
+
+def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> Cut | None:
+    """The part of least volume of a solid that has a moment (3,), in the fourth power of its unit
+    and not 0, about a place (3,): all that is beyond a plane. None where none has it."""
+    low, high = np.reshape(room.bounding_box(), (2, 3))
+    unit = float(norms(high - low) + norms(0.5 * (low + high) - center))
+    plane = _Plane(room.translate(tuple(-center)).scale((1.0 / unit,) * 3), moment / unit**4)
+    found = plane.found()
+    if found is None:
+        return None
+    size = float(norms(found))
+    normal = found / size
+    part = plane.beyond(found).scale((unit,) * 3).translate(tuple(center))
+    return Cut(part, normal, float(normal @ center) + unit / size)
 
 
 def within_walls(surface: Surface, wall: float) -> tuple[Manifold, float]:
@@ -173,8 +193,8 @@ class _Plane:
     def __init__(self, room: Manifold, moment: Floats) -> None:
         self.room, self.moment = room, moment
 
-    def cut(self) -> Manifold | None:
-        """What is beyond the plane; None where the moment is larger than that of any part."""
+    def found(self) -> Floats | None:
+        """(3,) x; None where the moment is larger than that of any part."""
         corners, _ = mesh_of(self.room)
         toward = self.moment / norms(self.moment)
         farthest = float((corners @ toward).max())
@@ -184,7 +204,7 @@ class _Plane:
         value, slope = self._at(now)
         for _ in range(STEPS_TO_PLANE):
             if norms(slope) <= CENTERED:
-                return self._beyond(now)
+                return now
             step = -np.linalg.solve(self._curvature(now), slope)
             step *= min(1.0, float(norms(now) / norms(step)))
             for _ in range(HALVINGS):
@@ -201,12 +221,13 @@ class _Plane:
                 return None
         return None
 
-    def _beyond(self, plane: Floats) -> Manifold:
+    def beyond(self, plane: Floats) -> Manifold:
+        """What of the room is beyond a plane (3,)."""
         return self.room.trim_by_plane(tuple(plane), 1.0 / float(norms(plane)))
 
     def _at(self, plane: Floats) -> tuple[float, Floats]:
         """The function and its gradient."""
-        points, triangles = mesh_of(self._beyond(plane))
+        points, triangles = mesh_of(self.beyond(plane))
         if len(triangles) == 0:
             return -float(plane @ self.moment), -self.moment
         volume, middle = solid_properties(points, triangles)

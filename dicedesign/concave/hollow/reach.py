@@ -1,4 +1,4 @@
-"""Places to which cavities can bring a body's center of mass."""
+"""Places to which cavities, or another density inside, can bring a body's center of mass."""
 
 from __future__ import annotations
 
@@ -21,16 +21,20 @@ DIRECTIONS: Final = 60
 """In which the farthest shift is found."""
 
 
-def reach(surface: Surface, wall: float, part: float = 1.0) -> ConvexHull:
+def reach(
+    surface: Surface, wall: float, part: float = 1.0, densities: tuple[float, float] = (0.0, 1.0)
+) -> ConvexHull:
     """Shifts of the center of mass from that of the uniform solid.
 
     Where cavities may be anywhere deeper than a wall, the centers of mass that they lead to are a
     convex set: the moments of their complements are a zonoid (Lyapunov), of which these are an
     image in perspective. It is farthest in a direction where all is hollow that lies behind the
-    center of mass itself. The hull of such shifts is inside of it.
+    center of mass itself. The hull of such shifts is inside of it. So it is with two densities in
+    place of none and that of the walls.
 
-    surface: of the solid; wall: least thickness, in its unit; part: of the shifts, to be safe.
-    Depths are found on a coarse grid, and directions are few: some hundredths are uncertain.
+    surface: of the solid; wall: least thickness, in its unit; part: of the shifts, to be safe;
+    densities: least and largest, deeper than the walls, over that of the walls. Depths are found on
+    a coarse grid, and directions are few: some hundredths are uncertain.
 
     Raises InputError where there is no room, or only a thin one, that deep.
     """
@@ -41,15 +45,19 @@ def reach(surface: Surface, wall: float, part: float = 1.0) -> ConvexHull:
     # those whose middles are not, of which no part is where the solid is thin.
     filled, deep = (np.clip((depths - least) / grid.spacing + 0.5, 0.0, 1.0) for least in (0, wall))
     deep[depths <= wall] = 0.0
-    mass = filled.sum()
-    moments = deep[:, None] * (nodes - filled @ nodes / mass)
+    away = nodes - filled @ nodes / filled.sum()
+    # All that is deep is as dense as can be, but for what lies behind.
+    dense = filled + (densities[1] - 1.0) * deep
+    mass, moment = dense.sum(), dense @ away
+    lost = (densities[1] - densities[0]) * deep
+    moments = lost[:, None] * away
     shifts = []
     for direction in even_directions(DIRECTIONS):
         order = np.argsort(nodes @ direction, kind="stable")
-        taken = np.concatenate([[0.0], np.cumsum(deep[order])])
-        reached = np.concatenate([[0.0], -np.cumsum(moments[order] @ direction)]) / (mass - taken)
-        most = int(np.argmax(reached))
-        shifts.append(-moments[order[:most]].sum(axis=0) / (mass - taken[most]))
+        left = mass - np.concatenate([[0.0], np.cumsum(lost[order])])
+        along = moment @ direction - np.cumsum(moments[order] @ direction)
+        most = int(np.argmax(np.concatenate([[moment @ direction], along]) / left))
+        shifts.append((moment - moments[order[:most]].sum(axis=0)) / left[most])
     try:
         return convex_hull(part * np.array(shifts))
     except DegenerateBodyError as error:

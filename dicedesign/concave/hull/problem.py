@@ -123,7 +123,8 @@ class HullProblem:
         if self.room is None:
             return np.zeros(3)
         slope = np.tensordot(moved, self.squared_displacement.sum(axis=2), 2)
-        return least_within(self.squared_displacement.sum(axis=(0, 2)), slope, self.room)
+        form, room = self.squared_displacement.sum(axis=(0, 2)), self.room
+        return least_within(form, slope, room.normals, room.heights(np.zeros(3)))
 
     def displacement(self, moved: Floats) -> float:
         """Root of the mean squared displacement of the surface, over its diagonal, when it is led

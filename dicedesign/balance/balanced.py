@@ -1,0 +1,349 @@
+"""A body whose center of mass is put where it serves a goal best."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from dicedesign.balance.center.best_center import (
+    BestCenter,
+    SearchOptions,
+    best_center,
+    whole_hull,
+)
+from dicedesign.balance.center.goals import FewestRests, Goal, Standing
+from dicedesign.balance.center.regions import Halfspaces, box_region
+from dicedesign.balance.center.rests_at import pose_odds
+from dicedesign.balance.ways.cavity import CAVITY
+from dicedesign.balance.ways.infill import INFILL
+from dicedesign.balance.ways.way import Made, Material, Way
+from dicedesign.balance.ways.weights import WEIGHTS
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.geometry.sizes import LEAST_MM, MOST_MM
+from dicedesign.geometry.surfaces.input_surface import FINEST, input_surface
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.checks import is_finite_number
+from dicedesign.tolerances import FILE_ODDS
+
+__all__ = ["WAYS", "BalanceOptions", "Balanced", "balanced"]
+
+WAYS: Final = {way.name: way for way in (CAVITY, INFILL, WEIGHTS)}
+"""In the order in which they are tried."""
+
+PARTS: Final = (1.0, 0.85, 0.7)
+"""Of its reach that a way is asked for in turn, where it can do less than it seemed."""
+
+
+@dataclass(frozen=True)
+class BalanceOptions:
+    """Where the center of mass may be, and how it gets there.
+
+    Attributes
+    ----------
+    region: "hull", anywhere in the body's convex hull; "hollow", where cavities can bring it; or
+        six numbers, the least x, y, z of a box and then its largest, in mm.
+    by: "cavity", "infill" or "weights"; None for the first of these that reaches the goal, or else
+        that which comes nearest.
+    material: what the body is made of, see `Material`.
+    size_mm: largest distance between two points of the body; None for a body that is in mm.
+    tolerance: largest difference of odds with which a goal is reached.
+    search: how long is looked for a center of mass.
+
+    Raises InputError for a value out of its range.
+    """
+
+    region: str | tuple[float, ...] = "hull"
+    by: str | None = None
+    material: Material = field(default_factory=Material)
+    size_mm: float | None = None
+    tolerance: float = 0.005
+    search: SearchOptions = field(default_factory=SearchOptions)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.region, str):
+            if self.region not in ("hull", "hollow"):
+                raise InputError(
+                    f"region: expected hull, hollow or a box of six numbers, got {self.region!r}; "
+                    "take hull"
+                )
+        elif len(self.region) != 6 or not all(map(is_finite_number, self.region)):
+            raise InputError(
+                "region: expected six numbers for a box, its least x,y,z and then its largest, got "
+                f"{self.region}; or take hull"
+            )
+        if self.by is not None and self.by not in WAYS:
+            raise InputError(
+                f"by: expected {', '.join(WAYS)}, got {self.by!r}; or leave it out for the first "
+                "that does it"
+            )
+        if self.size_mm is not None and not (
+            is_finite_number(self.size_mm) and LEAST_MM <= self.size_mm <= MOST_MM
+        ):
+            raise InputError(
+                f"size_mm: expected a number from {LEAST_MM:g} to {MOST_MM:g}, got "
+                f"{self.size_mm!r}; it is the largest distance between two points"
+            )
+        if not is_finite_number(self.tolerance) or not FILE_ODDS <= self.tolerance < 1.0:
+            raise InputError(
+                f"tolerance: expected a number from {FILE_ODDS:g} to 1, got {self.tolerance!r}; "
+                "0.005 is half a percent"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Balanced:
+    """A body with its center of mass elsewhere. Lengths are in mm.
+
+    Attributes
+    ----------
+    reached: whether the file has what was wanted.
+    by: the way in which it was made.
+    directions: (c, 3) down in the poses that the goal is about, of fewest rests in all that are
+        left, in the file.
+    before: (c,) odds of these poses as the body came; odds: (c,) by the files read back.
+    wanted: (c,) or None where the goal is no number.
+    rests: by the files read back; rests_before.
+    center_before, center_wanted, center: (3,) of mass; the last by the files read back.
+    clearance: distance from the center of mass to the nearest at which a rest appears or vanishes.
+    made: the files.
+    poses_before, poses: rests of the body as it came, and by the files.
+    notes: what was done, and what would do more, a sentence each.
+    """
+
+    reached: bool
+    by: str
+    directions: Floats
+    before: Floats
+    odds: Floats
+    wanted: Floats | None
+    rests: int
+    rests_before: int
+    center_before: Floats
+    center_wanted: Floats
+    center: Floats
+    clearance: float
+    made: Made
+    poses_before: RestPoses
+    poses: RestPoses
+    notes: tuple[str, ...]
+
+    @property
+    def error(self) -> float | None:
+        """Largest difference of odds from what is wanted; None where that is no number."""
+        return None if self.wanted is None else float(np.abs(self.odds - self.wanted).max())
+
+    def data(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "reached": self.reached,
+            "by": self.by,
+            "poses": [
+                {
+                    "normal": normal.tolist(),
+                    "before": float(before),
+                    "wanted": None if wanted is None else float(wanted),
+                    "odds": float(odds),
+                }
+                for normal, before, wanted, odds in zip(
+                    self.directions,
+                    self.before,
+                    [None] * len(self.odds) if self.wanted is None else self.wanted,
+                    self.odds,
+                    strict=True,
+                )
+            ],
+            "max_abs_error": self.error,
+            "rests_before": self.rests_before,
+            "rests": self.rests,
+            "center_before_mm": self.center_before.tolist(),
+            "center_wanted_mm": self.center_wanted.tolist(),
+            "center_mm": self.center.tolist(),
+            "clearance_mm": self.clearance,
+            "wall_mm": self.made.wall_mm,
+            "made": dict(self.made.facts),
+            "notes": list(self.notes),
+        }
+
+
+def balanced(body: Body, goal: Goal, options: BalanceOptions | None = None) -> Balanced:
+    """The solid of a mesh with the center of mass that serves a goal best, made so that it can be
+    printed, and judged by its files as they are read back.
+
+    Parameters
+    ----------
+    body: a closed mesh of one solid, in mm unless a size is given.
+    goal: what is wanted of its odds, which are those of a solid of uniform density to begin with.
+    options: where the center of mass may be, and how it gets there.
+
+    Raises
+    ------
+    InputError: the mesh is none of one solid; it has no such pose; the region has no center of mass
+        that can be had; walls are too thick for the body.
+    """
+    wanted = options or BalanceOptions()
+    surface, notes = sized_surface(body, wanted.size_mm)
+    poses = rest_poses(make_body(surface.points, surface.triangles, body.name))
+    found: list[Balanced] = []
+    failed: list[str] = []
+    for name in WAYS if wanted.by is None else (wanted.by,):
+        try:
+            found.append(_by(WAYS[name], surface, poses, goal, wanted, notes))
+        except InputError as error:
+            if wanted.by is not None:
+                raise
+            failed.append(f"by {name}: {error}")
+            if len(failed) == len(WAYS):
+                raise
+            continue
+        if found[-1].reached:
+            return found[-1]
+    return min(found, key=lambda one: _missing(one, goal))
+
+
+def sized_surface(body: Body, size_mm: float | None) -> tuple[Surface, tuple[str, ...]]:
+    """The surface of a body in mm, in coordinates of float32, and what was done to it. Raises
+    InputError, or DegenerateBodyError, where it is none of one solid."""
+    surface, notes, _ = input_surface(body, FINEST)
+    points = surface.points
+    diameter = convex_hull(points, single_precision=True).diameter
+    if size_mm is not None:
+        points = points * (size_mm / diameter)
+    elif not LEAST_MM <= diameter <= MOST_MM:
+        raise InputError(
+            f"{body.name}: expected a size from {LEAST_MM:g} to {MOST_MM:g} mm, got "
+            f"{diameter:.3g}, as coordinates are taken for mm; say how large it is to be with "
+            "--size-mm"
+        )
+    return surface.moved(points.astype(np.float32).astype(np.float64)), notes
+
+
+def _by(
+    way: Way,
+    surface: Surface,
+    poses: RestPoses,
+    goal: Goal,
+    options: BalanceOptions,
+    notes: tuple[str, ...],
+) -> Balanced:
+    shifts = way.reach(surface, options.material)
+    for number, part in enumerate(PARTS):
+        region = _region(surface, poses.hull, shifts, part, options)
+        best = best_center(poses, goal, region, options.tolerance, options.search)
+        try:
+            made = way.make(surface, best.center, options.material)
+        except InputError:
+            if number + 1 == len(PARTS):
+                raise
+            continue
+        return _judged(way, poses, goal, best, made, options, notes)
+    raise AssertionError
+
+
+def _region(
+    surface: Surface,
+    hull: ConvexHull,
+    shifts: ConvexHull,
+    part: float,
+    options: BalanceOptions,
+) -> ConvexHull:
+    """Where the center of mass may be and can be brought."""
+    reached = convex_hull(surface.centroid + part * shifts.vertices)
+    within = Halfspaces.of_hull(reached).and_within(Halfspaces.of_hull(whole_hull(hull)))
+    if options.region == "hollow":
+        hollow = CAVITY.reach(surface, options.material)
+        allowed = Halfspaces.of_hull(convex_hull(surface.centroid + hollow.vertices))
+        within = within.and_within(allowed)
+    elif not isinstance(options.region, str):
+        box = np.array(options.region, dtype=np.float64)
+        within = within.and_within(box_region(box[:3], box[3:]))
+    region = within.corners()
+    if region is None:
+        low, high = reached.vertices.min(axis=0), reached.vertices.max(axis=0)
+        raise InputError(
+            "region: expected a place for the center of mass that can be had, got none; from "
+            f"{', '.join(f'{x:.3g}' for x in low)} to {', '.join(f'{x:.3g}' for x in high)} is "
+            "within reach: move the box there, reduce wall_mm, or take weights"
+        )
+    return region
+
+
+def _judged(
+    way: Way,
+    poses: RestPoses,
+    goal: Goal,
+    best: BestCenter,
+    made: Made,
+    options: BalanceOptions,
+    notes: tuple[str, ...],
+) -> Balanced:
+    """By the files."""
+    now = rest_poses(made.body, made.center)
+    directions = now.normals if isinstance(goal, FewestRests) else best.directions
+    odds = pose_odds(now, directions)
+    most = max(options.tolerance, FILE_ODDS)
+    if best.wanted is not None:
+        kept = bool(np.abs(odds - best.wanted).max() <= most)
+    elif isinstance(goal, Standing):
+        kept = bool(odds[0] >= best.odds[0] - most)
+    else:
+        kept = len(now.facets) <= best.rests
+    more = [*notes, *made.notes]
+    if best.reached and not kept:
+        more.append(
+            "the file has other odds than its center of mass was chosen for: an edge of a basin is "
+            f"{best.clearance:.2g} mm away; allow more tolerance, or take another way"
+        )
+    elif not best.reached:
+        more.append(_remedy(goal, best, way.name))
+    return Balanced(
+        reached=best.reached and kept,
+        by=way.name,
+        directions=directions,
+        before=pose_odds(poses, directions),
+        odds=odds,
+        wanted=best.wanted,
+        rests=len(now.facets),
+        rests_before=len(poses.facets),
+        center_before=poses.center_of_mass,
+        center_wanted=best.center,
+        center=made.center,
+        clearance=best.clearance,
+        made=made,
+        poses_before=poses,
+        poses=now,
+        notes=tuple(more),
+    )
+
+
+def _remedy(goal: Goal, best: BestCenter, way: str) -> str:
+    """What would do more."""
+    farther = {
+        "cavity": "a thinner wall_mm reaches farther",
+        "infill": "infills farther apart reach farther, and so does a cavity",
+        "weights": "heavier weights or a larger size reach farther",
+    }[way]
+    if isinstance(goal, FewestRests):
+        return f"no center of mass within reach leaves fewer rests; {farther}"
+    if isinstance(goal, Standing):
+        return f"another pose stays more probable; {farther}"
+    assert best.error is not None
+    return (
+        f"odds are off by up to {best.error:.3g}; {farther}, and three coordinates lead three "
+        "odds at most: ask for fewer, or allow more tolerance"
+    )
+
+
+def _missing(one: Balanced, goal: Goal) -> float:
+    """How far from its goal a body is."""
+    if isinstance(goal, FewestRests):
+        return float(one.rests)
+    if isinstance(goal, Standing):
+        return 1.0 - float(one.odds[0])
+    assert one.error is not None
+    return one.error

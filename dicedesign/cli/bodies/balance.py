@@ -1,0 +1,263 @@
+"""`dicedesign balance`: the center of mass that serves a goal best, made so that it can be
+printed."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from dicedesign.cli.options import direction, print_json, vector
+from dicedesign.errors import InputError
+from dicedesign.runtime.files import atomic_write, json_text, make_writable_folder
+from dicedesign.runtime.printable import printable
+from dicedesign.runtime.text_table import text_table
+
+if TYPE_CHECKING:
+    from dicedesign.balance.balanced import Balanced
+    from dicedesign.balance.center.goals import Goal
+    from dicedesign.runtime.arrays import Floats
+
+__all__ = ["add_parser"]
+
+NAME: Final = "balanced.stl"
+"""Of the body in a folder."""
+
+
+def add_parser(commands: Any) -> None:
+    """Add the subcommand to argparse's `commands`."""
+    parser = commands.add_parser(
+        "balance",
+        help="move the center of mass of a mesh until it rests as is wanted",
+        description="Find the center of mass with which a mesh rests as is wanted, and put it "
+        "there: by a cavity, by two densities of infill, or by weights of steel. The outside stays "
+        "as it is. The files are read back and judged; 0 where the goal is reached, 1 where it is "
+        "not and the best is written.",
+    )
+    parser.add_argument(
+        "mesh", type=Path, metavar="MESH", help="closed surface of one solid: STL, OBJ, ..."
+    )
+    goals = parser.add_mutually_exclusive_group(required=True)
+    goals.add_argument(
+        "--equal", type=int, metavar="N", help="equal odds of the N most probable poses"
+    )
+    goals.add_argument(
+        "--stand",
+        type=int,
+        metavar="K",
+        help="the largest odds of pose K, numbered from 1 as `dicedesign rest` lists them",
+    )
+    goals.add_argument(
+        "--stand-down",
+        metavar="x,y,z",
+        help="the same of the pose in which this direction of the mesh points down",
+    )
+    goals.add_argument("--fewest", action="store_true", help="as few resting poses as can be")
+    goals.add_argument(
+        "--target",
+        metavar="p,q,...",
+        help="these odds, fractions or decimals, for the most probable poses, or for --poses",
+    )
+    parser.add_argument(
+        "--poses", metavar="K,L,...", help="numbers of the poses that --target is for"
+    )
+    parser.add_argument(
+        "--region",
+        default="hull",
+        metavar="hull|hollow|x,y,z,x,y,z",
+        help="where the center of mass may be: anywhere, where cavities can bring it, or in a box "
+        "of a least and a largest corner in mm (default: hull)",
+    )
+    parser.add_argument(
+        "--by",
+        metavar="cavity|infill|weights",
+        help="how it gets there (default: by the first that does it)",
+    )
+    parser.add_argument(
+        "--size-mm",
+        type=float,
+        metavar="X",
+        help="largest distance between two points (default: coordinates are in mm)",
+    )
+    parser.add_argument(
+        "--wall-mm", type=float, metavar="W", help="least thickness of walls (default: 1.2)"
+    )
+    parser.add_argument(
+        "--drain-mm", type=float, metavar="D", help="drain the cavity by a hole of this diameter"
+    )
+    parser.add_argument(
+        "--infill", metavar="p,q", help="two infills from 0 to 1 (default: 0.1,0.6)"
+    )
+    parser.add_argument(
+        "--weights-mm",
+        metavar="d,e,...",
+        help="diameters of the balls that you have (default: 3,4,5,6,8,10,12,15,20)",
+    )
+    parser.add_argument(
+        "--weight-density", type=float, metavar="D", help="of these, in g/cm3 (default: 7.8, steel)"
+    )
+    parser.add_argument(
+        "--density", type=float, metavar="D", help="of what is printed (default: 1.24, PLA)"
+    )
+    parser.add_argument(
+        "--tolerance", type=float, metavar="T", help="largest difference of odds (default: 0.005)"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE.stl|FOLDER",
+        help="where the body goes, with what belongs to it beside it",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser.set_defaults(command=_balance)
+
+
+def _balance(options: argparse.Namespace) -> int:
+    # Imported here, as other commands do without.
+    from dicedesign.balance.balanced import BalanceOptions, balanced
+    from dicedesign.balance.ways.way import Material
+    from dicedesign.geometry.meshes.reading import read_body
+
+    goal = _goal(options)
+    names = ("wall_mm", "drain_mm", "infill", "weights_mm", "weight_density", "density")
+    material: dict[str, Any] = {}
+    for name in names:
+        value = getattr(options, name)
+        if value is not None:
+            material[name] = _numbers(name, value) if isinstance(value, str) else value
+    wanted = BalanceOptions(
+        region=_region(options.region),
+        by=options.by,
+        material=Material(**material),
+        size_mm=options.size_mm,
+        **({} if options.tolerance is None else {"tolerance": options.tolerance}),
+    )
+    file = _file(options.out)
+    found = balanced(read_body(options.mesh), goal, wanted)
+    files = list(_written(found, file))
+    for note in found.notes:
+        print(f"note: {printable(note)}", file=sys.stderr)
+    if options.json:
+        print_json({**found.data(), "files": [str(path) for path in files]})
+    else:
+        print("\n".join(_table(options.mesh, found)))
+        print(f"files: {', '.join(printable(str(path)) for path in files)}")
+    return 0 if found.reached else 1
+
+
+def _goal(options: argparse.Namespace) -> Goal:
+    from dicedesign.balance.center.goals import EqualOdds, FewestRests, GivenOdds, Standing
+
+    if options.poses is not None and options.target is None:
+        raise InputError("--poses: expected --target p,q,... with it, got none; add it")
+    if options.equal is not None:
+        return EqualOdds(options.equal)
+    if options.stand is not None:
+        return Standing(pose=options.stand)
+    if options.stand_down is not None:
+        return Standing(down=vector("--stand-down", options.stand_down))
+    if options.fewest:
+        return FewestRests()
+    poses = None
+    if options.poses is not None:
+        poses = tuple(_whole(part) for part in options.poses.split(","))
+    return GivenOdds(_numbers("target", options.target), poses)
+
+
+def _region(text: str) -> str | tuple[float, ...]:
+    return _numbers("region", text) if "," in text else text
+
+
+def _numbers(option: str, text: str) -> tuple[float, ...]:
+    """The numbers of a text, fractions or decimals."""
+    from fractions import Fraction
+
+    try:
+        return tuple(float(Fraction(part.strip())) for part in text.split(","))
+    except (ValueError, ZeroDivisionError, OverflowError) as error:
+        raise InputError(
+            f"--{option.replace('_', '-')}: expected numbers such as 0.5,1/4, got {text!r}; "
+            "separate them by commas"
+        ) from error
+
+
+def _whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError as error:
+        raise InputError(
+            f"--poses: expected numbers of poses such as 1,2, got {text!r}; dicedesign rest lists "
+            "them"
+        ) from error
+
+
+def _file(out: Path) -> Path:
+    """The file of the body."""
+    if out.suffix.lower() == ".stl":
+        return out
+    if out.suffix and not out.is_dir():
+        raise InputError(
+            f"--out: expected a folder or a file that ends in .stl, got {out}; rename it"
+        )
+    make_writable_folder(out)
+    return out / NAME
+
+
+def _written(found: Balanced, file: Path) -> Iterator[Path]:
+    from dicedesign.report.figures.balance import balance_figure
+
+    contents = {
+        file.with_name(file.stem + rest) if rest else file: data
+        for rest, data in found.made.files.items()
+    }
+    contents[file.with_name(f"{file.stem}_balance.png")] = balance_figure(found).png()
+    contents[file.with_name(f"{file.stem}_balance.json")] = json_text(found.data()).encode()
+    for path, data in contents.items():
+        atomic_write(path, data)
+        yield path
+
+
+def _table(mesh: Path, found: Balanced) -> Iterator[str]:
+    """What was wanted, and what the files do."""
+    wanted: list[float] | list[None] = [None] * len(found.odds)
+    if found.wanted is not None:
+        wanted = found.wanted.tolist()
+    columns = [("pose", "d"), ("facet normal (down)", ""), ("before", ">"), ("goal", ">")]
+    rows = []
+    for number, normal in enumerate(found.directions):
+        goal = wanted[number]
+        rows.append(
+            [
+                number + 1,
+                direction(normal),
+                _percent(found.before[number]),
+                "" if goal is None else _percent(goal),
+                _percent(found.odds[number]),
+            ]
+        )
+    yield (
+        f"{printable(mesh)}: {'reached' if found.reached else 'not reached'}, by {found.by}; "
+        f"{found.rests_before} resting poses before, {found.rests} now"
+    )
+    places = [
+        ("before", found.center_before),
+        ("wanted", found.center_wanted),
+        ("now", found.center),
+    ]
+    for name, place in places:
+        yield f"center of mass {name:6}  {_place(place)} mm"
+    if found.made.wall_mm is not None:
+        yield f"walls of at least {found.made.wall_mm:.4g} mm"
+    yield ""
+    yield from text_table([*columns, ("now", ">")], rows)
+
+
+def _place(place: Floats) -> str:
+    return "  ".join(f"{x + 0.0:10.5f}" for x in place)
+
+
+def _percent(part: float) -> str:
+    return f"{100.0 * part:.4f} %"
