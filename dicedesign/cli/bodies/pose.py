@@ -54,10 +54,10 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--out",
         type=Path,
-        required=True,
         metavar="PATH",
-        help="of one mesh: the file to write, in the format of its ending; of several or a folder: "
-        "the folder for their files, which keep their names",
+        help="of one mesh: the file to write, in the format of its ending (default: MESH_posed, "
+        "here); of several or a folder: the folder for their files, which keep their names "
+        "(default: posed)",
     )
     chosen = parser.add_mutually_exclusive_group()
     chosen.add_argument(
@@ -107,7 +107,11 @@ def _pose(options: argparse.Namespace) -> int:
         y_up=options.up == "y",
     )
     into_folder = len(options.meshes) > 1 or os.path.isdir(options.meshes[0])
-    into_folder = into_folder or os.path.isdir(options.out)
+    if options.out is None:
+        mesh = options.meshes[0]
+        options.out = Path("posed" if into_folder else f"{mesh.stem}_posed{mesh.suffix}")
+    elif os.path.isdir(options.out):
+        into_folder = True
     jobs = list(_jobs(options, into_folder))
     _check_jobs(jobs)
     if len(jobs) == 1:
