@@ -72,6 +72,8 @@ from dicedesign.recipe.schema.entries import STARTS as STARTS
 from dicedesign.recipe.schema.reading import checked_recipe as checked_recipe
 from dicedesign.recipe.schema.reading import read_recipe as read_recipe
 from dicedesign.recipe.schema.recipe import Recipe as Recipe
+from dicedesign.report.body_figures.body_figure import BODY_FIGURES as BODY_FIGURES
+from dicedesign.report.body_figures.body_figure import BodyFigure as BodyFigure
 from dicedesign.report.figures.figure import FIGURES as FIGURES
 from dicedesign.report.figures.figure import Figure as Figure
 from dicedesign.rest.poses import RestPoses as RestPoses
@@ -85,6 +87,7 @@ from dicedesign.rest.priors.samples import SampledDirections as SampledDirection
 from dicedesign.rest.priors.von_mises_fisher import VonMisesFisher as VonMisesFisher
 from dicedesign.rest.roll import RollStep as RollStep
 from dicedesign.rest.roll import roll as roll
+from dicedesign.rest.sampling import SampledPoses as SampledPoses
 from dicedesign.results.reading import read_result as read_result
 from dicedesign.results.record import FacetOfDie as FacetOfDie
 from dicedesign.results.record import Result as Result

@@ -1,4 +1,4 @@
-"""Make what README.md, docs/concave.md and docs/table.md show from finished runs: the tables of
+"""Make what README.md and the pages of docs show from finished runs: the tables of
 recipes and the gallery.
 
 Usage, after `dicedesign run` of every recipe and the benches that draw:
@@ -9,10 +9,14 @@ prints the tables in Markdown and writes outputs/gallery/*.png.
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from PIL import Image
+
+from dicedesign.cli.main import main
 
 TITLE = 66
 """Pixels above each view that hold its title."""
@@ -86,6 +90,19 @@ def gallery(outputs: Path, target: Path) -> None:
         save(narrowed(Image.open(outputs / "2d6_table" / f"{name}.png")), target / f"{name}.png")
     for path in sorted((outputs / "bench").glob("*.png")):
         save(narrowed(Image.open(path)), target / f"bench_{path.name}")
+    room(outputs, target)
+
+
+def room(outputs: Path, target: Path) -> None:
+    """All dice with their labels, on one floor."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for path in outputs.glob("*/die.stl"):
+            shutil.copy(path, folder / f"{path.parent.name}.stl")
+        picture = folder / "room.png"
+        command = ["scatter", name, "--count", "60", "--seed", "3", "--size", "1"]
+        assert main([*command, "--out", f"{name}/room.glb", "--figure", str(picture)]) == 0
+        save(narrowed(Image.open(picture)), target / "room.png", 255)
 
 
 def narrowed(picture: Image.Image) -> Image.Image:

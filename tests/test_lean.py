@@ -133,6 +133,22 @@ def test_a_query_in_python_loads_nothing_heavy(repository: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "[]\n", "")
 
 
+def test_posing_a_mesh_loads_nothing_heavy(tmp_path: Path) -> None:
+    trimesh.creation.box().export(tmp_path / "box.stl")
+    loaded = modules_after(["pose", "box.stl", "--out", "posed.obj"], tmp_path)
+    heavy = {"torch", "manifold3d", "matplotlib", "pydantic", "fontTools", "trimesh", "PIL", "tqdm"}
+    assert loaded & (heavy | SOLVERS) == set()
+
+
+def test_a_figure_of_a_mesh_and_a_room_load_no_torch(tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    trimesh.creation.box().export(tmp_path / "meshes" / "box.stl")
+    loaded = modules_after(["figure", "paths", "meshes/box.stl"], tmp_path)
+    assert loaded & {"torch", "manifold3d", "matplotlib", "pydantic"} == set()
+    room = ["scatter", "meshes", "--count", "3", "--out", "room.glb", "--figure", "room.png"]
+    assert modules_after(room, tmp_path) & {"torch", "manifold3d", "pydantic"} == set()
+
+
 def test_the_figure_of_a_query_loads_what_draws_it_and_no_more(tmp_path: Path) -> None:
     trimesh.creation.box().export(tmp_path / "box.stl")
     loaded = modules_after(["rest", "box.stl", "--figure", "map.png"], tmp_path)

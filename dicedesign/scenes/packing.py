@@ -25,9 +25,11 @@ ROUNDS: Final = 8
 MESH: Final = 24
 """Places along each side when all of the floor is looked at."""
 
+BULK: Final = 1000
+"""Footprints up to which all are looked at for all tries at once."""
+
 FILLED: Final = 0.35
-"""Part of a floor of our choice that is covered: half is about what bodies at random places can
-cover at most."""
+"""Part of a floor of our choice that is covered; up to two thirds can be."""
 
 WIDER: Final = 1.1
 """Each side of the next floor that is tried over that of the last."""
@@ -59,11 +61,12 @@ def pack(
 class _Layout:
     """Footprints of which some have places.
 
-    Discs about the middles of their boxes tell most pairs that meet, or do not.
+    Discs about the middles of their boxes tell most pairs that meet, or do not, and those that are
+    far away are not looked at: they are in cells that are no neighbors.
 
     Attributes
     ----------
-    shifts: (n, 2) to the places, or NaN; placed: which have places.
+    shifts: (n, 2) to the places, or NaN.
     middles: (n, 2) of their discs; outer, inner: (n,) radii of those around and within them.
     clearance: that two have to keep.
     """
@@ -71,7 +74,6 @@ class _Layout:
     def __init__(self, footprints: Sequence[Footprint]) -> None:
         self.footprints = footprints
         self.shifts = np.full((len(footprints), 2), np.nan)
-        self.placed: list[int] = []
         corners = [footprint.corners for footprint in footprints]
         self.middles = np.array([(p.min(axis=0) + p.max(axis=0)) / 2.0 for p in corners])
         arms = [p - m for p, m in zip(corners, self.middles, strict=True)]
@@ -79,26 +81,43 @@ class _Layout:
         within = zip(footprints, self.middles, strict=True)
         self.inner = np.array([footprint.room_around(m) for footprint, m in within])
         self.clearance = CLEARANCE * float(self.outer.max())
+        self._cell = 2.0 * float(self.outer.max()) + self.clearance
+        self._cells: dict[tuple[int, int], list[int]] = {}
+        self._placed: list[int] = []
 
     def place(self, k: int, shifts: Floats) -> bool:
         """Give a footprint the first of some shifts (t, 2) that leads to a free place, if any."""
-        others = np.array(self.placed, dtype=np.int64)
-        between = (shifts + self.middles[k])[:, None] - (self.shifts + self.middles)[others]
-        squared = (between * between).sum(-1)
-        meets = (squared <= (self.inner[k] + self.inner[others]) ** 2).any(axis=1)
-        apart = squared >= (self.outer[k] + self.outer[others] + self.clearance) ** 2
-        for t in np.flatnonzero(~meets).tolist():
-            near = np.flatnonzero(~apart[t])
-            own = self.footprints[k]
-            if all(
-                gap(own, self.footprints[n], self.shifts[n] - shifts[t]) > self.clearance
-                # The nearest are the likeliest to be met.
-                for n in others[near[np.argsort(squared[t, near])]].tolist()
-            ):
-                self.shifts[k] = shifts[t]
-                self.placed.append(k)
+        for shift in self._hopeful(k, shifts):
+            column, row = np.floor((shift + self.middles[k]) / self._cell).astype(int).tolist()
+            if self._is_free(k, shift, column, row):
+                self.shifts[k] = shift
+                self._cells.setdefault((column, row), []).append(k)
+                self._placed.append(k)
                 return True
         return False
+
+    def _hopeful(self, k: int, shifts: Floats) -> Floats:
+        """Those of the shifts (t, 2) that do not lead into a disc within another; all of them where
+        there are many others, of which most are far away."""
+        if not 0 < len(self._placed) <= BULK:
+            return shifts
+        others = self.shifts[self._placed] + self.middles[self._placed]
+        between = (shifts + self.middles[k])[:, None] - others
+        reached = (self.inner[k] + self.inner[self._placed]) ** 2
+        return shifts[((between * between).sum(-1) > reached).all(axis=1)]
+
+    def _is_free(self, k: int, shift: Floats, column: int, row: int) -> bool:
+        """Whether a footprint that is shifted into a cell meets no other."""
+        cells = ((column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1))
+        others = np.array([n for cell in cells for n in self._cells.get(cell, ())], dtype=np.int64)
+        between = shift + self.middles[k] - (self.shifts[others] + self.middles[others])
+        squared = (between * between).sum(-1)
+        near = squared < (self.outer[k] + self.outer[others] + self.clearance) ** 2
+        # The nearest are the likeliest to be met.
+        return all(
+            gap(self.footprints[k], self.footprints[n], self.shifts[n] - shift) > self.clearance
+            for n in others[near][np.argsort(squared[near])].tolist()
+        )
 
 
 def _tries(chance: np.random.Generator) -> Iterator[Floats]:

@@ -181,8 +181,10 @@ def _models(
             if body.triangles is None:
                 raise InputError(f"{path}: expected triangles, got points alone; leave it out")
             model = Model(name, path, body, rest_poses(body))
-        except DiceError as error:
-            said = " ".join(str(error).split())
+        except Exception as error:
+            # A room is not given up for one file, even where the fault is ours.
+            text = str(error) if isinstance(error, DiceError) else f"{path}: {error!r}"
+            said = " ".join(text.split())
         else:
             count -= 1
             yield model if size is None else replace(model, scale=size / model.size)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
@@ -15,10 +17,17 @@ from dicedesign.geometry.meshes.formats import without_solids
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.executors import as_ended, is_lost_worker
 from dicedesign.runtime.files import atomic_write
 from dicedesign.scenes.posed_file import Y_UP, posed_bytes
 
-__all__ = ["Job", "PoseChoice", "Stood", "stand", "stand_all"]
+__all__ = ["Job", "PoseChoice", "Stood", "stand", "stand_all", "stand_many"]
+
+FILES_PER_TASK: Final = 16
+"""At most: handing over a task costs far less than they do."""
+
+TASKS_PER_WORKER: Final = 4
+"""At least, if the files suffice, so that all workers end at about the same time."""
 
 
 @dataclass(frozen=True)
@@ -124,3 +133,54 @@ def stand_all(jobs: Sequence[Job], choice: PoseChoice) -> list[Stood]:
             said = str(error) if isinstance(error, DiceError) else f"{job.source}: {error!r}"
             stood.append(Stood(job, error=" ".join(said.split())))
     return stood
+
+
+def stand_many(
+    jobs: Sequence[Job],
+    choice: PoseChoice,
+    executor: Executor,
+    workers: int,
+    *,
+    on_done: Callable[[int], None],
+    on_quiet: Callable[[], None] | None = None,
+) -> list[Stood]:
+    """What became of many jobs, in their order. Those whose worker was lost run again alone, so
+    that none is blamed for another.
+
+    Parameters
+    ----------
+    jobs: with different targets.
+    executor: runs them, so many `workers` at a time.
+    on_done: told how many ended; on_quiet: called whenever none has for some seconds.
+
+    Raises DiceError: the executor cannot go on.
+    """
+    done: dict[Path, Stood] = {}
+    size = max(1, min(FILES_PER_TASK, len(jobs) // (TASKS_PER_WORKER * workers)))
+    for most, tasks_at_once in ((size, 2 * workers), (1, 1)):
+        left = [job for job in jobs if job.target not in done]
+        tasks = iter([left[k : k + most] for k in range(0, len(left), most)])
+        ended = as_ended(
+            partial(next, tasks, None),
+            lambda task: executor.submit(stand_all, task, choice),
+            tasks_at_once,
+            on_quiet,
+        )
+        for task, future in ended:
+            try:
+                stood = future.result()
+            except Exception as error:
+                if not is_lost_worker(error):
+                    raise
+            else:
+                done |= {one.job.target: one for one in stood}
+                on_done(len(task))
+    return [done.get(job.target, _lost(job)) for job in jobs]
+
+
+def _lost(job: Job) -> Stood:
+    return Stood(
+        job,
+        error=f"{job.source}: expected workers that stay, but those that posed it were lost; see "
+        "whether memory suffices",
+    )

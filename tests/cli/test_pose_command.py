@@ -113,6 +113,17 @@ def test_a_bad_file_does_not_end_a_folder(
     assert read_body(out / "box.stl").points[:, 2].max() == pytest.approx(1.0)
 
 
+def test_files_have_names_without_being_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, egg: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    trimesh.creation.box((1, 2, 3)).export("box.stl")
+    assert main(["pose", "box.stl"]) == 0
+    assert abs(read_body("box_posed.stl").points[:, 2].min()) < 1e-6
+    assert main(["pose", "box.stl", str(egg), "--jobs", "1"]) == 0
+    assert {path.name for path in Path("posed").iterdir()} == {"box.stl", "egg.glb"}
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -48,11 +48,12 @@ REGISTRIES = {
     "printers": "dicedesign.fabricate.printing.printer:PRINTERS",
     "stages": "dicedesign.recipe.planning.stage:STAGES",
     "figures": "dicedesign.report.figures.figure:FIGURES",
+    "kinds of figures": "dicedesign.report.body_figures.body_figure:BODY_FIGURES",
     "benches": "dicedesign.bench.frame:BENCHES",
 }
 """Name of a table, and where its registry is: "module:attribute"."""
 
-COMMANDS = {"benches": "dicedesign bench "}
+COMMANDS = {"benches": "dicedesign bench ", "kinds of figures": "dicedesign figure "}
 """What is written before the names of a table's entries."""
 
 SUBJECTS = {
@@ -75,6 +76,7 @@ SUBJECTS = {
     "optimize.solvers": "methods and their options",
     "throws": "throws",
     "report.figures": "figures",
+    "report.body_figures": "figures",
     "runtime": "extensions",
     "errors": "errors",
 }

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from dicedesign.cli.bodies.body import add_rest_options, center_of_mass
 from dicedesign.cli.options import (
@@ -24,14 +23,10 @@ from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from concurrent.futures import Future
 
-    from dicedesign.scenes.standing import Job, PoseChoice, Stood
+    from dicedesign.scenes.standing import Job, Stood
 
 __all__ = ["add_parser"]
-
-FILES_PER_TASK: Final = 16
-"""Handing over a task costs far less than they do."""
 
 
 def add_parser(commands: Any) -> None:
@@ -54,10 +49,10 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--out",
         type=Path,
-        required=True,
         metavar="PATH",
-        help="of one mesh: the file to write, in the format of its ending; of several or a folder: "
-        "the folder for their files, which keep their names",
+        help="of one mesh: the file to write, in the format of its ending (default: MESH_posed, "
+        "here); of several or a folder: the folder for their files, which keep their names "
+        "(default: posed)",
     )
     chosen = parser.add_mutually_exclusive_group()
     chosen.add_argument(
@@ -94,7 +89,7 @@ def add_parser(commands: Any) -> None:
 
 def _pose(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
-    from dicedesign.scenes.standing import PoseChoice, stand
+    from dicedesign.scenes.standing import PoseChoice, stand, stand_many
 
     check_whole("--pose", options.pose)
     check_whole("--seed", options.seed, least=0, most=MOST_SEED)
@@ -107,7 +102,11 @@ def _pose(options: argparse.Namespace) -> int:
         y_up=options.up == "y",
     )
     into_folder = len(options.meshes) > 1 or os.path.isdir(options.meshes[0])
-    into_folder = into_folder or os.path.isdir(options.out)
+    if options.out is None:
+        mesh = options.meshes[0]
+        options.out = Path("posed" if into_folder else f"{mesh.stem}_posed{mesh.suffix}")
+    elif os.path.isdir(options.out):
+        into_folder = True
     jobs = list(_jobs(options, into_folder))
     _check_jobs(jobs)
     if len(jobs) == 1:
@@ -117,7 +116,15 @@ def _pose(options: argparse.Namespace) -> int:
     else:
         for folder in sorted({job.target.parent for job in jobs}):
             make_writable_folder(folder)
-        stood = _stand_many(jobs, choice, options)
+        with workers_of(options, "files", len(jobs)) as workers:
+            stood = stand_many(
+                jobs,
+                choice,
+                workers.executor,
+                workers.jobs,
+                on_done=workers.advance,
+                on_quiet=workers.on_quiet,
+            )
     return _tell(stood, options)
 
 
@@ -164,35 +171,6 @@ def _check_jobs(jobs: list[Job]) -> None:
             raise InputError(
                 f"--out: expected another path than the mesh's own, got {job.target}; take another"
             )
-
-
-def _stand_many(jobs: list[Job], choice: PoseChoice, options: argparse.Namespace) -> list[Stood]:
-    """All that became of the jobs, in their order. Those whose worker is lost run again alone."""
-    from dicedesign.runtime.executors import as_ended, is_lost_worker
-    from dicedesign.scenes.standing import Stood, stand_all
-
-    done: dict[Path, Stood] = {}
-    with workers_of(options, "files", len(jobs)) as workers:
-
-        def submit(task: list[Job]) -> Future[list[Stood]]:
-            return workers.executor.submit(stand_all, task, choice)
-
-        size = min(FILES_PER_TASK, -(-len(jobs) // (4 * workers.jobs)))
-        for most, many in ((size, 2 * workers.jobs), (1, 1)):
-            left = [job for job in jobs if job.target not in done]
-            tasks = iter([left[k : k + most] for k in range(0, len(left), most)])
-            ended_tasks = as_ended(partial(next, tasks, None), submit, many, workers.on_quiet)
-            for task, future in ended_tasks:
-                try:
-                    ended = future.result()
-                except Exception as error:
-                    if not is_lost_worker(error):
-                        raise
-                    continue
-                done |= {stood.job.target: stood for stood in ended}
-                workers.advance(len(task))
-    lost = "expected workers that stay, but those that posed it were lost; see to the memory"
-    return [done.get(job.target, Stood(job, error=f"{job.source}: {lost}")) for job in jobs]
 
 
 def _tell(stood: list[Stood], options: argparse.Namespace) -> int:
