@@ -69,7 +69,9 @@ def _made(
             place = ", ".join(f"{x:.4g}" for x in hole.mouth)
             notes.append(f"a hole of {2.0 * hole.radius:g} mm at {place} drains it")
     else:
-        notes.append("the cavity is closed: filament leaves it empty, but powder and resin would stay in it")
+        notes.append(
+            "the cavity is closed: filament leaves it empty, but powder and resin would stay in it"
+        )
     center = solid_properties(body.points, body.triangles)[1]
     return Made({"": data}, body, center, wall, facts, tuple(notes))
 

@@ -9,10 +9,10 @@ import numpy as np
 from dicedesign.geometry.triangles import edge_keys
 from dicedesign.report.charts.palette import rgb
 from dicedesign.report.charts.paper import Paper
-from dicedesign.report.charts.picture_grid import picture_grid, trimmed
+from dicedesign.report.figures.before_after import before_after_figure
 from dicedesign.report.figures.figure import FIGURES, Figure
 from dicedesign.report.render.cameras import three_cameras
-from dicedesign.report.render.renderer import Surface, render
+from dicedesign.report.render.renderer import Surface
 from dicedesign.report.render.shading import MATERIAL
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from dicedesign.geometry.repair.repair import RepairedMesh
 
 __all__ = ["repair_figure"]
-
-_PIXELS: Final = 400
 
 _FAULT: Final = "#c0392b"
 
@@ -41,11 +39,7 @@ def repair_figure(repaired: RepairedMesh, up: Floats) -> Paper:
     plain = np.tile(MATERIAL.astype(np.float64), (len(surface.points), 1))
     after = Surface(surface.points, surface.triangles, plain)
     cameras = three_cameras(np.concatenate([before.points, after.points]), up)
-    pictures, titles = [], []
-    for name, drawn in (("before", before), ("after", after)):
-        pictures += trimmed([render(drawn, camera, _PIXELS) for camera in cameras])
-        titles += [f"{name}, view {k + 1}" for k in range(len(cameras))]
-    return picture_grid(pictures, titles, len(cameras))
+    return before_after_figure(before, after, cameras)
 
 
 def _faulty_points(triangles: Integers) -> Integers:

@@ -25,4 +25,6 @@ def test_a_region_that_is_large_enough_does_not_matter() -> None:
     form, slope = np.diag([1.0, 2.0, 4.0]), np.array([0.3, -0.2, 0.1])
     region = convex_hull([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     expected = [-0.3, 0.1, -0.025]
-    np.testing.assert_allclose(least_within(form, slope, region.normals, region.heights(np.zeros(3))), expected, rtol=1e-7)
+    np.testing.assert_allclose(
+        least_within(form, slope, region.normals, region.heights(np.zeros(3))), expected, rtol=1e-7
+    )
