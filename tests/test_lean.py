@@ -118,6 +118,7 @@ def test_a_query_loads_nothing_heavy(tmp_path: Path, suffix: str) -> None:
     if suffix in ("obj", "stl", "off"):
         heavy |= {"trimesh", "lxml"}
     assert loaded & (heavy | SOLVERS) == set()
+    assert not [name for name in loaded if name.startswith("dicedesign.rest.prior")]
     floors = {name.split(".")[1] for name in loaded if name.startswith("dicedesign.")}
     assert floors & {"optimize", "fabricate", "report", "recipe", "results", "concave"} == set()
 

@@ -161,6 +161,7 @@ class Result:
     engraved_probabilities, engraved_elsewhere, engraved_max_abs_error: the same odds by die.stl as
         it was read back, with what the marks take away; None where it is not engraved, or where the
         center of mass was given: then nobody knows how marks move it.
+    prior: the recipe's, under which all its odds are; None where any side is down alike at first.
     reading: how the die with its labels is read, in a sentence.
     history: every accepted step; after rounds of throws those of the last design.
     energy: terms of the energy at the end, by name. starts: starting shapes that were tried;
@@ -209,6 +210,7 @@ class Result:
     engraved_elsewhere: float | None = None
     engraved_max_abs_error: float | None = None
     balance: Balance | None = None
+    prior: str | None = None
     reading: str | None = None
     energy: dict[str, float] | None = None
     starts: int | None = None

@@ -35,6 +35,7 @@ from dicedesign.fabricate.printing.printer import PRINTERS, Printer
 from dicedesign.optimize.starts.start import STARTS
 from dicedesign.recipe.schema.entries import StartRecipe
 from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.rest.prior import PRIORS
 from dicedesign.results.status import Status
 from dicedesign.runtime.registry import Registry
 
@@ -96,6 +97,7 @@ def tables() -> dict[str, Callable[[], str]]:
         "public names": names_table,
         "statuses": status_table,
         "file formats": format_table,
+        "priors": priors_table,
         **registries,
         "limits of printers": limits_table,
         "sources of printers": sources_table,
@@ -177,6 +179,12 @@ def format_table() -> str:
         for kind in FILE_FORMATS
     ]
     return markdown(("format", "meaning", "unit", "upward", "coordinates", "holds besides"), rows)
+
+
+def priors_table() -> str:
+    """How each prior is written, and what it says."""
+    rows = [(f"`{kind.form}`", kind.line) for kind in PRIORS]
+    return markdown(("prior", "meaning"), rows)
 
 
 def names_table() -> str:

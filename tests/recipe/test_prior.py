@@ -12,6 +12,7 @@ from dicedesign.errors import RecipeError
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.report.pages.throwing import throwing_advice
 from dicedesign.rest.outcomes import outcome_odds
 
 BARE = {"print": False, "figures": False, "report": False, "engrave": False}
@@ -63,6 +64,8 @@ def test_the_labelled_file_has_the_odds_of_directions_that_are_drawn(tmp_path: P
     assert counted.max_abs_error(work.target.probabilities) < 4.0 * np.sqrt(0.16 / 20_000)
     plan(work, after="engrave", last="tolerances")
     result = work.result()
+    assert result.prior == text
+    assert f"the prior {text}" in throwing_advice(result.thrown, result.prior)
     assert result.infill is not None
     assert result.infill.max_abs_error < 0.05
     assert np.abs(np.array(result.tolerances.deviations)).max() < 0.1

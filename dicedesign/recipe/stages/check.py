@@ -37,6 +37,7 @@ def check(work: Work) -> None:
     data = work.files["die_plain.stl"]
     work.plain = judged(data, die.directions, work.target, solid.center_of_mass, die.prior)
     if die.prior is not None:
+        work.details["prior"] = work.recipe.prior
         work.notes.append(
             f"all odds are those under the prior {work.recipe.prior}, whose directions are in the "
             "frame of die_plain.stl and die.stl; die_oriented.stl and other formats may be turned"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dicedesign.errors import InputError
+from dicedesign.geometry.sphere import even_directions
 from dicedesign.report.charts.chart import draw_legend
 from dicedesign.report.charts.hemispheres import Disc, choose_axis, great_arcs, opposite_discs
 from dicedesign.report.charts.palette import BASINS, DARK, FAINT, rgb
@@ -17,6 +18,7 @@ from dicedesign.report.charts.series import Curve, Style
 from dicedesign.report.charts.text_places import place_texts
 from dicedesign.report.figures.figure import FIGURES, Figure
 from dicedesign.rest.poses import RestPoses
+from dicedesign.rest.prior import DensityPrior
 from dicedesign.rest.tracing import slide
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -73,6 +75,15 @@ _POINTS: Final = {
 
 _AREAS_ARE_ODDS: Final = "Equal-area projection: areas on paper are probabilities."
 
+_UNDER_A_PRIOR: Final = "Equal-area projection: the stronger a color, the likelier at first."
+
+_SAMPLED: Final = "Equal-area projection; the odds are those of the samples."
+
+_PALEST: Final = 0.15
+"""Strength of the color of directions that a prior leaves out."""
+
+_PRIOR_SAMPLES: Final = 40_000
+
 _NAMES: Final = {"minima": "minima (rests)"}
 
 
@@ -110,7 +121,8 @@ def placed_discs(poses: RestPoses) -> tuple[PlacedDisc, PlacedDisc]:
 
 
 def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> Paper:
-    """Basins, separatrices and stationary points as two equal-area discs.
+    """Basins, separatrices and stationary points as two equal-area discs; under a prior with a
+    density the colors are as strong as it is.
 
     Hull arcs are left out for hulls of more than 3000 edges. Rests of at most 1 % are not written
     at their minima.
@@ -129,10 +141,22 @@ def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> P
             f"labels: expected one for each of the {len(poses.normals)} rests, got {len(labels)}; "
             "use an empty text for rests without one"
         )
-    colors = np.rint(255.0 * rgb(BASINS)).astype(np.uint8)
-    return complex_figure(
-        poses, lambda directions, rests: colors[rests % len(colors)], _AREAS_ARE_ODDS, labels
-    )
+    colors, prior = rgb(BASINS), poses.prior
+    largest, note = 1.0, _AREAS_ARE_ODDS
+    if prior is not None:
+        note = _UNDER_A_PRIOR if isinstance(prior, DensityPrior) else _SAMPLED
+    if isinstance(prior, DensityPrior):
+        largest = float(prior.density(even_directions(_PRIOR_SAMPLES)).max())
+
+    def painted(directions: Floats, rests: Integers) -> Picture:
+        full = colors[rests % len(colors)]
+        if isinstance(prior, DensityPrior):
+            density = prior.density(directions.reshape(-1, 3)).reshape(rests.shape)
+            strength = _PALEST + (1.0 - _PALEST) * np.minimum(density / largest, 1.0)
+            full = 1.0 - strength[..., None] * (1.0 - full)
+        return np.rint(255.0 * full).astype(np.uint8)
+
+    return complex_figure(poses, painted, note, labels)
 
 
 def complex_figure(

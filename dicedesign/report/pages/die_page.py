@@ -185,4 +185,4 @@ def _instructions(result: Result) -> str:
     filling = _SOLID
     if result.infill is not None:
         filling = f"Print the STL file in millimetres. {result.infill.advice} "
-    return f"{filling}{_COOLING}{reading}{throwing_advice(result.thrown)}{marked}"
+    return f"{filling}{_COOLING}{reading}{throwing_advice(result.thrown, result.prior)}{marked}"

@@ -29,8 +29,14 @@ def throws_told(thrown: ThrownOdds) -> list[str]:
     return [_manner(thrown.table), verdict]
 
 
-def throwing_advice(thrown: ThrownOdds | None) -> str:
-    """How to throw a die by hand, perhaps one that was designed for a table."""
+def throwing_advice(thrown: ThrownOdds | None, prior: str | None = None) -> str:
+    """How to throw a die by hand, perhaps one that was designed for a table, or under a prior."""
+    if prior is not None:
+        return (
+            f"Let it go gently, turned as the prior {prior} says, whose directions point down in "
+            "the coordinates of die.stl: the odds are those under it, without momentum. With any "
+            "side down alike, or thrown, it has others."
+        )
     if thrown is None:
         return _ROLLING
     table = thrown.table

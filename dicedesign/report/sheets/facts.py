@@ -86,7 +86,7 @@ def _reading(result: Result) -> Iterator[str]:
         )
     else:
         yield "The outcome is the face that the die rests on."
-    yield throwing_advice(result.thrown)
+    yield throwing_advice(result.thrown, result.prior)
 
 
 def _size(die: FinishedDie) -> str:

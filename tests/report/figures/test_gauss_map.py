@@ -13,6 +13,7 @@ from dicedesign.report.charts.palette import BASINS, LOW_TO_HIGH
 from dicedesign.report.charts.text_places import place_texts
 from dicedesign.report.figures.gauss_map import basin_of_directions, gauss_map_figure
 from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.rest.priors.samples import SampledDirections
 
 PIXELS = 300
 CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
@@ -138,6 +139,19 @@ def test_areas_on_paper_are_the_probabilities():
     figure = gauss_map_figure(poses)
     areas = np.array([painted(figure, color).sum() for color in BASINS[: len(poses.normals)]])
     np.testing.assert_allclose(areas / areas.sum(), poses.probabilities, atol=0.02)
+
+
+def test_strong_areas_are_the_odds_under_a_cap():
+    poses = body("box").under("cap:0.3,-0.5,0.7:100")
+    figure = gauss_map_figure(poses)
+    areas = np.array([painted(figure, color).sum() for color in BASINS[: len(poses.normals)]])
+    np.testing.assert_allclose(areas / areas.sum(), poses.probabilities, atol=0.02)
+    assert not any("areas on paper are probabilities" in text for text in figure.texts)
+
+
+def test_a_figure_under_samples_says_so():
+    poses = body("box").under(SampledDirections([[0.0, 0.0, 1.0]]))
+    assert any("samples" in text for text in gauss_map_figure(poses).texts)
 
 
 def test_figure_writes_labels_and_probabilities():
