@@ -7,7 +7,8 @@ from typing import Any, Final
 from manifold3d import Manifold, OpType
 
 from dicedesign.balance.ways.drain import Hole, drain_hole
-from dicedesign.balance.ways.way import Made, Material, Way, stl_file
+from dicedesign.balance.ways.material import Material
+from dicedesign.balance.ways.way import Made, Way, stl_file
 from dicedesign.concave.criteria import is_shifted
 from dicedesign.concave.hollow.cavity import beyond_plane, least_wall, within_walls
 from dicedesign.concave.hollow.reach import reach
@@ -69,7 +70,9 @@ def _made(
             place = ", ".join(f"{x:.4g}" for x in hole.mouth)
             notes.append(f"a hole of {2.0 * hole.radius:g} mm at {place} drains it")
     else:
-        notes.append("the cavity is closed: filament leaves it empty, but powder and resin would stay in it")
+        notes.append(
+            "the cavity is closed: filament leaves it empty, but powder and resin would stay in it"
+        )
     center = solid_properties(body.points, body.triangles)[1]
     return Made({"": data}, body, center, wall, facts, tuple(notes))
 

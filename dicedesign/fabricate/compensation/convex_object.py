@@ -15,17 +15,23 @@ from dicedesign.fabricate.labels.layout import Placement
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.solids.edge_options import EdgeOptions
 from dicedesign.fabricate.solids.rounded_edges import rounded
-from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.outcomes import outcome_odds
-from dicedesign.rest.poses import rest_poses
+from dicedesign.rest.poses import analyse, rest_poses
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum.momentum_model import MomentumModel
 from dicedesign.throws.simulation.die_on_table import DieOnTable
 from dicedesign.throws.tables import Table
 
-__all__ = ["ConvexObject", "Measured", "measure_resting", "measure_thrown"]
+__all__ = [
+    "ConvexObject",
+    "Measured",
+    "measure_resting",
+    "measure_resting_at",
+    "measure_thrown",
+]
 
 
 @dataclass(frozen=True)
@@ -44,14 +50,20 @@ class ConvexObject:
     ----------
     labels: how they are cut, or None for no labels. edges: how they are rounded, or None for sharp
         ones.
+    offset: (3,) from the centroid of the core to a center of mass that was given; None where it is
+        that of the solid.
     """
 
     labels: EngravingOptions | None
     edges: EdgeOptions | None
+    offset: Floats | None = None
 
     def unlabelled(self, core: ConvexHull) -> Surface:
         """The solid without labels."""
-        hull = core if self.edges is None else rounded(core, core.centroid, self.edges)
+        hull = core
+        if self.edges is not None:
+            center = core.centroid if self.offset is None else core.centroid + self.offset
+            hull = rounded(core, center, self.edges)
         return Surface(hull.vertices, hull.triangles)
 
     def balanced(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
@@ -103,6 +115,17 @@ def measure_resting(surface: Surface, directions: Floats) -> Measured:
     """Odds without momentum of a solid whose outcomes have directions (k, 3)."""
     poses = rest_poses(make_body(surface.points, surface.triangles))
     return Measured(poses.center_of_mass, outcome_odds(poses, directions).odds)
+
+
+def measure_resting_at(offset: Floats) -> Callable[[Surface, Floats], Measured]:
+    """The same with a center of mass that was given, at an offset (3,) from the centroid of the
+    hull."""
+
+    def measure(surface: Surface, directions: Floats) -> Measured:
+        poses = analyse(hull := convex_hull(surface.points), hull.centroid + offset)
+        return Measured(poses.center_of_mass, outcome_odds(poses, directions).odds)
+
+    return measure
 
 
 def measure_thrown(

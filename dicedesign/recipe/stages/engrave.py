@@ -19,7 +19,7 @@ from dicedesign.tolerances import FILE_ODDS
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from dicedesign.fabricate.compensation.convex_object import Measured
+    from dicedesign.fabricate.compensation.convex_object import ConvexObject, Measured
     from dicedesign.fabricate.labels.layout import Placement
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.geometry.hulls.hull import ConvexHull
@@ -90,13 +90,15 @@ def _make_convex(work: Work) -> None:
     placements: list[Placement] = []
     if options is not None:
         work.reading, placements = place_on_facets(solid, core, work.target.labels, options)
-    made = ConvexObject(options, edges)
-    if solid.center_of_mass is not None:
+    given = solid.center_of_mass
+    made = ConvexObject(options, edges, None if given is None else given - core.centroid)
+    if given is not None and (edges is None or work.recipe.method.thrown):
+        # Labels do not change what the die stands on.
         _finish(work, made.engraved(core, placements), made.placed(placements), core=core)
         return
     by = "shape" if options is None else options.balance
     rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
-    measure, thrown, target = _measure(work)
+    measure, thrown, target = _measure(work, made, core)
     directions = work.die.directions
     end = reshaped(
         core, directions, placements, target, made, measure, rounds=rounds, thrown=thrown
@@ -107,7 +109,7 @@ def _make_convex(work: Work) -> None:
     placed, is_filled = made.placed(end.placements), by == "fill"
     surface = made.engraved(end.core, end.placements) if is_filled else end.surface
     is_left = min(end.errors) > LEFT and len(target) <= MET_BY_STRETCH
-    if rounds and is_left and not work.recipe.method.thrown and not is_filled:
+    if rounds and is_left and given is None and not work.recipe.method.thrown and not is_filled:
         # Symmetric shapes whose corners fall apart when single facets move, and those with several
         # facets an outcome.
         _finish_stretched(work, surface, placed, by, end.core)
@@ -117,13 +119,21 @@ def _make_convex(work: Work) -> None:
 
 
 def _measure(
-    work: Work,
+    work: Work, made: ConvexObject, core: ConvexHull
 ) -> tuple[Callable[[Surface, Floats], Measured], ThrownOdds | None, Floats]:
     """How an object is measured, the model by which it is reshaped, and its target (k,): for a die
     to be thrown the odds that the plain shape has by the momentum model."""
-    from dicedesign.fabricate.compensation.convex_object import measure_resting, measure_thrown
+    from dicedesign.fabricate.compensation.convex_object import (
+        measure_resting,
+        measure_resting_at,
+        measure_thrown,
+    )
     from dicedesign.geometry.surfaces.surface import Surface
 
+    given = work.solid.center_of_mass
+    if given is not None:
+        offset = given - made.unlabelled(core).centroid
+        return measure_resting_at(offset), None, work.target.probabilities
     if not work.recipe.method.thrown:
         return measure_resting, None, work.target.probabilities
     from dicedesign.gradient.thrown_odds import ThrownOdds
