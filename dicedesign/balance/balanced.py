@@ -18,7 +18,8 @@ from dicedesign.balance.center.regions import Halfspaces, box_region
 from dicedesign.balance.center.rests_at import pose_odds
 from dicedesign.balance.ways.cavity import CAVITY
 from dicedesign.balance.ways.infill import INFILL
-from dicedesign.balance.ways.way import Made, Material, Way
+from dicedesign.balance.ways.material import Material
+from dicedesign.balance.ways.way import Made, Way
 from dicedesign.balance.ways.weights import WEIGHTS
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull

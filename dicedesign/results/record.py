@@ -17,6 +17,7 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.results.balance import Balance
 from dicedesign.results.cavities import Cavities
+from dicedesign.results.inside import Inside
 from dicedesign.results.print_odds import InfillOdds, PrintTolerances
 from dicedesign.results.printability import Printability
 from dicedesign.results.repair import Repair
@@ -160,7 +161,7 @@ class Result:
     asymmetry: rho of eq. 20 and 21.
     engraved_probabilities, engraved_elsewhere, engraved_max_abs_error: the same odds by die.stl as
         it was read back, with what the marks take away; None where it is not engraved, or where the
-        center of mass was given: then nobody knows how marks move it.
+        center of mass was given and there is no `inside`: then nobody knows how marks move it.
     prior: the recipe's, under which all its odds are; None where any side is down alike at first.
     reading: how the die with its labels is read, in a sentence.
     history: every accepted step; after rounds of throws those of the last design.
@@ -172,6 +173,7 @@ class Result:
         die, how far its points were moved, its hull, its size, defects and distortion as sentences
         and as numbers, and the pairs of triangles of its file that meet and should not.
     cavities: of a concave die that has some.
+    inside: what puts the center of mass where it was given, with the recipe's `inside`.
     attempts, search_seconds, attempt: of the search for a concave die, over all sessions, the
         seconds not without a clock, and the number of the attempt that led to this one; None where
         none did. trade_off: what each led to, and what was wanted.
@@ -226,6 +228,7 @@ class Result:
     surface_quality: dict[str, Any] | None = None
     file_self_intersections: int | None = None
     cavities: Cavities | None = None
+    inside: Inside | None = None
     attempts: int | None = None
     search_seconds: float | None = None
     attempt: int | None = None

@@ -7,7 +7,8 @@ from typing import Any, Final
 from manifold3d import Manifold, OpType
 
 from dicedesign.balance.ways.drain import Hole, drain_hole
-from dicedesign.balance.ways.way import Made, Material, Way, stl_file
+from dicedesign.balance.ways.material import Material
+from dicedesign.balance.ways.way import Made, Way, stl_file
 from dicedesign.concave.criteria import is_shifted
 from dicedesign.concave.hollow.cavity import beyond_plane, least_wall, within_walls
 from dicedesign.concave.hollow.reach import reach

@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 from manifold3d import Manifold
 
-from dicedesign.balance.ways.way import Made, Material, Way, read_back, stl_file
+from dicedesign.balance.ways.material import Material
+from dicedesign.balance.ways.way import Made, Way, read_back, stl_file
 from dicedesign.concave.criteria import is_shifted
 from dicedesign.concave.hollow.cavity import beyond_plane, within_walls
 from dicedesign.concave.hollow.reach import reach

@@ -13,7 +13,8 @@ from typing import Any, Final
 import numpy as np
 from manifold3d import CrossSection, Manifold, OpType
 
-from dicedesign.balance.ways.way import Made, Material, Way, stl_file
+from dicedesign.balance.ways.material import Material
+from dicedesign.balance.ways.way import Made, Way, stl_file
 from dicedesign.concave.criteria import is_shifted
 from dicedesign.concave.hollow.cavity import least_wall
 from dicedesign.errors import DegenerateBodyError, InputError

@@ -118,7 +118,7 @@ def add_parser(commands: Any) -> None:
 def _balance(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.balance.balanced import BalanceOptions, balanced
-    from dicedesign.balance.ways.way import Material
+    from dicedesign.balance.ways.material import Material
     from dicedesign.geometry.meshes.reading import read_body
 
     goal = _goal(options)

@@ -15,18 +15,23 @@ from dicedesign.fabricate.labels.layout import Placement
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.solids.edge_options import EdgeOptions
 from dicedesign.fabricate.solids.rounded_edges import rounded
-from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.outcomes import outcome_odds
-from dicedesign.rest.poses import rest_poses
+from dicedesign.rest.poses import analyse, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum.momentum_model import MomentumModel
 from dicedesign.throws.simulation.die_on_table import DieOnTable
 from dicedesign.throws.tables import Table
 
-__all__ = ["ConvexObject", "Measured", "measure_resting", "measure_thrown"]
+__all__ = [
+    "ConvexObject",
+    "Measured",
+    "measure_resting",
+    "measure_thrown",
+]
 
 
 @dataclass(frozen=True)
@@ -45,14 +50,20 @@ class ConvexObject:
     ----------
     labels: how they are cut, or None for no labels. edges: how they are rounded, or None for sharp
         ones.
+    offset: (3,) from the centroid of the core to a center of mass that was given; None where it is
+        that of the solid.
     """
 
     labels: EngravingOptions | None
     edges: EdgeOptions | None
+    offset: Floats | None = None
 
     def unlabelled(self, core: ConvexHull) -> Surface:
         """The solid without labels."""
-        hull = core if self.edges is None else rounded(core, core.centroid, self.edges)
+        hull = core
+        if self.edges is not None:
+            center = core.centroid if self.offset is None else core.centroid + self.offset
+            hull = rounded(core, center, self.edges)
         return Surface(hull.vertices, hull.triangles)
 
     def balanced(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
@@ -100,13 +111,24 @@ class ConvexObject:
         )
 
 
-def measure_resting(prior: Prior | None) -> Callable[[Surface, Floats], Measured]:
+def measure_resting(
+    prior: Prior | None, offset: Floats | None = None
+) -> Callable[[Surface, Floats], Measured]:
     """Odds without momentum, under a prior if there is one, of a solid whose outcomes have
-    directions (k, 3)."""
+    directions (k, 3).
+
+    offset: (3,) of a center of mass that was given, from the centroid of the hull; None for that of
+        the solid.
+    """
 
     def measure(surface: Surface, directions: Floats) -> Measured:
-        poses = rest_poses(make_body(surface.points, surface.triangles)).under(prior)
-        return Measured(poses.center_of_mass, outcome_odds(poses, directions).odds)
+        if offset is None:
+            poses = rest_poses(make_body(surface.points, surface.triangles))
+        else:
+            hull = convex_hull(surface.points)
+            poses = analyse(hull, hull.centroid + offset)
+        odds = outcome_odds(poses.under(prior), directions).odds
+        return Measured(poses.center_of_mass, odds)
 
     return measure
 

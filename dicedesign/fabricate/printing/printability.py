@@ -215,7 +215,9 @@ def _warnings(
     if check.cavities and not printer.has_nozzle:
         # A ball opposite to the labels of a convex die, or the cavity of one that keeps a shape.
         remedy = (
-            "engrave.balance: shape" if die.shape is None else "fdm, or no method.concave.hollow"
+            "engrave.balance: shape, or drain it with inside.drain_mm"
+            if die.shape is None
+            else "fdm, or no method.concave.hollow"
         )
         yield (
             f"the hidden hollow stays full of what {printer.name} prints with, and the odds are "

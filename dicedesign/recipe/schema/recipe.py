@@ -11,6 +11,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from dicedesign.balance.ways.material import InsideOptions
 from dicedesign.fabricate.files.formats import with_stl
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.printing.options import PrintOptions
@@ -70,6 +71,10 @@ def _printer(value: object) -> object:
     return {"printer": value} if isinstance(value, str) else _switch(value)
 
 
+def _way(value: object) -> object:
+    return {"by": value} if isinstance(value, str) else _switch(value)
+
+
 class Recipe(Strict):
     """A whole recipe.
 
@@ -97,6 +102,8 @@ class Recipe(Strict):
     engrave: engraving options, or None for a plain die, which a concave one is unless the recipe
         says otherwise.
     edges: how edges and corners are rounded, or None for sharp ones.
+    inside: what brings the center of mass of the printed die to a `center_of_mass` that is given,
+        or None for a die whose maker does that.
     print: what it is printed with, or None where nobody asks how it prints.
     files: formats of the printed die; STL, by which it is judged, is always among them.
     data_sheet: whether a page to print about the die is made, as PDF and PNG.
@@ -125,6 +132,7 @@ class Recipe(Strict):
         default_factory=EngravingOptions
     )
     edges: Annotated[EdgeOptions | None, BeforeValidator(_switch)] = None
+    inside: Annotated[InsideOptions | None, BeforeValidator(_way)] = None
     print: Annotated[PrintOptions | None, BeforeValidator(_printer)] = Field(
         default_factory=PrintOptions
     )
@@ -190,6 +198,11 @@ class Recipe(Strict):
             raise ValueError(
                 f"engrave.balance: expected shape or none where center_of_mass is given, as nobody "
                 f"knows then how labels move it, got {balance}; leave one of them out"
+            )
+        if self.inside is not None and self.center_of_mass is None:
+            raise ValueError(
+                "inside: expected a center_of_mass that is given with it, got uniform; give one, "
+                "or leave inside out"
             )
         if self.edges is not None:
             core_scale(self.edges, self.size_mm)
@@ -330,7 +343,7 @@ class Recipe(Strict):
         plain["center_of_mass"] = plain["center_of_mass"] or "uniform"
         plain["prior"] = plain["prior"] or "uniform"
         plain["symmetry"] = plain["symmetry"] or "none"
-        for part in ("engrave", "edges", "print"):
+        for part in ("engrave", "edges", "inside", "print"):
             plain[part] = plain[part] or False
         for part in ("target", "start", "method"):
             plain[part] = {key: value for key, value in plain[part].items() if value is not None}

@@ -19,7 +19,7 @@ from dicedesign.tolerances import FILE_ODDS
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from dicedesign.fabricate.compensation.convex_object import Measured
+    from dicedesign.fabricate.compensation.convex_object import ConvexObject, Measured
     from dicedesign.fabricate.labels.layout import Placement
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.geometry.hulls.hull import ConvexHull
@@ -90,13 +90,15 @@ def _make_convex(work: Work) -> None:
     placements: list[Placement] = []
     if options is not None:
         work.reading, placements = place_on_facets(solid, core, work.target.labels, options)
-    made = ConvexObject(options, edges)
-    if solid.center_of_mass is not None:
+    given = solid.center_of_mass
+    made = ConvexObject(options, edges, None if given is None else given - core.centroid)
+    if given is not None and (edges is None or work.recipe.method.thrown):
+        # Labels do not change what the die stands on.
         _finish(work, made.engraved(core, placements), made.placed(placements), core=core)
         return
     by = "shape" if options is None else options.balance
     rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
-    measure, model, target = _measure(work)
+    measure, model, target = _measure(work, made, core)
     directions = work.die.directions
     end = reshaped(core, directions, placements, target, made, measure, rounds=rounds, model=model)
     work.details["balance"] = Balance(
@@ -105,7 +107,7 @@ def _make_convex(work: Work) -> None:
     placed, is_filled = made.placed(end.placements), by == "fill"
     surface = made.engraved(end.core, end.placements) if is_filled else end.surface
     is_left = min(end.errors) > LEFT and len(target) <= MET_BY_STRETCH
-    if rounds and is_left and not work.recipe.method.thrown and not is_filled:
+    if rounds and is_left and given is None and not work.recipe.method.thrown and not is_filled:
         # Symmetric shapes whose corners fall apart when single facets move, and those with several
         # facets an outcome.
         _finish_stretched(work, surface, placed, by, end.core)
@@ -115,7 +117,7 @@ def _make_convex(work: Work) -> None:
 
 
 def _measure(
-    work: Work,
+    work: Work, made: ConvexObject, core: ConvexHull
 ) -> tuple[Callable[[Surface, Floats], Measured], OddsModel | None, Floats]:
     """How an object is measured, the model by which it is reshaped, and its target (k,): for a die
     to be thrown the odds that the plain shape has by the momentum model."""
@@ -123,10 +125,12 @@ def _measure(
     from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.gradient.prior_odds import OddsUnderPrior
 
-    if not work.recipe.method.thrown:
+    given = work.solid.center_of_mass
+    if given is not None or not work.recipe.method.thrown:
+        offset = None if given is None else given - made.unlabelled(core).centroid
         prior = work.die.prior
         model = None if prior is None else OddsUnderPrior.of(prior)
-        return measure_resting(prior), model, work.target.probabilities
+        return measure_resting(prior, offset), model, work.target.probabilities
     from dicedesign.gradient.thrown_odds import ThrownOdds
     from dicedesign.recipe.methods.exact import exact_options
     from dicedesign.throws.momentum.momentum_model import momentum_model
