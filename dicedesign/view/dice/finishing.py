@@ -1,0 +1,162 @@
+"""The die of a session in millimetres, with its labels, and the files of it."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.fabricate.files.file_format import FILE_FORMATS
+from dicedesign.fabricate.files.formats import file_bytes, mesh_bytes
+from dicedesign.fabricate.verdict import Verdict
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.sphere import angle_between
+from dicedesign.optimize.starts.kinds.mesh import mesh_start
+from dicedesign.recipe.planning.stage import plan
+from dicedesign.recipe.planning.work import Listeners, Work
+from dicedesign.recipe.schema.reading import checked_recipe, recipe_text
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.stages.files import die_contents
+from dicedesign.results.status import Status
+from dicedesign.tolerances import SAME_REST_ANGLE
+from dicedesign.view.dice.design_session import DesignSession
+from dicedesign.view.dice.designed_shape import DesignedShape
+from dicedesign.view.dice.request import SHAPE_FILE
+
+__all__ = ["PrintableDie", "printable_die"]
+
+_LONG_AGO: Final = (1980, 1, 1, 0, 0, 0)
+"""Date of what is in an archive, so that the same die is the same file."""
+
+
+@dataclass(frozen=True, eq=False)
+class PrintableDie:
+    """A die as it is printed.
+
+    Attributes
+    ----------
+    work: what the stages found, up to the read-back of its file.
+    shape: as it was designed.
+    is_kept: whether its recipe begins with that shape, as nothing else leads there.
+    """
+
+    work: Work
+    shape: DesignedShape
+    is_kept: bool
+
+    @property
+    def message(self) -> str:
+        """What there is to say of it, as in result.json."""
+        return "; ".join(self.work.remarks)
+
+    @property
+    def verdict(self) -> Verdict:
+        """On the file that is printed, as it was read back."""
+        engraved = self.work.engraved
+        return engraved.verdict if engraved and engraved.verdict else self.work.plain
+
+    def rows(self) -> Iterator[tuple[str, float, float]]:
+        """Label, target and odds in the file of each outcome."""
+        target = self.work.target
+        odds = self.verdict.outcomes.odds
+        yield from zip(target.labels, target.probabilities.tolist(), odds.tolist(), strict=True)
+
+    def file(self, ending: str) -> tuple[str, bytes]:
+        """Name and content in one of `FILE_FORMATS`. Raises InputError where it cannot be made."""
+        work, kind = self.work, FILE_FORMATS[ending]
+        name = f"{work.recipe.name}.{ending}"
+        if ending == "stl":
+            return name, work.files["die_plain.stl" if work.engraved is None else "die.stl"]
+        return name, file_bytes(die_contents(work), kind, name)
+
+    def recipe_file(self) -> tuple[str, bytes]:
+        """Name and content of a file from which `dicedesign run` makes a die of these odds: the
+        recipe, or an archive of it and the shape that it begins with."""
+        recipe = self.work.recipe
+        text = recipe_text(recipe).encode()
+        if not self.is_kept:
+            return f"{recipe.name}.yaml", text
+        hull, archive = self.shape.hull, io.BytesIO()
+        with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
+            for name, data in (
+                ("recipe.yaml", text),
+                (SHAPE_FILE, mesh_bytes(hull.vertices, hull.triangles, ".off")),
+            ):
+                file.writestr(zipfile.ZipInfo(name, _LONG_AGO), data)
+        return f"{recipe.name}.zip", archive.getvalue()
+
+
+def printable_die(
+    session: DesignSession,
+    *,
+    size_mm: float | None = None,
+    engrave: bool = True,
+    on_stage: Callable[[str], None] = lambda name: None,
+) -> PrintableDie:
+    """The present shape of a session, through the stages of a run that come after the design.
+
+    Parameters
+    ----------
+    size_mm: largest distance of two corners; None for 30, or as much as the labels need.
+    engrave: whether the labels are cut in.
+    on_stage: called with the name of each stage as it begins.
+
+    Raises InputError where there is no shape yet, the size cannot be, a label does not fit or is
+    on no facet, or the shape has other rests that are more probable than those of the outcomes.
+    """
+    shape, designed, is_straight = session.end()
+    if shape is None:
+        raise InputError("die: expected a shape to print, got none yet; design one")
+    entries = session.request.recipe().resolved() | {"engrave": engrave}
+    if size_mm is not None:
+        entries["size_mm"] = size_mm
+    is_kept = designed is None or not is_straight
+    if is_kept:
+        entries |= _kept(shape, session.recipe)
+    recipe = checked_recipe(entries)
+    work = Work(recipe, listeners=Listeners(on_stage), enlarge=size_mm is None)
+    work.die = designed or _as_it_is(shape, recipe)
+    plan(work, after="design", last="throws")
+    return PrintableDie(work, shape, is_kept)
+
+
+def _as_it_is(shape: DesignedShape, recipe: Recipe) -> DesignedDie:
+    is_reached = shape.error <= recipe.method.tolerance
+    return DesignedDie(
+        status=Status.CONVERGED if is_reached else Status.OFF_TARGET,
+        hull=shape.hull,
+        directions=shape.directions,
+        error=shape.error,
+        steps=(),
+        terms=shape.terms,
+    )
+
+
+def _kept(shape: DesignedShape, recipe: Recipe) -> dict[str, Any]:
+    """Entries of a recipe that begins with a shape and leaves it as it is. Raises InputError where
+    the rests that outcomes lie on are not the most probable."""
+    labels, hull = recipe.target.target().labels, shape.hull
+    start = mesh_start(make_body(hull.vertices, hull.triangles), len(labels))
+    angles = angle_between(start.directions[:, None], shape.directions[None])
+    nearest = angles.argmin(axis=1)
+    is_one = np.array_equal(np.sort(nearest), np.arange(len(labels)))
+    if not is_one or angles.min(axis=1).max() > SAME_REST_ANGLE:
+        raise InputError(
+            "die: expected a shape whose most probable rests bear the outcomes, got one that rests "
+            "elsewhere more often; design on"
+        )
+    if shape.error <= recipe.method.tolerance:
+        method: dict[str, Any] = {"exact": {"prefer": {}}}
+    else:
+        method = {"paper": {"steps": 0, "perturbation": 0.0, "finish": "none"}}
+    return {
+        "start": {"mesh": {"path": SHAPE_FILE}},
+        "assignment": [labels[outcome] for outcome in nearest],
+        "method": method,
+    }
