@@ -14,6 +14,7 @@ from dicedesign.geometry.meshes.body import make_body
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.page.page import Page
 from dicedesign.view.panels.body import BodyPanel
+from dicedesign.view.panels.new_die import NewDiePanel
 from dicedesign.view.scenes.exhibit import Exhibit
 from dicedesign.view.serving.gate import open_socket
 from dicedesign.view.serving.server import require_viser
@@ -30,7 +31,7 @@ class View:
         require_viser()
         self.page = Page(open_socket(host, port))
         self.exhibit = Exhibit(self.page)
-        self.page.add_panels([BodyPanel(self.exhibit)])
+        self.page.add_panels([BodyPanel(self.exhibit), NewDiePanel(self.exhibit)])
         corners = np.array(np.meshgrid([0, 1], [0, 1.2], [0, 0.8])).reshape(3, -1).T
         self.page.soon(lambda: self.exhibit.show(ViewedBody.of(make_body(corners, name="block"))))
 

@@ -105,6 +105,15 @@ class DesignSession:
         with self._turn:
             return self.shape, self.designed, self.is_straight
 
+    @property
+    def least_seconds(self) -> float:
+        """That each step takes at least, to be watched."""
+        return self._gate.least_seconds
+
+    @least_seconds.setter
+    def least_seconds(self, seconds: float) -> None:
+        self._gate.least_seconds = seconds
+
     def run(self) -> None:
         """Go on until the solver ends."""
         self._go(None)

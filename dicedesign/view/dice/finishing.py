@@ -24,6 +24,7 @@ from dicedesign.recipe.schema.reading import checked_recipe, recipe_text
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.recipe.stages.files import die_contents
 from dicedesign.results.status import Status
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SAME_REST_ANGLE
 from dicedesign.view.dice.design_session import DesignSession
 from dicedesign.view.dice.designed_shape import DesignedShape
@@ -54,6 +55,18 @@ class PrintableDie:
     def message(self) -> str:
         """What there is to say of it, as in result.json."""
         return "; ".join(self.work.remarks)
+
+    @property
+    def is_converged(self) -> bool:
+        """Whether it has the odds that were asked for."""
+        return self.work.status is Status.CONVERGED
+
+    @property
+    def solid(self) -> tuple[Floats, Integers]:
+        """Points (n, 3) in mm and triangles (t, 3) of the file."""
+        work = self.work
+        made = work.solid if work.engraved is None else work.engraved
+        return made.points, made.triangles
 
     @property
     def verdict(self) -> Verdict:

@@ -27,18 +27,18 @@ class StepGate:
     is_held: whether the thread waits for more.
     has_changed: whether something has, since the thread began.
     is_closed: whether nobody waits for anything.
+    least_seconds: that a step takes at least, where any number may be made.
     """
 
     def __init__(self, on_held: Callable[[], None], least_seconds: float = 0.0) -> None:
         """A gate that lets no step through yet.
 
-        on_held: called when the thread begins to wait; least_seconds: that a step takes at least,
-        where any number may be made.
+        on_held: called when the thread begins to wait.
         """
         self.turn = threading.Condition()
         self.steps_left: int | None = 0
         self.is_held, self.has_changed, self.is_closed = False, False, False
-        self._on_held, self._least_seconds = on_held, least_seconds
+        self._on_held, self.least_seconds = on_held, least_seconds
 
     def allow(self, steps: int | None) -> None:
         """Let so many steps through from now on, None for any number."""
@@ -86,7 +86,7 @@ class StepGate:
         """In the thread: wait until the next step is allowed, after one that began at a time of
         `time.monotonic`. Raises as `require_current`."""
         with self.turn:
-            rest = began + self._least_seconds - time.monotonic()
+            rest = began + self.least_seconds - time.monotonic()
             if self.steps_left is None and rest > 0.0:
                 self.turn.wait_for(lambda: self.is_closed or self.has_changed, rest)
         self._hold()
