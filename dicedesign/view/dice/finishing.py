@@ -167,7 +167,8 @@ def _kept(shape: DesignedShape, recipe: Recipe) -> dict[str, Any]:
     if shape.error <= recipe.method.tolerance:
         method: dict[str, Any] = {"exact": {"prefer": {}}}
     else:
-        method = {"paper": {"steps": 0, "perturbation": 0.0, "finish": "none"}}
+        paper = {"steps": 0, "perturbation": 0.0, "finish": "none"}
+        method = {"paper": {**paper, "tolerance": recipe.method.tolerance}}
     return {
         "start": {"mesh": {"path": SHAPE_FILE}},
         "assignment": [labels[outcome] for outcome in nearest],
