@@ -12,7 +12,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.designed_die import DesignedDie
-from dicedesign.fabricate.files.file_format import FILE_FORMATS
+from dicedesign.fabricate.files.file_format import FILE_FORMATS, Contents
 from dicedesign.fabricate.files.formats import file_bytes, mesh_bytes
 from dicedesign.fabricate.verdict import Verdict
 from dicedesign.geometry.meshes.body import make_body
@@ -42,67 +42,84 @@ class PrintableDie:
 
     Attributes
     ----------
-    work: what the stages found, up to the read-back of its file.
+    recipe: that makes it again.
     shape: as it was designed.
     is_kept: whether its recipe begins with that shape, as nothing else leads there.
+    status: whether it has the odds that were asked for, or what is wrong.
+    message: what there is to say of it, as in result.json; notes: what was assumed, sentences.
+    directions: (k, 3) down in the outcomes, of the solid.
+    verdict: on the file that is printed, as it was read back; plain: the same without labels.
+    stl: that file; contents: the same for other formats.
+    points: (n, 3) in mm, and triangles: (t, 3) of it.
     """
 
-    work: Work
+    recipe: Recipe
     shape: DesignedShape
     is_kept: bool
+    status: Status
+    message: str
+    notes: tuple[str, ...]
+    directions: Floats
+    verdict: Verdict
+    plain: Verdict
+    stl: bytes
+    contents: Contents
+    points: Floats
+    triangles: Integers
 
-    @property
-    def message(self) -> str:
-        """What there is to say of it, as in result.json."""
-        return "; ".join(self.work.remarks)
+    @classmethod
+    def of(cls, work: Work, shape: DesignedShape, *, is_kept: bool) -> PrintableDie:
+        """The die of stages that have run. It holds nothing of what they had to draw labels."""
+        engraved = work.engraved
+        solid = work.solid if engraved is None else engraved
+        return cls(
+            recipe=work.recipe,
+            shape=shape,
+            is_kept=is_kept,
+            status=work.status,
+            message="; ".join(work.remarks),
+            notes=tuple(work.notes),
+            directions=work.die.directions,
+            verdict=(engraved and engraved.verdict) or work.plain,
+            plain=work.plain,
+            stl=work.files["die_plain.stl" if engraved is None else "die.stl"],
+            contents=die_contents(work),
+            points=solid.points,
+            triangles=solid.triangles,
+        )
 
     @property
     def is_converged(self) -> bool:
         """Whether it has the odds that were asked for."""
-        return self.work.status is Status.CONVERGED
-
-    @property
-    def solid(self) -> tuple[Floats, Integers]:
-        """Points (n, 3) in mm and triangles (t, 3) of the file."""
-        work = self.work
-        made = work.solid if work.engraved is None else work.engraved
-        return made.points, made.triangles
-
-    @property
-    def verdict(self) -> Verdict:
-        """On the file that is printed, as it was read back."""
-        engraved = self.work.engraved
-        return engraved.verdict if engraved and engraved.verdict else self.work.plain
+        return self.status is Status.CONVERGED
 
     def rows(self) -> Iterator[tuple[str, float, float]]:
         """Label, target and odds in the file of each outcome."""
-        target = self.work.target
+        target = self.recipe.target.target()
         odds = self.verdict.outcomes.odds
         yield from zip(target.labels, target.probabilities.tolist(), odds.tolist(), strict=True)
 
     def file(self, ending: str) -> tuple[str, bytes]:
         """Name and content in one of `FILE_FORMATS`. Raises InputError where it cannot be made."""
-        work, kind = self.work, FILE_FORMATS[ending]
-        name = f"{work.recipe.name}.{ending}"
+        name = f"{self.recipe.name}.{ending}"
         if ending == "stl":
-            return name, work.files["die_plain.stl" if work.engraved is None else "die.stl"]
-        return name, file_bytes(die_contents(work), kind, name)
+            return name, self.stl
+        return name, file_bytes(self.contents, FILE_FORMATS[ending], name)
 
     def recipe_file(self) -> tuple[str, bytes]:
         """Name and content of a file from which `dicedesign run` makes a die of these odds: the
         recipe, or an archive of it and the shape that it begins with."""
-        recipe = self.work.recipe
-        text = recipe_text(recipe).encode()
+        name, text = self.recipe.name, recipe_text(self.recipe).encode()
         if not self.is_kept:
-            return f"{recipe.name}.yaml", text
+            return f"{name}.yaml", text
         hull, archive = self.shape.hull, io.BytesIO()
         with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
-            for name, data in (
+            for member, data in (
                 ("recipe.yaml", text),
                 (SHAPE_FILE, mesh_bytes(hull.vertices, hull.triangles, ".off")),
             ):
-                file.writestr(zipfile.ZipInfo(name, _LONG_AGO), data)
-        return f"{recipe.name}.zip", archive.getvalue()
+                file.writestr(zipfile.ZipInfo(member, _LONG_AGO), data)
+        return f"{name}.zip", archive.getvalue()
 
 
 def printable_die(
@@ -136,7 +153,7 @@ def printable_die(
     work = Work(recipe, listeners=Listeners(on_stage), enlarge=size_mm is None)
     work.die = designed or _as_it_is(shape, recipe)
     plan(work, after="design", last="throws")
-    return PrintableDie(work, shape, is_kept)
+    return PrintableDie.of(work, shape, is_kept=is_kept)
 
 
 def _as_it_is(shape: DesignedShape, recipe: Recipe) -> DesignedDie:

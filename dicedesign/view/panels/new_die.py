@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 from dicedesign.errors import DiceError
 from dicedesign.geometry.meshes.body import make_body
@@ -24,7 +24,7 @@ from dicedesign.view.scenes.exhibit import Exhibit
 
 __all__ = ["NewDiePanel"]
 
-OFTEN: float = 0.1
+OFTEN: Final = 0.1
 """Seconds between two looks at whether a design was told to stop."""
 
 
@@ -55,7 +55,8 @@ class NewDiePanel:
         self._wrong = gui.add_html("")
         design = gui.add_button("Design", color="blue", hint="begin, or go on after a pause")
         steps = gui.add_button_group("", ("Pause", "Step", "Undo", "Reset"))
-        self._status, self._facets = gui.add_html(""), gui.add_html("")
+        self._status, self._refused = gui.add_html(""), gui.add_html("")
+        self._facets = gui.add_html("")
         self._files = DieFiles(page, lambda: self._session, self._show_made)
         self._options = DieOptions(page, self._weigh, self._set_speed)
         preset.on_update(lambda event: page.soon(lambda: self._take(event.target.value), "preset"))
@@ -106,10 +107,20 @@ class NewDiePanel:
                 self._options.least_seconds,
             )
             self._session = session
-        else:
-            session.change(replace(asked, pinned=session.request.pinned))
+        elif not self._change(session, replace(asked, pinned=session.request.pinned)):
+            return
         act(session)
         self._watch(session)
+
+    def _change(self, session: DesignSession, request: DieRequest) -> bool:
+        """Ask a session for something else; whether that can be. If not the page says why."""
+        try:
+            session.change(request)
+        except DiceError as error:
+            self._refused.content = sentence("change-error", str(error), wrong=True)
+            return False
+        self._refused.content = ""
+        return True
 
     def _watch(self, session: DesignSession) -> None:
         """Have the page end a design that runs when it closes."""
@@ -141,6 +152,7 @@ class NewDiePanel:
         if self._job is not None:
             self._job.stop()
         self._session, self._job, self._shape, self._chosen = None, None, None, None
+        self._refused.content = ""
 
     def _reset(self) -> None:
         self._close_session()
@@ -152,10 +164,10 @@ class NewDiePanel:
         if session is None or asked is None or not _is_same_die(asked, session.request):
             return
         was = session.state
-        session.change(replace(asked, pinned=session.request.pinned))
-        if was == "done" and session.state == "paused":
-            session.run()
-        self._watch(session)
+        if self._change(session, replace(asked, pinned=session.request.pinned)):
+            if was == "done" and session.state == "paused":
+                session.run()
+            self._watch(session)
 
     def _set_speed(self) -> None:
         if self._session is not None:
@@ -167,9 +179,8 @@ class NewDiePanel:
             return
         label, pinned = session.labels[place], session.request.pinned
         others = tuple(other for other in pinned if other != label)
-        session.change(
-            replace(session.request, pinned=others if label in pinned else (*pinned, label))
-        )
+        pinned = others if label in pinned else (*pinned, label)
+        self._change(session, replace(session.request, pinned=pinned))
 
     def _click_label(self, place: int) -> None:
         session = self._session
@@ -214,12 +225,11 @@ class NewDiePanel:
 
     def _show_made(self, die: PrintableDie) -> None:
         """Show the die with its labels cut in."""
-        points, triangles = die.solid
-        target = die.work.target
+        target = die.recipe.target.target()
         self._exhibit.show(
             ViewedBody.of(
-                make_body(points, triangles, name=die.work.recipe.name),
-                outcomes=Outcomes(target.labels, die.work.die.directions, target.probabilities),
+                make_body(die.points, die.triangles, name=die.recipe.name),
+                outcomes=Outcomes(target.labels, die.directions, target.probabilities),
                 poses=die.verdict.poses,
             )
         )

@@ -42,45 +42,43 @@ class DieFiles:
                 "Size in mm", "", hint="from corner to corner; empty: 30, or what the labels need"
             )
             self._labels = gui.add_checkbox("Cut the labels in", initial_value=True)
-            self._buttons = []
-            for name, make in (
-                *((kind.upper(), _as_format(kind)) for kind in FORMATS),
-                ("Recipe", PrintableDie.recipe_file),
-            ):
-                button = gui.add_button(f"Download {name}", disabled=True)
-                button.on_click(self._asked(make))
-                self._buttons.append(button)
+            self._makers = {
+                **{kind.upper(): _as_format(kind) for kind in FORMATS},
+                "Recipe": PrintableDie.recipe_file,
+            }
+            download = gui.add_button_group(
+                "Download", tuple(self._makers), hint="the recipe makes it again"
+            )
+            download.on_click(
+                lambda event: page.soon(lambda: self._begin(event.client, event.target.value))
+            )
             self._error = gui.add_html("")
             self._table = gui.add_html("")
 
     def refresh(self, session: DesignSession | None) -> None:
-        """Let buttons be pressed while there is a shape and nothing runs."""
-        can = session is not None and session.shape is not None and session.state != "running"
-        for button in self._buttons:
-            if button.disabled == can:
-                button.disabled = not can
+        """Leave out what is of another shape."""
         if self._made is not None and (session is None or session.shape is not self._made[0][0]):
             self._made = None
             self._table.content = ""
 
-    def _asked(self, make: Callable[[PrintableDie], tuple[str, bytes]]) -> Callable[[Any], None]:
-        return lambda event: self._page.soon(lambda: self._begin(event.client, make))
-
-    def _begin(
-        self, client: ClientHandle | None, make: Callable[[PrintableDie], tuple[str, bytes]]
-    ) -> None:
+    def _begin(self, client: ClientHandle | None, what: str) -> None:
         session = self._session()
-        if session is None or session.shape is None or self._job is not None:
+        if self._job is not None:
             return
         self._error.content = ""
         try:
+            if session is None or session.shape is None or session.state == "running":
+                raise InputError(
+                    "die: expected a design that is done or paused, got one that runs or none; "
+                    "wait, press Pause, or press Design first"
+                )
             size, labels = self._size_mm(), bool(self._labels.value)
         except InputError as error:
             self._refuse(error)
             return
         key = session.shape, session.designed, size, labels
         if self._made is not None and self._made[0] == key:
-            self._send(client, make, self._made[1])
+            self._send(client, what, self._made[1])
             return
 
         def work(job: Job) -> PrintableDie | DiceError:
@@ -101,7 +99,7 @@ class DieFiles:
             self._made = key, made
             self._table.content = printed_table(made)
             self._on_made(made)
-            self._send(client, make, made)
+            self._send(client, what, made)
 
         def ended() -> None:
             self._job = None
@@ -120,14 +118,9 @@ class DieFiles:
                 "empty"
             ) from error
 
-    def _send(
-        self,
-        client: ClientHandle | None,
-        make: Callable[[PrintableDie], tuple[str, bytes]],
-        die: PrintableDie,
-    ) -> None:
+    def _send(self, client: ClientHandle | None, what: str, die: PrintableDie) -> None:
         try:
-            self._page.download(client, *make(die))
+            self._page.download(client, *self._makers[what](die))
         except DiceError as error:
             self._refuse(error)
 

@@ -68,7 +68,7 @@ def facet_table(session: DesignSession, chosen: int | None) -> str:
             f'<td class="bar">{bar}</td><td>{100.0 * wanted:.3f}</td><td>{100.0 * has:.3f}</td>'
             f'<td data-action="pin:{place}" role="button" tabindex="0" '
             f'aria-pressed="{str(is_pinned).lower()}" title="keep this facet where it is">'
-            f"{'&#9679; pinned' if is_pinned else '&#9675; pin'}</td></tr>"
+            f"{'&#9679;' if is_pinned else '&#9675;'} pin</td></tr>"
         )
     stray = shape.outcomes.elsewhere
     if stray > 0.0:
@@ -94,13 +94,13 @@ def printed_table(die: PrintableDie) -> str:
         "</tr>"
         for label, wanted, has in die.rows()
     )
-    size = f"{die.work.recipe.size_mm:g} mm from corner to corner"
+    size = f"{die.recipe.size_mm:g} mm from corner to corner"
     look = "note" if die.is_converged else "wrong"
     return (
         '<div class="dd"><table id="printed"><thead><tr><th>shows</th><th>wanted %</th>'
         f"<th>in the file %</th></tr></thead><tbody>{rows}</tbody></table>"
         f"<p id='verdict' class='{look}'>{html.escape(die.message)}</p>"
-        f"{_paragraphs([size, *die.work.notes])}</div>"
+        f"{_paragraphs([size, *die.notes])}</div>"
     )
 
 

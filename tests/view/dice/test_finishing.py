@@ -78,9 +78,9 @@ def assert_same_die(die: PrintableDie, result: Result) -> None:
     """The same odds, as designed and with labels, and each label on the same facet."""
     odds = [has for _, _, has in die.rows()]
     np.testing.assert_allclose(result.engraved_probabilities, odds, atol=1e-7)
-    np.testing.assert_allclose(result.probabilities, die.work.plain.outcomes.odds, atol=1e-7)
+    np.testing.assert_allclose(result.probabilities, die.plain.outcomes.odds, atol=1e-7)
     again = {facet.label: facet.normal for facet in result.facets if facet.label is not None}
-    poses = die.work.plain.poses
+    poses = die.plain.poses
     normals = poses.normals[outcome_odds(poses, die.shape.directions).main]
     for (label, _, _), normal in zip(die.rows(), normals, strict=True):
         np.testing.assert_allclose(again[label], normal, atol=1e-6)
@@ -124,17 +124,17 @@ def test_a_die_that_is_not_done_can_be_made_too(tmp_path: Path, steps: int) -> N
 def test_size_and_labels() -> None:
     session = designed(target={**COIN, "labels": ["1000000000", "2000000000", "3000000000"]})
     grown = printable_die(session)
-    size = grown.work.recipe.size_mm
+    size = grown.recipe.size_mm
     assert size > 30.0
-    assert f"size_mm: {size:g}, so that the labels fit" in grown.work.notes
+    assert f"size_mm: {size:g}, so that the labels fit" in grown.notes
     assert grown.recipe_file()[1].decode().count(f"size_mm: {size:g}") == 1
     with pytest.raises(InputError, match=r"use size_mm = \d+"):
         printable_die(session, size_mm=size - 1.0)
     plain = printable_die(session, size_mm=20.0, engrave=False)
-    points = plain.solid[0]
+    points = plain.points
     extent = np.linalg.norm(points[:, None] - points[None], axis=-1).max()
     assert extent == pytest.approx(20.0, rel=1e-6)
-    assert len(plain.solid[1]) < len(grown.solid[1])
+    assert len(plain.triangles) < len(grown.triangles)
 
 
 @pytest.mark.parametrize("size", [0.0, -3.0, float("nan"), 1e9])
