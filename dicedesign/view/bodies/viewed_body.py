@@ -71,8 +71,10 @@ class Row:
 class Solid:
     """A shape whose center of mass may be anywhere.
 
-    body: the mesh that was read, or the corners of a hull that was dragged; poses: with some center
-    of mass.
+    Attributes
+    ----------
+    body: the mesh that was read, or the hull that was dragged.
+    poses: with some center of mass.
     """
 
     body: Body
@@ -225,6 +227,10 @@ class ViewedBody:
         moved = self._analysed(hull, center, source, follows=self.follows)
         body = Body(hull.vertices, hull.triangles, self.solid.body.name, False, ())
         return replace(moved, solid=Solid(body, moved.poses), dragged=True)
+
+    def numbered_as(self, other: ViewedBody) -> ViewedBody:
+        """The body with the numbers that its rests have in another, which it is a little beside."""
+        return replace(self, numbers=_numbers(self.poses, other.poses, other.numbers))
 
     def _analysed(
         self, hull: ConvexHull, center: Floats, source: str, *, follows: bool

@@ -53,7 +53,7 @@ class Page:
         self._jobs: list[Job] = []
         self._notice: Any = None
         self._progress: Any = None
-        self._changes = Changes(self._failed)
+        self._changes = Changes(self.failed)
         self.gate = Gate.of(listening)
         self.server: viser.ViserServer = start_server(listening, self.gate, self._acted)
         self.scene = self.server.scene
@@ -114,7 +114,7 @@ class Page:
             work,
             lambda words, part: self.soon(lambda: self._say_progress(words, part), "progress"),
             lambda done: ended(lambda: on_done(done)),
-            lambda error: ended(lambda: self._failed(error)),
+            lambda error: ended(lambda: self.failed(error)),
             lambda: ended(lambda: None),
         )
         self._jobs = [*(known for known in self._jobs if known.running), job]
@@ -142,6 +142,16 @@ class Page:
         self._changes.close()
         stop_server(self.server)
 
+    def failed(self, error: Exception) -> None:
+        """Say what went wrong, in words where it is the user's, and go on."""
+        if isinstance(error, DiceError):
+            self.say(str(error), wrong=True)
+            return
+        text = f"an error that nobody foresaw, {type(error).__name__}: {error}"
+        self.say(text, wrong=True)
+        with suppress(OSError):
+            print(f"dicedesign: {printable(text)}", file=sys.stderr, flush=True)
+
     def _acted(self, word: str) -> None:
         name, _, what = word.partition(":")
         act = self._actions.get(name)
@@ -157,13 +167,3 @@ class Page:
             f'<div class="dd"><p id="progress">{html.escape(words)}</p><div class="track">'
             f'<div class="fill" style="width:{width:.1f}%;background:#4f8fc0"></div></div></div>'
         )
-
-    def _failed(self, error: Exception) -> None:
-        """Say what went wrong, in words where it is the user's, and go on."""
-        if isinstance(error, DiceError):
-            self.say(str(error), wrong=True)
-            return
-        text = f"an error that nobody foresaw, {type(error).__name__}: {error}"
-        self.say(text, wrong=True)
-        with suppress(OSError):
-            print(f"dicedesign: {printable(text)}", file=sys.stderr, flush=True)

@@ -221,7 +221,7 @@ class NewDiePanel:
         else:
             self._exhibit.show(self._viewed)
         most = self._viewed.rows[int(shape.target.argmax())].rest
-        self._exhibit.stand(max(most, 0))
+        self._exhibit.put(self._exhibit.standing(max(most, 0)))
 
     def _show_made(self, die: PrintableDie) -> None:
         """Show the die with its labels cut in."""

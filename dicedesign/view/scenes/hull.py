@@ -11,7 +11,7 @@ from dicedesign.report.charts.palette import DARK, FAINT, rgb
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.scenes.place import Place
-from dicedesign.view.scenes.sphere import MOST_LABELS, bytes_of
+from dicedesign.view.scenes.sphere import MOST_LABELS, OnRay, bytes_of, tell_rays
 
 if TYPE_CHECKING:
     from viser import SceneApi
@@ -62,6 +62,10 @@ class BodyNodes:
             _give(self._mesh, points, triangles)
         self._mesh.visible = inside
         self._hull.opacity = 0.25 if inside else None
+
+    def on_click(self, clicked: OnRay) -> None:
+        """Call a function with the ray of each click on the hull."""
+        tell_rays(self._hull, clicked)
 
     def update(self, viewed: ViewedBody, place: Place) -> None:
         """Show a body's hull and what it rests on."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -17,7 +18,7 @@ from dicedesign.view.scenes.place import SPHERE_AT, SPHERE_RADIUS
 if TYPE_CHECKING:
     from viser import SceneApi
 
-__all__ = ["Sphere", "bytes_of"]
+__all__ = ["OnRay", "Sphere", "bytes_of", "tell_rays"]
 
 DIRECTIONS: Final = even_directions(6000)
 """At which the sphere is coloured; the arcs hide that borders between dots are not sharp."""
@@ -39,14 +40,23 @@ def bytes_of(numbers: Floats) -> Any:
     return _COLORS[np.asarray(numbers, dtype=np.int64) % len(_COLORS)]
 
 
+OnRay = Callable[[Floats, Floats], None]
+"""Is given the origin (3,) and the direction (3,) of a ray in the scene, in the thread that serves;
+it may not wait."""
+
+
 class Sphere:
     """The nodes of the Gauss sphere, which are updated in place."""
 
     def __init__(self, scene: SceneApi) -> None:
         self._scene = scene
         scene.add_frame("/sphere", show_axes=False, position=SPHERE_AT)
-        scene.add_icosphere(
-            "/sphere/inside", 0.985 * SPHERE_RADIUS, color=(250, 250, 250), cast_shadow=False
+        self._inside = scene.add_icosphere(
+            "/sphere/inside",
+            0.985 * SPHERE_RADIUS,
+            color=(250, 250, 250),
+            cast_shadow=False,
+            receive_shadow=False,
         )
         empty = np.zeros((1, 3))
         self._dots = scene.add_point_cloud(
@@ -78,6 +88,10 @@ class Sphere:
         self._down = scene.add_icosphere("/sphere/down", 0.04, color=(194, 87, 26))
         self._labels: list[Any] = []
 
+    def on_click(self, clicked: OnRay) -> None:
+        """Call a function with the ray of each click on the sphere."""
+        tell_rays(self._inside, clicked)
+
     def update(self, viewed: ViewedBody) -> None:
         """Show a body's basins and complex."""
         poses, rows = viewed.poses, viewed.rows
@@ -106,6 +120,14 @@ class Sphere:
             label = self._labels[place]
             label.text = row.label
             label.position = 1.06 * SPHERE_RADIUS * viewed.poses.normals[row.rest]
+
+
+def tell_rays(node: Any, clicked: OnRay) -> None:
+    """Call a function with the ray of each click on a node of the scene."""
+
+    @node.on_click
+    async def _(event: Any) -> None:
+        clicked(np.array(event.ray_origin), np.array(event.ray_direction))
 
 
 def _segments(viewed: ViewedBody) -> Floats:
