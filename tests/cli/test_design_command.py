@@ -190,6 +190,7 @@ BAD = [
     (["--target", "1"], "--target: expected at least two"),
     (["--target", "-1/2,3/2"], "--target: expected numbers between 0 and 1, got -0.5"),
     (["--target", "fair: 1"], "--target: expected a whole number of at least 2, got 1"),
+    (["--target", "fair:1"], "--target: expected a whole number of at least 2, got 1"),
     (["--target", "fair: 201"], "--target: expected at most 200 outcomes, got 201"),
     (["--target", "sum_of_dice: [6, 1]"], "--target: expected a whole number of at least 2"),
     (["--target", "2d6: 3"], "target.2d6: unknown key"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from dicedesign.errors import RecipeError
@@ -15,14 +16,15 @@ def typed_target(text: str, labels: str | None = None) -> dict[str, Any]:
 
     Parameters
     ----------
-    text: probabilities with commas between them, "1/2,1/3,1/6", or what a recipe says, "fair: 7".
+    text: probabilities with commas between them, "1/2,1/3,1/6", or what a recipe says, "fair: 7"; the
+        space may be left out.
     labels: with commas between them, or None for those of the target.
 
     Raises RecipeError for a text that is neither.
     """
     entries: dict[str, Any]
     if ":" in text:
-        read = loaded_yaml(text, "target")
+        read = loaded_yaml(re.sub(r"^\s*(\w+):(?=\S)", r"\1: ", text), "target")
         if not isinstance(read, dict):
             raise RecipeError(
                 f"target: expected probabilities or a key and a value, got {text!r}; write "

@@ -136,9 +136,10 @@ class NewDiePanel:
                 raise
 
         def again() -> None:
-            self._job = None
-            if self._session is session and session.state == "running":
-                self._watch(session)
+            if self._session is session:
+                self._job = None
+                if session.state == "running":
+                    self._watch(session)
 
         self._job = self._page.start(work, lambda _: None, again)
 
