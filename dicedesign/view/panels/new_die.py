@@ -19,7 +19,7 @@ from dicedesign.view.page.job import Job, Stopped
 from dicedesign.view.page.page import Page
 from dicedesign.view.panels.new_die_files import DieFiles
 from dicedesign.view.panels.new_die_options import DieOptions
-from dicedesign.view.panels.new_die_tables import facet_table, sentence, session_status
+from dicedesign.view.panels.new_die_tables import sentence, session_html
 from dicedesign.view.scenes.exhibit import Exhibit
 
 __all__ = ["NewDiePanel"]
@@ -55,8 +55,7 @@ class NewDiePanel:
         self._wrong = gui.add_html("")
         design = gui.add_button("Design", color="blue", hint="begin, or go on after a pause")
         steps = gui.add_button_group("", ("Pause", "Step", "Undo", "Reset"))
-        self._status, self._refused = gui.add_html(""), gui.add_html("")
-        self._facets = gui.add_html("")
+        self._state, self._refused = gui.add_html(""), gui.add_html("")
         self._files = DieFiles(page, lambda: self._session, self._show_made)
         self._options = DieOptions(page, self._weigh, self._set_speed)
         preset.on_update(lambda event: page.soon(lambda: self._take(event.target.value), "preset"))
@@ -200,8 +199,7 @@ class NewDiePanel:
     def _refresh(self) -> None:
         """Show where the design is."""
         session = self._session
-        self._status.content = "" if session is None else session_status(session)
-        self._facets.content = "" if session is None else facet_table(session, self._chosen)
+        self._state.content = "" if session is None else session_html(session, self._chosen)
         self._files.refresh(session)
         if session is not None and session.shape is not self._shape:
             self._shape = session.shape

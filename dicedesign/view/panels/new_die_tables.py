@@ -9,7 +9,7 @@ from dicedesign.report.charts.palette import BASINS
 from dicedesign.view.dice.design_session import DesignSession
 from dicedesign.view.dice.finishing import PrintableDie
 
-__all__ = ["facet_table", "printed_table", "sentence", "session_status"]
+__all__ = ["printed_table", "sentence", "session_html"]
 
 
 def sentence(name: str, text: str, *, wrong: bool = False) -> str:
@@ -20,8 +20,16 @@ def sentence(name: str, text: str, *, wrong: bool = False) -> str:
     )
 
 
-def session_status(session: DesignSession) -> str:
-    """Where a design is, in a sentence, with its state as an attribute."""
+def session_html(session: DesignSession, chosen: int | None) -> str:
+    """Where a design is, in a sentence with its state as an attribute, and a row for each outcome:
+    label, bar with its target, odds, and whether its facet is pinned.
+
+    chosen: the outcome whose label is to change places with the next that is clicked.
+    """
+    return _status(session) + _facet_table(session, chosen)
+
+
+def _status(session: DesignSession) -> str:
     shape, state = session.shape, session.state
     said = []
     if state == "running":
@@ -42,11 +50,7 @@ def session_status(session: DesignSession) -> str:
     )
 
 
-def facet_table(session: DesignSession, chosen: int | None) -> str:
-    """A row for each outcome: label, bar with its target, odds, and whether its facet is pinned.
-
-    chosen: the outcome whose label is to change places with the next that is clicked.
-    """
+def _facet_table(session: DesignSession, chosen: int | None) -> str:
     shape = session.shape
     if shape is None:
         return ""
