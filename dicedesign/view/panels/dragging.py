@@ -20,6 +20,9 @@ CORNER: Final = "Corner"
 FACET: Final = "Facet"
 NOTHING: Final = "Nothing"
 
+UNDO: Final = "Undo"
+RESTART: Final = "Start over"
+
 OUTSIDE: Final = (
     "The center of mass stays inside the hull: every body has it there. Drag it back to go on."
 )
@@ -57,10 +60,9 @@ class Dragging:
             step=1e-3,
             hint="Center of mass in the unit of the mesh; type numbers to move it",
         )
-        undo = gui.add_button("Undo")
-        back = gui.add_button("Back to the start")
+        back = gui.add_button_group("Go back", (UNDO, RESTART))
         even = gui.add_button(
-            "Of one density", hint="Put the center of mass where that of the solid hull is"
+            "Solid of one density", hint="Put the center of mass where that of the solid hull is"
         )
         self._gizmo = Gizmo(
             page.scene,
@@ -69,8 +71,7 @@ class Dragging:
             ),
         )
         what.on_update(lambda _: page.soon(lambda: self._choose(what.value)))
-        undo.on_click(lambda _: page.soon(self._undo))
-        back.on_click(lambda _: page.soon(self._restart))
+        back.on_click(lambda _: page.soon(self._undo if back.value == UNDO else self._restart))
         even.on_click(lambda _: page.soon(self._even_out))
 
         @self._field.on_update
@@ -92,6 +93,7 @@ class Dragging:
 
     def _choose(self, what: str) -> None:
         self._what = what
+        self._exhibit.listen(to_body=what in (CORNER, FACET))
         self._place_all()
 
     def _place_all(self) -> None:

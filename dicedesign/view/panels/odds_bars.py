@@ -24,7 +24,9 @@ def body_html(viewed: ViewedBody, update: int) -> str:
     made = "the hull that was dragged"
     if not viewed.dragged:
         made = "points" if mesh is None else f"a mesh of {len(mesh):,} triangles"
-    center = ", ".join(f"{x:.6g}" for x in viewed.center)
+    digits = 6 - int(np.floor(np.log10(float(np.ptp(hull.vertices, axis=0).max()))))
+    # Adding zero takes the sign off a zero.
+    center = ", ".join(f"{round(float(x), digits) + 0.0:.10g}" for x in viewed.center)
     rests = len(viewed.poses.facets)
     wanted = [row for row in viewed.rows if row.wanted is not None]
     off = max((abs(row.odds - (row.wanted or 0.0)) for row in wanted), default=None)

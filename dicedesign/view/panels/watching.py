@@ -19,6 +19,10 @@ from dicedesign.view.scenes.settling import let_go
 
 __all__ = ["Watching"]
 
+LET_GO: Final = "Let it go"
+THROW: Final = "Throw it"
+THROW_SO: Final = "Throw it as it lies"
+
 USUAL_TABLE: Final = "board-game"
 
 
@@ -39,12 +43,17 @@ class Watching:
             '<div class="dd"><p class="note">Click a bar to stand it so. Click the sphere to let '
             "it go with that direction downward; the orange dot is what points down.</p></div>"
         )
-        roll = gui.add_button("Let it go, any side", hint="It rolls without momentum")
-        throw = gui.add_button("Throw it", hint="A simulated throw, from any side")
-        same = gui.add_button("Throw it as it lies", hint="A simulated throw that begins like this")
-        roll.on_click(lambda _: page.soon(self._let_go_anyhow))
-        throw.on_click(lambda _: page.soon(lambda: self._throw(None)))
-        same.on_click(lambda _: page.soon(lambda: self._throw(self._exhibit.down)))
+        ways = gui.add_button_group(
+            "Watch",
+            (LET_GO, THROW, THROW_SO),
+            hint="It rolls without momentum, or is thrown, with any side or the present one down",
+        )
+        acts = {
+            LET_GO: self._let_go_anyhow,
+            THROW: lambda: self._throw(None),
+            THROW_SO: lambda: self._throw(self._exhibit.down),
+        }
+        ways.on_click(lambda _: page.soon(acts[ways.value]))
         self._exhibit.on_direction = self._let_go
 
     def _let_go_anyhow(self) -> None:

@@ -61,9 +61,8 @@ class Exhibit:
         self._sphere = Sphere(scene)
         self._body = BodyNodes(scene)
         self._sphere.on_click(lambda *ray: page.soon(lambda: self._sphere_clicked(*ray)))
-        self._body.on_click(lambda *ray: page.soon(lambda: self._body_clicked(*ray)))
-        page.server.initial_camera.position = (0.0, -4.4, 2.7)
-        page.server.initial_camera.look_at = (0.0, 0.0, 0.7)
+        page.server.initial_camera.position = (0.6, -4.9, 2.6)
+        page.server.initial_camera.look_at = (0.6, 0.0, 0.75)
 
     def on_change(self, listener: Listener) -> None:
         """Call a function with the body whenever it is another, after it is shown."""
@@ -72,6 +71,13 @@ class Exhibit:
     def on_show(self, listener: Listener) -> None:
         """Call a function with the body whenever another one is on show, after that."""
         self._beginners.append(listener)
+
+    def listen(self, to_body: bool) -> None:
+        """Whether the body can be clicked, or lets the mouse through to what is inside it."""
+        page = self.page
+        self._body.on_click(
+            (lambda *ray: page.soon(lambda: self._body_clicked(*ray))) if to_body else None
+        )
 
     @property
     def down(self) -> Floats:

@@ -27,7 +27,7 @@ class Gizmo:
 
     def __init__(self, scene: SceneApi, on_drag: OnDrag) -> None:
         self._node = scene.add_transform_controls(
-            "/body/gizmo", scale=0.45, disable_rotations=True, depth_test=False, visible=False
+            "/body/gizmo", scale=0.7, disable_rotations=True, depth_test=False, visible=False
         )
 
         # Of viser's two kinds of callbacks only these keep their order.

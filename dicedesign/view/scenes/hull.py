@@ -11,7 +11,7 @@ from dicedesign.report.charts.palette import DARK, FAINT, rgb
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.scenes.place import Place
-from dicedesign.view.scenes.sphere import MOST_LABELS, OnRay, bytes_of, tell_rays
+from dicedesign.view.scenes.sphere import COLORS, MOST_LABELS, OnRay, tell_rays
 
 if TYPE_CHECKING:
     from viser import SceneApi
@@ -45,11 +45,19 @@ class BodyNodes:
             "/body/hull", *nothing, color=_SURFACE, flat_shading=True, side="front"
         )
         self._edges = scene.add_line_segments(
-            "/body/edges", np.zeros((1, 2, 3)), _GRAY, thickness=1.5
+            "/body/edges", np.zeros((1, 2, 3)), _GRAY, thickness=1.5, thickness_units="screen"
         )
-        self._rests = scene.add_line_segments(
-            "/body/rests", np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8), thickness=5.0
-        )
+        self._rests = [
+            scene.add_mesh_simple(
+                f"/body/rests{number}",
+                *nothing,
+                color=color,
+                flat_shading=True,
+                side="double",
+                visible=False,
+            )
+            for number, color in enumerate(COLORS.tolist())
+        ]
         self._center = scene.add_icosphere("/body/center", 0.045, color=_EDGE)
         self._labels: list[Any] = []
         self._faces: Integers | None = None
@@ -61,11 +69,15 @@ class BodyNodes:
         if points is not None and triangles is not None:
             _give(self._mesh, points, triangles)
         self._mesh.visible = inside
-        self._hull.opacity = 0.25 if inside else None
+        for node in (self._hull, *self._rests):
+            node.opacity = 0.25 if inside else None
 
-    def on_click(self, clicked: OnRay) -> None:
-        """Call a function with the ray of each click on the hull."""
-        tell_rays(self._hull, clicked)
+    def on_click(self, clicked: OnRay | None) -> None:
+        """Call a function with the ray of each click on the hull; None for a hull that lets the
+        mouse through to what is inside."""
+        self._hull.remove_click_callback()
+        if clicked is not None:
+            tell_rays(self._hull, clicked)
 
     def update(self, viewed: ViewedBody, place: Place) -> None:
         """Show a body's hull and what it rests on."""
@@ -80,15 +92,18 @@ class BodyNodes:
         self._center.position = place.into_scene(viewed.center)
 
     def _update_rests(self, viewed: ViewedBody, points: Floats) -> None:
+        """Color the facets that the body rests on like their basins."""
         hull, rows = viewed.hull, viewed.rows
-        outlines, colors = [], []
-        color_of_row = np.array([row.color for row in rows])
-        for facet, row in zip(viewed.poses.facets, viewed.row_of_rest, strict=True):
-            outline = _outline(hull, points, int(facet))
-            outlines.append(outline)
-            colors.append(np.repeat(color_of_row[row], len(outline)))
-        self._rests.colors = np.repeat(bytes_of(np.concatenate(colors))[:, None], 2, axis=1)
-        self._rests.points = np.concatenate(outlines)
+        of_rest = np.array([row.color for row in rows])[viewed.row_of_rest] % len(self._rests)
+        for number, node in enumerate(self._rests):
+            facets = viewed.poses.facets[of_rest == number].tolist()
+            node.visible = len(facets) > 0
+            if facets:
+                _give(node, *_drawn(hull, points, facets))
+        self._update_labels(viewed, points)
+
+    def _update_labels(self, viewed: ViewedBody, points: Floats) -> None:
+        hull, rows = viewed.hull, viewed.rows
         shown = [row for row in rows[:MOST_LABELS] if row.rest >= 0]
         while len(self._labels) > len(shown):
             self._labels.pop().remove()
@@ -104,12 +119,18 @@ class BodyNodes:
             self._labels[number].position = corners.mean(axis=0) + 0.03 * hull.normals[facet]
 
 
-def _outline(hull: ConvexHull, points: Floats, facet: int) -> Floats:
-    """(k, 2, 3) edges of a facet, drawn in a little so that neighbours' lie beside them."""
-    corners = points[hull.tail[hull.facet_start[facet] : hull.facet_start[facet + 1]]]
-    middle = corners.mean(axis=0)
-    drawn = middle + 0.93 * (corners - middle) + 0.004 * hull.normals[facet]
-    return np.stack([drawn, np.roll(drawn, -1, axis=0)], axis=1)
+def _drawn(hull: ConvexHull, points: Floats, facets: list[int]) -> tuple[Floats, Integers]:
+    """Corners (n, 3) and triangles of facets, a little above the hull and a little smaller."""
+    corners, triangles, count = [], [], 0
+    for facet in facets:
+        own = points[hull.tail[hull.facet_start[facet] : hull.facet_start[facet + 1]]]
+        middle = own.mean(axis=0)
+        corners.append(middle + 0.94 * (own - middle) + 0.003 * hull.normals[facet])
+        inner = np.arange(1, len(own) - 1)
+        fan = np.stack([np.zeros_like(inner), inner, inner + 1], axis=1)
+        triangles.append(count + fan)
+        count += len(own)
+    return np.concatenate(corners), np.concatenate(triangles)
 
 
 def _give(mesh: Any, points: Floats, triangles: Integers) -> None:

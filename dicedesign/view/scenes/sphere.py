@@ -18,7 +18,7 @@ from dicedesign.view.scenes.place import SPHERE_AT, SPHERE_RADIUS
 if TYPE_CHECKING:
     from viser import SceneApi
 
-__all__ = ["OnRay", "Sphere", "bytes_of", "tell_rays"]
+__all__ = ["COLORS", "MOST_LABELS", "OnRay", "Sphere", "tell_rays"]
 
 DIRECTIONS: Final = even_directions(6000)
 """At which the sphere is coloured; the arcs hide that borders between dots are not sharp."""
@@ -30,14 +30,10 @@ ARC_PIECES: Final = 6
 
 MOST_LABELS: Final = 24
 
-_COLORS: Final = np.rint(255.0 * rgb(BASINS)).astype(np.uint8)
+COLORS: Final = np.rint(255.0 * rgb(BASINS)).astype(np.uint8)
+"""(20, 3) of rows of bars, 0 to 255; they repeat after the last."""
 
 _DARK: Final = tuple(np.rint(255.0 * rgb([DARK])[0]).astype(int).tolist())
-
-
-def bytes_of(numbers: Floats) -> Any:
-    """Colours (n, 3), 0 to 255, of rows by their numbers (n,)."""
-    return _COLORS[np.asarray(numbers, dtype=np.int64) % len(_COLORS)]
 
 
 OnRay = Callable[[Floats, Floats], None]
@@ -68,7 +64,7 @@ class Sphere:
             precision="float32",
         )
         self._arcs = scene.add_line_segments(
-            "/sphere/arcs", np.zeros((1, 2, 3)), _DARK, thickness=2.5
+            "/sphere/arcs", np.zeros((1, 2, 3)), _DARK, thickness=2.5, thickness_units="screen"
         )
         self._points = {
             kind: scene.add_point_cloud(
@@ -96,11 +92,11 @@ class Sphere:
         """Show a body's basins and complex."""
         poses, rows = viewed.poses, viewed.rows
         color_of_row = np.array([row.color for row in rows])
-        of_rest = bytes_of(color_of_row[viewed.row_of_rest])
+        of_rest = COLORS[color_of_row[viewed.row_of_rest] % len(COLORS)]
         self._dots.colors = of_rest[basin_of_directions(poses, DIRECTIONS)]
         self._arcs.points = _segments(viewed).astype(np.float32)
         for kind, node in self._points.items():
-            node.points = 1.01 * SPHERE_RADIUS * getattr(poses.morse, kind)
+            node.points = 1.025 * SPHERE_RADIUS * getattr(poses.morse, kind)
         self._update_labels(viewed)
 
     def point_down(self, down: Floats) -> None:
@@ -137,6 +133,6 @@ def _segments(viewed: ViewedBody) -> Floats:
         return np.zeros((1, 2, 3))
     starts = np.concatenate([path[:-1] for path in paths])
     ends = np.concatenate([path[1:] for path in paths])
-    points = 1.008 * SPHERE_RADIUS * great_arcs(starts, ends, ARC_PIECES)
+    points = 1.02 * SPHERE_RADIUS * great_arcs(starts, ends, ARC_PIECES)
     segments = np.stack([points[:, :-1], points[:, 1:]], axis=2)
     return segments.reshape(-1, 2, 3)
