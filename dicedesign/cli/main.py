@@ -35,6 +35,7 @@ COMMANDS: Final = {
     "throw": "tables.throw",
     "rolls": "tables.rolls",
     "table": "tables.table",
+    "view": "view",
     "bench": "bench",
 }
 """The file of this folder that has the parser of a command, and what it does."""

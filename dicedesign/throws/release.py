@@ -17,6 +17,7 @@ __all__ = [
     "Orientations",
     "drop_weights",
     "released",
+    "released_on",
     "up_directions",
 ]
 
@@ -88,11 +89,30 @@ def released(
     states[:, 3:7] = turns
     states[:, 10:13] = table.spin * axes / np.linalg.norm(axes, axis=1)[:, None]
     states[:, 7] = table.speed
+    states[:, 2] = _heights(body, table, turns)
+    return states
+
+
+def released_on(
+    body: RigidBody, table: Table, count: int, down: Floats, rng: np.random.Generator
+) -> Floats:
+    """The same of throws that begin with one direction (3,) of the body's frame, unit, downward,
+    turned about the vertical at random."""
+    states = released(body, table, np.arange(count), "uniform", rng)
+    yaw = rng.uniform(-np.pi, np.pi, count)
+    states[:, 3:7] = _standing(np.tile(-down @ body.axes, (count, 1)), yaw)
+    states[:, 2] = _heights(body, table, states[:, 3:7])
+    return states
+
+
+def _heights(body: RigidBody, table: Table, turns: Floats) -> Floats:
+    """(n,) of the center of mass in m, with the lowest point at the table's height; turns: (n, 4)
+    quaternions."""
     w, x, y, z = turns.T
     up = np.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], 1)
     lowest = (up @ body.vertices.T).min(axis=1) * table.size / 2.0
-    states[:, 2] = table.height - lowest
-    return states
+    heights: Floats = table.height - lowest
+    return heights
 
 
 def _standing(up: Floats, yaw: Floats) -> Floats:

@@ -1,41 +1,133 @@
-"""Chromium without a window, which tests of pages drive."""
+"""Pages of `dicedesign view` in a headless Chromium."""
 
 from __future__ import annotations
 
-import os
-import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Final
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import urlsplit
 
-import pytest
+import numpy as np
 
-__all__ = ["MISSING_BROWSER", "chromium"]
+from dicedesign.view.application import View
 
-MISSING_BROWSER: Final = "no chromium that playwright can drive"
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
-_OPTIONS: Final = (
-    "--no-sandbox",
-    "--lang=en-US",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-)
-"""Draws 3D views without a graphics card."""
+__all__ = ["MISSING_BROWSER", "PATIENCE", "OpenedPage"]
+
+MISSING_BROWSER: Final = "no browser: "
+"""Reasons for skipping tests that need one begin so."""
+
+PATIENCE: Final = 60_000.0
+"""Milliseconds that a page on a busy machine without a graphics card may take."""
 
 
-@contextmanager
-def chromium() -> Iterator[object]:
-    """The browser; the test is skipped where there is none."""
-    program = shutil.which("chromium") or shutil.which("chromium-browser")
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        program = None
-    if program is None:
-        pytest.skip(MISSING_BROWSER)
-    speech = {**os.environ, "LANG": "en_US.UTF-8", "LC_ALL": "en_US.UTF-8"}
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=program, args=_OPTIONS, env=speech)
-        yield browser
-        browser.close()
+@dataclass
+class OpenedPage:
+    """A page in the browser, and the view that serves it.
+
+    Attributes
+    ----------
+    view: the server side, in this process.
+    page: playwright's.
+    elsewhere: addresses of other machines that the page asked for; none came through.
+    errors: what its scripts complained of.
+    """
+
+    view: View
+    page: Page
+    elsewhere: list[str] = field(default_factory=list)
+    errors: list[str] = field(default_factory=list)
+
+    @classmethod
+    def open(cls, view: View, page: Page) -> OpenedPage:
+        """Load the page, and wait until its first body is shown."""
+        opened = cls(view, page)
+        page.set_default_timeout(PATIENCE)
+        page.on("pageerror", lambda error: opened.errors.append(str(error)))
+        page.on("websocket", lambda socket: opened._heard(socket.url))
+        page.route("**/*", opened._asked)
+        page.goto(view.page.gate.address)
+        page.wait_for_selector("#odds")
+        return opened
+
+    def _asked(self, route: Any) -> None:
+        if self._heard(route.request.url):
+            route.continue_()
+        else:
+            route.abort()
+
+    def _heard(self, url: str) -> bool:
+        parts = urlsplit(url)
+        own = urlsplit(self.view.page.gate.address).netloc
+        here = parts.scheme in ("data", "blob") or parts.netloc == own
+        if not here:
+            self.elsewhere.append(url)
+        return here
+
+    def rows(self) -> list[list[str]]:
+        """Texts of the table of odds: the label, nothing, and numbers in percent."""
+        found = self.page.eval_on_selector_all(
+            "#odds tbody tr", "rows => rows.map(r => [...r.cells].map(c => c.innerText.trim()))"
+        )
+        return [list(row) for row in found]
+
+    def odds(self, column: int = -1) -> np.ndarray:
+        """Numbers of one column of that table, as parts of 1."""
+        return np.array([float(row[column]) for row in self.rows()]) / 100.0
+
+    def center(self) -> np.ndarray:
+        """The center of mass that the page tells."""
+        text = self.page.inner_text("#center")
+        return np.array([float(part) for part in text.split(",")])
+
+    def updates(self) -> int:
+        """How many changes of the body the page has shown."""
+        return int(self.page.get_attribute("#body", "data-update") or 0)
+
+    def button(self, name: str) -> None:
+        """Press a button by what is written on it."""
+        self.page.get_by_role("button", name=re.compile(rf"^\s*{re.escape(name)}\s*$")).click()
+
+    def choose(self, label: str, option: str) -> None:
+        """Choose an option of the list beside a label."""
+        self.page.get_by_label(label, exact=True).first.click()
+        self.page.get_by_role("option", name=option, exact=True).click()
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        """Wait until something is true."""
+        for _ in range(int(PATIENCE / 100.0)):
+            if condition():
+                return
+            self.page.wait_for_timeout(100.0)
+        raise AssertionError("the page never came to that")
+
+    def on_screen(self, point: np.ndarray) -> tuple[float, float]:
+        """Where a point (3,) of the scene is in the window, in pixels from its upper left."""
+        (client,) = self.view.page.server.get_clients().values()
+        camera = client.camera
+        forward = np.asarray(camera.look_at) - np.asarray(camera.position)
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, np.asarray(camera.up_direction))
+        right /= np.linalg.norm(right)
+        up = np.cross(right, forward)
+        ray = point - np.asarray(camera.position)
+        half = np.tan(camera.fov / 2.0) * float(ray @ forward)
+        size = self.page.viewport_size
+        assert size is not None
+        x = 0.5 + 0.5 * float(ray @ right) / (half * size["width"] / size["height"])
+        y = 0.5 - 0.5 * float(ray @ up) / half
+        return x * size["width"], y * size["height"]
+
+    def drag(self, start: np.ndarray, end: np.ndarray, steps: int = 8) -> None:
+        """Drag with the mouse from a point (3,) of the scene to another."""
+        mouse = self.page.mouse
+        mouse.move(*self.on_screen(start))
+        self.page.wait_for_timeout(300.0)
+        mouse.down()
+        for part in np.linspace(0.0, 1.0, steps + 1)[1:]:
+            mouse.move(*self.on_screen(start + part * (end - start)))
+            self.page.wait_for_timeout(60.0)
+        mouse.up()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, Final
 
 from dicedesign.cli.dice.run_recipe import add_result_options, run_and_print, with_result_options
@@ -12,8 +14,9 @@ from dicedesign.errors import InputError, RecipeError
 __all__ = ["add_parser"]
 
 OPTION_OF_KEY: Final = (
-    (r"target(: |\.)probabilities(\.\d+)?", "--target"),
+    (r"target(: |\.)(probabilities|fair|binomial|sum_of_dice)(\.\d+)?", "--target"),
     (r"target(: |\.)labels(\.\d+)?", "--labels"),
+    (r"target", "--target"),
     (r"name", "--name"),
     (r"seed", "--seed"),
     (r"size_mm", "--size-mm"),
@@ -36,7 +39,8 @@ def add_parser(commands: Any) -> None:
         "--target",
         required=True,
         metavar="p,q,...",
-        help="probabilities that sum to 1, fractions or decimals, such as 1/2,1/3,1/6",
+        help="probabilities that sum to 1, fractions or decimals, such as 1/2,1/3,1/6; or what a "
+        "recipe says, such as 'fair: 7' or 'sum_of_dice: [6, 6]'",
     )
     parser.add_argument(
         "--labels", metavar="a,b,...", help="a label for each of them (default: 1,2,...)"
@@ -69,10 +73,10 @@ def add_parser(commands: Any) -> None:
 
 def _design(options: argparse.Namespace) -> int:
     from dicedesign.recipe.schema.reading import checked_recipe
+    from dicedesign.recipe.schema.typed_target import typed_target
 
-    target = {"probabilities": _listed(options.target)}
-    if options.labels is not None:
-        target["labels"] = _listed(options.labels)
+    with _named_options():
+        target = typed_target(options.target, options.labels)
     if options.repair and options.mesh is None:
         raise InputError("--repair: expected --mesh FILE with it, got none; add it")
     entries: dict[str, Any] = {
@@ -87,22 +91,21 @@ def _design(options: argparse.Namespace) -> int:
         entries["method"] = {"concave": {}}
     if options.size_mm is not None:
         entries["size_mm"] = options.size_mm
-    try:
+    with _named_options():
         recipe = checked_recipe(entries)
-    except RecipeError as error:
-        raise RecipeError(_with_option(str(error))) from error
     recipe = with_result_options(recipe, options)
     return run_and_print(
         recipe, options.out, enlarge=options.size_mm is None and options.mesh is None
     )
 
 
-def _listed(text: str) -> list[str]:
-    return [part.strip() for part in text.split(",")]
-
-
-def _with_option(message: str) -> str:
-    """The message about an entry of the recipe as one about the option it came from."""
-    for key, option in OPTION_OF_KEY:
-        message = re.sub(rf"^{key}(?=: )", option, message)
-    return message
+@contextmanager
+def _named_options() -> Iterator[None]:
+    """Makes messages about entries of the recipe such about the options that they came from."""
+    try:
+        yield
+    except RecipeError as error:
+        message = str(error)
+        for key, option in OPTION_OF_KEY:
+            message = re.sub(rf"^{key}(?=: )", option, message)
+        raise RecipeError(message) from error

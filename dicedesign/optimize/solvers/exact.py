@@ -18,6 +18,7 @@ from dicedesign.gradient.inscribed_circles import circle_radii
 from dicedesign.gradient.prior_odds import OddsUnderPrior
 from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.coordinates.pinned import PinnedCoordinates
 from dicedesign.optimize.coordinates.shape import Coordinates
 from dicedesign.optimize.coordinates.symmetric import SymmetricCoordinates
 from dicedesign.optimize.coordinates.vertices import VertexCoordinates
@@ -69,7 +70,8 @@ def solve_exactly(
     Parameters
     ----------
     starts: shapes with (k, 3) outcome directions, made one after the other as they are needed; None
-        where a turn found nothing, of which `MOST_EMPTY_TURNS` end the search.
+        where a turn found nothing, of which `MOST_EMPTY_TURNS` end the search. Pinned facets stay
+        in their planes, with `coordinates` "facets" and no group.
     target: (k,) wanted probability of each direction.
     options: see `ExactOptions`.
     center_of_mass: (3,) fixed, in the coordinates of `Start.points`, or None for the uniform solid.
@@ -261,6 +263,9 @@ class _Search:
             return VertexCoordinates.of(start.points, origin, lambda points: hull)
         if self.group is not None:
             return SymmetricCoordinates.of(start.points, origin, self.group, lambda points: hull)
+        if start.pinned:
+            pinned = start.directions[list(start.pinned)]
+            return PinnedCoordinates.of(start.points, origin, pinned, lambda points: hull)
         return FacetCoordinates.of(start.points, origin, lambda points: hull)
 
     def shortfall(self, candidate: Candidate) -> tuple[float, float]:

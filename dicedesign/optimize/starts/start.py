@@ -47,6 +47,8 @@ class Start:
         assignment names them.
     origin, scale: how the points were normalised: (3,) and a length in the shape's own
         coordinates, with point = (own - origin) / scale.
+    pinned: numbers of the directions whose facets stay in their planes; the exact method alone
+        heeds it.
     notes: what was repaired or assumed on the way in, one sentence each.
     """
 
@@ -54,6 +56,7 @@ class Start:
     directions: Floats
     origin: Floats = field(default_factory=lambda: np.zeros(3))
     scale: float = 1.0
+    pinned: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
 
     def normalised(self, own: Floats) -> Floats:
@@ -74,7 +77,7 @@ def normalised_start(points: Floats, directions: Floats, notes: tuple[str, ...] 
     origin = (points.min(axis=0) + points.max(axis=0)) / 2.0
     centered = points - origin
     scale = float(np.abs(centered).max())
-    return Start(centered / scale, directions, origin, scale, notes)
+    return Start(centered / scale, directions, origin, scale, notes=notes)
 
 
 @dataclass(frozen=True)

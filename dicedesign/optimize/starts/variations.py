@@ -12,6 +12,7 @@ import numpy as np
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.coordinates.pinned import PinnedCoordinates
 from dicedesign.optimize.coordinates.shape import Coordinates
 from dicedesign.optimize.coordinates.symmetric import SymmetricCoordinates
 from dicedesign.optimize.starts.start import Start
@@ -30,7 +31,8 @@ LARGEST_VARIATION: Final = 0.3
 def shapes_like(
     start: Start, seed: int, group: Floats | None = None, *, any_order: bool = False
 ) -> Iterator[Start]:
-    """A start, and then the same with its facets turned and shifted more and more, without end.
+    """A start, and then the same with its facets turned and shifted more and more, without end;
+    pinned ones stay.
 
     Where that leaves no solid, the next one follows.
 
@@ -49,10 +51,13 @@ def shapes_like(
     yield start
     hull = convex_hull(start.points)
     coordinates: Coordinates
-    if group is None:
-        coordinates, parameters = FacetCoordinates.of(start.points, hull.centroid)
-    else:
+    if group is not None:
         coordinates, parameters = SymmetricCoordinates.of(start.points, hull.centroid, group)
+    elif start.pinned:
+        pinned = start.directions[list(start.pinned)]
+        coordinates, parameters = PinnedCoordinates.of(start.points, hull.centroid, pinned)
+    else:
+        coordinates, parameters = FacetCoordinates.of(start.points, hull.centroid)
     facets = np.argmax(start.directions @ hull.normals.T, axis=1)
     rng = np.random.default_rng(seed)
     for number in count(1):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -17,9 +17,29 @@ from dicedesign.results.record import HullsMade, Step
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
+    from dicedesign.gradient.rest_odds import RestEvaluation
     from dicedesign.optimize.refinement import Round
 
-__all__ = ["designed_die", "normalised_center", "step_listener", "wanted_odds"]
+__all__ = [
+    "designed_die",
+    "normalised_center",
+    "shape_listener",
+    "step_listener",
+    "told_starts",
+    "wanted_odds",
+]
+
+
+class Shaped(Protocol):
+    """A shape that a solver tells of."""
+
+    @property
+    def rests(self) -> RestEvaluation:
+        """Its hull and rests."""
+
+    @property
+    def directions(self) -> Floats:
+        """(k, 3) of the outcomes, in the order of the start's."""
 
 
 def wanted_odds(recipe: Recipe) -> Floats:
@@ -38,6 +58,19 @@ def normalised_center(recipe: Recipe, start: Start | None) -> Floats | None:
 def step_listener(work: Work) -> Callable[[DesignStep], None]:
     """What tells a run's listener of a solver's steps."""
     return lambda step: work.listeners.on_step(_step(step))
+
+
+def shape_listener(work: Work) -> Callable[[Shaped], None]:
+    """What tells a run's listener of the shapes of a solver."""
+    order = np.argsort(work.recipe.outcome_of_direction())
+    return lambda shape: work.listeners.on_shape(shape.rests.hull, shape.directions[order])
+
+
+def told_starts(work: Work, starts: Iterable[Start | None]) -> Iterator[Start | None]:
+    """The starting shapes, each of which a run's listener is told of."""
+    for number, start in enumerate(starts):
+        work.listeners.on_start(number)
+        yield start
 
 
 def designed_die(work: Work, result: DesignResult, rounds: tuple[Round, ...] = ()) -> DesignedDie:

@@ -14,7 +14,9 @@ from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.recipe.methods.convex import (
     designed_die,
     normalised_center,
+    shape_listener,
     step_listener,
+    told_starts,
     wanted_odds,
 )
 from dicedesign.recipe.planning.work import Work
@@ -50,6 +52,7 @@ def solver(work: Work) -> Callable[..., DesignResult]:
         least_circle=recipe.min_inradius_mm / recipe.size_mm,
         prior=recipe.prior_read(),
         on_step=step_listener(work),
+        on_candidate=shape_listener(work),
     )
 
 
@@ -58,7 +61,8 @@ def starts_of(work: Work, wanted: Floats) -> Iterable[Start | None]:
     while."""
     recipe, group = work.recipe, work.recipe.group()
     if work.start is not None:
-        return shapes_like(work.start, recipe.seed, group, any_order=recipe.any_order)
+        like = shapes_like(work.start, recipe.seed, group, any_order=recipe.any_order)
+        return told_starts(work, like)
     search = recipe.start.kind.search
     assert search is not None
-    return search(wanted, group, recipe.seed)
+    return told_starts(work, search(wanted, group, recipe.seed))

@@ -13,6 +13,7 @@ from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.recipe.methods.convex import (
     designed_die,
     normalised_center,
+    shape_listener,
     step_listener,
     wanted_odds,
 )
@@ -37,6 +38,8 @@ def design(work: Work) -> DesignedDie:
         center_of_mass=center,
         seed=recipe.seed,
         on_step=step_listener(work),
+        on_evaluation=shape_listener(work),
+        on_candidate=shape_listener(work),
     )
     return designed_die(work, replace(result, directions=_own_directions(result, center)))
 

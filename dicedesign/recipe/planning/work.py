@@ -20,12 +20,14 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.finished_die import EngravedFile
     from dicedesign.fabricate.labels.reading import Reading
     from dicedesign.fabricate.verdict import Verdict
+    from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.repair.repair import RepairedMesh
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.optimize.refinement import Round
     from dicedesign.optimize.starts.start import Start
     from dicedesign.results.record import Result, Step
+    from dicedesign.runtime.arrays import Floats
     from dicedesign.throws.simulation.die_on_table import ThrownDie
 
 __all__ = ["Listeners", "Work"]
@@ -35,7 +37,7 @@ def _is_stl(name: str) -> bool:
     return name.endswith(".stl")
 
 
-def _ignore(_: Any) -> None:
+def _ignore(*_: Any) -> None:
     pass
 
 
@@ -50,12 +52,19 @@ class Listeners:
     on_round: each round of throws.
     on_attempt: how far the search for a concave die came, in words, before the first attempt and
         after each.
+    on_start: how many starting shapes of a convex die have been looked for, before each.
+    on_shape: the hull of a convex die and the directions (k, 3) of its outcomes, in the order of
+        the target, before `on_step` is told of the step that led there.
+
+    What a listener raises ends the run.
     """
 
     on_stage: Callable[[str], None] = _ignore
     on_step: Callable[[Step], None] = _ignore
     on_round: Callable[[Round], None] = _ignore
     on_attempt: Callable[[str], None] = _ignore
+    on_start: Callable[[int], None] = _ignore
+    on_shape: Callable[[ConvexHull, Floats], None] = _ignore
 
 
 @dataclass(eq=False)

@@ -21,7 +21,7 @@ from dicedesign.fabricate.labels.options import is_font_file
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.runtime.files import read_text
 
-__all__ = ["checked_recipe", "read_recipe", "recipe_text"]
+__all__ = ["checked_recipe", "loaded_yaml", "read_recipe", "recipe_text"]
 
 MOST_DEPTH: Final = 30
 
@@ -47,7 +47,7 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
     RecipeError: the file is missing or no YAML mapping, or an entry is unknown or unusable; the
         message names file, key, what was expected and what came.
     """
-    data = _load(read_text(path, "a recipe", error=RecipeError), str(path))
+    data = loaded_yaml(read_text(path, "a recipe", error=RecipeError), str(path))
     if not isinstance(data, dict):
         raise RecipeError(
             f"{path}: expected keys and values, got {reprlib.repr(data)}; write name: ... and "
@@ -162,7 +162,8 @@ _Loader.add_implicit_resolver(
 )
 
 
-def _load(content: str, where: str) -> object:
+def loaded_yaml(content: str, where: str) -> object:
+    """What a text in YAML says. Raises RecipeError, naming where it is from, where it is none."""
     try:
         return yaml.load(content, Loader=_Loader)
     except (yaml.YAMLError, *BAD_YAML) as error:
@@ -179,7 +180,7 @@ def _apply(data: dict[str, Any], change: str) -> None:
         if not isinstance(data.get(parent), dict):
             data[parent] = {}
         data = data[parent]
-    data[last] = _load(value, f"--set {key}")
+    data[last] = loaded_yaml(value, f"--set {key}")
 
 
 def _resolve_paths(data: Mapping[str, Any], folder: Path) -> None:

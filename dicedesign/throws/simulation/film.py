@@ -15,7 +15,7 @@ from dicedesign.geometry.sphere import angle_between
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.engines.contact import GRAVITY, contact_of
 from dicedesign.throws.engines.native import advance
-from dicedesign.throws.release import released
+from dicedesign.throws.release import released, released_on
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.tables import Table
 from dicedesign.tolerances import STANDING_ANGLE
@@ -69,19 +69,23 @@ class Film:
         return np.asarray(self.positions[frame] + arms @ self.rotations[frame].T)
 
 
-def throw_film(body: RigidBody, table: Table, seed: int = 0) -> Film:
+def throw_film(body: RigidBody, table: Table, seed: int = 0, down: Floats | None = None) -> Film:
     """Film a typical throw, until the body is at rest to the eye.
 
-    It is that of median length of `CANDIDATES` throws from orientations at random. A throw that has
-    not come to rest in the time that simulations give it is given up there.
+    It is that of median length of `CANDIDATES` throws. A throw that has not come to rest in the
+    time that simulations give it is given up there.
 
-    seed: at least 0; the same gives the same film.
+    seed: at least 0; the same gives the same film. down: (3,) unit direction of the body's own
+    frame that is downward as it is let go; None for orientations at random.
 
     Raises InputError: the compiled kernels are missing.
     """
     contact = contact_of(table)
     rng = np.random.default_rng(seed)
-    states = released(body, table, np.arange(CANDIDATES), "uniform", rng)
+    if down is None:
+        states = released(body, table, np.arange(CANDIDATES), "uniform", rng)
+    else:
+        states = released_on(body, table, CANDIDATES, down, rng)
     _, steps = advance(body, table, states.copy(), round(contact.seconds / contact.step))
     state = states[[np.argsort(steps, kind="stable")[CANDIDATES // 2]]]
     # Whole steps to a frame.

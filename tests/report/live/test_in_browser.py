@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from common.browser import chromium
+from common.chromium import chromium
 from common.finished import finished_box
 from PIL import Image
 

@@ -1,0 +1,55 @@
+"""A Chromium without windows, to press the buttons of a page and to see what comes of it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+__all__ = ["headless_browser", "missing_browser"]
+
+PROGRAMS: Final = ("chromium", "chromium-browser", "google-chrome")
+
+ARGUMENTS: Final = (
+    "--no-sandbox",
+    "--lang=en-US",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)
+"""English, and WebGL without a graphics card."""
+
+
+def missing_browser() -> str | None:
+    """What is missing for a browser, in words; None where there is one."""
+    try:
+        import playwright.sync_api  # noqa: F401
+    except ImportError as error:
+        return f"playwright ({error})"
+    return None if _program() else "chromium"
+
+
+def _program() -> str | None:
+    found = (shutil.which(name) for name in PROGRAMS)
+    return next((path for path in found if path), None)
+
+
+@contextmanager
+def headless_browser() -> Iterator[Browser]:
+    """The browser. It sees English whatever the system speaks."""
+    from playwright.sync_api import sync_playwright
+
+    english = {**os.environ, "LANG": "en_US.UTF-8", "LC_ALL": "en_US.UTF-8"}
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=_program(), args=list(ARGUMENTS), env=dict(english)
+        )
+        try:
+            yield browser
+        finally:
+            browser.close()

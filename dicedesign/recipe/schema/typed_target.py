@@ -1,0 +1,42 @@
+"""A target as somebody types it, on the command line or into a page."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from dicedesign.errors import RecipeError
+from dicedesign.recipe.schema.reading import loaded_yaml
+
+__all__ = ["typed_target"]
+
+
+def typed_target(text: str, labels: str | None = None) -> dict[str, Any]:
+    """The entries of a recipe's `target`, unchecked.
+
+    Parameters
+    ----------
+    text: probabilities with commas between them, "1/2,1/3,1/6", or what a recipe says, "fair: 7"; the
+        space may be left out.
+    labels: with commas between them, or None for those of the target.
+
+    Raises RecipeError for a text that is neither.
+    """
+    entries: dict[str, Any]
+    if ":" in text:
+        read = loaded_yaml(re.sub(r"^\s*(\w+):(?=\S)", r"\1: ", text), "target")
+        if not isinstance(read, dict):
+            raise RecipeError(
+                f"target: expected probabilities or a key and a value, got {text!r}; write "
+                "1/2,1/3,1/6, or fair: 7"
+            )
+        entries = read
+    else:
+        entries = {"probabilities": _listed(text)}
+    if labels is not None:
+        entries["labels"] = _listed(labels)
+    return entries
+
+
+def _listed(text: str) -> list[str]:
+    return [part.strip() for part in text.split(",")]

@@ -1,0 +1,89 @@
+"""The page from its start to its end."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.runtime.printable import printable
+from dicedesign.view.bodies.opened import Source, source_of
+from dicedesign.view.bodies.viewed_body import ViewedBody
+from dicedesign.view.page.page import Page, Panel
+from dicedesign.view.panels.body import BodyPanel
+from dicedesign.view.panels.new_die import NewDiePanel
+from dicedesign.view.scenes.exhibit import Exhibit
+from dicedesign.view.serving.gate import open_socket
+from dicedesign.view.serving.server import require_viser
+
+__all__ = ["View", "serve_view"]
+
+_BLOCK: Final = (1.0, 1.2, 0.8)
+"""Sides of the body on a page that is opened with none."""
+
+
+class View:
+    """A page with its panels; `close` ends it.
+
+    path: a mesh, a recipe, the folder of a finished die or of meshes; None for a block. host, port:
+    where it is served; 0 for any port.
+
+    Raises InputError: the path, the host or the port cannot be used, or viser is not installed.
+    """
+
+    def __init__(self, path: Path | None, host: str = "127.0.0.1", port: int = 0) -> None:
+        require_viser()
+        source = None if path is None else source_of(path)
+        first = _first_body(source)
+        self.page = Page(open_socket(host, port))
+        self.exhibit = Exhibit(self.page)
+        self._body = BodyPanel(self.exhibit, source)
+        panels: list[Panel] = [self._body, NewDiePanel(self.exhibit)]
+        if path is None:
+            # Who brings nothing wants a die.
+            panels.reverse()
+        self.page.add_panels(panels)
+        if first is not None:
+            self.page.soon(lambda: self.exhibit.show(first))
+        elif source is not None:
+            name = source.names[0]
+            self.page.soon(lambda: self._body.load(name))
+
+    def close(self) -> None:
+        """Stop everything."""
+        self.page.close()
+
+
+def serve_view(
+    path: Path | None, host: str, port: int, *, browser: bool, told: Callable[[str], None]
+) -> None:
+    """Serve a page until an interrupt. told: is given the address. Raises as `View`."""
+    view = View(path, host, port)
+    try:
+        told(view.page.gate.address)
+        if browser:
+            webbrowser.open(view.page.gate.address)
+        threading.Event().wait()
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt("the page is closed") from interrupt
+    finally:
+        view.close()
+
+
+def _first_body(source: Source | None) -> ViewedBody | None:
+    """What is on the page from its start; None for what takes longer."""
+    if source is None:
+        sides = np.array(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5])).reshape(3, -1).T
+        return ViewedBody.of(make_body(sides * _BLOCK, name="a block"))
+    if not source.quick:
+        return None
+    viewed = source.load(source.names[0], lambda _: None)
+    for note in viewed.poses.notes:
+        print(f"note: {printable(note)}", file=sys.stderr)
+    return viewed

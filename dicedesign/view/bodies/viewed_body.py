@@ -1,0 +1,259 @@
+"""A body that is looked at and dragged: its rests, what each row of bars is about, and its moves.
+
+Each move gives another body; none changes one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.sphere import angle_between
+from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
+from dicedesign.rest.poses import RestPoses, analyse, rest_poses
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.throws.momentum.momentum_model import MomentumModel
+from dicedesign.throws.momentum.momentum_odds import momentum_odds
+from dicedesign.throws.rigid_body import RigidBody, rigid_body
+from dicedesign.view.bodies.inside import nearest_inside
+
+__all__ = ["Outcomes", "Row", "Solid", "ViewedBody"]
+
+SAME_REST: Final = np.radians(20.0)
+"""A rest whose facet turned by less from one move to the next keeps its number."""
+
+ELSEWHERE: Final = "other"
+"""The row of rests that show no outcome."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """What a die shows.
+
+    Attributes
+    ----------
+    labels: of the k outcomes.
+    directions: (k, 3) unit, in the body's frame, down when the die shows them.
+    target: (k,) wanted odds, or None.
+    """
+
+    labels: tuple[str, ...]
+    directions: Floats
+    target: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of bars.
+
+    Attributes
+    ----------
+    label: of the outcome, or the number of the rest.
+    color: number of its colour, which it keeps while the body is dragged.
+    rest: in `poses`, the one that it stands on when asked to; -1 where it has none.
+    odds: set down; wanted: None where nothing is.
+    """
+
+    label: str
+    color: int
+    rest: int
+    odds: float
+    wanted: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A shape whose center of mass may be anywhere.
+
+    Attributes
+    ----------
+    body: the mesh that was read, or the hull that was dragged.
+    poses: with some center of mass.
+    """
+
+    body: Body
+    poses: RestPoses
+
+    @cached_property
+    def inertia(self) -> Floats:
+        """(3, 3) tensor of inertia over the mass about the centroid of the uniform solid."""
+        return rigid_body(self.body, self.poses).inertia
+
+
+@dataclass(frozen=True, eq=False)
+class ViewedBody:
+    """A body as it is now.
+
+    Attributes
+    ----------
+    name: what the page calls it.
+    solid: its shape.
+    poses: its rests.
+    outcomes: of a die, or None.
+    numbers: (r,) from 0, of the rests; they keep them while the body is dragged.
+    follows: the center of mass is that of the uniform solid hull, whatever shape that takes.
+    dragged: the hull is no longer that of the mesh.
+    """
+
+    name: str
+    solid: Solid
+    poses: RestPoses
+    outcomes: Outcomes | None
+    numbers: Integers
+    follows: bool
+    dragged: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        body: Body,
+        center_of_mass: Floats | str | None = None,
+        outcomes: Outcomes | None = None,
+        *,
+        name: str | None = None,
+        poses: RestPoses | None = None,
+    ) -> ViewedBody:
+        """A body as it was read. Raises as `rest_poses`.
+
+        center_of_mass: as of `rest_poses`; poses: those with it, where they are known.
+        """
+        if poses is None:
+            poses = rest_poses(body, center_of_mass)
+        source = poses.center_of_mass_source
+        apart = np.abs(poses.center_of_mass - poses.hull.centroid).max()
+        extent = float(np.ptp(poses.hull.vertices, axis=0).max())
+        follows = source == "uniform solid hull" or (
+            source == "uniform solid" and bool(apart <= 1e-6 * extent)
+        )
+        numbers = np.arange(len(poses.facets))
+        return cls(name or body.name, Solid(body, poses), poses, outcomes, numbers, follows)
+
+    @property
+    def hull(self) -> ConvexHull:
+        """The hull as it is now."""
+        return self.poses.hull
+
+    @property
+    def center(self) -> Floats:
+        """(3,) center of mass, in the body's unit."""
+        return self.poses.center_of_mass
+
+    @cached_property
+    def _outcome_odds(self) -> OutcomeOdds:
+        assert self.outcomes is not None
+        return outcome_odds(self.poses, self.outcomes.directions)
+
+    @cached_property
+    def row_of_rest(self) -> Integers:
+        """(r,) place in `rows` of each rest."""
+        if self.outcomes is None:
+            return np.argsort(np.argsort(self.numbers, kind="stable"))
+        of_rest = self._outcome_odds.outcome_of_rest
+        return np.where(of_rest >= 0, of_rest, len(self.outcomes.labels))
+
+    @cached_property
+    def rows(self) -> tuple[Row, ...]:
+        """A row for each outcome of a die, and one for what shows none; or for each rest, by
+        number."""
+        odds = self.poses.probabilities
+        if self.outcomes is None:
+            return tuple(
+                Row(str(int(self.numbers[rest]) + 1), int(self.numbers[rest]), rest, odds[rest])
+                for rest in np.argsort(self.numbers, kind="stable").tolist()
+            )
+        known, target = self._outcome_odds, self.outcomes.target
+        rows = [
+            Row(label, k, int(known.main[k]), float(known.odds[k]), _wanted(target, k))
+            for k, label in enumerate(self.outcomes.labels)
+        ]
+        stray = np.flatnonzero(known.outcome_of_rest < 0)
+        if len(stray):
+            rows.append(Row(ELSEWHERE, len(rows), int(stray[0]), known.elsewhere))
+        return tuple(rows)
+
+    def by_row(self, of_rests: Floats) -> Floats:
+        """Sums (rows,) of numbers of rests (r,)."""
+        return np.bincount(self.row_of_rest, of_rests, len(self.rows)).astype(np.float64)
+
+    @cached_property
+    def rigid(self) -> RigidBody:
+        """To throw. With the inertia of the uniform solid, wherever the center of mass is."""
+        return rigid_body(self.solid.body, self.poses, self.solid.inertia)
+
+    def thrown(self, model: MomentumModel | None) -> Floats:
+        """(rows,) odds of the body thrown onto a table, by its momentum model."""
+        return self.by_row(momentum_odds(self.poses, self.rigid, model))
+
+    def with_center(self, point: Floats) -> tuple[ViewedBody, bool]:
+        """The body with its center of mass at a point (3,), or where the way there leaves the hull;
+        and whether it does. Raises InputError: it is not three finite numbers."""
+        center, inside = nearest_inside(self.hull, np.asarray(point, dtype=np.float64))
+        return self._analysed(self.hull, center, "given", follows=False), not inside
+
+    def with_uniform_center(self) -> ViewedBody:
+        """The body with the center of mass of its uniform solid hull, which it keeps to from now
+        on."""
+        return self._analysed(self.hull, self.hull.centroid, "uniform solid hull", follows=True)
+
+    def with_vertex(self, vertex: int, place: Floats) -> ViewedBody:
+        """The body with a vertex of its hull at a place (3,). Raises DegenerateBodyError."""
+        points = self.hull.vertices.copy()
+        points[vertex] = place
+        return self.with_hull(points)
+
+    def with_facet(self, facet: int, motion: Floats) -> ViewedBody:
+        """The body with the corners of a facet of its hull carried by a motion (4, 4). Raises
+        DegenerateBodyError."""
+        hull = self.hull
+        corners = hull.tail[hull.facet_start[facet] : hull.facet_start[facet + 1]]
+        points = hull.vertices.copy()
+        points[corners] = points[corners] @ motion[:3, :3].T + motion[:3, 3]
+        return self.with_hull(points)
+
+    def with_hull(self, points: Floats) -> ViewedBody:
+        """The body whose solid is the hull of points (n, 3). Its center of mass stays where it is,
+        unless it follows the shape or would be outside. Raises DegenerateBodyError."""
+        if not np.isfinite(points).all():
+            raise InputError("hull: expected finite coordinates, got others; drag less far")
+        hull = convex_hull(points)
+        center = hull.centroid if self.follows else nearest_inside(hull, self.center)[0]
+        source = "uniform solid hull" if self.follows else "given"
+        moved = self._analysed(hull, center, source, follows=self.follows)
+        body = Body(hull.vertices, hull.triangles, self.solid.body.name, False, ())
+        return replace(moved, solid=Solid(body, moved.poses), dragged=True)
+
+    def numbered_as(self, other: ViewedBody) -> ViewedBody:
+        """The body with the numbers that its rests have in another, which it is a little beside."""
+        return replace(self, numbers=_numbers(self.poses, other.poses, other.numbers))
+
+    def _analysed(
+        self, hull: ConvexHull, center: Floats, source: str, *, follows: bool
+    ) -> ViewedBody:
+        poses = analyse(hull, center, source)
+        numbers = _numbers(poses, self.poses, self.numbers)
+        return replace(self, poses=poses, numbers=numbers, follows=follows)
+
+
+def _wanted(target: Floats | None, outcome: int) -> float | None:
+    return None if target is None else float(target[outcome])
+
+
+def _numbers(poses: RestPoses, before: RestPoses, known: Integers) -> Integers:
+    """(r,) numbers of rests: of the rest before that is nearest to each and to no other, else the
+    lowest that are free."""
+    numbers = np.full(len(poses.facets), -1, dtype=np.int64)
+    if len(known) * len(numbers) > 0:
+        angles = angle_between(poses.normals[:, None], before.normals[None])
+        nearest = angles.argmin(axis=1)
+        mutual = angles.argmin(axis=0)[nearest] == np.arange(len(numbers))
+        kept = mutual & (angles.min(axis=1) <= SAME_REST)
+        numbers[kept] = known[nearest[kept]]
+    free = np.setdiff1d(np.arange(len(known) + len(numbers)), known)
+    numbers[numbers < 0] = free[: np.count_nonzero(numbers < 0)]
+    return numbers

@@ -1,0 +1,139 @@
+"""The body in the scene: its mesh, its hull, the facets that it rests on, its center of mass."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.report.charts.palette import DARK, FAINT, rgb
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.view.bodies.viewed_body import ViewedBody
+from dicedesign.view.scenes.place import Place
+from dicedesign.view.scenes.sphere import COLORS, MOST_LABELS, OnRay, tell_rays
+
+if TYPE_CHECKING:
+    from viser import SceneApi
+
+__all__ = ["BodyNodes"]
+
+_GRAY: Final = tuple(np.rint(255.0 * rgb([FAINT])[0]).astype(int).tolist())
+
+_EDGE: Final = tuple(np.rint(255.0 * rgb([DARK])[0]).astype(int).tolist())
+
+_SURFACE: Final = (216, 222, 228)
+
+
+class BodyNodes:
+    """The nodes of a body, which are updated in place; all are below `/body`, whose frame stands
+    on the floor.
+
+    Attributes
+    ----------
+    frame: the node of the body's frame.
+    """
+
+    def __init__(self, scene: SceneApi) -> None:
+        self._scene = scene
+        self.frame = scene.add_frame("/body", show_axes=False)
+        nothing = np.zeros((3, 3)), np.array([[0, 1, 2]])
+        self._mesh = scene.add_mesh_simple(
+            "/body/mesh", *nothing, color=_SURFACE, flat_shading=True, side="double"
+        )
+        self._hull = scene.add_mesh_simple(
+            "/body/hull", *nothing, color=_SURFACE, flat_shading=True, side="front"
+        )
+        self._edges = scene.add_line_segments(
+            "/body/edges", np.zeros((1, 2, 3)), _GRAY, thickness=1.5, thickness_units="screen"
+        )
+        self._rests = [
+            scene.add_mesh_simple(
+                f"/body/rests{number}",
+                *nothing,
+                color=color,
+                flat_shading=True,
+                side="double",
+                visible=False,
+            )
+            for number, color in enumerate(COLORS.tolist())
+        ]
+        self._center = scene.add_icosphere("/body/center", 0.045, color=_EDGE)
+        self._labels: list[Any] = []
+        self._faces: Integers | None = None
+
+    def show_mesh(self, points: Floats | None, triangles: Integers | None) -> None:
+        """Show a mesh, points (n, 3) in the scene's unit, within a hull that lets it through; None
+        for the hull alone."""
+        inside = points is not None
+        if points is not None and triangles is not None:
+            _give(self._mesh, points, triangles)
+        self._mesh.visible = inside
+        for node in (self._hull, *self._rests):
+            node.opacity = 0.25 if inside else None
+
+    def on_click(self, clicked: OnRay | None) -> None:
+        """Call a function with the ray of each click on the hull; None for a hull that lets the
+        mouse through to what is inside."""
+        self._hull.remove_click_callback()
+        if clicked is not None:
+            tell_rays(self._hull, clicked)
+
+    def update(self, viewed: ViewedBody, place: Place) -> None:
+        """Show a body's hull and what it rests on."""
+        hull = viewed.hull
+        points = place.into_scene(hull.vertices)
+        if self._faces is None or not np.array_equal(hull.triangles, self._faces):
+            self._faces = hull.triangles
+        _give(self._hull, points, self._faces)
+        half = np.flatnonzero(np.arange(len(hull.tail)) < hull.twin)
+        self._edges.points = np.stack([points[hull.tail[half]], points[hull.head[half]]], axis=1)
+        self._update_rests(viewed, points)
+        self._center.position = place.into_scene(viewed.center)
+
+    def _update_rests(self, viewed: ViewedBody, points: Floats) -> None:
+        """Color the facets that the body rests on like their basins."""
+        hull, rows = viewed.hull, viewed.rows
+        of_rest = np.array([row.color for row in rows])[viewed.row_of_rest] % len(self._rests)
+        for number, node in enumerate(self._rests):
+            facets = viewed.poses.facets[of_rest == number].tolist()
+            node.visible = len(facets) > 0
+            if facets:
+                _give(node, *_drawn(hull, points, facets))
+        self._update_labels(viewed, points)
+
+    def _update_labels(self, viewed: ViewedBody, points: Floats) -> None:
+        hull, rows = viewed.hull, viewed.rows
+        shown = [row for row in rows[:MOST_LABELS] if row.rest >= 0]
+        while len(self._labels) > len(shown):
+            self._labels.pop().remove()
+        for number, row in enumerate(shown):
+            if number == len(self._labels):
+                name = f"/body/label{number}"
+                self._labels.append(
+                    self._scene.add_label(name, "", depth_test=True, anchor="center-center")
+                )
+            facet = int(viewed.poses.facets[row.rest])
+            corners = points[hull.tail[hull.facet_start[facet] : hull.facet_start[facet + 1]]]
+            self._labels[number].text = row.label
+            self._labels[number].position = corners.mean(axis=0) + 0.03 * hull.normals[facet]
+
+
+def _drawn(hull: ConvexHull, points: Floats, facets: list[int]) -> tuple[Floats, Integers]:
+    """Corners (n, 3) and triangles of facets, a little above the hull and a little smaller."""
+    corners, triangles, count = [], [], 0
+    for facet in facets:
+        own = points[hull.tail[hull.facet_start[facet] : hull.facet_start[facet + 1]]]
+        middle = own.mean(axis=0)
+        corners.append(middle + 0.94 * (own - middle) + 0.003 * hull.normals[facet])
+        inner = np.arange(1, len(own) - 1)
+        fan = np.stack([np.zeros_like(inner), inner, inner + 1], axis=1)
+        triangles.append(count + fan)
+        count += len(own)
+    return np.concatenate(corners), np.concatenate(triangles)
+
+
+def _give(mesh: Any, points: Floats, triangles: Integers) -> None:
+    """Vertices and faces of a mesh; where they are the same nothing is sent."""
+    mesh.vertices = points
+    mesh.faces = triangles

@@ -1,0 +1,138 @@
+"""The Gauss sphere in the scene: coloured basins, arcs of the complex, its points and labels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from dicedesign.geometry.sphere import even_directions
+from dicedesign.report.charts.hemispheres import great_arcs
+from dicedesign.report.charts.palette import BASINS, DARK, rgb
+from dicedesign.report.figures.gauss_map import basin_of_directions
+from dicedesign.runtime.arrays import Floats
+from dicedesign.view.bodies.viewed_body import ViewedBody
+from dicedesign.view.scenes.place import SPHERE_AT, SPHERE_RADIUS
+
+if TYPE_CHECKING:
+    from viser import SceneApi
+
+__all__ = ["COLORS", "MOST_LABELS", "OnRay", "Sphere", "tell_rays"]
+
+DIRECTIONS: Final = even_directions(6000)
+"""At which the sphere is coloured; the arcs hide that borders between dots are not sharp."""
+
+DOT: Final = 0.036
+"""Size of a dot that leaves no gaps, on a sphere of radius 1."""
+
+ARC_PIECES: Final = 6
+
+MOST_LABELS: Final = 24
+
+COLORS: Final = np.rint(255.0 * rgb(BASINS)).astype(np.uint8)
+"""(20, 3) of rows of bars, 0 to 255; they repeat after the last."""
+
+_DARK: Final = tuple(np.rint(255.0 * rgb([DARK])[0]).astype(int).tolist())
+
+
+OnRay = Callable[[Floats, Floats], None]
+"""Is given the origin (3,) and the direction (3,) of a ray in the scene, in the thread that serves;
+it may not wait."""
+
+
+class Sphere:
+    """The nodes of the Gauss sphere, which are updated in place."""
+
+    def __init__(self, scene: SceneApi) -> None:
+        self._scene = scene
+        scene.add_frame("/sphere", show_axes=False, position=SPHERE_AT)
+        self._inside = scene.add_icosphere(
+            "/sphere/inside",
+            0.985 * SPHERE_RADIUS,
+            color=(250, 250, 250),
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        empty = np.zeros((1, 3))
+        self._dots = scene.add_point_cloud(
+            "/sphere/dots",
+            SPHERE_RADIUS * DIRECTIONS,
+            np.full((len(DIRECTIONS), 3), 200, dtype=np.uint8),
+            point_size=DOT * SPHERE_RADIUS,
+            point_shape="circle",
+            precision="float32",
+        )
+        self._arcs = scene.add_line_segments(
+            "/sphere/arcs", np.zeros((1, 2, 3)), _DARK, thickness=2.5, thickness_units="screen"
+        )
+        self._points = {
+            kind: scene.add_point_cloud(
+                f"/sphere/{kind}",
+                empty,
+                color,
+                point_size=size,
+                point_shape=shape,  # type: ignore[arg-type]
+                precision="float32",
+            )
+            for kind, color, size, shape in (
+                ("minima", _DARK, 0.05, "circle"),
+                ("saddles", (255, 255, 255), 0.035, "diamond"),
+                ("maxima", (255, 255, 255), 0.04, "square"),
+            )
+        }
+        self._down = scene.add_icosphere("/sphere/down", 0.04, color=(194, 87, 26))
+        self._labels: list[Any] = []
+
+    def on_click(self, clicked: OnRay) -> None:
+        """Call a function with the ray of each click on the sphere."""
+        tell_rays(self._inside, clicked)
+
+    def update(self, viewed: ViewedBody) -> None:
+        """Show a body's basins and complex."""
+        poses, rows = viewed.poses, viewed.rows
+        color_of_row = np.array([row.color for row in rows])
+        of_rest = COLORS[color_of_row[viewed.row_of_rest] % len(COLORS)]
+        self._dots.colors = of_rest[basin_of_directions(poses, DIRECTIONS)]
+        self._arcs.points = _segments(viewed).astype(np.float32)
+        for kind, node in self._points.items():
+            node.points = 1.025 * SPHERE_RADIUS * getattr(poses.morse, kind)
+        self._update_labels(viewed)
+
+    def point_down(self, down: Floats) -> None:
+        """Mark the direction (3,) of the body that points down."""
+        self._down.position = 1.02 * SPHERE_RADIUS * down
+
+    def _update_labels(self, viewed: ViewedBody) -> None:
+        shown = [row for row in viewed.rows[:MOST_LABELS] if row.rest >= 0]
+        while len(self._labels) > len(shown):
+            self._labels.pop().remove()
+        for place, row in enumerate(shown):
+            if place == len(self._labels):
+                name = f"/sphere/label{place}"
+                self._labels.append(
+                    self._scene.add_label(name, "", depth_test=True, anchor="bottom-center")
+                )
+            label = self._labels[place]
+            label.text = row.label
+            label.position = 1.06 * SPHERE_RADIUS * viewed.poses.normals[row.rest]
+
+
+def tell_rays(node: Any, clicked: OnRay) -> None:
+    """Call a function with the ray of each click on a node of the scene."""
+
+    @node.on_click
+    async def _(event: Any) -> None:
+        clicked(np.array(event.ray_origin), np.array(event.ray_direction))
+
+
+def _segments(viewed: ViewedBody) -> Floats:
+    """(n, 2, 3) of the separatrices, bent along the sphere."""
+    paths = viewed.poses.morse.polylines
+    if not paths:
+        return np.zeros((1, 2, 3))
+    starts = np.concatenate([path[:-1] for path in paths])
+    ends = np.concatenate([path[1:] for path in paths])
+    points = 1.02 * SPHERE_RADIUS * great_arcs(starts, ends, ARC_PIECES)
+    segments = np.stack([points[:, :-1], points[:, 1:]], axis=2)
+    return segments.reshape(-1, 2, 3)

@@ -1,0 +1,46 @@
+"""A browser for the tests of the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from common.browser import MISSING_BROWSER, OpenedPage
+
+from dicedesign.bench.measures.headless_browser import headless_browser, missing_browser
+from dicedesign.view.application import View
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+Open = Callable[..., OpenedPage]
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Chromium without windows; where it is missing the test is skipped."""
+    missing = missing_browser()
+    if missing is not None:
+        pytest.skip(f"{MISSING_BROWSER}{missing}")
+    with headless_browser() as started:
+        yield started
+
+
+@pytest.fixture
+def open_page(browser: Browser) -> Iterator[Open]:
+    """Opens a path, or None, as `dicedesign view` does, in a window of its own."""
+    with ExitStack() as ends:
+
+        def open_path(path: Path | None = None) -> OpenedPage:
+            view = View(path)
+            ends.callback(view.close)
+            context = browser.new_context(
+                viewport={"width": 960, "height": 640}, accept_downloads=True
+            )
+            ends.callback(context.close)
+            return OpenedPage.open(view, context.new_page())
+
+        yield open_path

@@ -1,0 +1,148 @@
+"""The files of a designed die, read back, and its recipe, run again."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.recipe.run import run
+from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.poses import rest_poses
+from dicedesign.results.record import Result
+from dicedesign.view.dice.design_session import DesignSession
+from dicedesign.view.dice.finishing import PrintableDie, printable_die
+from dicedesign.view.dice.request import DieRequest
+
+COIN = {"probabilities": ["1/2", "1/3", "1/6"], "labels": ["heads", "tails", "edge"]}
+
+PATIENCE = 120.0
+
+
+def designed(**entries) -> DesignSession:
+    session = DesignSession(DieRequest(**{"target": COIN, "name": "coin", **entries}))
+    session.run()
+    assert session.wait(PATIENCE)
+    return session
+
+
+def run_again(die: PrintableDie, folder: Path) -> Result:
+    """The result of the die's recipe, as it was downloaded."""
+    name, data = die.recipe_file()
+    path = folder / name
+    if name.endswith(".zip"):
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            archive.extractall(folder)
+        path = folder / "recipe.yaml"
+    else:
+        path.write_bytes(data)
+    return run(path, folder / "again", changes=["figures=false", "report=false"])
+
+
+@pytest.mark.parametrize("ending", ["stl", "3mf", "off"])
+def test_files_have_the_odds(tmp_path: Path, ending: str) -> None:
+    stages: list[str] = []
+    die = printable_die(designed(), on_stage=stages.append)
+    assert stages == ["size", "export", "check", "engrave"]
+    assert die.is_converged
+    name, data = die.file(ending)
+    assert name == f"coin.{ending}"
+    (tmp_path / name).write_bytes(data)
+    poses = rest_poses(read_body(tmp_path / name))
+    np.testing.assert_allclose(poses.probabilities, [1 / 2, 1 / 3, 1 / 6], atol=1e-6)
+    labels, target, odds = zip(*die.rows(), strict=True)
+    assert labels == ("heads", "tails", "edge")
+    np.testing.assert_allclose(target, [1 / 2, 1 / 3, 1 / 6])
+    np.testing.assert_allclose(odds, poses.probabilities, atol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["exact", "paper"])
+def test_a_straight_way_is_the_recipe_alone(tmp_path: Path, method: str) -> None:
+    """`dicedesign run` makes the same file, byte for byte."""
+    die = printable_die(designed(method=method))
+    assert not die.is_kept
+    assert die.recipe_file()[0] == "coin.yaml"
+    result = run_again(die, tmp_path)
+    assert result.converged
+    assert (tmp_path / "again" / "die.stl").read_bytes() == die.file("stl")[1]
+
+
+def assert_same_die(die: PrintableDie, result: Result) -> None:
+    """The same odds, as designed and with labels, and each label on the same facet."""
+    odds = [has for _, _, has in die.rows()]
+    np.testing.assert_allclose(result.engraved_probabilities, odds, atol=1e-7)
+    np.testing.assert_allclose(result.probabilities, die.plain.outcomes.odds, atol=1e-7)
+    again = {facet.label: facet.normal for facet in result.facets if facet.label is not None}
+    poses = die.plain.poses
+    normals = poses.normals[outcome_odds(poses, die.shape.directions).main]
+    for (label, _, _), normal in zip(die.rows(), normals, strict=True):
+        np.testing.assert_allclose(again[label], normal, atol=1e-6)
+
+
+def test_a_way_with_turns_begins_with_the_shape(tmp_path: Path) -> None:
+    session = designed()
+    session.undo()
+    session.swap("heads", "edge")
+    session.change(replace(session.request, pinned=("tails",), prefer=Preferences(roundness=1.0)))
+    session.run()
+    assert session.wait(PATIENCE)
+    die = printable_die(session)
+    assert die.is_kept
+    assert die.is_converged
+    name, data = die.recipe_file()
+    assert name == "coin.zip"
+    assert zipfile.ZipFile(io.BytesIO(data)).namelist() == ["recipe.yaml", "shape.off"]
+    result = run_again(die, tmp_path)
+    assert result.converged
+    assert_same_die(die, result)
+
+
+@pytest.mark.parametrize("steps", [1, 3])
+def test_a_die_that_is_not_done_can_be_made_too(tmp_path: Path, steps: int) -> None:
+    session = DesignSession(DieRequest({"sum_of_dice": [4, 4]}, prefer=Preferences()))
+    for _ in range(steps):
+        session.step()
+        assert session.wait(PATIENCE)
+    die = printable_die(session)
+    assert not die.is_converged
+    assert die.message.startswith("the odds of the outcomes are off by more than the tolerance")
+    odds = [has for _, _, has in die.rows()]
+    assert max(abs(has - wanted) for _, wanted, has in die.rows()) > 1e-4
+    np.testing.assert_allclose(odds, session.shape.outcomes.odds, atol=5e-3)
+    result = run_again(die, tmp_path)
+    assert_same_die(die, result)
+    session.close()
+
+
+def test_size_and_labels() -> None:
+    session = designed(target={**COIN, "labels": ["1000000000", "2000000000", "3000000000"]})
+    grown = printable_die(session)
+    size = grown.recipe.size_mm
+    assert size > 30.0
+    assert f"size_mm: {size:g}, so that the labels fit" in grown.notes
+    assert grown.recipe_file()[1].decode().count(f"size_mm: {size:g}") == 1
+    with pytest.raises(InputError, match=r"use size_mm = \d+"):
+        printable_die(session, size_mm=size - 1.0)
+    plain = printable_die(session, size_mm=20.0, engrave=False)
+    points = plain.points
+    extent = np.linalg.norm(points[:, None] - points[None], axis=-1).max()
+    assert extent == pytest.approx(20.0, rel=1e-6)
+    assert len(plain.triangles) < len(grown.triangles)
+
+
+@pytest.mark.parametrize("size", [0.0, -3.0, float("nan"), 1e9])
+def test_sizes_that_cannot_be(size: float) -> None:
+    with pytest.raises(InputError, match="size_mm: "):
+        printable_die(designed(), size_mm=size)
+
+
+def test_there_has_to_be_a_shape() -> None:
+    with pytest.raises(InputError, match="expected a shape to print, got none yet"):
+        printable_die(DesignSession(DieRequest({"fair": 5})))

@@ -1,0 +1,181 @@
+"""A die designed on the page does what the page says, and so do the files that come from it."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from common.browser import PATIENCE, OpenedPage
+
+import dicedesign as dd
+from dicedesign.view.application import View
+from dicedesign.view.dice.design_session import DesignSession
+from dicedesign.view.dice.request import DieRequest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+SHOWN = 6e-6
+"""Half of the last digit of odds that the page tells, and a little."""
+
+
+class NewDie(OpenedPage):
+    """The page that opens where nothing is brought."""
+
+    def field(self, label: str, text: str) -> None:
+        """Type into a field, by the words beside it."""
+        box = self.page.locator(f'xpath=//label[normalize-space()="{label}"]/following::input[1]')
+        box.fill(text)
+
+    def table(self, name: str, column: int) -> list[str]:
+        rows = self.page.eval_on_selector_all(
+            f"#{name} tbody tr", "rows => rows.map(r => [...r.cells].map(c => c.innerText.trim()))"
+        )
+        return [row[column] for row in rows]
+
+    def numbers(self, name: str, column: int) -> np.ndarray:
+        """A column in percent, as parts of 1."""
+        return np.array([float(text) for text in self.table(name, column)]) / 100.0
+
+    def state(self, state: str) -> str:
+        """What is said of the design, once it is in a state."""
+        self.page.wait_for_selector(f'#design[data-state="{state}"]')
+        return self.page.inner_text("#design")
+
+    def said(self, name: str) -> str:
+        self.page.wait_for_selector(f"#{name}")
+        return self.page.inner_text(f"#{name}")
+
+    def download(self, button: str, folder: Path) -> Path:
+        with self.page.expect_download() as told:
+            self.button(button)
+        path = folder / told.value.suggested_filename
+        told.value.save_as(path)
+        return path
+
+
+@pytest.fixture
+def new_die(browser: Browser) -> Iterator[NewDie]:
+    with ExitStack() as ends:
+        view = View(None)
+        ends.callback(view.close)
+        context = browser.new_context(viewport={"width": 960, "height": 640}, accept_downloads=True)
+        ends.callback(context.close)
+        opened = NewDie(view, context.new_page())
+        opened.page.set_default_timeout(PATIENCE)
+        opened.page.on("pageerror", lambda error: opened.errors.append(str(error)))
+        opened.page.goto(view.page.gate.address)
+        opened.page.get_by_role("tab", name="New die").click()
+        yield opened
+        assert not opened.errors
+
+
+def odds_of(path: Path) -> np.ndarray:
+    """(r,) of all rests of a file, the largest first."""
+    return dd.rest_poses(dd.read_body(path)).probabilities
+
+
+def test_odds_become_files(new_die: NewDie, tmp_path: Path) -> None:
+    new_die.field("Odds", "1/2, 1/3, 1/6")
+    new_die.field("Labels", "heads, tails, edge")
+    new_die.button("Design")
+    assert "reached the tolerance" in new_die.state("done")
+    assert new_die.table("facets", 0) == ["heads", "tails", "edge"]
+    target = [1 / 2, 1 / 3, 1 / 6]
+    for column in (2, 3):
+        np.testing.assert_allclose(new_die.numbers("facets", column), target, atol=SHOWN)
+
+    stl = new_die.download("STL", tmp_path)
+    assert stl.name == "die.stl"
+    np.testing.assert_allclose(odds_of(stl), target, atol=1e-6)
+    assert new_die.table("printed", 0) == ["heads", "tails", "edge"]
+    np.testing.assert_allclose(new_die.numbers("printed", 2), odds_of(stl), atol=1e-8)
+    np.testing.assert_allclose(odds_of(new_die.download("3MF", tmp_path)), target, atol=1e-6)
+
+    recipe = new_die.download("Recipe", tmp_path)
+    assert recipe.name == "die.yaml"
+    again = dd.run(recipe, tmp_path / "again", changes=["figures=false", "report=false"])
+    assert (again.folder / "die.stl").read_bytes() == stl.read_bytes()
+
+
+def test_step_by_step(new_die: NewDie, tmp_path: Path) -> None:
+    """The numbers on the page are those of a design beside it, step by step."""
+    beside = DesignSession(DieRequest({"fair": 5}))
+    new_die.field("Odds", "fair: 5")
+    for number in range(3):
+        new_die.button("Step")
+        new_die.page.wait_for_function(
+            f"document.querySelector('#design')?.innerText.includes('paused; step {number};')"
+        )
+        beside.step()
+        assert beside.wait(60.0)
+        odds = new_die.numbers("facets", 3)
+        np.testing.assert_allclose(odds, beside.shape.outcomes.odds, atol=SHOWN)
+    beside.close()
+    new_die.button("Undo")
+    new_die.page.wait_for_function(
+        "document.querySelector('#design').innerText.includes('paused; step 1;')"
+    )
+    np.testing.assert_allclose(
+        new_die.numbers("facets", 3), beside.shapes[1].outcomes.odds, atol=SHOWN
+    )
+    before = new_die.numbers("facets", 3)
+
+    new_die.page.click('[data-action="pin:2"]')
+    new_die.page.wait_for_selector('[data-action="pin:2"][aria-pressed="true"]')
+    new_die.page.click('[data-action="label:0"]')
+    new_die.page.wait_for_selector("#facets tr.chosen")
+    new_die.page.click('[data-action="label:4"]')
+    new_die.page.wait_for_function(
+        "document.querySelector('#design').innerText.includes('paused; step 2;')"
+    )
+    np.testing.assert_allclose(
+        new_die.numbers("facets", 3), before[[4, 1, 2, 3, 0]], atol=2.0 * SHOWN
+    )
+    new_die.button("Design")
+    new_die.state("done")
+    path = new_die.download("Recipe", tmp_path)
+    with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
+        archive.extractall(tmp_path)
+    again = dd.run(
+        tmp_path / "recipe.yaml", tmp_path / "again", changes=["figures=false", "report=false"]
+    )
+    assert again.converged
+    np.testing.assert_allclose(
+        again.engraved_probabilities, new_die.numbers("printed", 2), atol=1e-7
+    )
+
+
+def test_what_cannot_be_is_said_beside_the_field(new_die: NewDie) -> None:
+    new_die.button("STL")
+    assert "press Design first" in new_die.said("file-error")
+    for odds, words in (
+        ("1/2, 1/3", "expected a sum of 1, got 0.8333"),
+        ("<b>: [", "expected YAML"),
+    ):
+        new_die.field("Odds", odds)
+        new_die.until(lambda words=words: words in new_die.said("target-error"))
+        new_die.button("Design")
+    assert new_die.page.query_selector("#design") is None
+    new_die.field("Odds", "1/2, 1/3, 1/6")
+    new_die.field("Labels", "a, a, b")
+    new_die.until(lambda: "expected distinct labels, got 'a'" in new_die.said("target-error"))
+    new_die.field("Labels", "a, b, <i>c")
+    new_die.until(lambda: new_die.page.query_selector("#target-error") is None)
+    new_die.button("Design")
+    new_die.state("done")
+    assert new_die.table("facets", 0) == ["a", "b", "<i>c"]
+    for size, words in (
+        ("4", "use size_mm = "),
+        ("large", "size: expected a number of millimetres, got 'large'"),
+    ):
+        new_die.field("Size in mm", size)
+        new_die.page.wait_for_timeout(500.0)
+        new_die.button("STL")
+        new_die.until(lambda words=words: words in new_die.said("file-error"))
