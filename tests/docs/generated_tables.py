@@ -77,6 +77,7 @@ SUBJECTS = {
     "report.figures": "figures",
     "runtime": "extensions",
     "errors": "errors",
+    "balance": "balance",
 }
 """Subject of the public names of a part of the package, in the order of the table."""
 
