@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from dicedesign.balance.center.best_center import (
-    BestCenter,
-    SearchOptions,
-    best_center,
-    whole_hull,
-)
+from dicedesign.balance.center.best_center import BestCenter, best_center, whole_hull
 from dicedesign.balance.center.goals import FewestRests, Goal, Standing
 from dicedesign.balance.center.regions import Halfspaces, box_region
 from dicedesign.balance.center.rests_at import pose_odds
+from dicedesign.balance.options import BalanceOptions
+from dicedesign.balance.result import Balanced
 from dicedesign.balance.ways.cavity import CAVITY
-from dicedesign.balance.ways.infill import INFILL
-from dicedesign.balance.ways.material import Material
 from dicedesign.balance.ways.way import Made, Way
-from dicedesign.balance.ways.weights import WEIGHTS
+from dicedesign.balance.ways.ways import WAYS
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body
@@ -28,148 +22,12 @@ from dicedesign.geometry.sizes import LEAST_MM, MOST_MM
 from dicedesign.geometry.surfaces.input_surface import FINEST, input_surface
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.runtime.arrays import Floats
-from dicedesign.runtime.checks import is_finite_number
 from dicedesign.tolerances import FILE_ODDS
 
-__all__ = ["WAYS", "BalanceOptions", "Balanced", "balanced"]
-
-WAYS: Final = {way.name: way for way in (CAVITY, INFILL, WEIGHTS)}
-"""In the order in which they are tried."""
+__all__ = ["balanced"]
 
 PARTS: Final = (1.0, 0.85, 0.7)
 """Of its reach that a way is asked for in turn, where it can do less than it seemed."""
-
-
-@dataclass(frozen=True)
-class BalanceOptions:
-    """Where the center of mass may be, and how it gets there.
-
-    Attributes
-    ----------
-    region: "hull", anywhere in the body's convex hull; "hollow", where cavities can bring it; or
-        six numbers, the least x, y, z of a box and then its largest, in mm.
-    by: "cavity", "infill" or "weights"; None for the first of these that reaches the goal, or else
-        that which comes nearest.
-    material: what the body is made of, see `Material`.
-    size_mm: largest distance between two points of the body; None for a body that is in mm.
-    tolerance: largest difference of odds with which a goal is reached.
-    search: how long is looked for a center of mass.
-
-    Raises InputError for a value out of its range.
-    """
-
-    region: str | tuple[float, ...] = "hull"
-    by: str | None = None
-    material: Material = field(default_factory=Material)
-    size_mm: float | None = None
-    tolerance: float = 0.005
-    search: SearchOptions = field(default_factory=SearchOptions)
-
-    def __post_init__(self) -> None:
-        if isinstance(self.region, str):
-            if self.region not in ("hull", "hollow"):
-                raise InputError(
-                    f"region: expected hull, hollow or a box of six numbers, got {self.region!r}; "
-                    "take hull"
-                )
-        elif len(self.region) != 6 or not all(map(is_finite_number, self.region)):
-            raise InputError(
-                "region: expected six numbers for a box, its least x,y,z and then its largest, got "
-                f"{self.region}; or take hull"
-            )
-        if self.by is not None and self.by not in WAYS:
-            raise InputError(
-                f"by: expected {', '.join(WAYS)}, got {self.by!r}; or leave it out for the first "
-                "that does it"
-            )
-        if self.size_mm is not None and not (
-            is_finite_number(self.size_mm) and LEAST_MM <= self.size_mm <= MOST_MM
-        ):
-            raise InputError(
-                f"size_mm: expected a number from {LEAST_MM:g} to {MOST_MM:g}, got "
-                f"{self.size_mm!r}; it is the largest distance between two points"
-            )
-        if not is_finite_number(self.tolerance) or not FILE_ODDS <= self.tolerance < 1.0:
-            raise InputError(
-                f"tolerance: expected a number from {FILE_ODDS:g} to 1, got {self.tolerance!r}; "
-                "0.005 is half a percent"
-            )
-
-
-@dataclass(frozen=True, eq=False)
-class Balanced:
-    """A body with its center of mass elsewhere. Lengths are in mm.
-
-    Attributes
-    ----------
-    reached: whether the file has what was wanted.
-    by: the way in which it was made.
-    directions: (c, 3) down in the poses that the goal is about, of fewest rests in all that are
-        left, in the file.
-    before: (c,) odds of these poses as the body came; odds: (c,) by the files read back.
-    wanted: (c,) or None where the goal is no number.
-    rests: by the files read back; rests_before.
-    center_before, center_wanted, center: (3,) of mass; the last by the files read back.
-    clearance: distance from the center of mass to the nearest at which a rest appears or vanishes.
-    made: the files.
-    poses_before, poses: rests of the body as it came, and by the files.
-    notes: what was done, and what would do more, a sentence each.
-    """
-
-    reached: bool
-    by: str
-    directions: Floats
-    before: Floats
-    odds: Floats
-    wanted: Floats | None
-    rests: int
-    rests_before: int
-    center_before: Floats
-    center_wanted: Floats
-    center: Floats
-    clearance: float
-    made: Made
-    poses_before: RestPoses
-    poses: RestPoses
-    notes: tuple[str, ...]
-
-    @property
-    def error(self) -> float | None:
-        """Largest difference of odds from what is wanted; None where that is no number."""
-        return None if self.wanted is None else float(np.abs(self.odds - self.wanted).max())
-
-    def data(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            "reached": self.reached,
-            "by": self.by,
-            "poses": [
-                {
-                    "normal": normal.tolist(),
-                    "before": float(before),
-                    "wanted": None if wanted is None else float(wanted),
-                    "odds": float(odds),
-                }
-                for normal, before, wanted, odds in zip(
-                    self.directions,
-                    self.before,
-                    [None] * len(self.odds) if self.wanted is None else self.wanted,
-                    self.odds,
-                    strict=True,
-                )
-            ],
-            "max_abs_error": self.error,
-            "rests_before": self.rests_before,
-            "rests": self.rests,
-            "center_before_mm": self.center_before.tolist(),
-            "center_wanted_mm": self.center_wanted.tolist(),
-            "center_mm": self.center.tolist(),
-            "clearance_mm": self.clearance,
-            "wall_mm": self.made.wall_mm,
-            "made": dict(self.made.facts),
-            "notes": list(self.notes),
-        }
 
 
 def balanced(body: Body, goal: Goal, options: BalanceOptions | None = None) -> Balanced:
@@ -232,12 +90,12 @@ def _by(
     options: BalanceOptions,
     notes: tuple[str, ...],
 ) -> Balanced:
-    shifts = way.reach(surface, options.material)
+    shifts = way.reach(surface, options)
     for number, part in enumerate(PARTS):
         region = _region(surface, poses.hull, shifts, part, options)
         best = best_center(poses, goal, region, options.tolerance, options.search)
         try:
-            made = way.make(surface, best.center, options.material)
+            made = way.make(surface, best.center, options)
         except InputError:
             if number + 1 == len(PARTS):
                 raise
@@ -257,7 +115,7 @@ def _region(
     reached = convex_hull(surface.centroid + part * shifts.vertices)
     within = Halfspaces.of_hull(reached).and_within(Halfspaces.of_hull(whole_hull(hull)))
     if options.region == "hollow":
-        hollow = CAVITY.reach(surface, options.material)
+        hollow = CAVITY.reach(surface, options)
         allowed = Halfspaces.of_hull(convex_hull(surface.centroid + hollow.vertices))
         within = within.and_within(allowed)
     elif not isinstance(options.region, str):

@@ -80,6 +80,7 @@ SUBJECTS = {
     "report.body_figures": "figures",
     "runtime": "extensions",
     "errors": "errors",
+    "balance": "balance",
 }
 """Subject of the public names of a part of the package, in the order of the table."""
 

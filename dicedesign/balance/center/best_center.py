@@ -21,7 +21,7 @@ from dicedesign.geometry.sphere import norms
 from dicedesign.rest.poses import RestPoses, analyse
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["BestCenter", "SearchOptions", "best_center", "whole_hull"]
+__all__ = ["BestCenter", "CenterSearch", "best_center", "whole_hull"]
 
 INSIDE: Final = 0.95
 """Part of a hull, about its centroid, that a center of mass may be in: at its surface a body
@@ -43,7 +43,7 @@ vanishes, and its odds jump: a print of 50 mm is off by as much as that, 0.1 mm.
 
 
 @dataclass(frozen=True)
-class SearchOptions:
+class CenterSearch:
     """How long is looked for a center of mass; `samples` are tried, `descents` start at the best of
     them, each of at most `steps` steps of each kind."""
 
@@ -93,9 +93,9 @@ def whole_hull(hull: ConvexHull) -> ConvexHull:
 def best_center(
     poses: RestPoses,
     goal: Goal,
-    region: ConvexHull,
-    tolerance: float,
-    options: SearchOptions | None = None,
+    region: ConvexHull | None = None,
+    tolerance: float = 0.005,
+    options: CenterSearch | None = None,
 ) -> BestCenter:
     """The center of mass in a region that serves a goal best.
 
@@ -107,14 +107,15 @@ def best_center(
     ----------
     poses: of the body as it is.
     goal: what is wanted.
-    region: where the center of mass may be, inside of the body's hull.
+    region: where the center of mass may be, inside of the body's hull; None for all of that, but
+        for what is next to its surface.
     tolerance: largest difference of odds with which a goal is reached.
 
     Raises
     ------
     InputError: the body has no such pose.
     """
-    search = _Search(poses, region, options or SearchOptions())
+    search = _Search(poses, region or whole_hull(poses.hull), options or CenterSearch())
     if isinstance(goal, FewestRests):
         return search.fewest()
     center = search.serving(objective_of(goal, poses), isinstance(goal, EqualOdds), tolerance)
@@ -124,7 +125,7 @@ def best_center(
 
 
 class _Search:
-    def __init__(self, poses: RestPoses, region: ConvexHull, options: SearchOptions) -> None:
+    def __init__(self, poses: RestPoses, region: ConvexHull, options: CenterSearch) -> None:
         self.poses, self.hull, self.options = poses, poses.hull, options
         self.within = Halfspaces.of_hull(region)
         starts = [region.centroid[None], points_within(region, options.samples)]
@@ -148,7 +149,7 @@ class _Search:
             center = steadiest(self.stability, self.within, center)
         poses = analyse(self.hull, center)
         odds, top = (pose_odds(poses, down[None])[0] for down in (direction, poses.normals[0]))
-        return self._best(center, direction[None], None, odds >= top)
+        return self._best(center, direction[None], None, bool(odds >= top))
 
     def judged(self, center: Floats, objective: Objective, tolerance: float) -> BestCenter:
         """By the odds that are wanted."""

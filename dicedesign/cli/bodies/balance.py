@@ -16,8 +16,8 @@ from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
-    from dicedesign.balance.balanced import Balanced
     from dicedesign.balance.center.goals import Goal
+    from dicedesign.balance.result import Balanced
     from dicedesign.runtime.arrays import Floats
 
 __all__ = ["add_parser"]
@@ -117,23 +117,30 @@ def add_parser(commands: Any) -> None:
 
 def _balance(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
-    from dicedesign.balance.balanced import BalanceOptions, balanced
-    from dicedesign.balance.ways.material import Material
+    from dicedesign.balance.balanced import balanced
+    from dicedesign.balance.options import BalanceOptions
     from dicedesign.geometry.meshes.reading import read_body
 
     goal = _goal(options)
-    names = ("wall_mm", "drain_mm", "infill", "weights_mm", "weight_density", "density")
-    material: dict[str, Any] = {}
+    names = (
+        "wall_mm",
+        "drain_mm",
+        "infill",
+        "weights_mm",
+        "weight_density",
+        "density",
+        "tolerance",
+    )
+    given: dict[str, Any] = {}
     for name in names:
         value = getattr(options, name)
         if value is not None:
-            material[name] = _numbers(name, value) if isinstance(value, str) else value
+            given[name] = _numbers(name, value) if isinstance(value, str) else value
     wanted = BalanceOptions(
         region=_region(options.region),
         by=options.by,
-        material=Material(**material),
         size_mm=options.size_mm,
-        **({} if options.tolerance is None else {"tolerance": options.tolerance}),
+        **given,
     )
     file = _file(options.out)
     found = balanced(read_body(options.mesh), goal, wanted)

@@ -25,8 +25,8 @@ def fill_inside(work: Work) -> None:
     Raises InputError if the die converged and nothing inside of it can do that; one that did not
     only says so.
     """
-    from dicedesign.balance.balanced import WAYS
     from dicedesign.balance.ways.way import read_back
+    from dicedesign.balance.ways.ways import WAYS
     from dicedesign.geometry.surfaces.surface import Surface
 
     options = work.recipe.inside

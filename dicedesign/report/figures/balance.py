@@ -18,7 +18,7 @@ from dicedesign.runtime.arrays import Floats
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-    from dicedesign.balance.balanced import Balanced
+    from dicedesign.balance.result import Balanced
 
 __all__ = ["balance_figure"]
 

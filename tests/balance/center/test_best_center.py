@@ -7,14 +7,14 @@ import pytest
 from common.boxes import box
 from common.paths import public_data
 
-from dicedesign.balance.center.best_center import SearchOptions, best_center, whole_hull
+from dicedesign.balance.center.best_center import CenterSearch, best_center, whole_hull
 from dicedesign.balance.center.goals import EqualOdds, FewestRests, GivenOdds, Standing
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import RestPoses, rest_poses
 
-QUICK = SearchOptions(samples=150, descents=4, steps=40)
+QUICK = CenterSearch(samples=150, descents=4, steps=40)
 
 BLOCK = rest_poses(box((1.0, 1.3, 1.7), (0.5, 0.3, 0.0)).points)
 """A leaning box without symmetry but about its middle."""

@@ -1,0 +1,144 @@
+"""Bodies whose center of mass is moved, from a mesh to files that were read back."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+import trimesh
+from common.boxes import box
+
+from dicedesign.balance.balanced import balanced
+from dicedesign.balance.center.best_center import CenterSearch
+from dicedesign.balance.center.goals import EqualOdds, FewestRests, GivenOdds, Standing
+from dicedesign.balance.options import BalanceOptions
+from dicedesign.errors import InputError
+from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.rest.poses import rest_poses
+
+QUICK = CenterSearch(samples=100, descents=3, steps=30)
+
+
+def leaning(scale: float = 1.0) -> Body:
+    """A box that leans, of 30 x 36 x 48 or so times a scale."""
+    surface = box((30.0, 36.0, 48.0), (14.0, 8.0, 0.0))
+    return make_body(scale * surface.points, surface.triangles, "leaning.stl")
+
+
+def odds_of_file(data: bytes, directions: np.ndarray) -> np.ndarray:
+    """By its volume and its hull alone: read by trimesh."""
+    mesh = trimesh.load(io.BytesIO(data), file_type="stl")
+    poses = rest_poses(mesh.convex_hull.vertices.astype(np.float32), mesh.center_mass)
+    near = directions @ poses.normals.T > np.cos(np.radians(5.0))
+    return np.asarray(near @ poses.probabilities)
+
+
+def test_equal_odds_by_a_cavity_are_those_of_the_file() -> None:
+    found = balanced(leaning(), EqualOdds(3), BalanceOptions(by="cavity", search=QUICK))
+    assert found.reached
+    assert found.wanted is not None
+    odds = odds_of_file(found.made.files[""], found.directions)
+    np.testing.assert_allclose(odds, found.odds, atol=1e-6)
+    assert np.ptp(odds) <= 2.0 * BalanceOptions().tolerance
+    assert np.ptp(found.before) > 0.02
+    np.testing.assert_allclose(found.center, found.center_wanted, atol=1e-4)
+
+
+@pytest.mark.parametrize("by", ["cavity", "infill", "weights"])
+def test_a_body_stands_better(by: str) -> None:
+    goal = Standing(pose=2)
+    found = balanced(leaning(), goal, BalanceOptions(by=by, search=QUICK))
+    poses = rest_poses(leaning())
+    np.testing.assert_allclose(found.before, poses.probabilities[1], atol=1e-6)
+    assert found.odds[0] > found.before[0] + 0.01
+    assert found.by == by
+    if by == "cavity":
+        odds = odds_of_file(found.made.files[""], found.directions)
+        np.testing.assert_allclose(odds, found.odds, atol=1e-6)
+
+
+def test_given_odds_of_chosen_poses() -> None:
+    # Those with another center of mass that a cavity leads to.
+    poses = rest_poses(leaning())
+    other = rest_poses(leaning(), poses.center_of_mass + np.array([1.0, -1.0, 1.5]))
+    near = poses.normals[:3] @ other.normals.T > np.cos(np.radians(5.0))
+    wanted = near @ other.probabilities
+    goal = GivenOdds(tuple(wanted.tolist()), (1, 2, 3))
+    found = balanced(leaning(), goal, BalanceOptions(tolerance=1e-5, search=QUICK))
+    assert found.reached
+    odds = odds_of_file(found.made.files[""], poses.normals[:3])
+    np.testing.assert_allclose(odds, wanted, atol=1e-5)
+
+
+def test_the_unit_does_not_matter_where_a_size_is_given() -> None:
+    options = BalanceOptions(by="cavity", size_mm=60.0, search=QUICK)
+    small, large = (balanced(leaning(scale), Standing(pose=2), options) for scale in (1e-6, 1e5))
+    np.testing.assert_allclose(small.odds, large.odds, atol=1e-4)
+    assert np.ptp(small.made.body.points, axis=0).max() < 60.0
+
+
+def test_a_goal_that_no_center_of_mass_reaches() -> None:
+    surface = box((30.0, 40.0, 50.0))
+    body = make_body(surface.points, surface.triangles, "box.stl")
+    found = balanced(body, FewestRests(), BalanceOptions(by="cavity", search=QUICK))
+    assert not found.reached
+    assert (found.rests, found.rests_before) == (6, 6)
+    assert any("fewer rests" in note for note in found.notes)
+
+
+def test_what_was_found_as_plain_data() -> None:
+    found = balanced(leaning(), GivenOdds((0.3,), (1,)), BalanceOptions(by="weights", search=QUICK))
+    data = found.data()
+    assert [pose["odds"] for pose in data["poses"]] == found.odds.tolist()
+    assert data["made"]["weights"]
+    assert data["max_abs_error"] == pytest.approx(np.abs(found.odds - found.wanted).max())
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"region": (100.0, 100.0, 100.0, 110.0, 110.0, 110.0)}, "region: expected a place"),
+        ({"region": (1.0, 1.0, 1.0, 0.0, 2.0, 2.0)}, "region: expected a box"),
+        ({"by": "cavity", "wall_mm": 30.0}, "wall_mm"),
+        ({"by": "weights", "weights_mm": (40.0,)}, "weights_mm: expected room"),
+        ({"wall_mm": 30.0}, "wall_mm"),
+    ],
+)
+def test_what_leaves_no_room(options: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        balanced(leaning(), Standing(pose=2), BalanceOptions(search=QUICK, **options))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"region": "box"}, "region: expected hull, hollow or a box"),
+        ({"region": (1.0, 2.0)}, "region: expected six numbers"),
+        ({"by": "magic"}, "by: expected cavity, infill, weights"),
+        ({"size_mm": 0.0}, "size_mm"),
+        ({"tolerance": 0.0}, "tolerance"),
+    ],
+)
+def test_options_that_are_none(options: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        BalanceOptions(**options)  # type: ignore[arg-type]
+
+
+def test_meshes_that_bound_no_solid() -> None:
+    surface = box((30.0, 36.0, 48.0))
+    opened = make_body(surface.points, surface.triangles[1:], "open.stl")
+    with pytest.raises(InputError, match="closed"):
+        balanced(opened, FewestRests())
+    with pytest.raises(InputError, match="point cloud"):
+        balanced(make_body(surface.points, None, "cloud.xyz"), FewestRests())
+    with pytest.raises(InputError, match=r"size .* mm, got .*--size-mm"):
+        balanced(leaning(1e-6), FewestRests())
+
+
+def test_a_region_that_hollowing_reaches() -> None:
+    goal = Standing(pose=2)
+    search = CenterSearch(samples=60, descents=2, steps=20)
+    far = balanced(leaning(), goal, BalanceOptions(by="weights", search=search))
+    near = balanced(leaning(), goal, BalanceOptions(region="hollow", by="weights", search=search))
+    assert near.odds[0] <= far.odds[0] + 1e-3

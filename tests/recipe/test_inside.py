@@ -1,0 +1,95 @@
+"""Dice with a center of mass that was given, which their printed solids have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from dicedesign.errors import InputError, RecipeError
+from dicedesign.recipe.run import run
+from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.rest.poses import rest_poses
+from dicedesign.results.reading import read_result
+
+
+def recipe(inside: Any, **entries: Any) -> dict[str, Any]:
+    return {
+        "name": "weighted",
+        "target": {"fair": 5},
+        "start": {"prism": {"sides": 5}},
+        "center_of_mass": [0.05, 0.02, 0.0],
+        "size_mm": 40,
+        "inside": inside,
+        "print": False,
+        "figures": False,
+        "report": False,
+        **entries,
+    }
+
+
+def odds(mesh: trimesh.Trimesh, center: np.ndarray, count: int) -> np.ndarray:
+    """The largest, of the hull of a file with a center of mass."""
+    poses = rest_poses(np.asarray(mesh.vertices).astype(np.float32), center)
+    return np.sort(poses.probabilities)[::-1][:count]
+
+
+@pytest.mark.parametrize("edges", [False, {"radius_mm": 1.0}])
+def test_a_cavity_below_labels(tmp_path: Path, edges: Any) -> None:
+    result = run(checked_recipe(recipe({"by": "cavity", "wall_mm": 1.5}, edges=edges)), tmp_path)
+    assert result.converged
+    mesh = trimesh.load(tmp_path / "die.stl")
+    assert mesh.is_watertight
+    # That which was given is at the origin, and that of the file without any help.
+    np.testing.assert_allclose(mesh.center_mass, 0.0, atol=1e-5)
+    np.testing.assert_allclose(odds(mesh, mesh.center_mass, 5), 0.2, atol=1e-6)
+    assert result.inside is not None
+    assert result.inside.wall_mm is not None
+    assert result.inside.wall_mm >= 1.5 * (1.0 - 1e-4)
+    assert result.engraved_max_abs_error is not None
+    assert result.engraved_max_abs_error <= 1e-6
+    assert read_result(tmp_path).inside == result.inside
+
+
+def test_weights_below_labels(tmp_path: Path) -> None:
+    result = run(checked_recipe(recipe("weights", engrave=False)), tmp_path)
+    assert result.converged
+    assert result.inside is not None
+    mesh = trimesh.load(tmp_path / "die.stl")
+    made = result.inside.made
+    balls = np.array(made["weights"])
+    ball = np.pi / 6.0 * made["diameter_mm"] ** 3 * 7.8
+    moment = 1.24 * mesh.volume * mesh.center_mass + ball * balls.sum(axis=0)
+    center = moment / (1.24 * mesh.volume + len(balls) * ball)
+    np.testing.assert_allclose(center, 0.0, atol=1e-5)
+    np.testing.assert_allclose(odds(mesh, center, 5), 0.2, atol=1e-6)
+
+
+def test_infill_has_a_file_of_its_own(tmp_path: Path) -> None:
+    result = run(checked_recipe(recipe("infill", engrave=False)), tmp_path)
+    assert result.converged
+    assert "die_sparse.stl" in result.files.values()
+    assert result.inside is not None
+    assert result.inside.off_mm <= 1e-4 < result.inside.shift_mm
+
+
+def test_walls_too_thick() -> None:
+    with pytest.raises(InputError, match=r"inside: .*wall_mm"):
+        run(checked_recipe(recipe({"wall_mm": 19.0}, engrave=False)))
+
+
+@pytest.mark.parametrize(
+    ("entries", "said"),
+    [
+        ({"center_of_mass": "uniform"}, "inside: expected a center_of_mass that is given"),
+        ({"inside": "magic"}, "inside"),
+        ({"inside": {"wall_mm": -1}}, "inside.*wall_mm"),
+        ({"inside": {"thickness": 1}}, "inside.thickness"),
+    ],
+)
+def test_entries_that_are_refused(entries: dict[str, Any], said: str) -> None:
+    with pytest.raises(RecipeError, match=said):
+        checked_recipe({**recipe("cavity"), **entries})
