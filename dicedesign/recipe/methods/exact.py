@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
+
+import numpy as np
 
 from dicedesign.fabricate.designed_die import DesignedDie
 from dicedesign.optimize.options import ExactOptions
@@ -19,6 +22,8 @@ from dicedesign.recipe.methods.convex import (
 )
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.rest.poses import rest_poses
+from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["design", "exact_options", "solver", "starts_of"]
@@ -61,4 +66,18 @@ def starts_of(work: Work, wanted: Floats) -> Iterable[Start | None]:
         return shapes_like(work.start, recipe.seed, group, any_order=recipe.any_order)
     search = recipe.start.kind.search
     assert search is not None
-    return search(wanted, group, recipe.seed)
+    found, prior = search(wanted, group, recipe.seed), recipe.prior_read()
+    return found if prior is None else (_ranked(start, wanted, prior) for start in found)
+
+
+def _ranked(start: Start | None, wanted: Floats, prior: Prior) -> Start | None:
+    """A shape whose outcomes, with odds (k,), have changed places: the likelier ones have the rests
+    that are likelier under a prior."""
+    if start is None:
+        return None
+    poses = rest_poses(start.points, "hull").under(prior)
+    odds = poses.probabilities[np.argmax(start.directions @ poses.normals.T, axis=1)]
+    directions = np.empty_like(start.directions)
+    order = np.argsort(-odds, kind="stable")
+    directions[np.argsort(-wanted, kind="stable")] = start.directions[order]
+    return replace(start, directions=directions)
