@@ -16,8 +16,8 @@ def typed_target(text: str, labels: str | None = None) -> dict[str, Any]:
 
     Parameters
     ----------
-    text: probabilities with commas between them, "1/2,1/3,1/6", or what a recipe says, "fair: 7"; the
-        space may be left out.
+    text: probabilities with commas between them, "1/2,1/3,1/6", or what a recipe says, "fair: 7",
+        with the space or without.
     labels: with commas between them, or None for those of the target.
 
     Raises RecipeError for a text that is neither.
