@@ -129,7 +129,8 @@ class NewDiePanel:
         def work(job: Job) -> None:
             try:
                 while not session.wait(OFTEN):
-                    job.progress("designing" if session.shapes else "looking for a shape")
+                    # A bar that comes and goes would move what is pressed.
+                    job.progress("" if session.shapes else "looking for a shape")
             except Stopped:
                 session.close()
                 raise
