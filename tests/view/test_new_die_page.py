@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -208,3 +208,15 @@ def test_what_cannot_be_is_said_beside_the_field(new_die: NewDie) -> None:
         new_die.page.wait_for_timeout(500.0)
         new_die.button("STL")
         new_die.until(lambda words=words: words in new_die.said("file-error"))
+
+
+def test_a_die_that_is_brought_can_be_designed_again(
+    open_page: Callable[[Path], OpenedPage], tmp_path: Path
+) -> None:
+    path = tmp_path / "coin.yaml"
+    path.write_text("{name: coin, target: {probabilities: [1/2, 1/3, 1/6], labels: [a, b, c]}}")
+    page = open_page(path).page
+    page.get_by_role("tab", name="New die").click()
+    for label, text in (("Odds", "1/2, 1/3, 1/6"), ("Labels", "a, b, c")):
+        box = page.locator(f'xpath=//label[normalize-space()="{label}"]/following::input[1]')
+        assert box.input_value() == text
