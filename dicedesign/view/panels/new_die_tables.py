@@ -6,6 +6,7 @@ import html
 from collections.abc import Iterable
 
 from dicedesign.report.charts.palette import BASINS
+from dicedesign.results.status import Status
 from dicedesign.view.dice.design_session import DesignSession
 from dicedesign.view.dice.finishing import PrintableDie
 
@@ -43,7 +44,8 @@ def _status(session: DesignSession) -> str:
     if shape is not None:
         said.append(f"step {len(session.shapes) - 1}")
         said.append(f"farthest from the odds by {100.0 * shape.error:.3g} %")
-    look = "wrong" if state == "failed" else "note"
+    is_off = session.status not in (None, Status.CONVERGED)
+    look = "wrong" if state == "failed" or is_off else "note"
     return (
         f'<div class="dd"><p id="design" class="{look}" data-state="{state}">'
         f"{html.escape('; '.join(said))}</p></div>"
