@@ -48,8 +48,17 @@ def _status(session: DesignSession) -> str:
     look = "wrong" if state == "failed" or is_off else "note"
     return (
         f'<div class="dd"><p id="design" class="{look}" data-state="{state}">'
-        f"{html.escape('; '.join(said))}</p></div>"
+        f"{html.escape('; '.join(said))}</p>{_terms(session)}</div>"
     )
+
+
+def _terms(session: DesignSession) -> str:
+    """What the steps lower: the terms of an energy, or preferences."""
+    shape = session.shape
+    if shape is None or not shape.terms:
+        return ""
+    terms = ", ".join(f"{name} {value:.3g}" for name, value in shape.terms.items())
+    return f'<p id="terms" class="note">lowered: {html.escape(terms)}</p>'
 
 
 def _facet_table(session: DesignSession, chosen: int | None) -> str:
