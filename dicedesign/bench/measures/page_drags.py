@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -20,25 +19,48 @@ __all__ = ["DragRates", "drag_rates", "gizmo_place", "screen_place"]
 PATIENCE: Final = 120_000.0
 """Milliseconds that a page may take to show a body."""
 
-WATCH: Final = """() => {
-  const seen = window.seen = {updates: [], frames: 0, last: null};
+SHAKE: Final = """([start, end, seconds, wait]) => new Promise((done) => {
+  const seen = {updates: [], frames: 0, moves: 0, seconds: 0}, began = performance.now();
+  const under = document.elementFromPoint(...start);
+  let last = null, drawing = true;
   const look = () => {
     const body = document.getElementById('body');
     const update = body && body.getAttribute('data-update');
-    if (update !== seen.last) { seen.last = update; seen.updates.push(performance.now()); }
+    if (update !== last) { last = update; seen.updates.push(performance.now()); }
   };
-  new MutationObserver(look).observe(
-    document.body, {childList: true, subtree: true, attributes: true});
-  const count = () => { seen.frames += 1; requestAnimationFrame(count); };
-  requestAnimationFrame(count);
-}"""
-"""Notes when the page shows another body, and counts the frames it draws."""
+  const watch = new MutationObserver(look);
+  watch.observe(document.body, {childList: true, subtree: true, attributes: true});
+  const draw = () => { seen.frames += 1; if (drawing) requestAnimationFrame(draw); };
+  requestAnimationFrame(draw);
+  const mouse = setInterval(() => {
+    const passed = (performance.now() - began) / 1000;
+    if (passed > seconds) {
+      clearInterval(mouse);
+      watch.disconnect();
+      drawing = false;
+      seen.seconds = passed;
+      done(seen);
+      return;
+    }
+    const part = 0.5 - 0.5 * Math.cos(2 * Math.PI * passed);
+    const [x, y] = [0, 1].map((k) => start[k] + part * (end[k] - start[k]));
+    under.dispatchEvent(new PointerEvent('pointermove', {
+      clientX: x, clientY: y, pointerId: 1, pointerType: 'mouse', isPrimary: true,
+      buttons: 1, bubbles: true}));
+    seen.moves += 1;
+  }, wait);
+})"""
+"""Moves a mouse that is down to and fro, notes when the page shows another body, and counts the
+frames it draws."""
 
 SIZE: Final = (640, 480)
 """Pixels of the window: who draws without a graphics card draws few."""
 
 REACH: Final = 0.12
 """Of the drag to either side, in units of the scene, in which the body has the radius 1."""
+
+SETTLING: Final = 6000.0
+"""Milliseconds."""
 
 LEAST_EVENT: Final = 1.0 / 120.0
 """Seconds between two moves of the mouse."""
@@ -71,9 +93,8 @@ def drag_rates(browser: Browser, viewed: ViewedBody, seconds: float) -> DragRate
         view.page.soon(lambda: view.exhibit.show(viewed))
         page.goto(view.page.gate.address)
         page.wait_for_selector("#odds")
-        # The panel hides half of so small a window.
-        page.wait_for_timeout(3000.0)
-        page.evaluate(WATCH)
+        # Until all is compiled that draws.
+        page.wait_for_timeout(SETTLING)
         return _dragged(view, page, seconds)
     finally:
         context.close()
@@ -82,23 +103,17 @@ def drag_rates(browser: Browser, viewed: ViewedBody, seconds: float) -> DragRate
 
 def _dragged(view: View, page: Page, seconds: float) -> DragRates:
     at, axes = gizmo_place(view)
-    arrow = at + 0.5 * axes[:, 2]
-    page.mouse.move(*screen_place(view, SIZE, arrow))
+    ends = [screen_place(view, SIZE, at + (0.5 + way) * axes[:, 2]) for way in (-REACH, REACH)]
+    middle = np.mean(ends, axis=0).tolist()
+    page.mouse.move(*middle)
     page.wait_for_timeout(1000.0)
     page.mouse.down()
-    page.mouse.move(*screen_place(view, SIZE, arrow + 0.02 * axes[:, 2]))
-    before = page.evaluate("() => ({updates: window.seen.updates.length, frames: seen.frames})")
-    started, moves = time.perf_counter(), 0
-    while (now := time.perf_counter() - started) < seconds:
-        way = REACH * np.sin(2.0 * np.pi * now)
-        page.mouse.move(*screen_place(view, SIZE, arrow + way * axes[:, 2]))
-        moves += 1
-        time.sleep(max(0.0, started + moves * LEAST_EVENT - time.perf_counter()))
-    took = time.perf_counter() - started
-    after: dict[str, Any] = page.evaluate("() => window.seen")
+    page.mouse.move(*ends[0])
+    page.wait_for_timeout(1000.0)
+    seen: dict[str, Any] = page.evaluate(SHAKE, [*ends, seconds, 1e3 * LEAST_EVENT])
     page.mouse.up()
-    times = np.array(after["updates"][before["updates"] :], dtype=np.float64)
-    return DragRates(moves, len(times), after["frames"] - before["frames"], took, np.diff(times))
+    times = np.array(seen["updates"], dtype=np.float64)
+    return DragRates(seen["moves"], len(times), seen["frames"], seen["seconds"], np.diff(times))
 
 
 def gizmo_place(view: View) -> tuple[Floats, Floats]:
