@@ -41,6 +41,8 @@ class View:
         require_viser()
         source = None if path is None else source_of(path)
         first = _first_body(source)
+        self._over = threading.Event()
+        self._fault: Exception | None = None
         self.page = Page(open_socket(host, port))
         self.exhibit = Exhibit(self.page)
         self._body = BodyPanel(self.exhibit, source)
@@ -53,11 +55,22 @@ class View:
             self.page.soon(lambda: self.exhibit.show(first))
         elif source is not None:
             name = source.names[0]
-            self.page.soon(lambda: self._body.load(name))
+            self.page.soon(lambda: self._body.load(name, self._ends_with))
+
+    def wait(self) -> None:
+        """Serve. Raises what the first body raised, where it took too long to be waited for before
+        there was a page; KeyboardInterrupt."""
+        self._over.wait()
+        if self._fault is not None:
+            raise self._fault
 
     def close(self) -> None:
         """Stop everything."""
         self.page.close()
+
+    def _ends_with(self, error: Exception) -> None:
+        self._fault = error
+        self._over.set()
 
 
 def serve_view(
@@ -69,7 +82,7 @@ def serve_view(
         told(view.page.gate.address)
         if browser:
             webbrowser.open(view.page.gate.address)
-        threading.Event().wait()
+        view.wait()
     except KeyboardInterrupt as interrupt:
         raise KeyboardInterrupt("the page is closed") from interrupt
     finally:

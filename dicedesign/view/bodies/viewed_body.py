@@ -164,8 +164,8 @@ class ViewedBody:
         odds = self.poses.probabilities
         if self.outcomes is None:
             return tuple(
-                Row(str(int(self.numbers[rest]) + 1), int(self.numbers[rest]), rest, odds[rest])
-                for rest in np.argsort(self.numbers, kind="stable").tolist()
+                Row(str(number + 1), number, rest, float(odds[rest]))
+                for number, rest in sorted((n, r) for r, n in enumerate(self.numbers.tolist()))
             )
         known, target = self._outcome_odds, self.outcomes.target
         rows = [
@@ -245,10 +245,14 @@ def _wanted(target: Floats | None, outcome: int) -> float | None:
 
 
 def _numbers(poses: RestPoses, before: RestPoses, known: Integers) -> Integers:
-    """(r,) numbers of rests: of the rest before that is nearest to each and to no other, else the
-    lowest that are free."""
+    """(r,) numbers of rests: of the rest before on the same facet, or on another hull of the one
+    that is nearest to each and to no other, else the lowest that are free."""
     numbers = np.full(len(poses.facets), -1, dtype=np.int64)
-    if len(known) * len(numbers) > 0:
+    if poses.hull is before.hull:
+        place = np.full(len(poses.hull.normals), -1, dtype=np.int64)
+        place[before.facets] = known
+        numbers = place[poses.facets]
+    else:
         angles = angle_between(poses.normals[:, None], before.normals[None])
         nearest = angles.argmin(axis=1)
         mutual = angles.argmin(axis=0)[nearest] == np.arange(len(numbers))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from dicedesign.geometry.meshes.stl import stl_bytes
@@ -53,15 +54,18 @@ class BodyPanel:
 
         self._exhibit.on_show(self._dragging.begin)
 
-    def load(self, name: str) -> None:
-        """Show another body of the source, when it is read or designed."""
+    def load(self, name: str, on_error: Callable[[Exception], None] | None = None) -> None:
+        """Show another body of the source, when it is read or designed; on_error: as of
+        `Page.start`."""
         source, page = self._source, self._page
         if source is None:
             return
         if self._loading is not None:
             self._loading.stop()
         self._loading = page.start(
-            lambda job: source.load(name, lambda words: job.progress(words)), self._exhibit.show
+            lambda job: source.load(name, lambda words: job.progress(words)),
+            self._exhibit.show,
+            on_error=on_error,
         )
 
     def _save(self, client: Any) -> None:

@@ -11,7 +11,8 @@ from dicedesign.report.charts.palette import DARK, FAINT, rgb
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.scenes.place import Place
-from dicedesign.view.scenes.sphere import COLORS, MOST_LABELS, OnRay, tell_rays
+from dicedesign.view.scenes.ribbons import NOTHING, edge_ribbons
+from dicedesign.view.scenes.sphere import COLORS, MOST_LABELS, OnRay, give, tell_rays
 
 if TYPE_CHECKING:
     from viser import SceneApi
@@ -21,6 +22,8 @@ __all__ = ["BodyNodes"]
 _GRAY: Final = tuple(np.rint(255.0 * rgb([FAINT])[0]).astype(int).tolist())
 
 _EDGE: Final = tuple(np.rint(255.0 * rgb([DARK])[0]).astype(int).tolist())
+
+EDGE_WIDTH: Final = 0.012
 
 _SURFACE: Final = (216, 222, 228)
 
@@ -37,20 +40,19 @@ class BodyNodes:
     def __init__(self, scene: SceneApi) -> None:
         self._scene = scene
         self.frame = scene.add_frame("/body", show_axes=False)
-        nothing = np.zeros((3, 3)), np.array([[0, 1, 2]])
         self._mesh = scene.add_mesh_simple(
-            "/body/mesh", *nothing, color=_SURFACE, flat_shading=True, side="double"
+            "/body/mesh", *NOTHING, color=_SURFACE, flat_shading=True, side="double"
         )
         self._hull = scene.add_mesh_simple(
-            "/body/hull", *nothing, color=_SURFACE, flat_shading=True, side="front"
+            "/body/hull", *NOTHING, color=_SURFACE, flat_shading=True, side="front"
         )
-        self._edges = scene.add_line_segments(
-            "/body/edges", np.zeros((1, 2, 3)), _GRAY, thickness=1.5, thickness_units="screen"
+        self._edges = scene.add_mesh_simple(
+            "/body/edges", *NOTHING, color=_GRAY, side="double", cast_shadow=False
         )
         self._rests = [
             scene.add_mesh_simple(
                 f"/body/rests{number}",
-                *nothing,
+                *NOTHING,
                 color=color,
                 flat_shading=True,
                 side="double",
@@ -67,7 +69,7 @@ class BodyNodes:
         for the hull alone."""
         inside = points is not None
         if points is not None and triangles is not None:
-            _give(self._mesh, points, triangles)
+            give(self._mesh, points, triangles)
         self._mesh.visible = inside
         for node in (self._hull, *self._rests):
             node.opacity = 0.25 if inside else None
@@ -85,9 +87,8 @@ class BodyNodes:
         points = place.into_scene(hull.vertices)
         if self._faces is None or not np.array_equal(hull.triangles, self._faces):
             self._faces = hull.triangles
-        _give(self._hull, points, self._faces)
-        half = np.flatnonzero(np.arange(len(hull.tail)) < hull.twin)
-        self._edges.points = np.stack([points[hull.tail[half]], points[hull.head[half]]], axis=1)
+        give(self._hull, points, self._faces)
+        give(self._edges, *edge_ribbons(hull, points, EDGE_WIDTH))
         self._update_rests(viewed, points)
         self._center.position = place.into_scene(viewed.center)
 
@@ -99,7 +100,7 @@ class BodyNodes:
             facets = viewed.poses.facets[of_rest == number].tolist()
             node.visible = len(facets) > 0
             if facets:
-                _give(node, *_drawn(hull, points, facets))
+                give(node, *_drawn(hull, points, facets))
         self._update_labels(viewed, points)
 
     def _update_labels(self, viewed: ViewedBody, points: Floats) -> None:
@@ -131,9 +132,3 @@ def _drawn(hull: ConvexHull, points: Floats, facets: list[int]) -> tuple[Floats,
         triangles.append(count + fan)
         count += len(own)
     return np.concatenate(corners), np.concatenate(triangles)
-
-
-def _give(mesh: Any, points: Floats, triangles: Integers) -> None:
-    """Vertices and faces of a mesh; where they are the same nothing is sent."""
-    mesh.vertices = points
-    mesh.faces = triangles
