@@ -10,19 +10,15 @@ import trimesh
 from common.finished_run import box_file
 
 import dicedesign as dd
-from dicedesign.view.bodies.opened import source_of
+from dicedesign.view.bodies.opened import Tell, source_of
 from dicedesign.view.bodies.thinning import MOST_SHOWN, thinned
-
-
-def quiet(_: str) -> None:
-    pass
 
 
 def test_a_mesh_is_itself(tmp_path: Path) -> None:
     path = box_file(tmp_path)
     source = source_of(path)
     assert source.names == ("box.obj",)
-    viewed = source.load("box.obj", quiet)
+    viewed = source.load("box.obj", Tell())
     told = dd.rest_poses(dd.read_body(path))
     np.testing.assert_array_equal(viewed.poses.probabilities, told.probabilities)
     assert viewed.follows
@@ -35,7 +31,7 @@ def test_a_folder_of_meshes_has_them_all(tmp_path: Path) -> None:
     (tmp_path / "read.me").write_text("no mesh")
     source = source_of(tmp_path)
     assert source.names == ("b.obj", "more/a.stl")
-    longest = source.load("more/a.stl", quiet)
+    longest = source.load("more/a.stl", Tell())
     assert float(np.ptp(longest.hull.vertices, axis=0).max()) == pytest.approx(3.0)
 
 
@@ -49,7 +45,7 @@ def test_a_finished_die_has_its_labels_and_odds(tmp_path: Path, engrave: bool) -
         "engrave": engrave,
     }
     result = dd.run(recipe, out=tmp_path / "d4")
-    viewed = source_of(tmp_path / "d4").load("d4", quiet)
+    viewed = source_of(tmp_path / "d4").load("d4", Tell())
     odds = result.engraved_probabilities if engrave else result.probabilities
     assert odds is not None
     assert [row.label for row in viewed.rows][:4] == ["one", "2", "3", "4"]
@@ -63,7 +59,7 @@ def test_a_recipe_is_designed_and_tells_how_far_it_is(tmp_path: Path) -> None:
     said: list[str] = []
     source = source_of(path)
     assert not source.quick
-    viewed = source.load("d5", said.append)
+    viewed = source.load("d5", Tell(said.append))
     np.testing.assert_allclose([row.odds for row in viewed.rows], 0.2, atol=1e-6)
     assert any("step" in words for words in said)
 

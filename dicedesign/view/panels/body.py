@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.meshes.stl import stl_bytes
-from dicedesign.view.bodies.opened import Source
+from dicedesign.view.bodies.opened import Source, Tell
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.page.job import Job
 from dicedesign.view.page.page import Page
@@ -63,10 +64,13 @@ class BodyPanel:
         if self._loading is not None:
             self._loading.stop()
         self._loading = page.start(
-            lambda job: source.load(name, lambda words: job.progress(words)),
+            lambda job: source.load(name, Tell(job.progress, self._preview)),
             self._exhibit.show,
             on_error=on_error,
         )
+
+    def _preview(self, hull: ConvexHull) -> None:
+        self._page.soon(lambda: self._exhibit.preview(hull))
 
     def _save(self, client: Any) -> None:
         viewed: ViewedBody | None = self._exhibit.viewed

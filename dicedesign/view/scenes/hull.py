@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.report.charts.palette import DARK, FAINT, rgb
+from dicedesign.report.charts.palette import DARK, FAINT, PALE, rgb
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.scenes.place import Place
@@ -25,6 +25,8 @@ _EDGE: Final = tuple(np.rint(255.0 * rgb([DARK])[0]).astype(int).tolist())
 
 EDGE_WIDTH: Final = 0.012
 
+_INSIDE: Final = tuple(np.rint(255.0 * rgb([PALE])[0]).astype(int).tolist())
+
 _SURFACE: Final = (216, 222, 228)
 
 
@@ -41,7 +43,7 @@ class BodyNodes:
         self._scene = scene
         self.frame = scene.add_frame("/body", show_axes=False)
         self._mesh = scene.add_mesh_simple(
-            "/body/mesh", *NOTHING, color=_SURFACE, flat_shading=True, side="double"
+            "/body/mesh", *NOTHING, color=_INSIDE, flat_shading=True, side="double"
         )
         self._hull = scene.add_mesh_simple(
             "/body/hull", *NOTHING, color=_SURFACE, flat_shading=True, side="front"
@@ -62,7 +64,6 @@ class BodyNodes:
         ]
         self._center = scene.add_icosphere("/body/center", 0.045, color=_EDGE)
         self._labels: list[Any] = []
-        self._faces: Integers | None = None
 
     def show_mesh(self, points: Floats | None, triangles: Integers | None) -> None:
         """Show a mesh, points (n, 3) in the scene's unit, within a hull that lets it through; None
@@ -73,6 +74,15 @@ class BodyNodes:
         self._mesh.visible = inside
         for node in (self._hull, *self._rests):
             node.opacity = 0.25 if inside else None
+
+    def show_hull(self, points: Floats, triangles: Integers) -> None:
+        """Show a hull, points (n, 3) in the scene's unit, of which no more is known."""
+        self.show_mesh(None, None)
+        for node in (self._edges, *self._rests):
+            node.visible = False
+        while self._labels:
+            self._labels.pop().remove()
+        give(self._hull, points, triangles)
 
     def on_click(self, clicked: OnRay | None) -> None:
         """Call a function with the ray of each click on the hull; None for a hull that lets the
@@ -85,9 +95,8 @@ class BodyNodes:
         """Show a body's hull and what it rests on."""
         hull = viewed.hull
         points = place.into_scene(hull.vertices)
-        if self._faces is None or not np.array_equal(hull.triangles, self._faces):
-            self._faces = hull.triangles
-        give(self._hull, points, self._faces)
+        give(self._hull, points, hull.triangles)
+        self._edges.visible = True
         give(self._edges, *edge_ribbons(hull, points, EDGE_WIDTH))
         self._update_rests(viewed, points)
         self._center.position = place.into_scene(viewed.center)
