@@ -14,6 +14,7 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
@@ -27,6 +28,9 @@ __all__ = ["Outcomes", "Row", "Solid", "ViewedBody"]
 
 SAME_REST: Final = np.radians(20.0)
 """A rest whose facet turned by less from one move to the next keeps its number."""
+
+SEEN: Final = 1e-5
+"""Part of a hull's volume that is too little to be seen."""
 
 ELSEWHERE: Final = "other"
 """The row of rests that show no outcome."""
@@ -79,6 +83,16 @@ class Solid:
 
     body: Body
     poses: RestPoses
+
+    @cached_property
+    def is_convex(self) -> bool:
+        """Whether nothing of the hull is missing in the mesh that one could see."""
+        if self.body.triangles is None:
+            return False
+        hull = self.poses.hull
+        filled = abs(solid_properties(self.body.points, self.body.triangles)[0])
+        whole = solid_properties(hull.vertices, hull.triangles)[0]
+        return filled >= (1.0 - SEEN) * whole
 
     @cached_property
     def inertia(self) -> Floats:

@@ -182,7 +182,7 @@ class Exhibit:
     def _show_mesh(self, viewed: ViewedBody) -> None:
         body = viewed.solid.body
         self._body.show_mesh(None, None)
-        if body.triangles is None or viewed.dragged:
+        if body.triangles is None or viewed.dragged or viewed.solid.is_convex:
             return
         if len(body.triangles) <= MOST_SHOWN:
             self._body.show_mesh(self.place.into_scene(body.points), body.triangles)

@@ -72,8 +72,9 @@ class BodyNodes:
         if points is not None and triangles is not None:
             give(self._mesh, points, triangles)
         self._mesh.visible = inside
-        for node in (self._hull, *self._rests):
-            node.opacity = 0.25 if inside else None
+        self._hull.opacity = 0.25 if inside else None
+        for node in self._rests:
+            node.opacity = 0.5 if inside else None
 
     def show_hull(self, points: Floats, triangles: Integers) -> None:
         """Show a hull, points (n, 3) in the scene's unit, of which no more is known."""
