@@ -9,6 +9,7 @@ import numpy as np
 
 from dicedesign.balance.center.best_center import BestCenter, best_center, whole_hull
 from dicedesign.balance.center.goals import FewestRests, Goal, Standing
+from dicedesign.balance.center.objectives import objective_of
 from dicedesign.balance.center.regions import Halfspaces, box_region
 from dicedesign.balance.center.rests_at import pose_odds
 from dicedesign.balance.options import BalanceOptions
@@ -56,6 +57,9 @@ def balanced(
     wanted = options or BalanceOptions()
     surface, notes = sized_surface(body, wanted.size_mm)
     poses = rest_poses(make_body(surface.points, surface.triangles, body.name))
+    if not isinstance(goal, FewestRests):
+        # Raises where the body has no such pose.
+        objective_of(goal, poses)
     found: list[Balanced] = []
     failed: list[InputError] = []
     for name in WAYS if wanted.by is None else (wanted.by,):
