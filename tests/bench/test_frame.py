@@ -22,7 +22,7 @@ from dicedesign.results.status import Status
 
 NAMES = (
     "accuracy", "concave", "design", "endurance", "exact", "finished", "gradients", "lean",
-    "momentum", "paper", "speed", "stability", "table", "thrown", "tolerance",
+    "momentum", "paper", "speed", "stability", "table", "thrown", "tolerance", "view",
 )  # fmt: skip
 
 TOY = '''
