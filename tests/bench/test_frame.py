@@ -23,6 +23,7 @@ from dicedesign.results.status import Status
 NAMES = (
     "accuracy", "concave", "design", "endurance", "exact", "finished", "gradients", "lean",
     "momentum", "paper", "priors", "speed", "stability", "table", "thrown", "tolerance",
+    "view",
 )  # fmt: skip
 
 TOY = '''

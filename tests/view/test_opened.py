@@ -11,7 +11,7 @@ from common.finished_run import box_file
 
 import dicedesign as dd
 from dicedesign.view.bodies.opened import Tell, source_of
-from dicedesign.view.bodies.thinning import MOST_SHOWN, thinned
+from dicedesign.view.bodies.thinning import MOST_SHOWN, farthest_points, thinned
 
 
 def test_a_mesh_is_itself(tmp_path: Path) -> None:
@@ -76,3 +76,12 @@ def test_a_thinned_mesh_is_small_and_where_it_was() -> None:
     )
     same = thinned(points[:100], triangles[:50] % 100)
     np.testing.assert_array_equal(same[0], points[:100])
+
+
+def test_the_farthest_points_span_nearly_the_same_hull() -> None:
+    ball = trimesh.creation.icosphere(6)
+    points = np.asarray(ball.vertices) * [1.0, 1.3, 0.7] + np.array([5.0, 0.0, 0.0])
+    few = farthest_points(np.concatenate([points, 0.9 * points + np.array([0.5, 0.0, 0.0])]))
+    assert len(few) < 0.6 * len(points)
+    whole = trimesh.convex.convex_hull(points).volume
+    assert 0.999 * whole < trimesh.convex.convex_hull(few).volume <= whole

@@ -12,12 +12,15 @@ import numpy as np
 from dicedesign.batch.folder import list_folder
 from dicedesign.errors import MeshFileError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.geometry.meshes.center_of_mass import resolve_center_of_mass
 from dicedesign.geometry.meshes.formats import without_solids
 from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.rest.poses import analyse
 from dicedesign.results.reading import read_result
 from dicedesign.results.record import RESULT
 from dicedesign.runtime.printable import printable
+from dicedesign.view.bodies.thinning import MOST_POINTS, farthest_points
 from dicedesign.view.bodies.viewed_body import Outcomes, ViewedBody
 
 if TYPE_CHECKING:
@@ -98,11 +101,29 @@ def _read(path: Path, name: str, tell: Tell) -> ViewedBody:
         body = read_body(path)
     count = len(body.points) if body.triangles is None else len(body.triangles)
     what = "points" if body.triangles is None else "triangles"
+    if len(body.points) > MOST_POINTS:
+        return _approximate(body, printable(name), tell)
     if size > QUICK:
         tell.words(f"hull of {count:,} {what}")
         tell.hull(convex_hull(body.points, single_precision=body.single_precision))
     tell.words(f"rests of {count:,} {what}")
     return ViewedBody.of(body, name=printable(name))
+
+
+def _approximate(body: Body, name: str, tell: Tell) -> ViewedBody:
+    """A mesh of very many points by the hull of some, with its own center of mass."""
+    tell.words(f"hull of {len(body.points):,} points")
+    points = farthest_points(body.points)
+    hull = convex_hull(points, single_precision=body.single_precision)
+    tell.hull(hull)
+    tell.words("center of mass")
+    center, source, notes = resolve_center_of_mass(body, hull.centroid)
+    tell.words("rests")
+    said = (
+        f"of {len(body.points):,} points the {len(points):,} farthest were taken, so that the odds "
+        "are approximate; `dicedesign rest` takes all"
+    )
+    return ViewedBody.of(body, name=name, poses=analyse(hull, center, source, (*notes, said)))
 
 
 def _finished(result: Result, tell: Tell) -> ViewedBody:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.meshes.stl import stl_bytes
@@ -17,6 +19,10 @@ from dicedesign.view.panels.watching import Watching
 from dicedesign.view.scenes.exhibit import Exhibit
 
 __all__ = ["BodyPanel"]
+
+
+SILENCE: Final = 1.0
+"""Seconds between two lines about progress on a terminal."""
 
 
 class BodyPanel:
@@ -64,7 +70,7 @@ class BodyPanel:
         if self._loading is not None:
             self._loading.stop()
         self._loading = page.start(
-            lambda job: source.load(name, Tell(job.progress, self._preview)),
+            lambda job: source.load(name, Tell(_told_twice(job), self._preview)),
             self._exhibit.show,
             on_error=on_error,
         )
@@ -84,3 +90,18 @@ class BodyPanel:
         hull = viewed.hull
         name = "".join(c if c.isalnum() or c in "-_" else "_" for c in viewed.name)
         self._page.download(client, f"{name}_hull.stl", stl_bytes(hull.vertices, hull.triangles))
+
+
+def _told_twice(job: Job) -> Callable[[str], None]:
+    """Tells of progress on the page, and on a terminal where there is one."""
+    last = -SILENCE
+
+    def told(words: str) -> None:
+        nonlocal last
+        job.progress(words)
+        now = time.monotonic()
+        if now - last >= SILENCE and sys.stderr.isatty():
+            last = now
+            print(f"note: {words}", file=sys.stderr, flush=True)
+
+    return told

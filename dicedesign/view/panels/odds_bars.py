@@ -32,11 +32,12 @@ def body_html(viewed: ViewedBody, update: int) -> str:
     wanted = [row for row in viewed.rows if row.wanted is not None]
     off = max((abs(row.odds - (row.wanted or 0.0)) for row in wanted), default=None)
     met = "" if off is None else f"<p>Off the wanted odds by at most {100.0 * off:.3g} %.</p>"
+    notes = "".join(f'<p class="note">Note: {html.escape(n)}.</p>' for n in viewed.poses.notes)
     return (
         f'<div class="dd" id="body" data-update="{update}"><h3>{html.escape(viewed.name)}</h3>'
         f'<p class="note">{made}; its hull has {len(hull.vertices):,} corners and '
         f"{len(hull.normals):,} facets.</p>"
-        f"<p>It rests on {rests} of them{leaves}.</p>{met}"
+        f"{notes}<p>It rests on {rests} of them{leaves}.</p>{met}"
         f'<p>Center of mass: <span id="center">{center}</span></p></div>'
     )
 
