@@ -20,7 +20,7 @@ from dicedesign.recipe.schema.reading import read_recipe
 LONG = (
     "bench ",
     "search ",
-    "view ",
+    "view",
     "run recipes/fair_d3_duck.yaml",
     "run recipes/fair_d7_table.yaml",
     "run outputs/binomial_5_search/best.yaml",
