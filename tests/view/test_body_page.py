@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from common.browser import OpenedPage
+from common.browser import PATIENCE, OpenedPage
 from common.paths import public_data
 
 import dicedesign as dd
@@ -121,3 +121,23 @@ def test_a_public_model_has_its_odds_on_the_page(open_page: Callable[..., Opened
     shown = np.sort(opened.odds())[::-1]
     np.testing.assert_allclose(shown, told[: len(shown)], atol=SHOWN)
     assert opened.elsewhere == []
+
+
+def test_every_browser_shows_what_was_typed_in_one_after_a_reload_too(
+    open_page: Callable[..., OpenedPage], block: Path
+) -> None:
+    opened = open_page(block)
+    other = opened.page.context.new_page()
+    other.set_default_timeout(PATIENCE)
+    other.goto(opened.view.page.gate.address)
+    other.wait_for_selector("#odds")
+    field = opened.page.locator("input[inputmode='decimal']").first
+    field.fill("3")
+    field.press("Tab")
+    told = dd.rest_poses(dd.read_body(block), [3.0, 0.0, 0.0])
+    opened.until(lambda: matches(opened, told))
+    opened.page.reload()
+    opened.page.wait_for_selector("#odds")
+    assert matches(opened, told)
+    assert other.inner_text("#odds") == opened.page.inner_text("#odds")
+    assert other.inner_text("#center") == opened.page.inner_text("#center") == "3, 0, 0"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import queue
+import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -62,6 +64,9 @@ REACH: Final = 0.12
 SETTLING: Final = 6000.0
 """Milliseconds."""
 
+UPDATES: Final = 20
+"""That are timed."""
+
 LEAST_EVENT: Final = 1.0 / 120.0
 """Seconds between two moves of the mouse."""
 
@@ -74,6 +79,7 @@ class DragRates:
     ----------
     moves: of the mouse; updates: of the body that the browser showed; frames: that it drew.
     seconds: that it took. gaps: (n,) milliseconds between updates.
+    work: seconds of a processor that the server takes for an update, up to what it sends.
     """
 
     moves: int
@@ -81,6 +87,7 @@ class DragRates:
     frames: int
     seconds: float
     gaps: Floats
+    work: float
 
 
 def drag_rates(browser: Browser, viewed: ViewedBody, seconds: float) -> DragRates:
@@ -112,8 +119,28 @@ def _dragged(view: View, page: Page, seconds: float) -> DragRates:
     page.wait_for_timeout(1000.0)
     seen: dict[str, Any] = page.evaluate(SHAKE, [*ends, seconds, 1e3 * LEAST_EVENT])
     page.mouse.up()
+    work = _work(view)
     times = np.array(seen["updates"], dtype=np.float64)
-    return DragRates(seen["moves"], len(times), seen["frames"], seen["seconds"], np.diff(times))
+    return DragRates(
+        seen["moves"], len(times), seen["frames"], seen["seconds"], np.diff(times), work
+    )
+
+
+def _work(view: View) -> float:
+    """Seconds of a processor for an update of the body on show."""
+    told: queue.Queue[float] = queue.Queue()
+
+    def update() -> None:
+        exhibit = view.exhibit
+        assert exhibit.viewed is not None
+        aside = 1e-3 * np.ptp(exhibit.viewed.hull.vertices, axis=0)
+        began = time.thread_time()
+        for step in range(UPDATES):
+            exhibit.update(exhibit.viewed.with_center(exhibit.viewed.center + step * aside)[0])
+        told.put((time.thread_time() - began) / UPDATES)
+
+    view.page.soon(update)
+    return told.get(timeout=PATIENCE / 1e3)
 
 
 def gizmo_place(view: View) -> tuple[Floats, Floats]:

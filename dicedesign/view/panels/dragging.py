@@ -103,7 +103,9 @@ class Dragging:
         viewed = self._exhibit.viewed
         if viewed is None:
             return
-        self._field.value = tuple(float(x) for x in viewed.center)
+        # Adding zero takes the sign off a zero.
+        tidy = np.where(np.abs(viewed.center) < 0.5 * self._field.step, 0.0, viewed.center) + 0.0
+        self._field.value = tuple(float(x) for x in tidy)
         if self._what == NOTHING:
             self._gizmo.hide()
             return

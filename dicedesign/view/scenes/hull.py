@@ -116,6 +116,9 @@ class BodyNodes:
     def _update_labels(self, viewed: ViewedBody, points: Floats) -> None:
         hull, rows = viewed.hull, viewed.rows
         shown = [row for row in rows[:MOST_LABELS] if row.rest >= 0]
+        if viewed.outcomes is not None and self._mesh.visible:
+            # They would hide those that are cut in.
+            shown = []
         while len(self._labels) > len(shown):
             self._labels.pop().remove()
         for number, row in enumerate(shown):

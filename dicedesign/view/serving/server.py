@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import logging
 import socket
+import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote
@@ -44,6 +45,7 @@ def start_server(listening: socket.socket, gate: Gate, on_action: OnAction) -> v
     # or a browser that goes away, anything to write of.
     rich.get_console().quiet = True
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL + 1)
+    warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
     serve = websockets.serve
 
     def guarded(handler: Any, host: Any, port: Any, *, process_request: Any, **options: Any) -> Any:
