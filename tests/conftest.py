@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from common.missing_browser import MISSING_BROWSER
 from common.paths import DATA, MISSING_DATA, ROOT
 from common.slicer import MISSING_SLICER, PROGRAM
 
@@ -33,6 +34,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help=f"tests fail that are otherwise skipped where {PROGRAM} is not installed",
     )
+    parser.addoption(
+        "--require-browser",
+        action="store_true",
+        help="tests fail that are otherwise skipped where Chromium or playwright is not installed",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -55,6 +61,7 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     for option, reason in (
         ("--require-public-data", MISSING_DATA),
         ("--require-slicer", MISSING_SLICER),
+        ("--require-browser", MISSING_BROWSER),
     ):
         if item.config.getoption(option) and lacks(report, reason):
             report.outcome = "failed"
@@ -62,10 +69,11 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Count and name the tests that public data or the slicer were missing for."""
+    """Count and name the tests that public data, the slicer or a browser were missing for."""
     for reason, title in (
         (MISSING_DATA, f"no public data in {DATA}"),
         (MISSING_SLICER, f"{PROGRAM} is not installed"),
+        (MISSING_BROWSER, "no Chromium, or no playwright"),
     ):
         skipped = terminalreporter.stats.get("skipped", [])
         names = sorted(r.nodeid for r in skipped if lacks(r, reason))

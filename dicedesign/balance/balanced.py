@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 
 from dicedesign.balance.center.best_center import BestCenter, best_center, whole_hull
 from dicedesign.balance.center.goals import FewestRests, Goal, Standing
+from dicedesign.balance.center.objectives import objective_of
 from dicedesign.balance.center.regions import Halfspaces, box_region
 from dicedesign.balance.center.rests_at import pose_odds
 from dicedesign.balance.options import BalanceOptions
@@ -30,7 +32,13 @@ PARTS: Final = (1.0, 0.85, 0.7)
 """Of its reach that a way is asked for in turn, where it can do less than it seemed."""
 
 
-def balanced(body: Body, goal: Goal, options: BalanceOptions | None = None) -> Balanced:
+def balanced(
+    body: Body,
+    goal: Goal,
+    options: BalanceOptions | None = None,
+    *,
+    on_way: Callable[[str], None] = lambda _: None,
+) -> Balanced:
     """The solid of a mesh with the center of mass that serves a goal best, made so that it can be
     printed, and judged by its files as they are read back.
 
@@ -39,6 +47,7 @@ def balanced(body: Body, goal: Goal, options: BalanceOptions | None = None) -> B
     body: a closed mesh of one solid, in mm unless a size is given.
     goal: what is wanted of its odds, which are those of a solid of uniform density to begin with.
     options: where the center of mass may be, and how it gets there.
+    on_way: called with the name of each way before it is tried, which takes some seconds.
 
     Raises
     ------
@@ -48,20 +57,22 @@ def balanced(body: Body, goal: Goal, options: BalanceOptions | None = None) -> B
     wanted = options or BalanceOptions()
     surface, notes = sized_surface(body, wanted.size_mm)
     poses = rest_poses(make_body(surface.points, surface.triangles, body.name))
+    if not isinstance(goal, FewestRests):
+        # Raises where the body has no such pose.
+        objective_of(goal, poses)
     found: list[Balanced] = []
-    failed: list[str] = []
+    failed: list[InputError] = []
     for name in WAYS if wanted.by is None else (wanted.by,):
+        on_way(name)
         try:
             found.append(_by(WAYS[name], surface, poses, goal, wanted, notes))
         except InputError as error:
-            if wanted.by is not None:
-                raise
-            failed.append(f"by {name}: {error}")
-            if len(failed) == len(WAYS):
-                raise
+            failed.append(error)
             continue
         if found[-1].reached:
             return found[-1]
+    if not found:
+        raise failed[0]
     return min(found, key=lambda one: _missing(one, goal))
 
 

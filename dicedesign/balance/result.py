@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from dicedesign.balance.ways.way import Made
+from dicedesign.geometry.sphere import angle_between
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats
+from dicedesign.tolerances import SAME_REST_ANGLE
 
 __all__ = ["Balanced"]
 
@@ -56,6 +58,15 @@ class Balanced:
         """Largest difference of odds from what is wanted; None where that is no number."""
         return None if self.wanted is None else float(np.abs(self.odds - self.wanted).max())
 
+    @property
+    def numbers(self) -> tuple[int | None, ...]:
+        """Of the poses as `dicedesign rest` lists them for the body as it came; None for those that
+        it had not."""
+        angles = angle_between(self.directions[:, None], self.poses_before.normals[None])
+        nearest = angles.argmin(axis=1)
+        near = angles.min(axis=1) <= SAME_REST_ANGLE
+        return tuple(int(k) + 1 if found else None for k, found in zip(nearest, near, strict=True))
+
     def data(self) -> dict[str, Any]:
         """Plain data."""
         return {
@@ -63,12 +74,14 @@ class Balanced:
             "by": self.by,
             "poses": [
                 {
+                    "pose": number,
                     "normal": normal.tolist(),
                     "before": float(before),
                     "wanted": None if wanted is None else float(wanted),
                     "odds": float(odds),
                 }
-                for normal, before, wanted, odds in zip(
+                for number, normal, before, wanted, odds in zip(
+                    self.numbers,
                     self.directions,
                     self.before,
                     [None] * len(self.odds) if self.wanted is None else self.wanted,

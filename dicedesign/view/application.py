@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import webbrowser
@@ -13,7 +14,7 @@ import numpy as np
 
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.runtime.printable import printable
-from dicedesign.view.bodies.opened import Source, source_of
+from dicedesign.view.bodies.opened import Source, Tell, source_of
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.page.page import Page, Panel
 from dicedesign.view.panels.body import BodyPanel
@@ -41,6 +42,8 @@ class View:
         require_viser()
         source = None if path is None else source_of(path)
         first = _first_body(source)
+        self._over = threading.Event()
+        self._fault: Exception | None = None
         self.page = Page(open_socket(host, port))
         self.exhibit = Exhibit(self.page)
         self._body = BodyPanel(self.exhibit, source)
@@ -53,11 +56,22 @@ class View:
             self.page.soon(lambda: self.exhibit.show(first))
         elif source is not None:
             name = source.names[0]
-            self.page.soon(lambda: self._body.load(name))
+            self.page.soon(lambda: self._body.load(name, self._ends_with))
+
+    def wait(self) -> None:
+        """Serve. Raises what the first body raised, where it took too long to be waited for before
+        there was a page; KeyboardInterrupt."""
+        self._over.wait()
+        if self._fault is not None:
+            raise self._fault
 
     def close(self) -> None:
         """Stop everything."""
         self.page.close()
+
+    def _ends_with(self, error: Exception) -> None:
+        self._fault = error
+        self._over.set()
 
 
 def serve_view(
@@ -67,13 +81,19 @@ def serve_view(
     view = View(path, host, port)
     try:
         told(view.page.gate.address)
-        if browser:
-            webbrowser.open(view.page.gate.address)
-        threading.Event().wait()
+        if browser and _has_screen():
+            webbrowser.open(view.page.gate.address_here)
+        view.wait()
     except KeyboardInterrupt as interrupt:
         raise KeyboardInterrupt("the page is closed") from interrupt
     finally:
         view.close()
+
+
+def _has_screen() -> bool:
+    """Whether there is one for a browser; without, one of text would take the terminal."""
+    screens = (os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+    return sys.platform in ("darwin", "win32") or any(screens)
 
 
 def _first_body(source: Source | None) -> ViewedBody | None:
@@ -83,7 +103,7 @@ def _first_body(source: Source | None) -> ViewedBody | None:
         return ViewedBody.of(make_body(sides * _BLOCK, name="a block"))
     if not source.quick:
         return None
-    viewed = source.load(source.names[0], lambda _: None)
+    viewed = source.load(source.names[0], Tell())
     for note in viewed.poses.notes:
         print(f"note: {printable(note)}", file=sys.stderr)
     return viewed

@@ -22,7 +22,8 @@ from dicedesign.results.status import Status
 
 NAMES = (
     "accuracy", "concave", "design", "endurance", "exact", "finished", "gradients", "lean",
-    "momentum", "paper", "speed", "stability", "table", "thrown", "tolerance",
+    "momentum", "paper", "priors", "speed", "stability", "table", "thrown", "tolerance",
+    "view",
 )  # fmt: skip
 
 TOY = '''

@@ -10,15 +10,13 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
+from dicedesign.bench.measures.page_drags import screen_place
 from dicedesign.view.application import View
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-__all__ = ["MISSING_BROWSER", "PATIENCE", "OpenedPage"]
-
-MISSING_BROWSER: Final = "no browser: "
-"""Reasons for skipping tests that need one begin so."""
+__all__ = ["PATIENCE", "OpenedPage"]
 
 PATIENCE: Final = 60_000.0
 """Milliseconds that a page on a busy machine without a graphics card may take."""
@@ -106,20 +104,9 @@ class OpenedPage:
 
     def on_screen(self, point: np.ndarray) -> tuple[float, float]:
         """Where a point (3,) of the scene is in the window, in pixels from its upper left."""
-        (client,) = self.view.page.server.get_clients().values()
-        camera = client.camera
-        forward = np.asarray(camera.look_at) - np.asarray(camera.position)
-        forward /= np.linalg.norm(forward)
-        right = np.cross(forward, np.asarray(camera.up_direction))
-        right /= np.linalg.norm(right)
-        up = np.cross(right, forward)
-        ray = point - np.asarray(camera.position)
-        half = np.tan(camera.fov / 2.0) * float(ray @ forward)
         size = self.page.viewport_size
         assert size is not None
-        x = 0.5 + 0.5 * float(ray @ right) / (half * size["width"] / size["height"])
-        y = 0.5 - 0.5 * float(ray @ up) / half
-        return x * size["width"], y * size["height"]
+        return screen_place(self.view, (size["width"], size["height"]), point)
 
     def drag(self, start: np.ndarray, end: np.ndarray, steps: int = 8) -> None:
         """Drag with the mouse from a point (3,) of the scene to another."""

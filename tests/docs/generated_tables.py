@@ -319,13 +319,15 @@ def documented(schema: type) -> dict[str, str]:
         ):
             for name in found[1].split(", "):
                 meanings[name] = tidy(found[2])
-    source = ast.parse(textwrap.dedent(inspect.getsource(schema))).body[0]
-    assert isinstance(source, ast.ClassDef)
-    for entry, below in itertools.pairwise(source.body):
-        if isinstance(entry, ast.AnnAssign) and isinstance(entry.target, ast.Name):
-            value = below.value if isinstance(below, ast.Expr) else None
-            if isinstance(value, ast.Constant) and isinstance(value.value, str):
-                meanings[entry.target.id] = tidy(value.value)
+    bases = [base for base in reversed(schema.__mro__) if dataclasses.is_dataclass(base)]
+    for each in dict.fromkeys([*bases, schema]):
+        source = ast.parse(textwrap.dedent(inspect.getsource(each))).body[0]
+        assert isinstance(source, ast.ClassDef)
+        for entry, below in itertools.pairwise(source.body):
+            if isinstance(entry, ast.AnnAssign) and isinstance(entry.target, ast.Name):
+                value = below.value if isinstance(below, ast.Expr) else None
+                if isinstance(value, ast.Constant) and isinstance(value.value, str):
+                    meanings[entry.target.id] = tidy(value.value)
     if issubclass(schema, BaseModel):
         for name, entry in schema.model_fields.items():
             if entry.description:

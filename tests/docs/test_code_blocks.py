@@ -20,6 +20,7 @@ from dicedesign.recipe.schema.reading import read_recipe
 LONG = (
     "bench ",
     "search ",
+    "view ",
     "run recipes/fair_d3_duck.yaml",
     "run recipes/fair_d7_table.yaml",
     "run outputs/binomial_5_search/best.yaml",
@@ -37,7 +38,7 @@ EXTENDS = ROOT / "docs" / "adding.md"
 TYPED = list(dict.fromkeys(line for page in PAGES for line in commands(page)))
 """All lines of all pages, each once."""
 
-INSTALLS = "python3 -m venv .venv && "
+INSTALLS = ("python3 -m venv .venv && ", "pip install 'dicedesign[")
 
 
 def arguments(line: str) -> str:
@@ -97,7 +98,7 @@ def test_a_command_is_understood(line: str) -> None:
 
 
 def test_nothing_else_is_typed() -> None:
-    others = {line for line in TYPED if not line.startswith(("dicedesign ", INSTALLS))}
+    others = {line for line in TYPED if not line.startswith(("dicedesign ", *INSTALLS))}
     assert others == {"pytest tests/fuzz --hypothesis-profile=nightly"}
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from common.browser import MISSING_BROWSER, OpenedPage
+from common.browser import OpenedPage
+from common.missing_browser import MISSING_BROWSER
 
 from dicedesign.bench.measures.headless_browser import headless_browser, missing_browser
 from dicedesign.view.application import View

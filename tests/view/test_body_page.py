@@ -12,6 +12,7 @@ from common.browser import OpenedPage
 from common.paths import public_data
 
 import dicedesign as dd
+from dicedesign.bench.measures.page_drags import gizmo_place
 
 SHOWN = 6e-6
 """Half of the last digit of odds that the page tells, and a little."""
@@ -31,21 +32,10 @@ def matches(opened: OpenedPage, poses: dd.RestPoses) -> bool:
     return len(shown) == len(told) and bool(np.abs(shown - told).max() < SHOWN)
 
 
-def gizmo(opened: OpenedPage) -> tuple[np.ndarray, np.ndarray]:
-    """Where the gizmo is in the scene, and its axes as columns."""
-    exhibit = opened.view.exhibit
-    node = opened.view.page.scene.get_handle_by_name("/body/gizmo")
-    frame = opened.view.page.scene.get_handle_by_name("/body")
-    assert node is not None
-    assert frame is not None
-    turned = exhibit.pose[:3, :3]
-    return turned @ node.position + frame.position, turned
-
-
 def pull(opened: OpenedPage, axis: int, by: float) -> None:
     """Pull an arrow of the gizmo, by units of the scene, until the page shows that."""
     before = opened.updates()
-    at, axes = gizmo(opened)
+    at, axes = gizmo_place(opened.view)
     opened.drag(at + 0.5 * axes[:, axis], at + (0.5 + by) * axes[:, axis])
     opened.until(lambda: opened.updates() > before)
     opened.page.wait_for_timeout(1000.0)

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+import yaml
 from common.browser import PATIENCE, OpenedPage
 
 import dicedesign as dd
+from dicedesign.optimize.options import legible
+from dicedesign.optimize.preferences.preference import PREFERENCES, Preference
 from dicedesign.view.application import View
 from dicedesign.view.dice.design_session import DesignSession
 from dicedesign.view.dice.request import DieRequest
@@ -30,8 +33,9 @@ class NewDie(OpenedPage):
 
     def field(self, label: str, text: str) -> None:
         """Type into a field, by the words beside it."""
-        box = self.page.locator(f'xpath=//label[normalize-space()="{label}"]/following::input[1]')
-        box.fill(text)
+        box = f'//label[normalize-space()="{label}"]/following::input[not(@type="hidden")][1]'
+        self.page.locator(f"xpath={box}").fill(text)
+        self.page.keyboard.press("Tab")
 
     def table(self, name: str, column: int) -> list[str]:
         rows = self.page.eval_on_selector_all(
@@ -152,6 +156,31 @@ def test_step_by_step(new_die: NewDie, tmp_path: Path) -> None:
     )
 
 
+@pytest.fixture
+def extension() -> Iterator[str]:
+    """The name of a preference from outside the package."""
+    preference = Preference(name="levelness", line="asks for nothing", residuals=lambda die: None)
+    PREFERENCES.register(preference)
+    yield preference.name
+    PREFERENCES.unregister(preference.name)
+
+
+def test_extensions_and_their_weights(extension: str, new_die: NewDie, tmp_path: Path) -> None:
+    new_die.field("Odds", "fair: 5")
+    new_die.page.get_by_text("More", exact=True).click()
+    new_die.page.get_by_text("Preferences", exact=True).click()
+    new_die.field(extension, "1.5")
+    new_die.field("roundness", "1.7")
+    new_die.page.wait_for_timeout(500.0)
+    new_die.button("Design")
+    new_die.state("done")
+    recipe = yaml.safe_load(new_die.download("Recipe", tmp_path).read_text())
+    assert recipe["target"] == {"fair": 5}
+    prefer = recipe["method"]["exact"]["prefer"]
+    assert (prefer[extension], prefer["roundness"]) == (1.5, 1.7)
+    assert prefer["circles"] == legible().circles
+
+
 def test_what_cannot_be_is_said_beside_the_field(new_die: NewDie) -> None:
     new_die.button("STL")
     assert "press Design first" in new_die.said("file-error")
@@ -179,3 +208,15 @@ def test_what_cannot_be_is_said_beside_the_field(new_die: NewDie) -> None:
         new_die.page.wait_for_timeout(500.0)
         new_die.button("STL")
         new_die.until(lambda words=words: words in new_die.said("file-error"))
+
+
+def test_a_die_that_is_brought_can_be_designed_again(
+    open_page: Callable[[Path], OpenedPage], tmp_path: Path
+) -> None:
+    path = tmp_path / "coin.yaml"
+    path.write_text("{name: coin, target: {probabilities: [1/2, 1/3, 1/6], labels: [a, b, c]}}")
+    page = open_page(path).page
+    page.get_by_role("tab", name="New die").click()
+    for label, text in (("Odds", "1/2, 1/3, 1/6"), ("Labels", "a, b, c")):
+        box = page.locator(f'xpath=//label[normalize-space()="{label}"]/following::input[1]')
+        assert box.input_value() == text

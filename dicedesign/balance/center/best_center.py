@@ -42,6 +42,10 @@ CLEAR: Final = 2e-3
 vanishes, and its odds jump: a print of 50 mm is off by as much as that, 0.1 mm."""
 
 
+MANY: Final = 1000
+"""Corners of a hull from which on less is tried."""
+
+
 @dataclass(frozen=True)
 class CenterSearch:
     """How long is looked for a center of mass; `samples` are tried, `descents` start at the best of
@@ -50,6 +54,17 @@ class CenterSearch:
     samples: int = 600
     descents: int = 10
     steps: int = 60
+
+    def for_corners(self, count: int) -> CenterSearch:
+        """The same for a hull of so many corners: fewer of all where they are many, as each center
+        takes as much longer."""
+        part = min(1.0, MANY / count)
+        least = min(self.descents, 3), min(self.steps, 15), min(self.samples, 60)
+        return CenterSearch(
+            samples=max(least[2], round(part * self.samples)),
+            descents=max(least[0], round(part * self.descents)),
+            steps=max(least[1], round(part * self.steps)),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +141,8 @@ def best_center(
 
 class _Search:
     def __init__(self, poses: RestPoses, region: ConvexHull, options: CenterSearch) -> None:
-        self.poses, self.hull, self.options = poses, poses.hull, options
+        self.poses, self.hull = poses, poses.hull
+        self.options = options = options.for_corners(len(poses.hull.vertices))
         self.within = Halfspaces.of_hull(region)
         starts = [region.centroid[None], points_within(region, options.samples)]
         if (self.within.heights(poses.center_of_mass) >= 0.0).all():

@@ -11,7 +11,9 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.gradient.rest_odds import RestEvaluation
-from dicedesign.rest.basins import Basins, find_basins
+from dicedesign.rest.basins import Basins, basin_areas
+from dicedesign.rest.equilibria import classify
+from dicedesign.rest.morse import separatrices
 from dicedesign.rest.outcomes import gathered
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
@@ -26,48 +28,41 @@ class Rests:
 
     Attributes
     ----------
-    center: (3,); sides: as of `find_basins`.
-    facets: (k,) of the hull; normals: (k, 3) theirs; odds: (k,).
+    basins: of the body; facets: (k,) of the hull; normals: (k, 3) theirs; odds: (k,).
     """
 
-    center: Floats
-    sides: tuple[Basins, ...]
+    basins: Basins
     facets: Integers
     normals: Floats
     odds: Floats
 
     def slopes(self, weights: Floats) -> Floats:
-        """(r, 3) gradients in the center of mass of sums of the odds times weights (r, k); of a
-        tied body the mean of those beside it."""
-        hull = self.sides[0].equilibria.hull
-        of_facet = np.zeros((len(weights), len(hull.normals)))
-        of_facet[:, self.facets] = weights
-        found = np.zeros((len(weights), 3))
-        for side in self.sides:
-            middle = side.equilibria.center_of_mass
-            center = torch.tensor(middle, requires_grad=True)
-            vertices = torch.from_numpy(hull.vertices)
-            odds = RestEvaluation(side.equilibria, vertices, center, side).probabilities
-            for row, slope in zip(of_facet, found, strict=True):
-                by_odds = torch.from_numpy(row[side.paths.rests])
-                slope += torch.autograd.grad(odds, center, by_odds, retain_graph=True)[0].numpy()
-        return found / len(self.sides)
+        """(r, 3) gradients in the center of mass of sums of the odds times weights (r, k)."""
+        equilibria = self.basins.equilibria
+        center = torch.tensor(equilibria.center_of_mass, requires_grad=True)
+        vertices = torch.from_numpy(equilibria.hull.vertices)
+        odds = RestEvaluation(equilibria, vertices, center, self.basins).probabilities
+        found = [
+            torch.autograd.grad(odds, center, torch.from_numpy(row), retain_graph=True)[0].numpy()
+            for row in np.ascontiguousarray(weights)
+        ]
+        return np.stack(found)
 
 
 def rests_at(hull: ConvexHull, center: Floats) -> Rests | None:
     """The rests of a hull with a center of mass (3,); None where there are none to be had: it is
-    not inside, or facets are too uneven for it."""
+    not inside, or facets are too uneven for it.
+
+    A body that is tied to within rounding is taken for one beside it, unlike by `rest_poses`: a
+    search does not end where odds jump, and looking for ties takes up to a hundred times as long.
+    """
     try:
-        sides = find_basins(hull, center)
+        equilibria = classify(hull, center)
+        paths = separatrices(equilibria)
+        basins = Basins(equilibria, paths, basin_areas(equilibria, paths))
     except InputError:
         return None
-    if sides[0].equilibria.hull is not hull:
-        return None
-    of_facet = np.zeros(len(hull.normals))
-    for side in sides:
-        of_facet[side.paths.rests] += side.areas / (4.0 * np.pi * len(sides))
-    facets = np.flatnonzero(of_facet)
-    return Rests(center, sides, facets, hull.normals[facets], of_facet[facets])
+    return Rests(basins, paths.rests, hull.normals[paths.rests], basins.areas / (4.0 * np.pi))
 
 
 def top_directions(rests: Rests, count: int) -> Floats:

@@ -8,10 +8,9 @@ from manifold3d import Manifold, OpType
 
 from dicedesign.balance.ways.drain import Hole, drain_hole
 from dicedesign.balance.ways.material import Material
-from dicedesign.balance.ways.way import Made, Way, stl_file
+from dicedesign.balance.ways.way import Made, Way, reach_inside, stl_file
 from dicedesign.concave.criteria import is_shifted
 from dicedesign.concave.hollow.cavity import beyond_plane, least_wall, within_walls
-from dicedesign.concave.hollow.reach import reach
 from dicedesign.errors import InputError
 from dicedesign.fabricate.solids.hollow import measured_cavities, with_cavity
 from dicedesign.geometry.hulls.hull import ConvexHull
@@ -24,9 +23,6 @@ from dicedesign.runtime.arrays import Floats
 
 __all__ = ["CAVITY"]
 
-SAFE: Final = 0.95
-"""Part of the reach that is relied on."""
-
 MOST_HOLES: Final = 6
 
 LEAST_PIECE: Final = 1e-3
@@ -35,7 +31,7 @@ LEAST_PIECE: Final = 1e-3
 
 def cavity_reach(surface: Surface, material: Material) -> ConvexHull:
     """See `Way`."""
-    return reach(surface, material.wall_mm, SAFE)
+    return reach_inside(surface, material)
 
 
 def with_least_cavity(surface: Surface, center: Floats, material: Material) -> Made:

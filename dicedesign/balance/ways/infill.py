@@ -8,10 +8,9 @@ import numpy as np
 from manifold3d import Manifold
 
 from dicedesign.balance.ways.material import Material
-from dicedesign.balance.ways.way import Made, Way, read_back, stl_file
+from dicedesign.balance.ways.way import Made, Way, reach_inside, read_back, stl_file
 from dicedesign.concave.criteria import is_shifted
 from dicedesign.concave.hollow.cavity import beyond_plane, within_walls
-from dicedesign.concave.hollow.reach import reach
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.manifold import mesh_of, solid
@@ -23,16 +22,13 @@ from dicedesign.runtime.arrays import Floats
 
 __all__ = ["INFILL"]
 
-SAFE: Final = 0.95
-"""Part of the reach that is relied on."""
-
 MODIFIER: Final = "_sparse.stl"
 """What follows the name in that of the part with less infill."""
 
 
 def infill_reach(surface: Surface, material: Material) -> ConvexHull:
     """See `Way`."""
-    return reach(surface, material.wall_mm, SAFE, material.infill)
+    return reach_inside(surface, material, material.infill)
 
 
 def with_two_infills(surface: Surface, center: Floats, material: Material) -> Made:

@@ -8,16 +8,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+import numpy as np
 
 from dicedesign.balance.ways.material import Material
+from dicedesign.concave.hollow.reach import reach
+from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.meshes.stl import parsed_stl, stl_bytes
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["Made", "Way", "read_back", "stl_file"]
+__all__ = ["Made", "Way", "reach_inside", "read_back", "stl_file"]
+
+
+SAFE: Final = 0.95
+"""Part of a reach that is relied on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,3 +82,18 @@ def read_back(data: bytes) -> Body:
     """The body of an STL file."""
     points, triangles = parsed_stl(data, Path("body.stl"))
     return make_body(points, triangles, "body.stl", single_precision=True)
+
+
+def reach_inside(
+    surface: Surface, material: Material, densities: tuple[float, float] = (0.0, 1.0)
+) -> ConvexHull:
+    """Shifts of the center of mass by two densities within walls, see `reach`, to be safe a little
+    less. Raises InputError where walls leave no room."""
+    try:
+        return reach(surface, material.wall_mm, SAFE, densities)
+    except InputError as error:
+        raise InputError(
+            f"wall_mm: expected walls that leave room inside, got {material.wall_mm:g} mm in a "
+            f"body of {' x '.join(f'{x:.3g}' for x in np.ptp(surface.points, axis=0))} mm; reduce "
+            "wall_mm, or enlarge the body with size_mm"
+        ) from error

@@ -6,6 +6,7 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
@@ -26,12 +27,11 @@ ARGUMENTS: Final = (
 
 
 def missing_browser() -> str | None:
-    """What is missing for a browser, in words; None where there is one."""
-    try:
-        import playwright.sync_api  # noqa: F401
-    except ImportError as error:
-        return f"playwright ({error})"
-    return None if _program() else "chromium"
+    """What is missing for pages in a browser; None where nothing is."""
+    for package in ("viser", "playwright"):
+        if find_spec(package) is None:
+            return package
+    return None if _program() else PROGRAMS[0]
 
 
 def _program() -> str | None:

@@ -143,7 +143,7 @@ def _balance(options: argparse.Namespace) -> int:
         **given,
     )
     file = _file(options.out)
-    found = balanced(read_body(options.mesh), goal, wanted)
+    found = balanced(read_body(options.mesh), goal, wanted, on_way=_tell_way)
     files = list(_written(found, file))
     for note in found.notes:
         print(f"note: {printable(note)}", file=sys.stderr)
@@ -153,6 +153,10 @@ def _balance(options: argparse.Namespace) -> int:
         print("\n".join(_table(options.mesh, found)))
         print(f"files: {', '.join(printable(str(path)) for path in files)}")
     return 0 if found.reached else 1
+
+
+def _tell_way(name: str) -> None:
+    print(f"note: by {name} ...", file=sys.stderr)
 
 
 def _goal(options: argparse.Namespace) -> Goal:
@@ -232,17 +236,18 @@ def _table(mesh: Path, found: Balanced) -> Iterator[str]:
     wanted: list[float] | list[None] = [None] * len(found.odds)
     if found.wanted is not None:
         wanted = found.wanted.tolist()
-    columns = [("pose", "d"), ("facet normal (down)", ""), ("before", ">"), ("goal", ">")]
+    columns = [("pose", ">"), ("facet normal (down)", ""), ("before", ">"), ("goal", ">")]
     rows = []
-    for number, normal in enumerate(found.directions):
-        goal = wanted[number]
+    for number, normal, before, goal, odds in zip(
+        found.numbers, found.directions, found.before, wanted, found.odds, strict=True
+    ):
         rows.append(
             [
-                number + 1,
+                "new" if number is None else str(number),
                 direction(normal),
-                _percent(found.before[number]),
+                _percent(before),
                 "" if goal is None else _percent(goal),
-                _percent(found.odds[number]),
+                _percent(odds),
             ]
         )
     yield (

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
+
+import numpy as np
 
 from dicedesign.fabricate.designed_die import DesignedDie
 from dicedesign.optimize.options import ExactOptions
@@ -21,6 +24,8 @@ from dicedesign.recipe.methods.convex import (
 )
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.rest.poses import rest_poses
+from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["design", "exact_options", "solver", "starts_of"]
@@ -65,4 +70,20 @@ def starts_of(work: Work, wanted: Floats) -> Iterable[Start | None]:
         return told_starts(work, like)
     search = recipe.start.kind.search
     assert search is not None
-    return told_starts(work, search(wanted, group, recipe.seed))
+    found, prior = search(wanted, group, recipe.seed), recipe.prior_read()
+    if prior is not None:
+        found = (_ranked(start, wanted, prior) for start in found)
+    return told_starts(work, found)
+
+
+def _ranked(start: Start | None, wanted: Floats, prior: Prior) -> Start | None:
+    """A shape whose outcomes, with odds (k,), have changed places: the likelier ones have the rests
+    that are likelier under a prior."""
+    if start is None:
+        return None
+    poses = rest_poses(start.points, "hull").under(prior)
+    odds = poses.probabilities[np.argmax(start.directions @ poses.normals.T, axis=1)]
+    directions = np.empty_like(start.directions)
+    order = np.argsort(-odds, kind="stable")
+    directions[np.argsort(-wanted, kind="stable")] = start.directions[order]
+    return replace(start, directions=directions)

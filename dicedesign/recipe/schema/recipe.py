@@ -6,7 +6,7 @@ themselves; only what a file adds to them is described here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
@@ -21,6 +21,7 @@ from dicedesign.geometry.sizes import LEAST_MM, MOST_MM
 from dicedesign.optimize.starts.kinds.search import SearchOptions
 from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts
 from dicedesign.recipe.schema.entries import Label, StartRecipe, Strict, TargetRecipe
+from dicedesign.recipe.schema.labels import check_labels
 from dicedesign.recipe.schema.method import MethodRecipe
 from dicedesign.rest.prior import DensityPrior, read_prior
 from dicedesign.runtime.arrays import Floats
@@ -29,10 +30,6 @@ __all__ = ["NAME", "Recipe"]
 
 NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$"
 """Of a die, and of the folder of its results."""
-
-LEAST_DEPTH: Final = 1e-6
-"""Smallest depth of labels over the size of the die; files in single precision round what is not
-much smaller."""
 
 MARKED: Final = (("engraved", "shape"), ("engraved", "none"))
 """Style and balance of marks on a die that keeps the shape of a surface."""
@@ -168,7 +165,7 @@ class Recipe(Strict):
                 f"{self.method.name}; change the method, or take another start"
             )
         if self.engrave is not None:
-            self._check_engraving(self.engrave, labels)
+            check_labels(self.engrave, labels, self.size_mm)
         if self.any_order:
             self._check_any_order()
         elif self.assignment is not None and sorted(self.assignment) != sorted(labels):
@@ -245,19 +242,6 @@ class Recipe(Strict):
             raise ValueError(
                 "engrave: expected style engraved and balance shape or none with the concave "
                 f"method, got {engrave.style} and {engrave.balance}; leave them out"
-            )
-
-    def _check_engraving(self, engrave: EngravingOptions, labels: Sequence[str]) -> None:
-        for label in engrave.icons:
-            if label not in labels:
-                raise ValueError(
-                    f"engrave.icons: expected labels of the target, {', '.join(labels)}, got "
-                    f"{label!r}; rename or remove it"
-                )
-        if engrave.depth_mm < LEAST_DEPTH * self.size_mm:
-            raise ValueError(
-                f"engrave.depth_mm: expected at least {LEAST_DEPTH * self.size_mm:.3g}, a "
-                f"millionth of size_mm, got {engrave.depth_mm:g}; enlarge it"
             )
 
     def _check_any_order(self) -> None:

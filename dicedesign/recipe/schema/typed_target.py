@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+from collections.abc import Iterable
+from fractions import Fraction
+from typing import Any, Final
 
 from dicedesign.errors import RecipeError
 from dicedesign.recipe.schema.reading import loaded_yaml
 
-__all__ = ["typed_target"]
+__all__ = ["typed_target", "written_odds"]
+
+LARGEST_DENOMINATOR: Final = 10_000
+"""Of fractions that anybody reads."""
 
 
 def typed_target(text: str, labels: str | None = None) -> dict[str, Any]:
@@ -16,8 +21,8 @@ def typed_target(text: str, labels: str | None = None) -> dict[str, Any]:
 
     Parameters
     ----------
-    text: probabilities with commas between them, "1/2,1/3,1/6", or what a recipe says, "fair: 7"; the
-        space may be left out.
+    text: probabilities with commas between them, "1/2,1/3,1/6", or what a recipe says, "fair: 7",
+        with the space or without.
     labels: with commas between them, or None for those of the target.
 
     Raises RecipeError for a text that is neither.
@@ -36,6 +41,17 @@ def typed_target(text: str, labels: str | None = None) -> dict[str, Any]:
     if labels is not None:
         entries["labels"] = _listed(labels)
     return entries
+
+
+def written_odds(odds: Iterable[float]) -> str:
+    """The text that `typed_target` takes for these odds, to the last bit: fractions where they are
+    short."""
+    return ", ".join(map(_written, odds))
+
+
+def _written(odds: float) -> str:
+    short = Fraction(odds).limit_denominator(LARGEST_DENOMINATOR)
+    return str(short) if short.numerator / short.denominator == odds else repr(float(odds))
 
 
 def _listed(text: str) -> list[str]:

@@ -52,10 +52,10 @@ def balance_figure(found: Balanced) -> Paper:
         OddsBars.written("now", ACCENT, found.odds[:_MOST_POSES]),
     ]
     chart = odds_chart(
-        [str(number + 1) for number in range(len(found.odds[:_MOST_POSES]))],
+        ["new" if number is None else str(number) for number in found.numbers[:_MOST_POSES]],
         kinds,
         title="odds before and now",
-        x_label="pose",
+        x_label="pose, numbered by its odds before",
         target=None if found.wanted is None else found.wanted[:_MOST_POSES],
     )
     chart.draw(paper)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import even_directions
 from dicedesign.report.charts.chart import draw_legend
 from dicedesign.report.charts.hemispheres import Disc, choose_axis, great_arcs, opposite_discs
@@ -31,6 +32,7 @@ __all__ = [
     "basin_of_directions",
     "complex_figure",
     "gauss_map_figure",
+    "lowest_corners",
     "placed_discs",
 ]
 
@@ -247,19 +249,34 @@ def _draw_disc(
         paper.text(text, place, size=NOTE, halo=True)
 
 
-def basin_of_directions(poses: RestPoses, directions: Floats) -> Integers:
+def lowest_corners(hull: ConvexHull, directions: Floats) -> Integers:
+    """(k,) corner of a hull that is lowest where directions (k, 3) point down."""
+    lowest = np.empty(len(directions), dtype=np.int64)
+    arms = hull.vertices - hull.centroid
+    for start in range(0, len(directions), _CHUNK):
+        part = directions[start : start + _CHUNK]
+        lowest[start : start + _CHUNK] = np.argmax(part @ arms.T, axis=1)
+    return lowest
+
+
+def basin_of_directions(
+    poses: RestPoses, directions: Floats, lowest: Integers | None = None
+) -> Integers:
     """Index into `poses` of the rest reached from each direction.
 
-    directions: (k, 3) unit vectors that point down in the body's frame.
+    directions: (k, 3) unit vectors that point down in the body's frame; lowest: (k,) their
+    `lowest_corners`, which do not depend on the center of mass, where they are known.
     Returns (k,).
     """
     equilibria = poses.morse.equilibria
+    if lowest is None:
+        lowest = lowest_corners(equilibria.hull, directions)
     rests = np.empty(len(directions), dtype=np.int64)
     for start in range(0, len(directions), _CHUNK):
-        part = directions[start : start + _CHUNK]
-        lowest = np.argmax(part @ equilibria.radii.T, axis=1)
-        facets, _ = slide(equilibria, lowest, part, np.zeros(len(part)))
-        rests[start : start + _CHUNK] = poses.morse.basin_of_facet[facets]
+        part = slice(start, start + _CHUNK)
+        begun = lowest[part], directions[part], np.zeros(len(directions[part]))
+        facets, _ = slide(equilibria, *begun)
+        rests[part] = poses.morse.basin_of_facet[facets]
     return rests
 
 

@@ -27,7 +27,8 @@ which is told."""
 
 @dataclass(frozen=True, eq=False)
 class DensityFunction(DensityPrior):
-    """Any density of directions, by adaptive cubature over the basins.
+    """Any density of directions, by adaptive cubature over the basins. A peak far narrower than a
+    degree may be missed, as by all that looks at some directions only.
 
     Attributes
     ----------

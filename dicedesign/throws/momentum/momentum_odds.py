@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.kernels import ops as kernels
@@ -122,7 +123,8 @@ def thrown_odds(body: Body, poses: RestPoses, table: str = "board-game") -> Floa
     """Odds (k,) of the rests of a body that is thrown onto a table, in the order of `poses`, by the
     momentum model. The body has the inertia that `rigid_body` gives it.
 
-    table: its name, or the path of its .json file. Raises InputError: as `momentum_model`.
+    table: its name, or the path of its .json file. Raises InputError: as `momentum_model`, or for
+    rests under a prior.
     """
     return momentum_odds(poses, rigid_body(body, poses), momentum_model(table))
 
@@ -131,7 +133,13 @@ def momentum_odds(poses: RestPoses, body: RigidBody, model: MomentumModel | None
     """Odds (k,) of a thrown body's rests, in the order of `poses`.
 
     Of a body that balances within rounding they are the mean of both sides, as those of `poses`.
+    Raises InputError for rests under a prior.
     """
+    if poses.prior is not None:
+        raise InputError(
+            "poses: expected any side to be down alike at first, as of what is thrown, got rests "
+            "under a prior; take poses.under(None)"
+        )
     if model is None or len(poses.facets) == 1:
         return poses.probabilities
     total = np.zeros(len(poses.hull.normals))

@@ -11,12 +11,16 @@ import numpy as np
 
 from dicedesign.batch.folder import list_folder
 from dicedesign.errors import MeshFileError
-from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.geometry.meshes.center_of_mass import resolve_center_of_mass
 from dicedesign.geometry.meshes.formats import without_solids
 from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.rest.poses import analyse
 from dicedesign.results.reading import read_result
 from dicedesign.results.record import RESULT
 from dicedesign.runtime.printable import printable
+from dicedesign.view.bodies.thinning import MOST_POINTS, farthest_points
 from dicedesign.view.bodies.viewed_body import Outcomes, ViewedBody
 
 if TYPE_CHECKING:
@@ -26,8 +30,20 @@ if TYPE_CHECKING:
 
 __all__ = ["Source", "Tell", "source_of", "viewed_work"]
 
-Tell = Callable[[str], None]
-"""Is told how far a body is, in words."""
+
+@dataclass(frozen=True)
+class Tell:
+    """Who is told how far a body is.
+
+    Attributes
+    ----------
+    words: what is done now.
+    hull: the hull of a large mesh, some time before its rests are known.
+    """
+
+    words: Callable[[str], None] = lambda _: None
+    hull: Callable[[ConvexHull], None] = lambda _: None
+
 
 RECIPES: Final = (".yaml", ".yml")
 
@@ -79,18 +95,40 @@ def source_of(path: Path) -> Source:
 
 
 def _read(path: Path, name: str, tell: Tell) -> ViewedBody:
-    tell(f"reading {printable(name)}, {path.stat().st_size / 1e6:.0f} MB")
+    size = path.stat().st_size
+    tell.words(f"reading {printable(name)}, {size / 1e6:.0f} MB")
     with without_solids():
         body = read_body(path)
     count = len(body.points) if body.triangles is None else len(body.triangles)
     what = "points" if body.triangles is None else "triangles"
-    tell(f"hull and rests of {count:,} {what}")
+    if len(body.points) > MOST_POINTS:
+        return _approximate(body, printable(name), tell)
+    if size > QUICK:
+        tell.words(f"hull of {count:,} {what}")
+        tell.hull(convex_hull(body.points, single_precision=body.single_precision))
+    tell.words(f"rests of {count:,} {what}")
     return ViewedBody.of(body, name=printable(name))
+
+
+def _approximate(body: Body, name: str, tell: Tell) -> ViewedBody:
+    """A mesh of very many points by the hull of some, with its own center of mass."""
+    tell.words(f"hull of {len(body.points):,} points")
+    points = farthest_points(body.points)
+    hull = convex_hull(points, single_precision=body.single_precision)
+    tell.hull(hull)
+    tell.words("center of mass")
+    center, source, notes = resolve_center_of_mass(body, hull.centroid)
+    tell.words("rests")
+    said = (
+        f"of {len(body.points):,} points the {len(points):,} farthest were taken, so that the odds "
+        "are approximate; `dicedesign rest` takes all"
+    )
+    return ViewedBody.of(body, name=name, poses=analyse(hull, center, source, (*notes, said)))
 
 
 def _finished(result: Result, tell: Tell) -> ViewedBody:
     """A die that was written: with its labels, unless nobody knows how these move its center."""
-    tell(f"reading {result.name}")
+    tell.words(f"reading {result.name}")
     assert result.folder is not None
     engraved = result.engraved_probabilities is not None and "die" in result.files
     path = result.folder / result.files["die"] if engraved else result.plain_file
@@ -116,12 +154,12 @@ def _designed(recipe: Recipe, tell: Tell) -> ViewedBody:
 
     def on_step(step: Step) -> None:
         off = "" if step.max_abs_error is None else f", off by {step.max_abs_error:.2g} at most"
-        tell(f"designing {recipe.name}: step {step.step}{off}")
+        tell.words(f"designing {recipe.name}: step {step.step}{off}")
 
     listeners = Listeners(
-        on_stage=lambda stage: tell(f"designing {recipe.name}: {stage}"),
+        on_stage=lambda stage: tell.words(f"designing {recipe.name}: {stage}"),
         on_step=on_step,
-        on_attempt=lambda words: tell(f"designing {recipe.name}: {words}"),
+        on_attempt=lambda words: tell.words(f"designing {recipe.name}: {words}"),
     )
     return viewed_work(design_recipe(recipe, listeners, last="engrave"))
 

@@ -14,6 +14,7 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
@@ -27,6 +28,9 @@ __all__ = ["Outcomes", "Row", "Solid", "ViewedBody"]
 
 SAME_REST: Final = np.radians(20.0)
 """A rest whose facet turned by less from one move to the next keeps its number."""
+
+SEEN: Final = 1e-5
+"""Part of a hull's volume that is too little to be seen."""
 
 ELSEWHERE: Final = "other"
 """The row of rests that show no outcome."""
@@ -79,6 +83,16 @@ class Solid:
 
     body: Body
     poses: RestPoses
+
+    @cached_property
+    def is_convex(self) -> bool:
+        """Whether nothing of the hull is missing in the mesh that one could see."""
+        if self.body.triangles is None:
+            return False
+        hull = self.poses.hull
+        filled = abs(solid_properties(self.body.points, self.body.triangles)[0])
+        whole = solid_properties(hull.vertices, hull.triangles)[0]
+        return filled >= (1.0 - SEEN) * whole
 
     @cached_property
     def inertia(self) -> Floats:
@@ -164,8 +178,8 @@ class ViewedBody:
         odds = self.poses.probabilities
         if self.outcomes is None:
             return tuple(
-                Row(str(int(self.numbers[rest]) + 1), int(self.numbers[rest]), rest, odds[rest])
-                for rest in np.argsort(self.numbers, kind="stable").tolist()
+                Row(str(number + 1), number, rest, float(odds[rest]))
+                for number, rest in sorted((n, r) for r, n in enumerate(self.numbers.tolist()))
             )
         known, target = self._outcome_odds, self.outcomes.target
         rows = [
@@ -245,10 +259,14 @@ def _wanted(target: Floats | None, outcome: int) -> float | None:
 
 
 def _numbers(poses: RestPoses, before: RestPoses, known: Integers) -> Integers:
-    """(r,) numbers of rests: of the rest before that is nearest to each and to no other, else the
-    lowest that are free."""
+    """(r,) numbers of rests: of the rest before on the same facet, or on another hull of the one
+    that is nearest to each and to no other, else the lowest that are free."""
     numbers = np.full(len(poses.facets), -1, dtype=np.int64)
-    if len(known) * len(numbers) > 0:
+    if poses.hull is before.hull:
+        place = np.full(len(poses.hull.normals), -1, dtype=np.int64)
+        place[before.facets] = known
+        numbers = place[poses.facets]
+    else:
         angles = angle_between(poses.normals[:, None], before.normals[None])
         nearest = angles.argmin(axis=1)
         mutual = angles.argmin(axis=0)[nearest] == np.arange(len(numbers))

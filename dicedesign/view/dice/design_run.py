@@ -60,7 +60,7 @@ class DesignRun:
         return work.die
 
     def _start(self, number: int) -> None:
-        self._gate.require_current()
+        self._gate.hold()
         self._on_start(number + 1)
 
     def _shape(self, hull: ConvexHull, directions: Floats) -> None:

@@ -255,6 +255,7 @@ class DesignSession:
         """The best die may be none of the last steps."""
         if self.designed is not None:
             die, last = self.designed, self.shapes[-1]
-            end = replace(last, hull=die.hull, directions=die.directions, terms=die.terms or {})
+            terms = die.terms or {}
+            end = DesignedShape(die.hull, die.directions, last.target, sum(terms.values()), terms)
             if not end.is_like(last):
                 self.shapes = (*self.shapes, end)

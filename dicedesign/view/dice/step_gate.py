@@ -89,6 +89,10 @@ class StepGate:
             rest = began + self.least_seconds - time.monotonic()
             if self.steps_left is None and rest > 0.0:
                 self.turn.wait_for(lambda: self.is_closed or self.has_changed, rest)
+        self.hold()
+
+    def hold(self) -> None:
+        """In the thread: wait until there is a step to be made. Raises as `require_current`."""
         self._hold()
         self.require_current()
 

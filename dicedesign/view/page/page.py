@@ -89,6 +89,7 @@ class Page:
         work: Callable[[Job], Any],
         on_done: Callable[[Any], None],
         on_end: Callable[[], None] = lambda: None,
+        on_error: Callable[[Exception], None] | None = None,
     ) -> Job:
         """Do work in the background. Its progress is shown at the top of the page.
 
@@ -96,9 +97,11 @@ class Page:
         ----------
         work: is given its job, and calls `job.progress(words, part)` often: there it can be
             stopped.
-        on_done: is given what the work returned; on_end: called after it, after an error (which is
-            said on the page) and after a stop. Both in the page's thread.
+        on_done: is given what the work returned; on_end: called after it, after an error and after
+            a stop; on_error: is given what the work raised, by default said on the page. All in the
+            page's thread.
         """
+        failed = on_error or self.failed
 
         def ended(then: Callable[[], None]) -> None:
             def change() -> None:
@@ -114,7 +117,7 @@ class Page:
             work,
             lambda words, part: self.soon(lambda: self._say_progress(words, part), "progress"),
             lambda done: ended(lambda: on_done(done)),
-            lambda error: ended(lambda: self.failed(error)),
+            lambda error: ended(lambda: failed(error)),
             lambda: ended(lambda: None),
         )
         self._jobs = [*(known for known in self._jobs if known.running), job]

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+import sys
+import time
+from collections.abc import Callable
+from typing import Any, Final
 
+from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.meshes.stl import stl_bytes
-from dicedesign.view.bodies.opened import Source
+from dicedesign.view.bodies.opened import Source, Tell
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.page.job import Job
 from dicedesign.view.page.page import Page
@@ -15,6 +19,10 @@ from dicedesign.view.panels.watching import Watching
 from dicedesign.view.scenes.exhibit import Exhibit
 
 __all__ = ["BodyPanel"]
+
+
+SILENCE: Final = 1.0
+"""Seconds between two lines about progress on a terminal."""
 
 
 class BodyPanel:
@@ -53,16 +61,22 @@ class BodyPanel:
 
         self._exhibit.on_show(self._dragging.begin)
 
-    def load(self, name: str) -> None:
-        """Show another body of the source, when it is read or designed."""
+    def load(self, name: str, on_error: Callable[[Exception], None] | None = None) -> None:
+        """Show another body of the source, when it is read or designed; on_error: as of
+        `Page.start`."""
         source, page = self._source, self._page
         if source is None:
             return
         if self._loading is not None:
             self._loading.stop()
         self._loading = page.start(
-            lambda job: source.load(name, lambda words: job.progress(words)), self._exhibit.show
+            lambda job: source.load(name, Tell(_told_twice(job), self._preview)),
+            self._exhibit.show,
+            on_error=on_error,
         )
+
+    def _preview(self, hull: ConvexHull) -> None:
+        self._page.soon(lambda: self._exhibit.preview(hull))
 
     def _save(self, client: Any) -> None:
         viewed: ViewedBody | None = self._exhibit.viewed
@@ -76,3 +90,18 @@ class BodyPanel:
         hull = viewed.hull
         name = "".join(c if c.isalnum() or c in "-_" else "_" for c in viewed.name)
         self._page.download(client, f"{name}_hull.stl", stl_bytes(hull.vertices, hull.triangles))
+
+
+def _told_twice(job: Job) -> Callable[[str], None]:
+    """Tells of progress on the page, and on a terminal where there is one."""
+    last = -SILENCE
+
+    def told(words: str) -> None:
+        nonlocal last
+        job.progress(words)
+        now = time.monotonic()
+        if now - last >= SILENCE and sys.stderr.isatty():
+            last = now
+            print(f"note: {words}", file=sys.stderr, flush=True)
+
+    return told

@@ -85,8 +85,10 @@ class Dragging:
     def begin(self, viewed: ViewedBody) -> None:
         """Another body is on show."""
         self._first, self._base, self._before = viewed, None, []
+        extent = float(np.ptp(viewed.hull.vertices, axis=0).max())
+        digits = max(0, 4 - int(np.floor(np.log10(extent))))
+        self._field.precision, self._field.step = digits, 10.0**-digits
         self._facet = int(viewed.poses.facets[0])
-        self._corner = int(viewed.hull.tail[viewed.hull.facet_start[self._facet]])
         top = viewed.hull.vertices @ -viewed.poses.normals[0]
         self._corner = int(top.argmax())
         self._place_all()

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from dicedesign.errors import DiceError
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.recipe.schema.typed_target import typed_target
+from dicedesign.recipe.schema.typed_target import typed_target, written_odds
 from dicedesign.view.bodies.viewed_body import Outcomes, ViewedBody
 from dicedesign.view.dice.design_session import DesignSession
 from dicedesign.view.dice.designed_shape import DesignedShape
@@ -39,6 +39,7 @@ class NewDiePanel:
         self._job: Job | None = None
         self._shape: DesignedShape | None = None
         self._viewed: ViewedBody | None = None
+        self._own: ViewedBody | None = None
         self._chosen: int | None = None
 
     def build(self, page: Page) -> None:
@@ -69,12 +70,22 @@ class NewDiePanel:
             "Reset": self._reset,
         }
         steps.on_click(lambda event: page.soon(acts[event.target.value]))
+        self._exhibit.on_show(self._take_over)
         page.on_action("pin", lambda place: self._pin(int(place)))
         page.on_action("label", lambda place: self._click_label(int(place)))
 
     def _take(self, name: str) -> None:
         preset = PRESETS[name]
         self._odds.value, self._labels.value = preset.odds, preset.labels
+        self._check()
+
+    def _take_over(self, viewed: ViewedBody) -> None:
+        """Offer the odds of another die that is on show, to design one like it."""
+        shown = viewed.outcomes
+        if viewed is self._own or shown is None or shown.target is None:
+            return
+        self._odds.value = written_odds(shown.target.tolist())
+        self._labels.value = ", ".join(shown.labels)
         self._check()
 
     def _asked(self) -> DieRequest | None:
@@ -129,7 +140,8 @@ class NewDiePanel:
         def work(job: Job) -> None:
             try:
                 while not session.wait(OFTEN):
-                    job.progress("designing" if session.shapes else "looking for a shape")
+                    # A bar that comes and goes would move what is pressed.
+                    job.progress("" if session.shapes else "looking for a shape")
             except Stopped:
                 session.close()
                 raise
@@ -215,6 +227,7 @@ class NewDiePanel:
             name="new die",
             poses=poses,
         )
+        self._own = self._viewed
         if is_next:
             self._exhibit.update(self._viewed)
         else:
@@ -225,13 +238,12 @@ class NewDiePanel:
     def _show_made(self, die: PrintableDie) -> None:
         """Show the die with its labels cut in."""
         target = die.recipe.target.target()
-        self._exhibit.show(
-            ViewedBody.of(
-                make_body(die.points, die.triangles, name=die.recipe.name),
-                outcomes=Outcomes(target.labels, die.directions, target.probabilities),
-                poses=die.verdict.poses,
-            )
+        self._own = ViewedBody.of(
+            make_body(die.points, die.triangles, name=die.recipe.name),
+            outcomes=Outcomes(target.labels, die.directions, target.probabilities),
+            poses=die.verdict.poses,
         )
+        self._exhibit.show(self._own)
 
 
 def _is_same_die(asked: DieRequest, before: DieRequest) -> bool:

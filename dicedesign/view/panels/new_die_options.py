@@ -54,10 +54,18 @@ class DieOptions:
             )
             with gui.add_folder("Preferences", expand_by_default=False):
                 self._prefer = _sliders(page, Preferences.declared(), legible(), on_weights)
-            with gui.add_folder("Weights of the paper's energy", expand_by_default=False):
+            self._energy = gui.add_folder(
+                "Weights of the paper's energy", expand_by_default=False, visible=False
+            )
+            with self._energy:
                 self._weights = _sliders(page, PaperWeights.declared(), PaperWeights(), on_weights)
-        self._method.on_update(lambda _: page.soon(on_weights, "weights"))
+        self._on_weights = on_weights
+        self._method.on_update(lambda _: page.soon(self._take_method, "method"))
         self._speed.on_update(lambda _: page.soon(on_speed, "speed"))
+
+    def _take_method(self) -> None:
+        self._energy.visible = METHODS[self._method.value] == "paper"
+        self._on_weights()
 
     @property
     def least_seconds(self) -> float:

@@ -6,6 +6,7 @@ import html
 from collections.abc import Iterable
 
 from dicedesign.report.charts.palette import BASINS
+from dicedesign.results.status import Status
 from dicedesign.view.dice.design_session import DesignSession
 from dicedesign.view.dice.finishing import PrintableDie
 
@@ -43,11 +44,21 @@ def _status(session: DesignSession) -> str:
     if shape is not None:
         said.append(f"step {len(session.shapes) - 1}")
         said.append(f"farthest from the odds by {100.0 * shape.error:.3g} %")
-    look = "wrong" if state == "failed" else "note"
+    is_off = session.status not in (None, Status.CONVERGED)
+    look = "wrong" if state == "failed" or is_off else "note"
     return (
         f'<div class="dd"><p id="design" class="{look}" data-state="{state}">'
-        f"{html.escape('; '.join(said))}</p></div>"
+        f"{html.escape('; '.join(said))}</p>{_terms(session)}</div>"
     )
+
+
+def _terms(session: DesignSession) -> str:
+    """What the steps lower: the terms of an energy, or preferences."""
+    shape = session.shape
+    if shape is None or not shape.terms:
+        return ""
+    terms = ", ".join(f"{name} {value:.3g}" for name, value in shape.terms.items())
+    return f'<p id="terms" class="note">lowered: {html.escape(terms)}</p>'
 
 
 def _facet_table(session: DesignSession, chosen: int | None) -> str:

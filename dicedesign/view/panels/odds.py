@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from dicedesign.errors import DiceError
 from dicedesign.throws.momentum.momentum_model import MomentumModel, momentum_model
-from dicedesign.throws.tables import TABLE_NAMES, table_named
+from dicedesign.throws.tables import TABLE_NAMES
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.page.page import Page
 from dicedesign.view.panels.odds_bars import body_html, odds_html
@@ -57,7 +58,12 @@ class Odds:
             self._refresh(self._exhibit.viewed)
 
     def _refresh(self, viewed: ViewedBody) -> None:
-        thrown = None if self.table is None else viewed.thrown(self._model)
+        thrown = None
+        if self.table is not None:
+            try:
+                thrown = viewed.thrown(self._model)
+            except DiceError as error:
+                self._exhibit.page.failed(error)
         self._updates += 1
         self._facts.content = body_html(viewed, self._updates)
         self._bars.content = odds_html(viewed, thrown)
@@ -71,8 +77,3 @@ class Odds:
             self._exhibit.page.say(f"{row.label}: there is no facet on which the die shows it")
         else:
             self._exhibit.stand(row.rest)
-
-
-def size_on(table: str) -> float:
-    """Largest extent in mm of a body that is thrown onto a table."""
-    return 1e3 * table_named(table).size

@@ -28,15 +28,17 @@ def body_html(viewed: ViewedBody, update: int) -> str:
     # Adding zero takes the sign off a zero.
     center = ", ".join(f"{round(float(x), digits) + 0.0:.10g}" for x in viewed.center)
     rests = len(viewed.poses.facets)
+    leaves = f", and leaves the easiest when tipped by {margin:.3g}°" if rests > 1 else ""
     wanted = [row for row in viewed.rows if row.wanted is not None]
     off = max((abs(row.odds - (row.wanted or 0.0)) for row in wanted), default=None)
     met = "" if off is None else f"<p>Off the wanted odds by at most {100.0 * off:.3g} %.</p>"
+    notes = "".join(f'<p class="note">Note: {html.escape(n)}.</p>' for n in viewed.poses.notes)
     return (
         f'<div class="dd" id="body" data-update="{update}"><h3>{html.escape(viewed.name)}</h3>'
         f'<p class="note">{made}; its hull has {len(hull.vertices):,} corners and '
         f"{len(hull.normals):,} facets.</p>"
-        f"<p>It rests on {rests} of them, and leaves the easiest when tipped by "
-        f'{margin:.3g}°.</p>{met}<p>Center of mass: <span id="center">{center}</span></p></div>'
+        f"{notes}<p>It rests on {rests} of them{leaves}.</p>{met}"
+        f'<p>Center of mass: <span id="center">{center}</span></p></div>'
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.rest.poses import standing_transform
 from dicedesign.runtime.arrays import Floats
 from dicedesign.view.bodies.thinning import MOST_SHOWN, thinned
@@ -61,8 +62,8 @@ class Exhibit:
         self._sphere = Sphere(scene)
         self._body = BodyNodes(scene)
         self._sphere.on_click(lambda *ray: page.soon(lambda: self._sphere_clicked(*ray)))
-        page.server.initial_camera.position = (0.6, -4.9, 2.6)
-        page.server.initial_camera.look_at = (0.6, 0.0, 0.75)
+        camera = page.server.initial_camera
+        camera.position, camera.look_at, camera.fov = (0.7, -8.4, 3.9), (0.7, 0.0, 0.7), 0.75
 
     def on_change(self, listener: Listener) -> None:
         """Call a function with the body whenever it is another, after it is shown."""
@@ -94,6 +95,18 @@ class Exhibit:
         self.put(self.standing(0))
         for listener in self._beginners:
             listener(viewed)
+
+    def preview(self, hull: ConvexHull) -> None:
+        """Show a hull whose rests are not known yet."""
+        self.hold()
+        self.viewed = None
+        self.place = Place.of(hull)
+        with self.page.server.atomic():
+            self._body.show_hull(self.place.into_scene(hull.vertices), hull.triangles)
+        pose = np.eye(4)
+        pose[2, 3] = -hull.vertices[:, 2].min()
+        pose[:2, 3] = -self.place.origin[:2]
+        self.put(pose)
 
     def update(self, viewed: ViewedBody) -> None:
         """Show the same body after a change."""
@@ -169,7 +182,7 @@ class Exhibit:
     def _show_mesh(self, viewed: ViewedBody) -> None:
         body = viewed.solid.body
         self._body.show_mesh(None, None)
-        if body.triangles is None or viewed.dragged:
+        if body.triangles is None or viewed.dragged or viewed.solid.is_convex:
             return
         if len(body.triangles) <= MOST_SHOWN:
             self._body.show_mesh(self.place.into_scene(body.points), body.triangles)

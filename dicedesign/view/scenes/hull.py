@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.report.charts.palette import DARK, FAINT, rgb
+from dicedesign.report.charts.palette import DARK, FAINT, PALE, rgb
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.scenes.place import Place
-from dicedesign.view.scenes.sphere import COLORS, MOST_LABELS, OnRay, tell_rays
+from dicedesign.view.scenes.ribbons import NOTHING, edge_ribbons
+from dicedesign.view.scenes.sphere import COLORS, MOST_LABELS, OnRay, give, tell_rays
 
 if TYPE_CHECKING:
     from viser import SceneApi
@@ -21,6 +22,10 @@ __all__ = ["BodyNodes"]
 _GRAY: Final = tuple(np.rint(255.0 * rgb([FAINT])[0]).astype(int).tolist())
 
 _EDGE: Final = tuple(np.rint(255.0 * rgb([DARK])[0]).astype(int).tolist())
+
+EDGE_WIDTH: Final = 0.012
+
+_INSIDE: Final = tuple(np.rint(255.0 * rgb([PALE])[0]).astype(int).tolist())
 
 _SURFACE: Final = (216, 222, 228)
 
@@ -37,20 +42,19 @@ class BodyNodes:
     def __init__(self, scene: SceneApi) -> None:
         self._scene = scene
         self.frame = scene.add_frame("/body", show_axes=False)
-        nothing = np.zeros((3, 3)), np.array([[0, 1, 2]])
         self._mesh = scene.add_mesh_simple(
-            "/body/mesh", *nothing, color=_SURFACE, flat_shading=True, side="double"
+            "/body/mesh", *NOTHING, color=_INSIDE, flat_shading=True, side="double"
         )
         self._hull = scene.add_mesh_simple(
-            "/body/hull", *nothing, color=_SURFACE, flat_shading=True, side="front"
+            "/body/hull", *NOTHING, color=_SURFACE, flat_shading=True, side="front"
         )
-        self._edges = scene.add_line_segments(
-            "/body/edges", np.zeros((1, 2, 3)), _GRAY, thickness=1.5, thickness_units="screen"
+        self._edges = scene.add_mesh_simple(
+            "/body/edges", *NOTHING, color=_GRAY, side="double", cast_shadow=False
         )
         self._rests = [
             scene.add_mesh_simple(
                 f"/body/rests{number}",
-                *nothing,
+                *NOTHING,
                 color=color,
                 flat_shading=True,
                 side="double",
@@ -60,17 +64,26 @@ class BodyNodes:
         ]
         self._center = scene.add_icosphere("/body/center", 0.045, color=_EDGE)
         self._labels: list[Any] = []
-        self._faces: Integers | None = None
 
     def show_mesh(self, points: Floats | None, triangles: Integers | None) -> None:
         """Show a mesh, points (n, 3) in the scene's unit, within a hull that lets it through; None
         for the hull alone."""
         inside = points is not None
         if points is not None and triangles is not None:
-            _give(self._mesh, points, triangles)
+            give(self._mesh, points, triangles)
         self._mesh.visible = inside
-        for node in (self._hull, *self._rests):
-            node.opacity = 0.25 if inside else None
+        self._hull.opacity = 0.25 if inside else None
+        for node in self._rests:
+            node.opacity = 0.5 if inside else None
+
+    def show_hull(self, points: Floats, triangles: Integers) -> None:
+        """Show a hull, points (n, 3) in the scene's unit, of which no more is known."""
+        self.show_mesh(None, None)
+        for node in (self._edges, *self._rests):
+            node.visible = False
+        while self._labels:
+            self._labels.pop().remove()
+        give(self._hull, points, triangles)
 
     def on_click(self, clicked: OnRay | None) -> None:
         """Call a function with the ray of each click on the hull; None for a hull that lets the
@@ -83,11 +96,9 @@ class BodyNodes:
         """Show a body's hull and what it rests on."""
         hull = viewed.hull
         points = place.into_scene(hull.vertices)
-        if self._faces is None or not np.array_equal(hull.triangles, self._faces):
-            self._faces = hull.triangles
-        _give(self._hull, points, self._faces)
-        half = np.flatnonzero(np.arange(len(hull.tail)) < hull.twin)
-        self._edges.points = np.stack([points[hull.tail[half]], points[hull.head[half]]], axis=1)
+        give(self._hull, points, hull.triangles)
+        self._edges.visible = True
+        give(self._edges, *edge_ribbons(hull, points, EDGE_WIDTH))
         self._update_rests(viewed, points)
         self._center.position = place.into_scene(viewed.center)
 
@@ -99,7 +110,7 @@ class BodyNodes:
             facets = viewed.poses.facets[of_rest == number].tolist()
             node.visible = len(facets) > 0
             if facets:
-                _give(node, *_drawn(hull, points, facets))
+                give(node, *_drawn(hull, points, facets))
         self._update_labels(viewed, points)
 
     def _update_labels(self, viewed: ViewedBody, points: Floats) -> None:
@@ -131,9 +142,3 @@ def _drawn(hull: ConvexHull, points: Floats, facets: list[int]) -> tuple[Floats,
         triangles.append(count + fan)
         count += len(own)
     return np.concatenate(corners), np.concatenate(triangles)
-
-
-def _give(mesh: Any, points: Floats, triangles: Integers) -> None:
-    """Vertices and faces of a mesh; where they are the same nothing is sent."""
-    mesh.vertices = points
-    mesh.faces = triangles

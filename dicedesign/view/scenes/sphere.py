@@ -7,18 +7,19 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import even_directions
-from dicedesign.report.charts.hemispheres import great_arcs
 from dicedesign.report.charts.palette import BASINS, DARK, rgb
-from dicedesign.report.figures.gauss_map import basin_of_directions
-from dicedesign.runtime.arrays import Floats
+from dicedesign.report.figures.gauss_map import basin_of_directions, lowest_corners
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.scenes.place import SPHERE_AT, SPHERE_RADIUS
+from dicedesign.view.scenes.ribbons import NOTHING, arc_ribbons
 
 if TYPE_CHECKING:
     from viser import SceneApi
 
-__all__ = ["COLORS", "MOST_LABELS", "OnRay", "Sphere", "tell_rays"]
+__all__ = ["COLORS", "MOST_LABELS", "OnRay", "Sphere", "give", "tell_rays"]
 
 DIRECTIONS: Final = even_directions(6000)
 """At which the sphere is coloured; the arcs hide that borders between dots are not sharp."""
@@ -26,7 +27,7 @@ DIRECTIONS: Final = even_directions(6000)
 DOT: Final = 0.036
 """Size of a dot that leaves no gaps, on a sphere of radius 1."""
 
-ARC_PIECES: Final = 6
+ARC_WIDTH: Final = 0.012
 
 MOST_LABELS: Final = 24
 
@@ -63,8 +64,13 @@ class Sphere:
             point_shape="circle",
             precision="float32",
         )
-        self._arcs = scene.add_line_segments(
-            "/sphere/arcs", np.zeros((1, 2, 3)), _DARK, thickness=2.5, thickness_units="screen"
+        # Viser makes the material of dots anew with their colours, and the browser would compile it
+        # each time if no others had it.
+        scene.add_point_cloud(
+            "/sphere/unseen", np.zeros((2, 3)), np.zeros((2, 3), dtype=np.uint8), point_size=1e-3
+        )
+        self._arcs = scene.add_mesh_simple(
+            "/sphere/arcs", *NOTHING, color=_DARK, side="double", cast_shadow=False
         )
         self._points = {
             kind: scene.add_point_cloud(
@@ -83,6 +89,8 @@ class Sphere:
         }
         self._down = scene.add_icosphere("/sphere/down", 0.04, color=(194, 87, 26))
         self._labels: list[Any] = []
+        self._hull: ConvexHull | None = None
+        self._lowest: Integers | None = None
 
     def on_click(self, clicked: OnRay) -> None:
         """Call a function with the ray of each click on the sphere."""
@@ -93,8 +101,10 @@ class Sphere:
         poses, rows = viewed.poses, viewed.rows
         color_of_row = np.array([row.color for row in rows])
         of_rest = COLORS[color_of_row[viewed.row_of_rest] % len(COLORS)]
-        self._dots.colors = of_rest[basin_of_directions(poses, DIRECTIONS)]
-        self._arcs.points = _segments(viewed).astype(np.float32)
+        if self._hull is not poses.hull:
+            self._hull, self._lowest = poses.hull, lowest_corners(poses.hull, DIRECTIONS)
+        self._dots.colors = of_rest[basin_of_directions(poses, DIRECTIONS, self._lowest)]
+        give(self._arcs, *arc_ribbons(poses.morse.polylines, 1.02 * SPHERE_RADIUS, ARC_WIDTH))
         for kind, node in self._points.items():
             node.points = 1.025 * SPHERE_RADIUS * getattr(poses.morse, kind)
         self._update_labels(viewed)
@@ -126,13 +136,7 @@ def tell_rays(node: Any, clicked: OnRay) -> None:
         clicked(np.array(event.ray_origin), np.array(event.ray_direction))
 
 
-def _segments(viewed: ViewedBody) -> Floats:
-    """(n, 2, 3) of the separatrices, bent along the sphere."""
-    paths = viewed.poses.morse.polylines
-    if not paths:
-        return np.zeros((1, 2, 3))
-    starts = np.concatenate([path[:-1] for path in paths])
-    ends = np.concatenate([path[1:] for path in paths])
-    points = 1.02 * SPHERE_RADIUS * great_arcs(starts, ends, ARC_PIECES)
-    segments = np.stack([points[:, :-1], points[:, 1:]], axis=2)
-    return segments.reshape(-1, 2, 3)
+def give(mesh: Any, points: Floats, triangles: Integers) -> None:
+    """Vertices and faces of a mesh; where they are the same nothing is sent."""
+    mesh.vertices = points
+    mesh.faces = triangles

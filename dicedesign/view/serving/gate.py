@@ -40,11 +40,19 @@ class Gate:
 
     @property
     def address(self) -> str:
-        """What to open in a browser."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        if ipaddress.ip_address(self.host).is_unspecified:
-            host = socket.gethostname()
-        return f"http://{host}:{self.port}/" + (f"{self.token}/" if self.token else "")
+        """What to open in a browser of another machine, if others may; else of this one."""
+        anywhere = ipaddress.ip_address(self.host).is_unspecified
+        return self._address(socket.gethostname() if anywhere else self.host)
+
+    @property
+    def address_here(self) -> str:
+        """What to open in a browser of this machine."""
+        anywhere = ipaddress.ip_address(self.host).is_unspecified
+        return self._address("localhost" if anywhere else self.host)
+
+    def _address(self, host: str) -> str:
+        name = f"[{host}]" if ":" in host else host
+        return f"http://{name}:{self.port}/" + (f"{self.token}/" if self.token else "")
 
     def path_within(self, path: str) -> str | None:
         """The path of a request without its token; None where it has not this one."""

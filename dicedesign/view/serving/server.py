@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import gzip
 import logging
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote
 
@@ -36,11 +35,14 @@ def require_viser() -> None:
 def start_server(listening: socket.socket, gate: Gate, on_action: OnAction) -> viser.ViserServer:
     """Serve at a socket what the gate lets in. Raises InputError: viser is not installed."""
     require_viser()
+    import rich
     import viser
     from viser import _messages
     from websockets.asyncio import server as websockets
 
-    # Requests that are refused are nothing to write of, and nor is a browser that goes away.
+    # What viser prints is nothing for stdout, which is for data; nor are requests that are refused,
+    # or a browser that goes away, anything to write of.
+    rich.get_console().quiet = True
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL + 1)
     serve = websockets.serve
 
@@ -50,8 +52,7 @@ def start_server(listening: socket.socket, gate: Gate, on_action: OnAction) -> v
 
     websockets.serve = guarded  # type: ignore[assignment, misc]
     try:
-        with _silent_viser():
-            served = viser.ViserServer(gate.host, gate.port, verbose=False)
+        served = viser.ViserServer(gate.host, gate.port, verbose=False)
     finally:
         websockets.serve = serve  # type: ignore[misc]
     # A link through a machine of somebody else's is nobody's to ask for.
@@ -62,21 +63,7 @@ def start_server(listening: socket.socket, gate: Gate, on_action: OnAction) -> v
 
 def stop_server(served: viser.ViserServer) -> None:
     """Close every connection and the socket."""
-    with _silent_viser():
-        served.stop()
-
-
-@contextlib.contextmanager
-def _silent_viser() -> Iterator[None]:
-    """Keep viser's banner off stdout, which is for data."""
-    import rich
-
-    console = rich.get_console()
-    before, console.quiet = console.quiet, True
-    try:
-        yield
-    finally:
-        console.quiet = before
+    served.stop()
 
 
 class _Answer:

@@ -203,6 +203,15 @@ def test_odds_without_a_prior_come_back() -> None:
     assert back.errors is None
 
 
+def test_what_is_thrown_has_no_prior() -> None:
+    points = random_body(8)
+    poses = dd.rest_poses(points)
+    body = dd.make_body(points)
+    with pytest.raises(dd.InputError, match=r"under\(None\)"):
+        dd.thrown_odds(body, poses.under("half:0,0,1"))
+    assert dd.thrown_odds(body, poses.under("half:0,0,1").under(None)).sum() == pytest.approx(1.0)
+
+
 def test_a_fit_finds_the_axis_and_the_concentration() -> None:
     for concentration in (0.8, 12.0, 3000.0):
         fitted = dd.VonMisesFisher.fitted(drawn(AXES[2], concentration, 50_000))

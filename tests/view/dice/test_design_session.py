@@ -318,3 +318,26 @@ def test_steps_that_are_watched_are_the_same(session, seconds: float) -> None:
     made.least_seconds = seconds
     finished(made)
     np.testing.assert_allclose(facet_odds(made.shape), [1 / 2, 1 / 3, 1 / 6], atol=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_whatever_is_pressed_it_ends_at_the_odds(session, seed: int) -> None:
+    """Buttons pressed at random, at moments that the machine chooses."""
+    rng = np.random.default_rng(seed)
+    made = session({"fair": 5})
+
+    def change() -> None:
+        prefer = Preferences(roundness=float(rng.random()))
+        made.change(replace(made.request, prefer=prefer))
+
+    def swap() -> None:
+        if made.shape is not None:
+            made.swap(*rng.choice(made.labels, 2, replace=False).tolist())
+
+    acts = (made.run, made.pause, made.step, made.undo, change, swap)
+    for _ in range(60):
+        acts[rng.integers(len(acts))]()
+        made.wait(float(rng.choice([0.0, 0.01])))
+        assert made.state in ("running", "paused", "done")
+    finished(made)
+    np.testing.assert_allclose(facet_odds(made.shape), 0.2, atol=1e-11)

@@ -14,11 +14,13 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.recipe.run import run
+from dicedesign.recipe.schema.typed_target import typed_target
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.record import Result
 from dicedesign.view.dice.design_session import DesignSession
 from dicedesign.view.dice.finishing import PrintableDie, printable_die
+from dicedesign.view.dice.presets import PRESETS
 from dicedesign.view.dice.request import DieRequest
 
 COIN = {"probabilities": ["1/2", "1/3", "1/6"], "labels": ["heads", "tails", "edge"]}
@@ -119,6 +121,16 @@ def test_a_die_that_is_not_done_can_be_made_too(tmp_path: Path, steps: int) -> N
     result = run_again(die, tmp_path)
     assert_same_die(die, result)
     session.close()
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_preset_becomes_a_die(name: str) -> None:
+    preset = PRESETS[name]
+    die = printable_die(designed(target=typed_target(preset.odds, preset.labels or None)))
+    assert die.is_converged
+    assert len(die.points) > 100
+    for _, wanted, has in die.rows():
+        assert has == pytest.approx(wanted, abs=1e-6)
 
 
 def test_size_and_labels() -> None:

@@ -1,0 +1,107 @@
+"""Motions begin and end where they should, and never pass through the floor."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from common.kernels import compiled_only
+
+import dicedesign as dd
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.throws.simulation.film import throw_film
+from dicedesign.view.bodies.viewed_body import ViewedBody
+from dicedesign.view.scenes.gizmo import met_facet, met_sphere
+from dicedesign.view.scenes.motion import Motion, filmed, turned
+from dicedesign.view.scenes.place import Place
+from dicedesign.view.scenes.settling import let_go, settled
+
+
+@pytest.fixture
+def viewed() -> ViewedBody:
+    points = np.random.default_rng(4).normal(size=(20, 3)) + np.array([3.0, 0.0, 1.0])
+    return ViewedBody.of(make_body(points))
+
+
+def lowest(viewed: ViewedBody, motion: Motion) -> np.ndarray:
+    """(f,) height of the lowest corner in each pose."""
+    placed = np.einsum("fij,nj->fni", motion.poses[:, :3, :3], viewed.hull.vertices)
+    return (placed[..., 2] + motion.poses[:, None, 2, 3]).min(axis=1)
+
+
+def test_a_body_let_go_ends_where_the_roll_does(viewed: ViewedBody) -> None:
+    rng = np.random.default_rng(0)
+    start = viewed.poses.transforms[0]
+    for down in rng.normal(size=(5, 3)):
+        motion = let_go(viewed, start, down / np.linalg.norm(down))
+        np.testing.assert_allclose(motion.poses[0], start, atol=1e-9)
+        end = dd.roll(viewed.hull.vertices, down)[-1]
+        np.testing.assert_allclose(-motion.poses[-1][2, :3], end.down, atol=1e-9)
+        np.testing.assert_allclose(
+            motion.poses[-1][:2, :3] @ viewed.center + motion.poses[-1][:2, 3], 0.0, atol=1e-9
+        )
+        assert (np.diff(motion.seconds) >= 0.0).all()
+        np.testing.assert_allclose(lowest(viewed, motion), 0.0, atol=1e-6)
+        np.testing.assert_array_equal(motion.at(motion.seconds[-1] + 1.0), motion.poses[-1])
+
+
+def test_a_body_that_stands_keeps_standing(viewed: ViewedBody) -> None:
+    pose = viewed.poses.transforms[2]
+    np.testing.assert_allclose(settled(viewed, pose).poses[-1], pose, atol=1e-9)
+
+
+def test_a_half_turn_is_made(viewed: ViewedBody) -> None:
+    over = np.diag([1.0, -1.0, -1.0, 1.0])
+    motion = turned(viewed.hull, np.eye(4), over)
+    np.testing.assert_array_equal(motion.poses[-1], over)
+    steps = motion.poses[1:, :3, :3] @ motion.poses[:-1, :3, :3].swapaxes(1, 2)
+    assert (steps.trace(axis1=1, axis2=2) > 1.0 + 2.0 * np.cos(0.05)).all()
+
+
+@compiled_only
+@pytest.mark.parametrize("chosen", [False, True])
+def test_a_film_lies_on_its_rest_at_the_end(viewed: ViewedBody, chosen: bool) -> None:
+    down = viewed.poses.normals[1] if chosen else None
+    film = throw_film(viewed.rigid, dd.table_named("board-game"), 3, down)
+    motion = filmed(film, viewed.center)
+    if down is not None:
+        np.testing.assert_allclose(-motion.poses[0][2, :3], down, atol=1e-6)
+    assert film.rest >= 0
+    normal = viewed.poses.normals[film.rest]
+    assert float(-motion.poses[-1][2, :3] @ normal) > 1.0 - 1e-3
+    size = float(np.ptp(viewed.hull.vertices, axis=0).max())
+    assert lowest(viewed, motion)[0] > 0.5 * size
+    assert abs(lowest(viewed, motion)[-1]) < 0.02 * size
+
+
+def test_a_ray_meets_the_facet_that_it_enters(viewed: ViewedBody) -> None:
+    hull, rng = viewed.hull, np.random.default_rng(1)
+    for facet in range(len(hull.normals)):
+        point = rng.dirichlet(np.ones(len(hull.polygon(facet)))) @ hull.polygon(facet)
+        way = -hull.normals[facet] + 0.2 * rng.normal(size=3)
+        met = met_facet(hull, point - 9.0 * way, way)
+        assert met is not None
+        # A slanting ray may come through a neighbour first.
+        entered, where = met
+        assert abs(hull.heights(where)[entered]) < 1e-9
+        assert hull.heights(where).min() > -1e-9
+        assert hull.normals[entered] @ way < 0.0
+    assert met_facet(hull, np.array([99.0, 99.0, 99.0]), np.array([0.0, 0.0, 1.0])) is None
+
+
+def test_a_ray_meets_the_near_side_of_the_sphere() -> None:
+    met = met_sphere(np.array([0.0, -4.0, 0.5]), np.array([0.0, 2.0, 0.0]))
+    assert met is not None
+    np.testing.assert_allclose(met, [0.0, -np.sqrt(0.75), 0.5])
+    assert met_sphere(np.array([0.0, -4.0, 2.0]), np.array([0.0, 1.0, 0.0])) is None
+    assert met_sphere(np.array([0.0, -4.0, 0.0]), np.array([0.0, -1.0, 0.0])) is None
+
+
+def test_places_lead_there_and_back(viewed: ViewedBody) -> None:
+    place = Place.of(viewed.hull)
+    points = viewed.hull.vertices
+    np.testing.assert_allclose(place.from_scene(place.into_scene(points)), points, atol=1e-12)
+    assert np.linalg.norm(place.into_scene(points), axis=1).max() == pytest.approx(1.0)
+    shift = np.array([0.1, 0.0, -0.2])
+    start = points[3]
+    moved = place.motion(np.array([1.0, 0.0, 0.0, 0.0]), place.into_scene(start) + shift, start)
+    np.testing.assert_allclose(moved[:3, 3], shift / place.scale, atol=1e-12)

@@ -1,0 +1,87 @@
+"""Whatever a page is opened with comes as a body with the odds of the model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from common.finished_run import box_file
+
+import dicedesign as dd
+from dicedesign.view.bodies.opened import Tell, source_of
+from dicedesign.view.bodies.thinning import MOST_SHOWN, farthest_points, thinned
+
+
+def test_a_mesh_is_itself(tmp_path: Path) -> None:
+    path = box_file(tmp_path)
+    source = source_of(path)
+    assert source.names == ("box.obj",)
+    viewed = source.load("box.obj", Tell())
+    told = dd.rest_poses(dd.read_body(path))
+    np.testing.assert_array_equal(viewed.poses.probabilities, told.probabilities)
+    assert viewed.follows
+
+
+def test_a_folder_of_meshes_has_them_all(tmp_path: Path) -> None:
+    (tmp_path / "more").mkdir()
+    box_file(tmp_path, name="b.obj")
+    box_file(tmp_path / "more", (1.0, 1.0, 3.0), "a.stl")
+    (tmp_path / "read.me").write_text("no mesh")
+    source = source_of(tmp_path)
+    assert source.names == ("b.obj", "more/a.stl")
+    longest = source.load("more/a.stl", Tell())
+    assert float(np.ptp(longest.hull.vertices, axis=0).max()) == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("engrave", [False, True])
+def test_a_finished_die_has_its_labels_and_odds(tmp_path: Path, engrave: bool) -> None:
+    recipe = {
+        "name": "d4",
+        "target": {"probabilities": [0.1, 0.2, 0.3, 0.4], "labels": ["one", "2", "3", "4"]},
+        "figures": False,
+        "report": False,
+        "engrave": engrave,
+    }
+    result = dd.run(recipe, out=tmp_path / "d4")
+    viewed = source_of(tmp_path / "d4").load("d4", Tell())
+    odds = result.engraved_probabilities if engrave else result.probabilities
+    assert odds is not None
+    assert [row.label for row in viewed.rows][:4] == ["one", "2", "3", "4"]
+    np.testing.assert_allclose([row.odds for row in viewed.rows][:4], odds, atol=1e-9)
+    assert [row.wanted for row in viewed.rows][:4] == [0.1, 0.2, 0.3, 0.4]
+
+
+def test_a_recipe_is_designed_and_tells_how_far_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "d5.yaml"
+    path.write_text("name: d5\ntarget: {fair: 5}\nengrave: false\n")
+    said: list[str] = []
+    source = source_of(path)
+    assert not source.quick
+    viewed = source.load("d5", Tell(said.append))
+    np.testing.assert_allclose([row.odds for row in viewed.rows], 0.2, atol=1e-6)
+    assert any("step" in words for words in said)
+
+
+def test_a_thinned_mesh_is_small_and_where_it_was() -> None:
+    ball = trimesh.creation.icosphere(7, 5.0)
+    points, triangles = np.asarray(ball.vertices), np.asarray(ball.faces)
+    assert len(triangles) > MOST_SHOWN
+    fewer, kept = thinned(points, triangles)
+    assert 0.3 * MOST_SHOWN < len(kept) <= MOST_SHOWN
+    assert np.abs(np.linalg.norm(fewer, axis=1) - 5.0).max() < 0.1
+    assert trimesh.Trimesh(fewer, kept, process=False).volume == pytest.approx(
+        ball.volume, rel=0.02
+    )
+    same = thinned(points[:100], triangles[:50] % 100)
+    np.testing.assert_array_equal(same[0], points[:100])
+
+
+def test_the_farthest_points_span_nearly_the_same_hull() -> None:
+    ball = trimesh.creation.icosphere(6)
+    points = np.asarray(ball.vertices) * [1.0, 1.3, 0.7] + np.array([5.0, 0.0, 0.0])
+    few = farthest_points(np.concatenate([points, 0.9 * points + np.array([0.5, 0.0, 0.0])]))
+    assert len(few) < 0.6 * len(points)
+    whole = trimesh.convex.convex_hull(points).volume
+    assert 0.999 * whole < trimesh.convex.convex_hull(few).volume <= whole
