@@ -20,7 +20,7 @@ from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.rest.basins import Basins
 from dicedesign.rest.border_arcs import Borders
 from dicedesign.rest.morse import separatrix_points
-from dicedesign.rest.prior import DensityPrior, Prior, read_prior
+from dicedesign.rest.prior import DensityPrior, Prior, prior_of
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["OddsUnderPrior"]
@@ -35,7 +35,7 @@ class OddsUnderPrior:
     @classmethod
     def of(cls, prior: Prior | str) -> OddsUnderPrior:
         """Those under a prior or what its text names. Raises InputError where it has no density."""
-        found = read_prior(prior) if isinstance(prior, str) else prior
+        found = prior_of(prior)
         if not isinstance(found, DensityPrior):
             raise InputError(
                 f"prior: expected one with a density, which has derivatives, got "

@@ -17,6 +17,7 @@ from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.report.body_figures.body_figure import Lain, Subject, drawn_surface
 from dicedesign.report.render.cameras import upward_of
 from dicedesign.report.render.renderer import Surface
+from dicedesign.rest.outcomes import facet_of_rest
 from dicedesign.rest.poses import rest_poses
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ def _of_recipe(
 
     folder = os.path.isdir(path)
     recipe = read_recipe(path / RECIPE if folder else path)
-    make = partial(_finished, path) if folder else partial(_designed, recipe, on_step)
+    make = partial(_finished, path, recipe) if folder else partial(_designed, recipe, on_step)
     make_before = partial(_start, recipe, path) if before is None else partial(_other, before)
     mesh = recipe.start.mesh
     upward = np.array([0.0, 0.0, 1.0]) if mesh is None else upward_of(Path(mesh.path))
@@ -121,24 +122,20 @@ def _of_recipe(
     )
 
 
-def _finished(folder: Path) -> Lain:
+def _finished(folder: Path, recipe: Recipe) -> Lain:
     """The die of a run's folder."""
     from dicedesign.results.reading import read_result
 
     result = read_result(folder)
     body = read_body(folder / PLAIN)
     # A file does not say where the center of mass is of a body that is not uniform.
-    given = result.center_of_mass if _is_given(folder) else None
-    poses = rest_poses(body, given)
-    labels = [facet.label or "" for facet in result.facets]
-    return Lain(body, poses, labels if len(labels) == len(poses.facets) else None)
-
-
-def _is_given(folder: Path) -> bool:
-    from dicedesign.recipe.schema.reading import read_recipe
-    from dicedesign.results.folder import RECIPE
-
-    return read_recipe(folder / RECIPE).center_of_mass is not None
+    given = None if recipe.center_of_mass is None else result.center_of_mass
+    poses = rest_poses(body, given).under(recipe.prior_read())
+    # Rests of equal odds may come in another order than when the file was written.
+    shown = np.array([facet.normal for facet in result.facets]).reshape(-1, 3)
+    facets = facet_of_rest(poses.normals, shown).tolist()
+    labels = ["" if k < 0 else result.facets[k].label or "" for k in facets]
+    return Lain(body, poses, labels)
 
 
 def _designed(recipe: Recipe, on_step: Callable[[], None]) -> Lain:

@@ -133,10 +133,9 @@ class RestPoses:
         if prior is None:
             return self if self.prior is None else self._with_odds(None, self._areas, None)
         # Imported here, as most queries do without.
-        from dicedesign.rest.prior import read_prior
+        from dicedesign.rest.prior import prior_of
 
-        if isinstance(prior, str):
-            prior = read_prior(prior)
+        prior = prior_of(prior)
         odds, errors = np.zeros((2, len(self.basins), len(self.hull.normals)))
         for row, side in enumerate(self.basins):
             found, rests = prior.odds(side), side.paths.rests

@@ -22,7 +22,16 @@ if TYPE_CHECKING:
     from dicedesign.rest.border_arcs import Arcs
     from dicedesign.runtime.arrays import Floats
 
-__all__ = ["PRIORS", "DensityPrior", "Prior", "PriorKind", "PriorOdds", "axis_of", "read_prior"]
+__all__ = [
+    "PRIORS",
+    "DensityPrior",
+    "Prior",
+    "PriorKind",
+    "PriorOdds",
+    "axis_of",
+    "prior_of",
+    "read_prior",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +108,18 @@ def read_prior(text: str) -> Prior:
         raise
     except ValueError as error:
         raise InputError(f"prior: expected {kind.form}, got {text!r}; correct it") from error
+
+
+def prior_of(given: Prior | str) -> Prior:
+    """A prior, or the one that a text names. Raises InputError for anything else."""
+    if isinstance(given, str):
+        return read_prior(given)
+    if not isinstance(given, Prior):
+        raise InputError(
+            f"prior: expected a prior or a text that names one, got {given!r}; write one such as "
+            '"half:0,0,-1"'
+        )
+    return given
 
 
 def axis_of(given: ArrayLike) -> Floats:

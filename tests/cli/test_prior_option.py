@@ -46,6 +46,7 @@ def test_samples_of_a_file(box: Path, capsys: pytest.CaptureFixture[str]) -> Non
         (["--prior", "vmf:0,0,0:1"], "not all zero"),
         (["--prior", "half"], "half:x,y,z"),
         (["--prior", "samples:missing.csv"], "missing.csv"),
+        (["--prior", "samples:"], "samples:FILE.csv"),
         (["--prior", "half:0,0,1", "--table", "paper"], "--table"),
     ],
 )
@@ -68,7 +69,18 @@ def test_a_line_of_samples_that_is_no_direction(
     assert "seen.csv" in capsys.readouterr().err.splitlines()[-1]
 
 
-def test_a_folder_is_refused(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("line", ["1,2", "0,zero,1", "0,0,1,"])
+def test_a_first_line_with_numbers_is_no_line_of_names(
+    box: Path, line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seen = box.with_name("seen.csv")
+    seen.write_text(f"{line}\n0,0,1\n")
+    assert main(["rest", str(box), "--prior", f"samples:{seen}"]) == 2
+    assert "in line 1" in capsys.readouterr().err.splitlines()[-1]
+
+
+@pytest.mark.parametrize("prior", ["half:0,0,1", ""])
+def test_a_folder_is_refused(box: Path, prior: str, capsys: pytest.CaptureFixture[str]) -> None:
     out = str(box.with_name("table.csv"))
-    assert main(["rest", str(box.parent), "--out", out, "--prior", "half:0,0,1"]) == 2
+    assert main(["rest", str(box.parent), "--out", out, "--prior", prior]) == 2
     assert "--prior" in capsys.readouterr().err

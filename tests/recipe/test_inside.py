@@ -54,6 +54,17 @@ def test_a_cavity_below_labels(tmp_path: Path, edges: Any) -> None:
     assert read_result(tmp_path).inside == result.inside
 
 
+def test_a_cavity_of_a_die_under_a_prior(tmp_path: Path) -> None:
+    prior = "vmf:0,0,-1:1"
+    result = run(checked_recipe(recipe("cavity", engrave=False, prior=prior)), tmp_path)
+    mesh = trimesh.load(tmp_path / "die.stl")
+    corners = np.asarray(mesh.vertices).astype(np.float32)
+    found = rest_poses(corners, mesh.center_mass).under(prior).probabilities
+    np.testing.assert_allclose(found[:5], 0.2, atol=1e-6)
+    assert result.converged
+    assert result.engraved_max_abs_error == pytest.approx(np.abs(found[:5] - 0.2).max(), abs=1e-7)
+
+
 def test_weights_below_labels(tmp_path: Path) -> None:
     result = run(checked_recipe(recipe("weights", engrave=False)), tmp_path)
     assert result.converged

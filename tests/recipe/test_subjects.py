@@ -47,6 +47,22 @@ def test_a_recipe_and_its_folder_are_the_same_die(folder: Path) -> None:
         assert len(hulls[0].vertices) != len(hulls[1].vertices)
 
 
+def test_a_die_under_a_prior_has_its_odds_and_labels_under_it(tmp_path: Path) -> None:
+    prior = "half:0.2,0.3,-1"
+    recipe = {**PAPER, "target": {"probabilities": [0.4, 0.3, 0.2, 0.1]}, "prior": prior}
+    del recipe["start"], recipe["method"]
+    out = tmp_path / "die"
+    result = run({**recipe, "engrave": False, "print": False}, out=out)
+    lain = subject_of(out).lain
+    odds = dict(zip(lain.labels or (), lain.poses.probabilities, strict=True))
+    for label, wanted in zip(result.labels, result.target, strict=True):
+        assert odds[label] == pytest.approx(wanted, abs=1e-6)
+    for facet in result.facets:
+        if facet.label is not None:
+            apart = np.linalg.norm(lain.poses.normals - facet.normal, axis=1)
+            assert (lain.labels or ())[int(apart.argmin())] == facet.label
+
+
 def test_ablations_leave_out_one_weight_after_the_other(folder: Path) -> None:
     steps = []
     subject = subject_of(folder, steps=6, on_step=lambda: steps.append(1))

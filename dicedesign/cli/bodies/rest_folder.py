@@ -89,7 +89,7 @@ def rest_folder(options: argparse.Namespace, center_of_mass: Center) -> int:
 
 def _check(options: argparse.Namespace) -> None:
     for name in ("json", "figure", "heights", "prior", "part"):
-        if getattr(options, name):
+        if getattr(options, name) not in (None, False, []):
             raise InputError(
                 f"--{name}: expected one mesh, got the folder {options.mesh}; name a file, or "
                 f"leave --{name} out"

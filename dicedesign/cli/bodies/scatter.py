@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.cli.options import numbers, print_json
 from dicedesign.errors import InputError
-from dicedesign.runtime.checks import MOST_SEED, check_whole, is_finite_number
+from dicedesign.runtime.checks import MOST_SEED, check_whole
 from dicedesign.runtime.files import atomic_write
 from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
 from dicedesign.runtime.workers import progress_bar
+from dicedesign.tolerances import SMALLEST_EXTENT
 
 if TYPE_CHECKING:
     from dicedesign.scenes.room import Room
@@ -118,14 +119,23 @@ def _check(options: argparse.Namespace) -> tuple[float, float] | None:
             f"--out: expected a path that ends in {' or '.join(ENDINGS)}, got {options.out}; "
             "rename it"
         )
-    if options.size is not None and not (is_finite_number(options.size) and options.size > 0.0):
-        raise InputError(f"--size: expected a length above 0, got {options.size:g}; change it")
+    if options.size is not None:
+        _check_length("--size", options.size)
     if options.floor is None:
         return None
     width, depth = numbers("--floor", options.floor, "w,d")
-    if not min(width, depth) > 0.0:
-        raise InputError(f"--floor: expected two lengths above 0, got {options.floor}; change it")
+    for side in (width, depth):
+        _check_length("--floor", side)
     return width, depth
+
+
+def _check_length(name: str, length: float) -> None:
+    """Raise InputError for a length whose square, or its inverse, would not be a number."""
+    if not SMALLEST_EXTENT <= length <= 1.0 / SMALLEST_EXTENT:
+        raise InputError(
+            f"{name}: expected a length from {SMALLEST_EXTENT:g} to {1.0 / SMALLEST_EXTENT:g}, "
+            f"got {length:g}; change it, or the unit"
+        )
 
 
 def _scene(room: Room, path: Path) -> bytes:

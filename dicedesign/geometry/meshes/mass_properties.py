@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["MassProperties", "summed"]
@@ -36,8 +38,15 @@ def summed(
     """Those of pieces of a body.
 
     masses: (n,) from 0 on, not all 0; centers: (n, 3) of mass; spreads: (n, 3, 3) means of the
-    products of two coordinates about those centers.
+    products of two coordinates about those centers. Raises InputError: the mass is too large or too
+    small for a number.
     """
+    with np.errstate(over="ignore"):
+        mass = float(np.sum(masses))
+    if not 0.0 < mass < math.inf:
+        raise InputError(
+            f"{source}: expected a finite mass above 0, got {mass:g}; give them in another unit"
+        )
     shares = np.asarray(masses) / np.max(masses)
     shares = shares / shares.sum()
     middle = centers.mean(axis=0)
@@ -45,4 +54,4 @@ def summed(
     arms = centers - center
     spread = np.einsum("n,nij->ij", shares, spreads) + (shares[:, None] * arms).T @ arms
     inertia = np.trace(spread) * np.eye(3) - spread
-    return MassProperties(float(np.sum(masses)), center, inertia, source)
+    return MassProperties(mass, center, inertia, source)

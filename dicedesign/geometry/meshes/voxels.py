@@ -70,6 +70,8 @@ def voxel_body(
     sides, corner = _vector(spacing, "spacing", name), _vector(origin, "origin", name)
     if not (sides > 0.0).all():
         raise InputError(f"{name}: expected a spacing above 0, got {spacing!r}; correct it")
+    # First what refuses lengths whose products would be no numbers.
+    made = make_body(corner + sides * _outer_corners(cells > 0), name=name)
     weights = cells / cells.max()
     total = weights.sum(dtype=np.float64)
     # About the middle of the grid, in cells.
@@ -81,13 +83,12 @@ def voxel_body(
     products = _products(spread) + np.eye(3) / 12.0
     middle = corner + sides * (np.array(cells.shape) / 2.0 + center)
     found = summed(
-        [float(total * cells.max() * sides.prod())],
+        [float(total) * float(cells.max()) * float(sides.prod())],
         middle[None],
         (products * np.outer(sides, sides))[None],
         SOURCE,
     )
-    corners = corner + sides * _outer_corners(cells > 0)
-    return replace(make_body(corners, name=name), mass_properties=found)
+    return replace(made, mass_properties=found)
 
 
 def parsed_voxels(data: bytes, path: Path) -> Body:

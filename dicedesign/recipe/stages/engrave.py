@@ -261,7 +261,8 @@ def _tell(work: Work, verdict: Verdict) -> None:
 def _changes(work: Work, engraved: np.ndarray) -> Iterator[str]:
     """What labels and edges change by more than `CHANGED`, in at most one sentence."""
     plain = work.plain.outcomes.odds
-    changes = np.abs(engraved - plain) / np.where(plain > 0.0, plain, np.inf)
+    # Of a die that is no success odds may be next to nothing.
+    changes = np.abs(engraved - plain) / np.maximum(plain, work.target.probabilities)
     most = int(changes.argmax())
     if changes[most] > CHANGED:
         yield (

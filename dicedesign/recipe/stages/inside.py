@@ -71,7 +71,7 @@ def _finish(work: Work, made: Made) -> None:
     by = work.recipe.inside.by
     # A cavity is judged by the file alone.
     center = None if by == "cavity" else made.center
-    verdict = judged(made.files[""], work.die.directions, work.target, center)
+    verdict = judged(made.files[""], work.die.directions, work.target, center, work.die.prior)
     points, triangles = made.body.points, made.body.triangles
     if work.engraved is None:
         work.engraved = EngravedFile(points, triangles, verdict, ())

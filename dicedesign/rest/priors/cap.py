@@ -21,6 +21,7 @@ from dicedesign.rest.prior import (
     axis_of,
 )
 from dicedesign.runtime.arrays import Booleans, Floats
+from dicedesign.runtime.checks import is_finite_number
 
 __all__ = ["SphericalCap"]
 
@@ -46,10 +47,11 @@ class SphericalCap(DensityPrior):
     def __post_init__(self) -> None:
         axis = axis_of(self.axis)
         object.__setattr__(self, "axis", tuple(axis.tolist()))
-        if not LEAST_DEG <= self.angle_deg <= 180.0:
+        angle = self.angle_deg
+        if not (is_finite_number(angle) and LEAST_DEG <= angle <= 180.0):
             raise InputError(
                 f"prior: expected an angle from {LEAST_DEG:g} to 180 degrees, got "
-                f"{self.angle_deg:g}; 90 is half of all directions"
+                f"{angle!r}; 90 is half of all directions"
             )
 
     @cached_property

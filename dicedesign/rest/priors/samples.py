@@ -56,14 +56,10 @@ class SampledDirections(Prior):
         """
         rows = []
         for number, line in enumerate(read_text(path, "a CSV file of directions").splitlines()):
-            cells = line.split(",")
-            try:
-                row = [float(cell) for cell in cells]
-            except ValueError:
-                row = []
-            if not line.strip() or (number == 0 and not row):
+            row = [_number(cell) for cell in line.split(",")]
+            if not line.strip() or (number == 0 and not any(x is not None for x in row)):
                 continue
-            if len(row) != 3:
+            if len(row) != 3 or None in row:
                 raise InputError(
                     f"{path}: expected three numbers x,y,z in each line, got {line[:40]!r} in line "
                     f"{number + 1}; correct it"
@@ -107,6 +103,20 @@ def unit_directions(given: ArrayLike) -> Floats:
     return unit
 
 
+def _number(cell: str) -> float | None:
+    """What a cell says; None for no number."""
+    try:
+        return float(cell)
+    except ValueError:
+        return None
+
+
+def _read(text: str) -> SampledDirections:
+    if not text:
+        raise ValueError
+    return SampledDirections.read(Path(text))
+
+
 def _destinations(basins: Basins, directions: Floats) -> Integers:
     """(n,) the stable facet on which a body comes to rest that is let go with each direction
     down."""
@@ -129,6 +139,6 @@ PRIORS.register(
         line="the directions of a CSV file, three numbers a line, each as likely as any other",
         rank=4,
         form="samples:FILE.csv",
-        read=lambda text: SampledDirections.read(Path(text)),
+        read=_read,
     )
 )

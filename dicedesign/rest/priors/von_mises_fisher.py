@@ -23,6 +23,7 @@ from dicedesign.rest.prior import (
 )
 from dicedesign.rest.priors.quadrature import integrals
 from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.checks import is_finite_number
 
 __all__ = ["VonMisesFisher"]
 
@@ -55,10 +56,11 @@ class VonMisesFisher(DensityPrior):
     def __post_init__(self) -> None:
         axis = axis_of(self.axis)
         object.__setattr__(self, "axis", tuple(axis.tolist()))
-        if not 0.0 <= self.concentration <= LARGEST:
+        concentration = self.concentration
+        if not (is_finite_number(concentration) and 0.0 <= concentration <= LARGEST):
             raise InputError(
                 f"prior: expected a concentration from 0 to {LARGEST:g}, got "
-                f"{self.concentration:g}; 0 stands for all directions alike"
+                f"{concentration!r}; 0 stands for all directions alike"
             )
 
     @classmethod

@@ -172,6 +172,18 @@ def test_a_density_that_is_none(density: object) -> None:
         dd.weighted_body([(block((1, 1, 1), (0, 0, 0)), density)])  # type: ignore[list-item]
 
 
+def test_a_mass_that_is_no_number_is_told() -> None:
+    box = block((3, 3, 3), (0, 0, 0))
+    with pytest.raises(dd.InputError, match="finite mass"):
+        dd.weighted_body([(box, 1e308)])
+    with pytest.raises(dd.InputError, match="finite mass"):
+        dd.weighted_body([(box, 1.0), (block((2, 2, 2), (0, 0, 0)), 1e308)])
+    with pytest.raises(dd.InputError, match="finite mass"):
+        dd.voxel_body(np.full((3, 3, 3), 1e308))
+    with pytest.raises(dd.DegenerateBodyError, match="coordinates"):
+        dd.voxel_body(np.ones((3, 3, 3)), spacing=1e200)
+
+
 def test_what_has_no_mass() -> None:
     box = block((1, 1, 1), (0, 0, 0))
     with pytest.raises(dd.InputError, match="mass above 0"):

@@ -243,6 +243,16 @@ def test_a_prior_that_is_none_is_refused(text: str, said: str) -> None:
         dd.rest_poses(CUBE).under(text)
 
 
+@pytest.mark.parametrize("number", ["3", None, True, np.array([1.0, 2.0])])
+def test_what_is_no_number_is_refused(number: object) -> None:
+    with pytest.raises(dd.InputError, match="concentration"):
+        dd.VonMisesFisher([0, 0, 1], number)  # type: ignore[arg-type]
+    with pytest.raises(dd.InputError, match="angle"):
+        dd.SphericalCap([0, 0, 1], number)  # type: ignore[arg-type]
+    with pytest.raises(dd.InputError, match="prior"):
+        dd.rest_poses(CUBE).under([number])  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     "function",
     [
