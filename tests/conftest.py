@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from common.missing_browser import MISSING_BROWSER
 from common.paths import DATA, MISSING_DATA, ROOT
 from common.slicer import MISSING_SLICER, PROGRAM
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 # Small tensors and matrices: threads only get into each other's way.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
@@ -101,3 +105,16 @@ def random_points() -> Callable[..., np.ndarray]:
         return points * rng.uniform(0.8, 1.2, size=(count, 1)) * stretch
 
     return make
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Chromium without windows; where it is missing the test is skipped."""
+    # Imported late: most tests do without.
+    from dicedesign.bench.measures.headless_browser import headless_browser, missing_browser
+
+    missing = missing_browser()
+    if missing is not None:
+        pytest.skip(f"{MISSING_BROWSER}{missing}")
+    with headless_browser() as started:
+        yield started

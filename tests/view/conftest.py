@@ -1,4 +1,4 @@
-"""A browser for the tests of the page."""
+"""Pages for tests."""
 
 from __future__ import annotations
 
@@ -9,25 +9,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 from common.browser import OpenedPage
-from common.missing_browser import MISSING_BROWSER
 
-from dicedesign.bench.measures.headless_browser import headless_browser, missing_browser
 from dicedesign.view.application import View
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 Open = Callable[..., OpenedPage]
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Browser]:
-    """Chromium without windows; where it is missing the test is skipped."""
-    missing = missing_browser()
-    if missing is not None:
-        pytest.skip(f"{MISSING_BROWSER}{missing}")
-    with headless_browser() as started:
-        yield started
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from common.chromium import chromium
 from common.finished import finished_box
 from PIL import Image
 
@@ -25,12 +24,6 @@ from dicedesign.rest.poses import rest_poses
 
 SHOWN = "() => [...document.querySelectorAll('.shown')].map((x) => [x.tagName, x.dataset.facet])"
 ACCENT = np.array([194, 87, 26])
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as program:
-        yield program
 
 
 class Opened:
