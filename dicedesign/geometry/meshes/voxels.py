@@ -119,7 +119,7 @@ def _vector(given: ArrayLike, what: str, name: str) -> Floats:
         vector = np.full(3, np.nan)
     if not np.isfinite(vector).all():
         raise InputError(
-            f"{name}: expected a {what} of three finite numbers, got {given!r}; correct it"
+            f"{name}: expected {what} as three finite numbers, got {given!r}; correct it"
         )
     return np.array(vector)
 

@@ -96,8 +96,18 @@ class DensityFunction(DensityPrior):
             np.add.at(masses, basin, sign * found)
             np.add.at(errors, basin, error)
         masses += whole * wraps(signed_areas(paths, basins.points, references))
-        odds = np.maximum(masses, 0.0) / whole
-        return PriorOdds(odds / odds.sum(), (errors + odds * whole_error) / whole)
+        masses = np.maximum(masses, 0.0)
+        total = float(masses.sum())
+        if total == 0.0:
+            raise InputError(
+                "prior: expected a density that is above 0 on more than a speck of the sphere, got "
+                "one that is found on none of the basins; take VonMisesFisher or SphericalCap"
+            )
+        odds = masses / total
+        # What one of the two sums has missed.
+        apart = abs(total - whole) / max(total, whole)
+        errors = (errors + odds * whole_error) / max(total, whole) + apart
+        return PriorOdds(odds, np.minimum(errors, 1.0))
 
     def fluxes(self, arcs: Arcs) -> Floats:
         """See `DensityPrior`."""

@@ -243,6 +243,16 @@ def test_a_prior_that_is_none_is_refused(text: str, said: str) -> None:
         dd.rest_poses(CUBE).under(text)
 
 
+@pytest.mark.parametrize(("body", "direction"), [(1, 5), (3, 0), (7, 1)])
+def test_a_peak_that_one_of_two_sums_misses_is_told(body: int, direction: int) -> None:
+    peak = dd.VonMisesFisher(np.random.default_rng(direction).normal(size=3).tolist(), 1e6)
+    poses = dd.rest_poses(random_body(body))
+    exact = (by_facet(poses.under(peak)) + by_facet(poses)) / 2.0
+    under = poses.under(dd.DensityFunction(lambda u: peak.density(u) + 1.0 / (4.0 * np.pi)))
+    assert under.errors is not None
+    assert np.abs(by_facet(under) - exact).max() <= under.errors.max() + 1e-12
+
+
 @pytest.mark.parametrize("number", ["3", None, True, np.array([1.0, 2.0])])
 def test_what_is_no_number_is_refused(number: object) -> None:
     with pytest.raises(dd.InputError, match="concentration"):
