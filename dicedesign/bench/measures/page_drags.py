@@ -99,6 +99,7 @@ def drag_rates(browser: Browser, viewed: ViewedBody, seconds: float) -> DragRate
         page.set_default_timeout(PATIENCE)
         view.page.soon(lambda: view.exhibit.show(viewed))
         page.goto(view.page.gate.address)
+        page.get_by_role("tab", name="Body").click()
         page.wait_for_selector("#odds")
         # Until all is compiled that draws.
         page.wait_for_timeout(SETTLING)
