@@ -127,3 +127,21 @@ def test_thrown_odds_are_those_of_the_model() -> None:
     inertia = np.diag([1.5**2 + 2.0**2, 1.0 + 2.0**2, 1.0 + 1.5**2]) / 3.0
     np.testing.assert_allclose(moved.rigid.inertia, inertia, atol=1e-12)
     assert moved.thrown(momentum_model("board-game")).sum() == pytest.approx(1.0)
+
+
+def test_a_die_under_a_prior_keeps_it_while_it_is_dragged() -> None:
+    """Set down; what is thrown lands with any side down alike."""
+    directions = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+    outcomes = Outcomes(("low", "high"), directions, None, "vmf:0,0,-1:2")
+    viewed = ViewedBody.of(make_body(BLOCK), outcomes=outcomes)
+    moved, _ = viewed.with_center(np.array([0.1, 0.0, 0.3]))
+    for body in (viewed, moved):
+        told = dd.rest_poses(BLOCK, body.center)
+        under = told.under("vmf:0,0,-1:2")
+        odds = [float(under.probabilities[(under.normals @ way).argmax()]) for way in directions]
+        np.testing.assert_allclose([row.odds for row in body.rows[:2]], odds)
+        thrown = dd.thrown_odds(make_body(BLOCK), told, "board-game")
+        landed = [float(thrown[(told.normals @ way).argmax()]) for way in directions]
+        np.testing.assert_allclose(
+            body.thrown(momentum_model("board-game"))[:2], landed, rtol=0.0, atol=1e-9
+        )

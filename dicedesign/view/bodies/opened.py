@@ -142,6 +142,7 @@ def _finished(result: Result, tell: Tell) -> ViewedBody:
         labels,
         np.array([shown[label] for label in labels]).reshape(-1, 3),
         np.array([wanted[label] for label in labels]),
+        result.prior,
     )
     center = None if engraved else np.array(result.center_of_mass)
     return ViewedBody.of(read_body(path), center, outcomes, name=result.name)
@@ -171,5 +172,7 @@ def viewed_work(work: Work) -> ViewedBody:
         body = make_body(engraved.points, engraved.triangles, name=work.recipe.name)
     else:
         body = make_body(solid.points, solid.triangles, name=work.recipe.name)
-    outcomes = Outcomes(work.target.labels, work.die.directions, work.target.probabilities)
+    outcomes = Outcomes(
+        work.target.labels, work.die.directions, work.target.probabilities, work.die.prior
+    )
     return ViewedBody.of(body, solid.center_of_mass, outcomes)

@@ -18,6 +18,7 @@ from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
+from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.momentum.momentum_model import MomentumModel
 from dicedesign.throws.momentum.momentum_odds import momentum_odds
@@ -45,11 +46,13 @@ class Outcomes:
     labels: of the k outcomes.
     directions: (k, 3) unit, in the body's frame, down when the die shows them.
     target: (k,) wanted odds, or None.
+    prior: under which the odds are, when it is set down; None where any side is down alike.
     """
 
     labels: tuple[str, ...]
     directions: Floats
     target: Floats | None = None
+    prior: Prior | str | None = None
 
 
 @dataclass(frozen=True)
@@ -139,6 +142,8 @@ class ViewedBody:
         """
         if poses is None:
             poses = rest_poses(body, center_of_mass)
+        if outcomes is not None:
+            poses = poses.under(outcomes.prior)
         source = poses.center_of_mass_source
         apart = np.abs(poses.center_of_mass - poses.hull.centroid).max()
         extent = float(np.ptp(poses.hull.vertices, axis=0).max())
@@ -202,7 +207,10 @@ class ViewedBody:
 
     def thrown(self, model: MomentumModel | None) -> Floats:
         """(rows,) odds of the body thrown onto a table, by its momentum model."""
-        return self.by_row(momentum_odds(self.poses, self.rigid, model))
+        alike = self.poses.under(None)
+        of_facet = np.zeros(len(self.hull.normals))
+        of_facet[alike.facets] = momentum_odds(alike, self.rigid, model)
+        return self.by_row(of_facet[self.poses.facets])
 
     def with_center(self, point: Floats) -> tuple[ViewedBody, bool]:
         """The body with its center of mass at a point (3,), or where the way there leaves the hull;
@@ -249,7 +257,7 @@ class ViewedBody:
     def _analysed(
         self, hull: ConvexHull, center: Floats, source: str, *, follows: bool
     ) -> ViewedBody:
-        poses = analyse(hull, center, source)
+        poses = analyse(hull, center, source).under(self.poses.prior)
         numbers = _numbers(poses, self.poses, self.numbers)
         return replace(self, poses=poses, numbers=numbers, follows=follows)
 
