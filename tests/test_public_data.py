@@ -1,4 +1,4 @@
-"""Tests that need public data or a slicer: what a run says where these are missing."""
+"""Tests that need public data, a slicer or a browser: what a run says where these are missing."""
 
 from __future__ import annotations
 
@@ -22,6 +22,9 @@ def test_of_data(name):
 def test_of_slices(tmp_path):
     told_of(tmp_path / "die.stl")
 
+def test_of_a_page(browser):
+    browser.new_page()
+
 def test_of_another_kind():
     pytest.skip("no compiler")
 """
@@ -32,8 +35,8 @@ def checkout(repository: Path, tmp_path: Path) -> Path:
     """A checkout that has these tests only, with one file of public data beside it."""
     folder = tmp_path / "checkout"
     (folder / "tests" / "common").mkdir(parents=True)
-    for name in ("tests/conftest.py", "tests/common/paths.py", "tests/common/slicer.py"):
-        shutil.copy(repository / name, folder / name)
+    for name in ("conftest", "common/paths", "common/slicer", "common/missing_browser"):
+        shutil.copy(repository / "tests" / f"{name}.py", folder / "tests" / f"{name}.py")
     (folder / "tests" / "test_data.py").write_text(TESTS)
     models = tmp_path / "shared" / "data" / "models"
     models.mkdir(parents=True)
@@ -42,6 +45,8 @@ def checkout(repository: Path, tmp_path: Path) -> Path:
 
 
 DATA = ("no public data in ", "tests/test_data.py::test_of_data[missing.obj]")
+
+BROWSER = ("no Chromium, or no playwright", "tests/test_data.py::test_of_a_page")
 
 SLICER = ("prusa-slicer is not installed", "tests/test_data.py::test_of_slices")
 
@@ -52,6 +57,7 @@ SLICER = ("prusa-slicer is not installed", "tests/test_data.py::test_of_slices")
         ([], ()),
         (["--require-public-data"], (DATA,)),
         (["--require-slicer"], (SLICER,)),
+        (["--require-browser"], (BROWSER,)),
     ],
 )
 def test_what_is_missing(
@@ -67,9 +73,11 @@ def test_what_is_missing(
         command, cwd=checkout, env=own, capture_output=True, text=True, check=False
     )
     assert done.returncode == (1 if required else 0), done.stdout + done.stderr
-    for missing in (DATA, SLICER):
+    for missing in (DATA, SLICER, BROWSER):
         title, name = missing
         _, _, told = done.stdout.partition(f"1 skipped: {title}")
         assert (name in told.splitlines()) is (missing not in required)
-        assert (f"FAILED {name}" in done.stdout) is (missing in required)
+        # What a fixture misses is an error.
+        failed = {f"FAILED {name}", f"ERROR {name}"} & set(done.stdout.splitlines())
+        assert bool(failed) is (missing in required)
     assert "test_of_another_kind" not in done.stdout
