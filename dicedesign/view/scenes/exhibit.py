@@ -25,6 +25,9 @@ from dicedesign.view.scenes.sphere import Sphere
 
 __all__ = ["Exhibit"]
 
+AMBIENT: Final = 1.2
+"""Light from everywhere."""
+
 Listener = Callable[[ViewedBody], None]
 
 FRAME: Final = 1.0 / 50.0
@@ -54,6 +57,9 @@ class Exhibit:
         self._beginners: list[Listener] = []
         self._moving: Job | None = None
         scene = page.scene
+        # What would be mirrored in the body is the largest part of what drawing costs.
+        scene.configure_environment_map(hdri=None)
+        scene.add_light_ambient("/light", intensity=AMBIENT)
         # Shadows take most of the time of a browser without a graphics card.
         scene.configure_default_lights(True, cast_shadow=False)
         scene.add_grid(
