@@ -16,7 +16,9 @@ from tempfile import TemporaryDirectory
 
 from PIL import Image
 
+from dicedesign.bench.measures.headless_browser import headless_browser
 from dicedesign.cli.main import main
+from dicedesign.view.application import View
 
 TITLE = 66
 """Pixels above each view that hold its title."""
@@ -91,6 +93,24 @@ def gallery(outputs: Path, target: Path) -> None:
     for path in sorted((outputs / "bench").glob("*.png")):
         save(narrowed(Image.open(path)), target / f"bench_{path.name}")
     room(outputs, target)
+    page(outputs / "2d6_hendecahedron", target)
+
+
+def page(folder: Path, target: Path) -> None:
+    """A die in the browser."""
+    shown = View(folder)
+    with headless_browser() as browser, TemporaryDirectory() as name:
+        opened = browser.new_page(viewport={"width": 1200, "height": 760})
+        opened.goto(shown.page.gate.address)
+        opened.wait_for_selector("#odds")
+        # What says that there is no graphics card.
+        opened.add_style_tag(content=".mantine-Notification-root { display: none; }")
+        opened.wait_for_timeout(10_000.0)
+        opened.screenshot(path=f"{name}/page.png")
+        picture = Image.open(f"{name}/page.png")
+        picture.load()
+    shown.close()
+    save(narrowed(picture), target / "page.png", 255)
 
 
 def room(outputs: Path, target: Path) -> None:
