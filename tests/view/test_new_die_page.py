@@ -36,6 +36,9 @@ class NewDie(OpenedPage):
         box = f'//label[normalize-space()="{label}"]/following::input[not(@type="hidden")][1]'
         self.page.locator(f"xpath={box}").fill(text)
         self.page.keyboard.press("Tab")
+        # Viser's client sends but the newest of what changes within some milliseconds, and nobody
+        # types into two fields at once.
+        self.page.evaluate("() => new Promise((done) => setTimeout(done, 120))")
 
     def table(self, name: str, column: int) -> list[str]:
         rows = self.page.eval_on_selector_all(

@@ -45,6 +45,9 @@ MET_BY_STRETCH: Final = 6
 CHANGED: Final = 0.05
 """Relative change of an outcome's odds by labels and edges that is told."""
 
+RARE: Final = 1e-3
+"""Part of the wanted odds of an outcome, below which changes are told as parts of these."""
+
 
 def engrave(work: Work) -> None:
     """Make die.stl: edges rounded; each label where the die is read, or in the side that is up then
@@ -260,9 +263,9 @@ def _tell(work: Work, verdict: Verdict) -> None:
 
 def _changes(work: Work, engraved: np.ndarray) -> Iterator[str]:
     """What labels and edges change by more than `CHANGED`, in at most one sentence."""
-    plain = work.plain.outcomes.odds
-    # Of a die that is no success odds may be next to nothing.
-    changes = np.abs(engraved - plain) / np.maximum(plain, work.target.probabilities)
+    plain, wanted = work.plain.outcomes.odds, work.target.probabilities
+    # A die that is no success may have next to no odds of an outcome.
+    changes = np.abs(engraved - plain) / np.where(plain > RARE * wanted, plain, wanted)
     most = int(changes.argmax())
     if changes[most] > CHANGED:
         yield (
