@@ -90,3 +90,12 @@ def test_meshes_that_cannot_be_balanced(tmp_path: Path, capsys: pytest.CaptureFi
     assert "repair" in capsys.readouterr().err
     assert main(["balance", str(tmp_path / "none.stl"), *command]) == 2
     assert "none.stl" in capsys.readouterr().err
+
+
+def test_the_mesh_itself_is_never_written_over(
+    leaning: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = leaning.read_bytes()
+    assert main(["balance", str(leaning), "--stand", "1", "--out", str(leaning)]) == 2
+    assert "--out: expected another file than the mesh" in capsys.readouterr().err
+    assert leaning.read_bytes() == before

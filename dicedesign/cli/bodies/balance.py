@@ -143,6 +143,10 @@ def _balance(options: argparse.Namespace) -> int:
         **given,
     )
     file = _file(options.out)
+    if file.exists() and options.mesh.exists() and file.samefile(options.mesh):
+        raise InputError(
+            f"--out: expected another file than the mesh, got {file}; the mesh is left as it is"
+        )
     found = balanced(read_body(options.mesh), goal, wanted, on_way=_tell_way)
     files = list(_written(found, file))
     for note in found.notes:

@@ -47,7 +47,7 @@ class Tell:
 
 RECIPES: Final = (".yaml", ".yml")
 
-QUICK: Final = 20_000_000
+QUICK: Final = 1_000_000
 """Bytes of a file that is read at once, before there is a page."""
 
 
