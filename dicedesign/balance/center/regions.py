@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import linprog
 from scipy.stats import qmc
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.halfspaces import deepest_point, polyhedron_corners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.runtime.arrays import Floats
 
@@ -50,16 +49,8 @@ class Halfspaces:
         """The point (3,) whose least distance from the planes is largest, and that distance; it is
         not above 0 where nothing is inside, and infinite where that is unbounded."""
         middle = self.normals.T @ self.offsets / len(self.offsets)
-        heights = self.heights(middle)
-        size = float(np.abs(heights).max())
-        rows = np.column_stack([self.normals, np.ones(len(heights))])
-        bounds = [(None, None)] * 4
-        found = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=heights / size, bounds=bounds)
-        if found.status == 3:
-            return middle, np.inf
-        if found.x is None:
-            return middle, -np.inf
-        return middle + size * found.x[:3], size * float(found.x[3])
+        move, depth = deepest_point(self.normals, self.heights(middle))
+        return middle + move, depth
 
     def corners(self) -> ConvexHull | None:
         """The polyhedron that is inside, which has to be bounded; None where there is none."""

@@ -11,9 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.halfspaces import deepest_point, polyhedron_corners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.runtime.arrays import Floats
@@ -48,7 +46,8 @@ def inside_walls(hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] 
     middle = hull.centroid
     depths = hull.heights(middle)
     if depths.min() <= walls_mm:
-        depths, middle = _deepest(hull)
+        move, _ = deepest_point(hull.normals, depths)
+        depths, middle = depths - hull.normals @ move, middle + move
     if depths.min() <= walls_mm:
         return Inside(0.0, middle)
     inner = convex_hull(middle + polyhedron_corners(hull.normals, depths - walls_mm))
@@ -63,20 +62,6 @@ def inside_walls(hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] 
             return Inside(0.0, middle)
         points, triangles = mesh_of(left)
     return Inside(*solid_properties(points, triangles))
-
-
-def _deepest(hull: ConvexHull) -> tuple[Floats, Floats]:
-    """Distances (m,) from the planes of the facets of the point (3,) that is farthest from all."""
-    # Imported late: few dice are so thin that it is needed.
-    from scipy.optimize import linprog
-
-    heights = hull.heights(hull.centroid)
-    size = float(np.ptp(hull.vertices, axis=0).max())
-    rows = np.column_stack([hull.normals, np.ones(len(heights))])
-    bounds = [(None, None)] * 3 + [(0.0, None)]
-    found = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=heights / size, bounds=bounds)
-    move = size * found.x[:3]
-    return heights - hull.normals @ move, hull.centroid + move
 
 
 def pocket_walls(

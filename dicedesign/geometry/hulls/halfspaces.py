@@ -8,8 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import as_numbers
+from dicedesign.runtime.arrays import Floats
 
-__all__ = ["polyhedron_corners"]
+__all__ = ["deepest_point", "polyhedron_corners"]
 
 
 def polyhedron_corners(normals: ArrayLike, offsets: ArrayLike) -> NDArray[np.float64]:
@@ -43,6 +44,25 @@ def polyhedron_corners(normals: ArrayLike, offsets: ArrayLike) -> NDArray[np.flo
     if (heights <= 0.0).any():
         raise _no_polyhedron("one that is unbounded")
     return polar.normals / heights[:, None]
+
+
+def deepest_point(normals: Floats, offsets: Floats) -> tuple[Floats, float]:
+    """The point (3,) whose least distance from the planes `normals[i] . x = offsets[i]` is largest,
+    and that distance: not above 0 where nothing is inside of all, and infinite where that is
+    unbounded; the point is the origin then, and where no linear program finds one.
+
+    normals: (m, 3) unit; offsets: (m,), from a point that is not far from them.
+    """
+    # Imported late: few need it.
+    from scipy.optimize import linprog
+
+    size = float(np.abs(offsets).max())
+    rows = np.column_stack([normals, np.ones(len(offsets))])
+    bounds = [(None, None)] * 4
+    found = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=offsets / size, bounds=bounds)
+    if found.x is None or found.status == 3:
+        return np.zeros(3), np.inf if found.status == 3 else -np.inf
+    return size * found.x[:3], size * float(found.x[3])
 
 
 def _offsets(offsets: ArrayLike, count: int) -> NDArray[np.float64]:

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import HalfspaceIntersection
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.halfspaces import deepest_point, polyhedron_corners
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.solid import solid_properties
 
@@ -100,3 +100,13 @@ def test_the_error_says_what_to_do() -> None:
 def test_malformed_half_spaces_are_refused(normals: object, offsets: object, message: str) -> None:
     with pytest.raises(InputError, match=f"^half-spaces: .*{message}"):
         polyhedron_corners(normals, offsets)
+
+
+def test_the_deepest_point_of_a_box_and_of_none() -> None:
+    normals = np.concatenate([-np.eye(3), np.eye(3)])
+    point, depth = deepest_point(normals, np.array([0.0, 0.0, 0.0, 1.0, 2.0, 3.0]))
+    assert depth == pytest.approx(0.5)
+    assert (normals @ point + 0.5 <= np.array([0.0, 0.0, 0.0, 1.0, 2.0, 3.0]) + 1e-12).all()
+    # One below 0 and above 1 at once.
+    assert deepest_point(normals, np.array([-2.0, 0.0, 0.0, 1.0, 2.0, 3.0]))[1] <= 0.0
+    assert deepest_point(normals[:3], np.zeros(3) + 1.0)[1] == np.inf
