@@ -7,7 +7,7 @@ import socket
 import sys
 from collections.abc import Callable, Hashable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from dicedesign.errors import DiceError
 from dicedesign.runtime.printable import printable
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     import viser
 
 __all__ = ["Page", "Panel"]
+
+MOST_DIGITS: Final = 8
+"""Of the number of what was clicked."""
 
 
 class Panel(Protocol):
@@ -49,7 +52,7 @@ class Page:
     """
 
     def __init__(self, listening: socket.socket) -> None:
-        self._actions: dict[str, Callable[[str], None]] = {}
+        self._actions: dict[str, Callable[[int], None]] = {}
         self._jobs: list[Job] = []
         self._notice: Any = None
         self._progress: Any = None
@@ -79,9 +82,9 @@ class Page:
         """Make a change in the page's own thread; of each kind only the newest that waits."""
         self._changes.soon(change, kind)
 
-    def on_action(self, name: str, act: Callable[[str], None]) -> None:
-        """Call `act` in the page's thread when HTML with data-action="name:what" is clicked; it is
-        given what is after the colon."""
+    def on_action(self, name: str, act: Callable[[int], None]) -> None:
+        """Call `act` in the page's thread when HTML with data-action="name:number" is clicked; it
+        is given the number, from 0 on. Whatever else is asked for by hand is ignored."""
         self._actions[name] = act
 
     def start(
@@ -156,10 +159,10 @@ class Page:
             print(f"dicedesign: {printable(text)}", file=sys.stderr, flush=True)
 
     def _acted(self, word: str) -> None:
-        name, _, what = word.partition(":")
+        name, _, number = word.partition(":")
         act = self._actions.get(name)
-        if act is not None:
-            self.soon(lambda: act(what))
+        if act is not None and number.isdecimal() and len(number) <= MOST_DIGITS:
+            self.soon(lambda: act(int(number)))
 
     def _say_progress(self, words: str, part: float | None) -> None:
         if not words:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
@@ -27,11 +26,6 @@ __all__ = ["NewDiePanel"]
 
 OFTEN: Final = 0.1
 """Seconds between two looks at whether a design was told to stop."""
-
-
-def _place(word: str) -> int:
-    """The number in what was clicked; one that no outcome has for anything else."""
-    return int(word) if word.isdecimal() and len(word) < 9 else sys.maxsize
 
 
 class NewDiePanel:
@@ -191,8 +185,8 @@ class NewDiePanel:
         if self._session is not None:
             self._session.least_seconds = self._options.least_seconds
 
-    def _pin(self, word: str) -> None:
-        session, place = self._session, _place(word)
+    def _pin(self, place: int) -> None:
+        session = self._session
         if session is None or place >= len(session.labels):
             return
         label, pinned = session.labels[place], session.request.pinned
@@ -200,8 +194,8 @@ class NewDiePanel:
         pinned = others if label in pinned else (*pinned, label)
         self._change(session, replace(session.request, pinned=pinned))
 
-    def _click_label(self, word: str) -> None:
-        session, place = self._session, _place(word)
+    def _click_label(self, place: int) -> None:
+        session = self._session
         if session is None or place >= len(session.labels):
             return
         if self._chosen is None:

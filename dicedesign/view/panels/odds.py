@@ -68,11 +68,11 @@ class Odds:
         self._facts.content = body_html(viewed, self._updates)
         self._bars.content = odds_html(viewed, thrown)
 
-    def _stand(self, what: str) -> None:
+    def _stand(self, place: int) -> None:
         viewed = self._exhibit.viewed
-        if viewed is None or not what.isdecimal() or int(what) >= len(viewed.rows):
+        if viewed is None or place >= len(viewed.rows):
             return
-        row = viewed.rows[int(what)]
+        row = viewed.rows[place]
         if row.rest < 0:
             self._exhibit.page.say(f"{row.label}: there is no facet on which the die shows it")
         else:
