@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from dicedesign.throws.spreads import most_of
+
 if TYPE_CHECKING:
     from dicedesign.throws.tables import Table
 
@@ -54,14 +56,13 @@ class Contact:
 
 
 def contact_of(table: Table, refinement: float = 1.0) -> Contact:
-    """The contact of a table.
+    """The contact of a table, the same for all its throws: hard enough for the fastest.
 
     refinement: divides the time step, at the same contact.
     """
     radius = table.size / 2.0
-    fastest = math.sqrt(
-        2.0 * GRAVITY * (table.height + 2.0 * radius) + table.speed**2 + (table.spin * radius) ** 2
-    )
+    height, speed, spin = (most_of(value) for value in (table.height, table.speed, table.spin))
+    fastest = math.sqrt(2.0 * GRAVITY * (height + 2.0 * radius) + speed**2 + (spin * radius) ** 2)
     frequency = fastest / (DEEPEST * radius)
     step = math.pi / frequency / STEPS_PER_CONTACT
     # More damping than would stop a point within one step makes it bounce again. So a restitution
@@ -83,12 +84,12 @@ def longest_throw(table: Table) -> float:
 
 
 def _bouncing_time(table: Table) -> float:
-    """Seconds until a ball lies.
+    """Seconds until a ball lies that fell from the largest height.
 
     One that falls for a time t bounces for 2 e t, then for 2 e^2 t and so on, where e is the
     restitution: t (1 + e) / (1 - e) in all.
     """
-    fall = math.sqrt(2.0 * table.height / GRAVITY)
+    fall = math.sqrt(2.0 * most_of(table.height) / GRAVITY)
     return fall * ((1.0 + table.restitution) / (1.0 - table.restitution))
 
 
