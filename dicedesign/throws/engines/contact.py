@@ -66,16 +66,17 @@ class Contact:
     explicit_energy: float
 
 
-def contact_of(table: Table, refinement: float = 1.0) -> Contact:
+def contact_of(table: Table, refinement: float = 1.0, stiffness: float = 1.0) -> Contact:
     """The contact of a table.
 
-    refinement: divides the time step, at the same contact.
+    refinement: divides the time step, at the same contact. stiffness: multiplies that of the
+    contact, and so many more time steps there are that a bounce has as many.
     """
     radius = table.size / 2.0
     fastest = math.sqrt(
         2.0 * GRAVITY * (table.height + 2.0 * radius) + table.speed**2 + (table.spin * radius) ** 2
     )
-    frequency = fastest / (DEEPEST * radius)
+    frequency = math.sqrt(stiffness) * fastest / (DEEPEST * radius)
     step = math.pi / frequency / STEPS_PER_CONTACT
     # More damping than would stop a point within one step makes it bounce again. So a restitution
     # below 0.1 is one that steps of this length cannot tell from 0.
