@@ -47,8 +47,8 @@ def check_table(options: ExactOptions, size_mm: float) -> None:
     size_mm: largest distance between two vertices of the die.
     """
     with named("method.exact.table"):
-        table = table_named(options.table)
-        momentum_model(options.table)
+        table = table_named(options.thrown_onto)
+        momentum_model(options.thrown_onto)
     # The radius is at least half of that distance.
     replace(table, size=1e-3 * size_mm)
     if options.refine is not None:
@@ -59,7 +59,7 @@ def design(work: Work) -> DesignedDie:
     """The die of a recipe by the momentum model of its table, corrected by rounds of throws where
     the recipe asks for them. Raises InputError as `exact.design`, or as `check_table`."""
     wanted, options = wanted_odds(work.recipe), exact_options(work.recipe)
-    thrown = ThrownOdds.on(options.table)
+    thrown = ThrownOdds.on(options.thrown_onto)
     sensitivity = RestitutionSensitivity(thrown, wanted, np.zeros((len(CHANGES), len(wanted))))
     result = solver(work)(starts_of(work, wanted), wanted, sensitivity=sensitivity)
     rounds: tuple[Round, ...] = ()
@@ -75,8 +75,8 @@ class _Corrections:
         self._work, self._wanted, self._sensitivity = work, wanted, sensitivity
         self._options, self._solve = exact_options(work.recipe), solver(work)
         self._center = normalised_center(work.recipe, work.start)
-        self._table = table_named(self._options.table)
-        self._model = momentum_model(self._options.table)
+        self._table = table_named(self._options.thrown_onto)
+        self._model = momentum_model(self._options.thrown_onto)
 
     def refined(self, die: DesignResult) -> tuple[DesignResult, tuple[Round, ...]]:
         """The die that the rounds lead to, and the rounds."""
