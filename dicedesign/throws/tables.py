@@ -17,7 +17,6 @@ __all__ = [
     "MOST_SIZE",
     "TABLE_NAMES",
     "Table",
-    "learned_on",
     "table_entries",
     "table_named",
 ]
@@ -41,9 +40,6 @@ _RANGES: Final = {
     "size": (LEAST_SIZE, MOST_SIZE, "0.0001 to 10 m"),
     "drag": (0.0, 1e4, "0 to 10000 1/s"),
 }
-
-_LEARNED_ON: Final = ("restitution", "friction", "height", "speed", "spin", "size")
-"""Parameters that a momentum model depends on."""
 
 
 @dataclass(frozen=True)
@@ -120,50 +116,16 @@ def table_named(name: str) -> Table:
     ------
     InputError: there is none of that name, the file cannot be read, or it is no table.
     """
-    return _table(_entries(name))
-
-
-def table_entries(name: str) -> dict[str, Any]:
-    """Entries of the file of a table: the attributes of `Table`, and "momentum" where it has a
-    momentum model.
-
-    Raises
-    ------
-    InputError: as `table_named`, or the model was learned on a table with other parameters.
-    """
-    entries = _entries(name)
-    if "momentum" in entries:
-        _check_model(name, entries["momentum"], learned_on(_table(entries)))
-    return entries
-
-
-def learned_on(table: Table) -> dict[str, float]:
-    """The parameters of a table that its momentum model depends on, which are kept with it as
-    "table"."""
-    return {key: getattr(table, key) for key in _LEARNED_ON}
-
-
-def _check_model(name: str, model: object, parameters: dict[str, float]) -> None:
-    known = model.get("table") if isinstance(model, dict) else None
-    if not isinstance(known, dict) or set(known) != set(parameters):
-        raise InputError(
-            f"table {name}: expected a momentum model with the parameters of the table that it "
-            "was learned on, got one without; make it again with `dicedesign table learn`"
-        )
-    for key, value in parameters.items():
-        if known[key] != value:
-            raise InputError(
-                f"table {name}: expected the {key} that its momentum model was learned with, "
-                f"{known[key]}, got {value}; make the model again with `dicedesign table learn`, "
-                "or take momentum out of the file"
-            )
+    return _table(table_entries(name))
 
 
 def _table(entries: dict[str, Any]) -> Table:
     return Table(**{key: value for key, value in entries.items() if key != "momentum"})
 
 
-def _entries(name: str) -> dict[str, Any]:
+def table_entries(name: str) -> dict[str, Any]:
+    """Entries of the file of a table: the attributes of `Table`, and "momentum" where it has a
+    momentum model of its own. Raises InputError as `table_named`."""
     if name in TABLE_NAMES:
         text = resources.files("dicedesign.throws").joinpath(f"named/{name}.json").read_text()
     elif name.endswith(".json"):
