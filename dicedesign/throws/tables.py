@@ -17,7 +17,6 @@ from dicedesign.throws.spreads import (
     checked_number,
     checked_spread,
     least_of,
-    mean_of,
     most_of,
 )
 
@@ -28,7 +27,6 @@ __all__ = [
     "SPREADS",
     "TABLE_NAMES",
     "Table",
-    "learned_on",
     "table_entries",
     "table_named",
     "with_hand",
@@ -56,9 +54,6 @@ _LIMITS: Final[dict[str, Limits]] = {
 
 SPREADS: Final = ("height", "speed", "spin")
 """Parameters that may differ from one throw to the next."""
-
-_LEARNED_ON: Final = ("restitution", "friction", "height", "speed", "spin", "size")
-"""Parameters that a momentum model depends on."""
 
 
 @dataclass(frozen=True)
@@ -164,43 +159,7 @@ def table_named(name: str) -> Table:
     InputError: there is none of that name, the file cannot be read, it is no table, or there is no
         such way to throw.
     """
-    return _table(_entries(name))
-
-
-def table_entries(name: str) -> dict[str, Any]:
-    """Entries of the file of a table: the attributes of `Table`, and "momentum" where it has a
-    momentum model, which was not learned with another hand.
-
-    Raises
-    ------
-    InputError: as `table_named`, or the model was learned on a table with other parameters.
-    """
-    entries = _entries(name)
-    if "momentum" in entries:
-        _check_model(name, entries["momentum"], learned_on(_table(entries)))
-    return entries
-
-
-def learned_on(table: Table) -> dict[str, float]:
-    """The parameters of a table that its momentum model depends on, which are kept with it as
-    "table"; of ranges their means."""
-    return {key: mean_of(getattr(table, key)) for key in _LEARNED_ON}
-
-
-def _check_model(name: str, model: object, parameters: dict[str, float]) -> None:
-    known = model.get("table") if isinstance(model, dict) else None
-    if not isinstance(known, dict) or set(known) != set(parameters):
-        raise InputError(
-            f"table {name}: expected a momentum model with the parameters of the table that it "
-            "was learned on, got one without; make it again with `dicedesign table learn`"
-        )
-    for key, value in parameters.items():
-        if known[key] != value:
-            raise InputError(
-                f"table {name}: expected the {key} that its momentum model was learned with, "
-                f"{known[key]}, got {value}; make the model again with `dicedesign table learn`, "
-                "or take momentum out of the file"
-            )
+    return _table(table_entries(name))
 
 
 def _table(entries: dict[str, Any]) -> Table:
@@ -212,17 +171,15 @@ def with_hand(name: str, hand: str | None) -> str:
     return name if hand is None else f"{name}:{hand}"
 
 
-def _entries(name: str) -> dict[str, Any]:
-    """Entries of a table's file by the attributes of `Table`, and "momentum"."""
+def table_entries(name: str) -> dict[str, Any]:
+    """Entries of the file of a table: the attributes of `Table`, and "momentum" where it has a
+    momentum model of its own. Raises InputError as `table_named`."""
     place, _, hand = name.rpartition(":")
     if place not in TABLE_NAMES and not place.endswith(".json"):
         return _entries_of_file(name)
     entries = _entries_of_file(place)
     with named(f"table {name}"):
-        table = _table(entries)
-        thrown = table.thrown_by(hand)
-    if learned_on(thrown) != learned_on(table):
-        entries.pop("momentum", None)
+        thrown = _table(entries).thrown_by(hand)
     return {**entries, **thrown.as_dict()}
 
 
