@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import resources
 from pathlib import Path
@@ -28,6 +29,8 @@ __all__ = [
     "TABLE_NAMES",
     "Table",
     "learned_on",
+    "posterior_entries",
+    "posterior_tables",
     "table_entries",
     "table_named",
 ]
@@ -54,6 +57,12 @@ _LIMITS: Final[dict[str, Limits]] = {
 
 SPREADS: Final = ("height", "speed", "spin")
 """Parameters that may differ from one throw to the next."""
+
+_DRAWN: Final = ("restitution", "friction", *SPREADS)
+"""Parameters in which tables of a posterior differ."""
+
+_BESIDE: Final = ("posterior", "momentum")
+"""Entries of a file that are not of its table."""
 
 _LEARNED_ON: Final = ("restitution", "friction", "height", "speed", "spin", "size")
 """Parameters that a momentum model depends on."""
@@ -137,8 +146,8 @@ def table_named(name: str) -> Table:
 
 
 def table_entries(name: str) -> dict[str, Any]:
-    """Entries of the file of a table: the attributes of `Table`, and "momentum" where it has a
-    momentum model.
+    """Entries of the file of a table: the attributes of `Table`, "posterior" where it was fitted,
+    and "momentum" where it has a momentum model.
 
     Raises
     ------
@@ -148,6 +157,35 @@ def table_entries(name: str) -> dict[str, Any]:
     if "momentum" in entries:
         _check_model(name, entries["momentum"], learned_on(_table(entries)))
     return entries
+
+
+def posterior_tables(name: str) -> tuple[Table, ...]:
+    """Equally likely tables that a fitted one may be, each with the hand of a session; none where
+    its file does not say.
+
+    The entry "posterior" of the file lists objects with restitution, friction, height, speed and
+    spin, numbers or ranges; all else they have from the table.
+
+    Raises InputError: as `table_named`, or the entry is no such list.
+    """
+    entries = _entries(name)
+    listed, table = entries.get("posterior", []), _table(entries)
+    if not isinstance(listed, list) or not all(
+        isinstance(row, dict) and set(row) == set(_DRAWN) for row in listed
+    ):
+        raise InputError(
+            f"table {name}: expected as posterior a list of objects with {', '.join(_DRAWN)}; make "
+            "it again with `dicedesign table fit`, or take posterior out of the file"
+        )
+    return tuple(
+        Table(**{**table.as_dict(), **row, "name": f"{table.name} {number} of {len(listed)}"})
+        for number, row in enumerate(listed, start=1)
+    )
+
+
+def posterior_entries(tables: Sequence[Table]) -> list[dict[str, Any]]:
+    """The entry "posterior" of a file, of equally likely tables."""
+    return [{key: table.as_dict()[key] for key in _DRAWN} for table in tables]
 
 
 def learned_on(table: Table) -> dict[str, float]:
@@ -173,7 +211,7 @@ def _check_model(name: str, model: object, parameters: dict[str, float]) -> None
 
 
 def _table(entries: dict[str, Any]) -> Table:
-    return Table(**{key: value for key, value in entries.items() if key != "momentum"})
+    return Table(**{key: value for key, value in entries.items() if key not in _BESIDE})
 
 
 def _entries(name: str) -> dict[str, Any]:
@@ -192,10 +230,10 @@ def _entries(name: str) -> dict[str, Any]:
         raise InputError(f"table {name}: expected JSON, but {error}; correct it") from error
     known = {field.name for field in fields(Table)}
     needed = known - {"size", "drag", "source"}
-    if not isinstance(entries, dict) or not needed <= set(entries) <= known | {"momentum"}:
+    if not isinstance(entries, dict) or not needed <= set(entries) <= known | set(_BESIDE):
         got = ", ".join(entries) if isinstance(entries, dict) else type(entries).__name__
         raise InputError(
             f"table {name}: expected an object with {', '.join(sorted(needed))} and at most size,"
-            f" drag, source and momentum, got {got}; correct it"
+            f" drag, source, posterior and momentum, got {got}; correct it"
         )
     return entries
