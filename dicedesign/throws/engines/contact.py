@@ -55,15 +55,16 @@ class Contact:
     seconds: float
 
 
-def contact_of(table: Table, refinement: float = 1.0) -> Contact:
+def contact_of(table: Table, refinement: float = 1.0, stiffness: float = 1.0) -> Contact:
     """The contact of a table, the same for all its throws: hard enough for the fastest.
 
-    refinement: divides the time step, at the same contact.
+    refinement: divides the time step, at the same contact. stiffness: multiplies that of the
+    contact, and so many more time steps there are that a bounce has as many.
     """
     radius = table.size / 2.0
     height, speed, spin = (most_of(value) for value in (table.height, table.speed, table.spin))
     fastest = math.sqrt(2.0 * GRAVITY * (height + 2.0 * radius) + speed**2 + (spin * radius) ** 2)
-    frequency = fastest / (DEEPEST * radius)
+    frequency = math.sqrt(stiffness) * fastest / (DEEPEST * radius)
     step = math.pi / frequency / STEPS_PER_CONTACT
     # More damping than would stop a point within one step makes it bounce again. So a restitution
     # below 0.1 is one that steps of this length cannot tell from 0.

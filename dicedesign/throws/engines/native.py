@@ -32,7 +32,11 @@ def require() -> None:
 
 
 def throw_states(
-    body: RigidBody, table: Table, states: Floats, refinement: float = 1.0
+    body: RigidBody,
+    table: Table,
+    states: Floats,
+    refinement: float = 1.0,
+    stiffness: float = 1.0,
 ) -> Integers:
     """The rests (n,) of bodies let go in states (n, 13); -1 for those that found none in time.
 
@@ -43,19 +47,27 @@ def throw_states(
     it can leave it no more. That is exact but for how deep a contact is at rest, some 1e-4 radii.
     It also ends as soon as its state is not finite.
 
+    stiffness: as in `contact_of`.
+
     Raises InputError: the compiled kernels are missing.
     """
-    contact = contact_of(table, refinement)
-    outcome, _ = advance(body, table, states.copy(), round(contact.seconds / contact.step))
+    contact = contact_of(table, refinement, stiffness)
+    steps = round(contact.seconds / contact.step)
+    outcome, _ = advance(body, table, states.copy(), steps, refinement, stiffness)
     return outcome
 
 
 def advance(
-    body: RigidBody, table: Table, states: Floats, steps: int, refinement: float = 1.0
+    body: RigidBody,
+    table: Table,
+    states: Floats,
+    steps: int,
+    refinement: float = 1.0,
+    stiffness: float = 1.0,
 ) -> tuple[Integers, Integers]:
     """Advance states (n, 13), in place, by at most so many time steps. Returns for each the rest
     that it cannot miss any more, or -1, and (n,) how many steps it took."""
-    contact = contact_of(table, refinement)
+    contact = contact_of(table, refinement, stiffness)
     how = (
         contact.step,
         GRAVITY,

@@ -289,6 +289,22 @@ def test_a_cube_is_fair() -> None:
 
 
 @compiled_only
+def test_throws_take_the_steps_and_contacts_asked_for() -> None:
+    """They end where `advance` has them end with these, in as much time."""
+    body, _ = random_body(1)
+    states = let_go(body, BOARD, 100)
+    rests = {}
+    for refinement, stiffness in ((1.0, 1.0), (3.0, 1.0), (1.0, 5.0)):
+        contact = contact_of(BOARD, refinement, stiffness)
+        steps = round(contact.seconds / contact.step)
+        found, _ = advance(body, BOARD, states.copy(), steps, refinement, stiffness)
+        thrown_so = throw_states(body, BOARD, states, refinement, stiffness)
+        np.testing.assert_array_equal(thrown_so, found)
+        rests[refinement, stiffness] = tuple(found.tolist())
+    assert len(set(rests.values())) == len(rests)
+
+
+@compiled_only
 def test_half_the_step_changes_nothing() -> None:
     body, _ = random_body(1)
     coarse = simulate(body, BOARD, 2000, 1).counts
