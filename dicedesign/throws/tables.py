@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import resources
 from pathlib import Path
@@ -27,6 +28,8 @@ __all__ = [
     "SPREADS",
     "TABLE_NAMES",
     "Table",
+    "posterior_entries",
+    "posterior_tables",
     "table_entries",
     "table_named",
     "with_hand",
@@ -54,6 +57,12 @@ _LIMITS: Final[dict[str, Limits]] = {
 
 SPREADS: Final = ("height", "speed", "spin")
 """Parameters that may differ from one throw to the next."""
+
+_DRAWN: Final = ("restitution", "friction", *SPREADS)
+"""Parameters in which tables of a posterior differ."""
+
+_BESIDE: Final = ("posterior", "momentum")
+"""Entries of a file that are not of its table."""
 
 
 @dataclass(frozen=True)
@@ -162,8 +171,37 @@ def table_named(name: str) -> Table:
     return _table(table_entries(name))
 
 
+def posterior_tables(name: str) -> tuple[Table, ...]:
+    """Equally likely tables that a fitted one may be, each with the hand of a session; none where
+    its file does not say.
+
+    The entry "posterior" of the file lists objects with restitution, friction, height, speed and
+    spin, numbers or ranges; all else they have from the table.
+
+    Raises InputError: as `table_named`, or the entry is no such list.
+    """
+    entries = table_entries(name)
+    listed, table = entries.get("posterior", []), _table(entries)
+    if not isinstance(listed, list) or not all(
+        isinstance(row, dict) and set(row) == set(_DRAWN) for row in listed
+    ):
+        raise InputError(
+            f"table {name}: expected as posterior a list of objects with {', '.join(_DRAWN)}; make "
+            "it again with `dicedesign table fit`, or take posterior out of the file"
+        )
+    return tuple(
+        Table(**{**table.as_dict(), **row, "name": f"{table.name} {number} of {len(listed)}"})
+        for number, row in enumerate(listed, start=1)
+    )
+
+
+def posterior_entries(tables: Sequence[Table]) -> list[dict[str, Any]]:
+    """The entry "posterior" of a file, of equally likely tables."""
+    return [{key: table.as_dict()[key] for key in _DRAWN} for table in tables]
+
+
 def _table(entries: dict[str, Any]) -> Table:
-    return Table(**{key: value for key, value in entries.items() if key != "momentum"})
+    return Table(**{key: value for key, value in entries.items() if key not in _BESIDE})
 
 
 def with_hand(name: str, hand: str | None) -> str:
@@ -172,15 +210,20 @@ def with_hand(name: str, hand: str | None) -> str:
 
 
 def table_entries(name: str) -> dict[str, Any]:
-    """Entries of the file of a table: the attributes of `Table`, and "momentum" where it has a
-    momentum model of its own. Raises InputError as `table_named`."""
+    """Entries of the file of a table: the attributes of `Table`, "posterior" where it was fitted,
+    and "momentum" where it has a momentum model of its own. Raises InputError as `table_named`."""
     place, _, hand = name.rpartition(":")
     if place not in TABLE_NAMES and not place.endswith(".json"):
         return _entries_of_file(name)
     entries = _entries_of_file(place)
     with named(f"table {name}"):
-        thrown = _table(entries).thrown_by(hand)
-    return {**entries, **thrown.as_dict()}
+        thrown = _table(entries).thrown_by(hand).as_dict()
+    if isinstance(entries.get("posterior"), list):
+        motion = {key: thrown[key] for key in SPREADS}
+        entries["posterior"] = [
+            row | motion if isinstance(row, dict) else row for row in entries["posterior"]
+        ]
+    return {**entries, **thrown}
 
 
 def _entries_of_file(name: str) -> dict[str, Any]:
@@ -201,11 +244,11 @@ def _entries_of_file(name: str) -> dict[str, Any]:
         entries = _by_hand(name, entries)
     known = {field.name for field in fields(Table)}
     needed = known - {"size", "drag", "source"}
-    if not isinstance(entries, dict) or not needed <= set(entries) <= known | {"momentum"}:
+    if not isinstance(entries, dict) or not needed <= set(entries) <= known | set(_BESIDE):
         got = ", ".join(entries) if isinstance(entries, dict) else type(entries).__name__
         raise InputError(
             f"table {name}: expected an object with {', '.join(sorted(needed))} (or hand in place "
-            f"of {', '.join(SPREADS)}) and at most size, drag, source and momentum, got {got}; "
+            f"of {', '.join(SPREADS)}) and at most size, drag, source, posterior and momentum, got {got}; "
             "correct it"
         )
     return entries

@@ -8,7 +8,13 @@ from pathlib import Path
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.throws.tables import TABLE_NAMES, Table, table_named
+from dicedesign.throws.tables import (
+    TABLE_NAMES,
+    Table,
+    posterior_entries,
+    posterior_tables,
+    table_named,
+)
 
 GOOD = {
     "name": "lino",
@@ -53,6 +59,30 @@ def test_ranges_in_a_file(tmp_path: Path) -> None:
     assert {key: table.as_dict()[key] for key in ranges} == ranges
     path.write_text(json.dumps(table.as_dict()))
     assert table_named(str(path)) == table
+
+
+def test_tables_of_a_posterior(tmp_path: Path) -> None:
+    path = tmp_path / "lino.json"
+    path.write_text(json.dumps(GOOD))
+    assert posterior_tables(str(path)) == ()
+    rows = [
+        {"restitution": 0.3, "friction": 0.1, "height": [0.1, 0.3], "speed": 0.2, "spin": [1, 9]},
+        {"restitution": 0.5, "friction": 0.4, "height": 0.3, "speed": [0.1, 0.2], "spin": 4.0},
+    ]
+    path.write_text(json.dumps({**GOOD, "size": 0.03, "posterior": rows}))
+    assert table_named(str(path)) == Table(**GOOD, size=0.03)
+    found = posterior_tables(str(path))
+    for number, (table, row) in enumerate(zip(found, rows, strict=True), start=1):
+        assert table == Table(**{**GOOD, **row, "size": 0.03, "name": f"lino {number} of 2"})
+    assert posterior_entries(found) == rows
+
+
+@pytest.mark.parametrize("posterior", [{}, [3], [{"restitution": 0.3}], [{**GOOD}]])
+def test_a_posterior_that_is_none(posterior: object, tmp_path: Path) -> None:
+    path = tmp_path / "lino.json"
+    path.write_text(json.dumps({**GOOD, "posterior": posterior}))
+    with pytest.raises(InputError, match="expected as posterior a list of objects with rest"):
+        posterior_tables(str(path))
 
 
 @pytest.mark.parametrize(
