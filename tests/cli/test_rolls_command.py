@@ -239,10 +239,13 @@ def test_no_throw_is_typed(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    log = tmp_path / "rolls.csv"
     monkeypatch.setattr(sys, "stdin", Terminal("undo\n\n5\nundo\n"))
-    assert main(["rolls", str(die), "--log", str(tmp_path / "rolls.csv")]) == 0
-    assert capsys.readouterr().out == ""
-    assert (tmp_path / "rolls.csv").read_text() == "label\n"
+    assert main(["rolls", str(die), "--log", str(log)]) == 0
+    assert capsys.readouterr().out == "no throws, nothing to judge\n"
+    monkeypatch.setattr(sys, "stdin", io.StringIO())
+    assert answer(capsys, die, "--log", log) == {"throws": 0}
+    assert log.read_text() == "label\n"
 
 
 def test_what_was_typed_outlives_the_process(die: Path, tmp_path: Path) -> None:

@@ -106,6 +106,7 @@ def _rolls(options: argparse.Namespace) -> int:
         log_rolls(log, judge, partial(_text, die.labels))
         counts = log.counts
         if not counts.any():
+            print('{"throws": 0}' if options.json else "no throws, nothing to judge")
             return 0
     verdict = judge(counts)
     if options.figure is not None:
