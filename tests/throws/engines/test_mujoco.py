@@ -26,6 +26,14 @@ def let_go(body: RigidBody, table: Table, drops: int) -> np.ndarray:
     return released(body, table, np.arange(drops), "uniform", np.random.default_rng(0))
 
 
+def balanced(points: np.ndarray) -> np.ndarray:
+    """Points whose hull has the same moment of inertia about every axis."""
+    body, _ = thrown(points)
+    # Second moments of its mass along the principal axes.
+    squares = body.moments.sum() / 2.0 - body.moments
+    return points @ (body.axes / np.sqrt(squares)) @ body.axes.T
+
+
 def turned(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """A vector of the body in the world; quaternion: w, x, y, z."""
     world: np.ndarray = Rotation.from_quat(np.roll(quaternion, -1)).apply(vector)
@@ -34,12 +42,14 @@ def turned(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
 
 @compiled_only
 @pytest.mark.parametrize("table", [BOARD, PAPER])
-@pytest.mark.parametrize("points", [OCTAHEDRON * [1.0, 1.1, 1.2], random_points(1)])
+@pytest.mark.parametrize("points", [OCTAHEDRON, random_points(1)])
 def test_throw_by_throw(table: Table, points: np.ndarray) -> None:
     """Most to 1e-5 until well after the first impacts: MuJoCo rounds corners to 24 bits, and
-    differs where more of them touch than it looks for."""
+    differs where more of them touch than it looks for. Its steps of free rotation are right only
+    of bodies that need no torque for it."""
     mujoco = pytest.importorskip("mujoco", reason="the extra 'throws' is not installed")
-    body, _ = thrown(points)
+    body, _ = thrown(balanced(points))
+    assert np.ptp(body.moments) < 1e-9
     contact = contact_of(table)
     model = mujoco.MjModel.from_xml_string(_scene(body, table, contact))
     # Our own steps of a contact.

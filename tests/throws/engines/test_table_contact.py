@@ -115,6 +115,12 @@ def test_contacts_scale_with_the_die() -> None:
     assert two.damping == pytest.approx(one.damping / root)
 
 
+def test_a_contact_is_that_of_the_fastest_throw() -> None:
+    fastest = replace(BOARD, height=0.2, speed=0.6, spin=25.0)
+    ranges = replace(BOARD, height=(0.05, 0.2), speed=(0.0, 0.6), spin=(5.0, 25.0))
+    assert contact_of(ranges) == contact_of(fastest)
+
+
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.95])
 def test_a_throw_is_followed_while_a_ball_bounces(restitution: float) -> None:
     table = replace(BOARD, height=30.0, restitution=restitution)
