@@ -12,6 +12,8 @@ from dicedesign.errors import InputError
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.runtime.registry import STRICT
 from dicedesign.throws.engines.engine import ENGINES
+from dicedesign.throws.hand import HANDS
+from dicedesign.throws.tables import with_hand
 
 __all__ = [
     "FINEST_TOLERANCE",
@@ -125,6 +127,7 @@ class ExactOptions:
     odds: "resting" for a die set down without momentum, "thrown" for one thrown onto a table, by
         the momentum model.
     table: of thrown dice, by name or as the path of a .json file.
+    hand: another way to throw them than the table's own: cup, hand or tower.
     refine: corrects the momentum model by simulated throws, or None to trust it; with thrown odds.
     starts: most starting shapes that are tried, at least 1; fewer where a dozen lead to the odds,
         but to circles below the recipe's `min_inradius_mm`.
@@ -143,6 +146,7 @@ class ExactOptions:
     prefer: Preferences = field(default_factory=legible)
     odds: Literal["resting", "thrown"] = "resting"
     table: str = "board-game"
+    hand: str | None = None
     refine: RefineOptions | None = None
     starts: int = 60
     evaluations: int | None = None
@@ -158,12 +162,19 @@ class ExactOptions:
                 'refine: expected odds "thrown" with it, got "resting"; leave refine out, or write '
                 "odds: thrown"
             )
+        if self.hand is not None:
+            _check_hand(self.hand, self.odds)
         if self.starts < 1:
             raise refused("starts", "a whole number above 0", self.starts, "60")
         if self.evaluations is not None and self.evaluations < 1:
             default = f"{MOST_WORK} over the number of outcomes"
             raise refused("evaluations", "a whole number above 0", self.evaluations, default)
         _check_seconds(self.seconds)
+
+    @property
+    def thrown_onto(self) -> str:
+        """Name of the table with the way to throw, for `table_named`."""
+        return with_hand(self.table, self.hand)
 
 
 def _check_coordinates(coordinates: str, sobolev: SobolevOptions | None) -> None:
@@ -179,6 +190,16 @@ def _check_coordinates(coordinates: str, sobolev: SobolevOptions | None) -> None
             'sobolev: expected coordinates "vertices", whose gradient lives on the surface, got '
             f"{coordinates!r}; leave sobolev out or change coordinates"
         )
+
+
+def _check_hand(hand: str, odds: str) -> None:
+    if odds != "thrown":
+        raise InputError(
+            f'hand: expected odds "thrown" with it, got {odds!r}; leave hand out, or write odds: '
+            "thrown"
+        )
+    # Raises where there is no such way.
+    HANDS[hand]
 
 
 def _check_seconds(seconds: float | None) -> None:

@@ -1,7 +1,7 @@
 """Extensions of one kind by name: one file each, found in a folder or registered from outside.
 
-A kind of extension (energy terms, starting shapes, preferences, engines, printers, stages, file
-formats, figures, benches) is a subclass of `Extension` and a `Registry` of them. A file of the
+A kind of extension (energy terms, starting shapes, preferences, engines, hands, printers, stages,
+file formats, figures, benches) is a subclass of `Extension` and a `Registry` of them. A file of the
 registry's folder makes one and registers it when it is imported; the folder is imported on first
 use. What others write does the same from a module of theirs: it is imported before use, or named by
 an entry point of the group `ENTRY_POINTS`. Files of extensions import what is heavy inside their

@@ -8,15 +8,15 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, named
 from dicedesign.runtime.files import read_text
+from dicedesign.throws.hand import HANDS, Hand
 from dicedesign.throws.spreads import (
     Limits,
     Spread,
     checked_number,
     checked_spread,
     least_of,
-    mean_of,
     most_of,
 )
 
@@ -27,9 +27,9 @@ __all__ = [
     "SPREADS",
     "TABLE_NAMES",
     "Table",
-    "learned_on",
     "table_entries",
     "table_named",
+    "with_hand",
 ]
 
 TABLE_NAMES: Final = ("board-game", "hard-wood", "carpet", "paper")
@@ -54,9 +54,6 @@ _LIMITS: Final[dict[str, Limits]] = {
 
 SPREADS: Final = ("height", "speed", "spin")
 """Parameters that may differ from one throw to the next."""
-
-_LEARNED_ON: Final = ("restitution", "friction", "height", "speed", "spin", "size")
-"""Parameters that a momentum model depends on."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +117,33 @@ class Table:
         """The same for a die of a size in m; None leaves the table's own."""
         return self if size is None else replace(self, size=size)
 
+    def thrown_by(self, hand: str) -> Table:
+        """The same table with dice thrown in another way, one of `HANDS`.
+
+        Raises InputError: there is no such way, the die is larger than its least height, or nothing
+        has momentum on this table.
+        """
+        way = HANDS[hand]
+        if self.drag > 0.0:
+            raise InputError(
+                f"table {self.name}: expected a table on which dice have momentum for the hand "
+                f"{hand}, got one with drag; leave the hand out, or take another table"
+            )
+        return replace(
+            self,
+            name=f"{self.name}:{hand}",
+            height=way.height,
+            speed=way.speed,
+            spin=way.spin,
+            source=_with_way(self.source, way),
+        )
+
+    @property
+    def hand(self) -> Hand | None:
+        """The one of `HANDS` whose height, speed and spin it has, if any."""
+        own = (self.height, self.speed, self.spin)
+        return next((way for way in HANDS if (way.height, way.speed, way.spin) == own), None)
+
     def as_dict(self) -> dict[str, Any]:
         """The table as plain data, ranges as lists."""
         plain = asdict(self)
@@ -127,56 +151,39 @@ class Table:
 
 
 def table_named(name: str) -> Table:
-    """A table by its name, or from a JSON file by its path (ending in .json).
+    """A table by its name, or from a JSON file by its path (ending in .json). A colon and one of
+    `HANDS` after these, as in "board-game:cup", take another way to throw.
 
     Raises
     ------
-    InputError: there is none of that name, the file cannot be read, or it is no table.
+    InputError: there is none of that name, the file cannot be read, it is no table, or there is no
+        such way to throw.
     """
-    return _table(_entries(name))
-
-
-def table_entries(name: str) -> dict[str, Any]:
-    """Entries of the file of a table: the attributes of `Table`, and "momentum" where it has a
-    momentum model.
-
-    Raises
-    ------
-    InputError: as `table_named`, or the model was learned on a table with other parameters.
-    """
-    entries = _entries(name)
-    if "momentum" in entries:
-        _check_model(name, entries["momentum"], learned_on(_table(entries)))
-    return entries
-
-
-def learned_on(table: Table) -> dict[str, float]:
-    """The parameters of a table that its momentum model depends on, which are kept with it as
-    "table"; of ranges their means."""
-    return {key: mean_of(getattr(table, key)) for key in _LEARNED_ON}
-
-
-def _check_model(name: str, model: object, parameters: dict[str, float]) -> None:
-    known = model.get("table") if isinstance(model, dict) else None
-    if not isinstance(known, dict) or set(known) != set(parameters):
-        raise InputError(
-            f"table {name}: expected a momentum model with the parameters of the table that it "
-            "was learned on, got one without; make it again with `dicedesign table learn`"
-        )
-    for key, value in parameters.items():
-        if known[key] != value:
-            raise InputError(
-                f"table {name}: expected the {key} that its momentum model was learned with, "
-                f"{known[key]}, got {value}; make the model again with `dicedesign table learn`, "
-                "or take momentum out of the file"
-            )
+    return _table(table_entries(name))
 
 
 def _table(entries: dict[str, Any]) -> Table:
     return Table(**{key: value for key, value in entries.items() if key != "momentum"})
 
 
-def _entries(name: str) -> dict[str, Any]:
+def with_hand(name: str, hand: str | None) -> str:
+    """The name of a table with another way to throw, for `table_named`; None leaves its own."""
+    return name if hand is None else f"{name}:{hand}"
+
+
+def table_entries(name: str) -> dict[str, Any]:
+    """Entries of the file of a table: the attributes of `Table`, and "momentum" where it has a
+    momentum model of its own. Raises InputError as `table_named`."""
+    place, _, hand = name.rpartition(":")
+    if place not in TABLE_NAMES and not place.endswith(".json"):
+        return _entries_of_file(name)
+    entries = _entries_of_file(place)
+    with named(f"table {name}"):
+        thrown = _table(entries).thrown_by(hand)
+    return {**entries, **thrown.as_dict()}
+
+
+def _entries_of_file(name: str) -> dict[str, Any]:
     if name in TABLE_NAMES:
         text = resources.files("dicedesign.throws").joinpath(f"named/{name}.json").read_text()
     elif name.endswith(".json"):
@@ -190,12 +197,30 @@ def _entries(name: str) -> dict[str, Any]:
         entries = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"table {name}: expected JSON, but {error}; correct it") from error
+    if isinstance(entries, dict) and "hand" in entries and not set(entries) & set(SPREADS):
+        entries = _by_hand(name, entries)
     known = {field.name for field in fields(Table)}
     needed = known - {"size", "drag", "source"}
     if not isinstance(entries, dict) or not needed <= set(entries) <= known | {"momentum"}:
         got = ", ".join(entries) if isinstance(entries, dict) else type(entries).__name__
         raise InputError(
-            f"table {name}: expected an object with {', '.join(sorted(needed))} and at most size,"
-            f" drag, source and momentum, got {got}; correct it"
+            f"table {name}: expected an object with {', '.join(sorted(needed))} (or hand in place "
+            f"of {', '.join(SPREADS)}) and at most size, drag, source and momentum, got {got}; "
+            "correct it"
         )
     return entries
+
+
+def _by_hand(name: str, entries: dict[str, Any]) -> dict[str, Any]:
+    """Entries with height, speed and spin in place of "hand"."""
+    hand = entries.pop("hand")
+    with named(f"table {name}"):
+        if not isinstance(hand, str):
+            raise InputError(f"hand: expected {', '.join(HANDS.names)}, got {hand!r}; correct it")
+        way = HANDS[hand]
+    source = {"source": _with_way(entries.get("source", "given"), way)}
+    return entries | {key: getattr(way, key) for key in SPREADS} | source
+
+
+def _with_way(source: object, way: Hand) -> str:
+    return f"{source}; {way.phrase}, {way.source}"

@@ -103,6 +103,25 @@ def test_a_table_with_a_momentum_model_adds_its_odds(
 
 
 @compiled_only
+def test_another_hand(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The table has no momentum model for it, and is thrown onto all the same."""
+    few = ("--drops", 200, "--jobs", 1)
+    found = answer(capsys, box, *few, "--hand", "cup")
+    table = table_named("board-game").thrown_by("cup")
+    assert found["table"] == table.as_dict()
+    assert Table(**found["table"]) == table
+    assert "momentum" not in found["rests"][0]
+    assert sum(rest["count"] for rest in found["rests"]) == 200
+    assert found["rests"] == answer(capsys, box, *few, "--table", "board-game:cup")["rests"]
+    # The paper's orientations are of its own protocol.
+    assert answer(capsys, box, *few, "--table", "paper", "--hand", "cup")["drops"] == 200
+    assert main(["throw", str(box), "--hand", "foot"]) == 2
+    assert "hand: expected cup, hand, tower, got 'foot'; take one" in capsys.readouterr().err
+    assert main(["rest", str(box), "--table", "board-game:cup"]) == 2
+    assert "board-game:cup: expected a table with a momentum model" in capsys.readouterr().err
+
+
+@compiled_only
 def test_part_of_the_papers_orientations_is_refused(
     box: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -38,6 +38,8 @@ from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.rest.prior import PRIORS
 from dicedesign.results.status import Status
 from dicedesign.runtime.registry import Registry
+from dicedesign.throws.hand import HANDS
+from dicedesign.throws.spreads import least_of, most_of
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -100,6 +102,7 @@ def tables() -> dict[str, Callable[[], str]]:
         "file formats": format_table,
         "priors": priors_table,
         **registries,
+        "hands": hands_table,
         "limits of printers": limits_table,
         "sources of printers": sources_table,
     }
@@ -135,6 +138,24 @@ def registry_table(place: str, command: str) -> str:
     entries = getattr(import_module(module), attribute)
     return markdown(
         ("name", "meaning"), [(f"`{command}{entry.name}`", entry.line) for entry in entries]
+    )
+
+
+def hands_table() -> str:
+    """Meaning and numbers of each hand."""
+    return markdown(
+        ("name", "meaning", "height (m)", "speed (m/s)", "spin (rad/s)"),
+        [
+            (
+                f"`{hand.name}`",
+                hand.line,
+                *(
+                    f"{least_of(spread):g} to {most_of(spread):g}"
+                    for spread in (hand.height, hand.speed, hand.spin)
+                ),
+            )
+            for hand in HANDS
+        ],
     )
 
 

@@ -204,6 +204,11 @@ BAD = [
     ({"engrave": {"content": "dots"}}, "engrave.content: input should be 'text' or 'pips'"),
     ({"engrave": {"upright": [0, 0, 0]}}, "engrave: upright: expected edge or largest"),
     ({"target": {"fair": 2, "labels": [float("nan"), "x"]}}, "target.labels.0: .*string, got nan"),
+    (
+        {"method": {"exact": {"odds": "thrown", "hand": "foot"}}},
+        "method.exact: hand: expected cup, hand, tower, got 'foot'; take one of them",
+    ),
+    ({"method": {"exact": {"hand": "cup"}}}, "method.exact: hand: expected odds .thrown. with it"),
     ({"size_mm": float("nan")}, "size_mm: .*got nan"),
     ({"center_of_mass": [0, float("inf"), 0]}, "center_of_mass.1: .*finite number, got inf"),
     ({"start": {"prism": {"height": float("inf")}}}, "start.prism.height: .*finite.*got inf"),

@@ -69,5 +69,5 @@ def on_table(work: Work) -> DieOnTable:
     engraved = None if work.engraved is None else work.engraved.verdict
     body, center = (engraved or work.plain).body, work.solid.center_of_mass
     return DieOnTable.of(
-        body, center, work.die.directions, table_named(work.recipe.method.exact.table)
+        body, center, work.die.directions, table_named(work.recipe.method.exact.thrown_onto)
     )

@@ -76,6 +76,11 @@ def add_parser(commands: Any) -> None:
         "with the same entries as theirs (default: board-game)",
     )
     parser.add_argument(
+        "--hand",
+        metavar="NAME",
+        help="throw in another way than the table says: cup, hand or tower",
+    )
+    parser.add_argument(
         "--orientations",
         metavar="KIND",
         help="at which the die is let go: uniform, at random; or icosahedron, the paper's, each "
@@ -118,17 +123,18 @@ def _throw(options: argparse.Namespace) -> int:
     from dicedesign.throws.release import PAPER_DIRECTIONS
     from dicedesign.throws.rigid_body import rigid_body
     from dicedesign.throws.simulation.simulation import check_throws, simulate
-    from dicedesign.throws.tables import table_entries, table_named
+    from dicedesign.throws.tables import table_entries, table_named, with_hand
 
     size = None if options.size is None else options.size / MM_PER_METRE
     with named("--table"):
-        table = table_named(options.table)
-        has_momentum = "momentum" in table_entries(options.table)
-        model = momentum_model(options.table) if has_momentum else None
+        name = with_hand(options.table, options.hand)
+        table = table_named(name)
+        has_momentum = "momentum" in table_entries(name)
+        model = momentum_model(name) if has_momentum else None
     table = table.sized(size)
     orientations = options.orientations
     if orientations is None:
-        orientations = "icosahedron" if options.table == "paper" else "uniform"
+        orientations = "icosahedron" if name == "paper" else "uniform"
     drops = options.drops
     if drops is None:
         drops = PAPER_DIRECTIONS if orientations == "icosahedron" else DROPS

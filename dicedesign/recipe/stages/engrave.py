@@ -139,7 +139,7 @@ def _measure(
     from dicedesign.throws.momentum.momentum_model import momentum_model
     from dicedesign.throws.tables import table_named
 
-    name = exact_options(work.recipe).table
+    name = exact_options(work.recipe).thrown_onto
     measure = measure_thrown(table_named(name), momentum_model(name))
     plain = Surface(work.solid.points, work.solid.triangles)
     return measure, ThrownOdds.on(name), measure(plain, work.die.directions).odds

@@ -27,14 +27,14 @@ def throw(work: Work) -> None:
         verdict.body,
         work.solid.center_of_mass,
         work.die.directions,
-        table_named(options.table),
+        table_named(options.thrown_onto),
     )
     throws = None
     if refine is not None:
         with throwing_threads() as workers:
             seed = SEEDS * work.recipe.seed + SEEDS - 1
             throws = die.simulated(refine.verdict, seed, refine.engine, workers)
-    work.thrown = ThrownDie(die, die.momentum(momentum_model(options.table)), throws)
+    work.thrown = ThrownDie(die, die.momentum(momentum_model(options.thrown_onto)), throws)
     measured = work.thrown.measured(work.target.probabilities)
     work.details["thrown"] = ThrownOdds(
         table=die.table.as_dict(),

@@ -87,7 +87,7 @@ def _odds_model(work: Work) -> OddsModel | None:
     from dicedesign.recipe.methods.exact import exact_options
 
     is_thrown = work.recipe.method.thrown
-    return odds_model(exact_options(work.recipe).table if is_thrown else None, work.die.prior)
+    return odds_model(exact_options(work.recipe).thrown_onto if is_thrown else None, work.die.prior)
 
 
 def _axes(work: Work) -> Floats | None:

@@ -46,8 +46,9 @@ def throwing_advice(thrown: ThrownOdds | None, prior: str | None = None) -> str:
         return "Set it down on the table and let it tip over, from a random orientation."
     moving = max(most_of(table.speed), most_of(table.spin)) > 0.0
     push = " with a little push and spin," if moving else ""
+    way = "" if table.hand is None else f" {table.hand.phrase}"
     return (
-        f"Throw it: let it fall from {_about(table.height)} above the table,{push} "
+        f"Throw it{way}: let it fall from {_about(table.height)} above the table,{push} "
         "each time from another orientation. Set down gently it has other odds."
     )
 
@@ -81,6 +82,7 @@ def _manner(table: Table) -> str:
         turns = scaled(table.spin, 0.5 / math.pi)
         motion.append(f"spins {_numbers(turns, 2)} times a second")
     when = f"; when it is let go it {' and '.join(motion)}" if motion else ""
+    way = "" if table.hand is None else f"{table.hand.phrase}, "
     ranges = (table.height, table.speed, table.spin)
     differ = any(isinstance(value, tuple) for value in ranges)
     each = "; of a range, each throw has a value of its own" if differ else ""
@@ -92,7 +94,7 @@ def _manner(table: Table) -> str:
     )
     drag = ", and it turns as slowly as in honey" if table.drag > 0.0 else ""
     return (
-        f"The odds of this die are for throws in which it {fall}{when}{each}. {bounce}; the "
+        f"The odds of this die are for throws {way}in which it {fall}{when}{each}. {bounce}; the "
         f"coefficient of friction is {table.friction:.3g}{drag}. The die is "
         f'{1000.0 * table.size:.3g} mm across. This is the table "{table.name}": '
         f"{table.source}."

@@ -15,7 +15,7 @@ from dicedesign.report.pages.die_page import die_page
 from dicedesign.report.pages.throwing import throwing_advice, throws_told
 from dicedesign.results.record import Displacement, HullOfSurface, Result, SurfaceSize
 from dicedesign.results.throws import SimulatedThrows, ThrownOdds
-from dicedesign.throws.tables import table_named
+from dicedesign.throws.tables import Table, table_named
 
 PNG = b"\x89PNG"
 RESHAPED = {
@@ -171,6 +171,15 @@ def test_throws_of_many_heights_and_spins() -> None:
     assert "moves sideways at 0 to 1.2 m a second and spins 1 to 4.5 times a second" in manner
     assert "of a range, each throw has a value of its own" in manner
     assert "of a range" not in throws_told(THROWN)[0]
+
+
+def test_throws_by_a_named_hand() -> None:
+    table = Table(**THROWN.table).thrown_by("cup")
+    thrown = replace(THROWN, table=table.as_dict())
+    assert throwing_advice(thrown).startswith("Throw it out of a cup: let it fall from 5 to 12 cm")
+    manner, _ = throws_told(thrown)
+    assert "are for throws out of a cup, in which it falls from 5 to 12 cm above" in manner
+    assert 'the table "my <table>:cup": guessed; out of a cup, chosen, not measured' in manner
 
 
 @pytest.mark.parametrize("changes", [{}, RESHAPED, {"thrown": THROWN}])

@@ -234,7 +234,7 @@ def throw_recipe(
             refine, drops=min(refine.drops, most[0]), rounds=min(refine.rounds, most[1])
         )
     thrower.seed = FRESH + SEEDS * recipe.seed
-    row = ThrownRow(recipe.name, exact.table, thrower.engine, refine.within)
+    row = ThrownRow(recipe.name, exact.thrown_onto, thrower.engine, refine.within)
     try:
         on_stage("design without momentum")
         resting = _Printed(recipe, replace(exact, odds="resting", refine=None))
@@ -277,7 +277,7 @@ class _Printed:
         checked(self.work)
         self.is_engraved = engraved(self.work)
         self.thrown = on_table(self.work)
-        self.momentum = self.thrown.momentum(momentum_model(exact.table))
+        self.momentum = self.thrown.momentum(momentum_model(exact.thrown_onto))
 
     def to_target(self, counts: Integers) -> MeasuredDistance:
         """Total variation of counts (k + 1,) from the target."""
