@@ -9,6 +9,7 @@ import numpy as np
 
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.spreads import drawn
 from dicedesign.throws.tables import Table
 
 __all__ = [
@@ -76,7 +77,7 @@ def released(
     axes to the world, velocity (m/s), angular velocity about the principal axes (rad/s).
 
     numbers: (n,) of the drops, which say the paper's direction. Of those the body is turned about
-    the vertical at random.
+    the vertical at random. Nothing is drawn for a height, speed or spin that is one number.
     """
     count = len(numbers)
     states = np.zeros((count, 13))
@@ -87,9 +88,10 @@ def released(
         turns = _standing(up_directions()[0][numbers % PAPER_DIRECTIONS] @ body.axes, yaw)
     axes = rng.normal(size=(count, 3))
     states[:, 3:7] = turns
-    states[:, 10:13] = table.spin * axes / np.linalg.norm(axes, axis=1)[:, None]
-    states[:, 7] = table.speed
-    states[:, 2] = _heights(body, table, turns)
+    spins = np.reshape(drawn(table.spin, count, rng), (-1, 1))
+    states[:, 10:13] = spins * axes / np.linalg.norm(axes, axis=1)[:, None]
+    states[:, 7] = drawn(table.speed, count, rng)
+    states[:, 2] = drawn(table.height, count, rng) - _lowest(body, table, turns)
     return states
 
 
@@ -101,18 +103,16 @@ def released_on(
     states = released(body, table, np.arange(count), "uniform", rng)
     yaw = rng.uniform(-np.pi, np.pi, count)
     states[:, 3:7] = _standing(np.tile(-down @ body.axes, (count, 1)), yaw)
-    states[:, 2] = _heights(body, table, states[:, 3:7])
+    states[:, 2] = drawn(table.height, count, rng) - _lowest(body, table, states[:, 3:7])
     return states
 
 
-def _heights(body: RigidBody, table: Table, turns: Floats) -> Floats:
-    """(n,) of the center of mass in m, with the lowest point at the table's height; turns: (n, 4)
-    quaternions."""
+def _lowest(body: RigidBody, table: Table, turns: Floats) -> Floats:
+    """(n,) of the lowest point over the center of mass in m; turns: (n, 4) quaternions."""
     w, x, y, z = turns.T
     up = np.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], 1)
-    lowest = (up @ body.vertices.T).min(axis=1) * table.size / 2.0
-    heights: Floats = table.height - lowest
-    return heights
+    lowest: Floats = (up @ body.vertices.T).min(axis=1) * table.size / 2.0
+    return lowest
 
 
 def _standing(up: Floats, yaw: Floats) -> Floats:

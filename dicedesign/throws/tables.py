@@ -10,11 +10,20 @@ from typing import Any, Final
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.files import read_text
+from dicedesign.throws.spreads import (
+    Limits,
+    Spread,
+    checked_number,
+    checked_spread,
+    least_of,
+    most_of,
+)
 
 __all__ = [
     "LEAST_SIZE",
     "MOST_RESTITUTION",
     "MOST_SIZE",
+    "SPREADS",
     "TABLE_NAMES",
     "Table",
     "table_entries",
@@ -31,7 +40,7 @@ LEAST_SIZE: Final = 1e-4
 MOST_SIZE: Final = 10.0
 """Of dice, in m."""
 
-_RANGES: Final = {
+_LIMITS: Final[dict[str, Limits]] = {
     "restitution": (0.0, MOST_RESTITUTION, "0 (dead) to 0.95"),
     "friction": (0.0, 10.0, "0 to 10"),
     "height": (0.0, 100.0, "0 to 100 m"),
@@ -40,6 +49,9 @@ _RANGES: Final = {
     "size": (LEAST_SIZE, MOST_SIZE, "0.0001 to 10 m"),
     "drag": (0.0, 1e4, "0 to 10000 1/s"),
 }
+
+SPREADS: Final = ("height", "speed", "spin")
+"""Parameters that may differ from one throw to the next."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +64,7 @@ class Table:
     restitution: speed along the normal kept by a point that hits the table, 0 to 0.95.
     friction: Coulomb's coefficient.
     height: of the die's lowest point over the table when it is let go, in m; 0 sets it down. Else
-        the die must be no larger.
+        the die must be no larger than the least.
     speed: along the table at that moment, in m/s.
     spin: angular speed at that moment, in rad/s, about an axis of random direction.
     size: of the die, in m: twice the largest distance of a point from its center of mass.
@@ -60,15 +72,19 @@ class Table:
         axis; above 0 for throws without momentum only.
     source: where the numbers come from.
 
-    Raises InputError: a number is not within its range, or the die is larger than the height.
+    Height, speed and spin are numbers, or ranges (least, most): then each throw has its own, all
+    between these equally likely, the three of them independent.
+
+    Raises InputError: a number is beyond its limits, a range is reversed or empty, or the die is
+    larger than the least height.
     """
 
     name: str
     restitution: float
     friction: float
-    height: float
-    speed: float
-    spin: float
+    height: Spread
+    speed: Spread
+    spin: Spread
     size: float = 0.025
     drag: float = 0.0
     source: str = "given"
@@ -79,21 +95,16 @@ class Table:
                 raise InputError(
                     f"table: expected texts as name and source, got {text!r}; correct it"
                 )
-        for name, (least, most, words) in _RANGES.items():
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float):
-                raise InputError(
-                    f"table {self.name}: expected a number as {name}, got {value!r}; correct it"
-                )
-            if not least <= value <= most:
-                raise InputError(
-                    f"table {self.name}: expected a {name} of {words}, got {value}; correct it"
-                )
-        if 0.0 < self.height < self.size:
+        for name, limits in _LIMITS.items():
+            check = checked_spread if name in SPREADS else checked_number
+            value = check(getattr(self, name), f"table {self.name}", name, limits)
+            object.__setattr__(self, name, value)
+        if most_of(self.height) > 0.0 and least_of(self.height) < self.size:
+            least = "least " * isinstance(self.height, tuple)
             raise InputError(
-                f"table {self.name}: expected a die no larger than the drop height of "
-                f"{self.height:g} m, got one of {self.size:g} m; let it fall from higher or make "
-                "it smaller"
+                f"table {self.name}: expected a die no larger than the {least}drop height of "
+                f"{least_of(self.height):g} m, got one of {self.size:g} m; let it fall from higher "
+                "or make it smaller"
             )
 
     def livelier(self, change: float) -> Table:
@@ -105,8 +116,9 @@ class Table:
         return self if size is None else replace(self, size=size)
 
     def as_dict(self) -> dict[str, Any]:
-        """The table as plain data."""
-        return asdict(self)
+        """The table as plain data, ranges as lists."""
+        plain = asdict(self)
+        return {key: list(x) if isinstance(x, tuple) else x for key, x in plain.items()}
 
 
 def table_named(name: str) -> Table:

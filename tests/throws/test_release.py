@@ -9,14 +9,17 @@ import pytest
 from common.thrown import random_body
 from scipy.spatial.transform import Rotation
 from scipy.special import sph_harm_y
+from scipy.stats import kstest
 
 from dicedesign.throws.release import (
     PAPER_DIRECTIONS,
     Orientations,
     drop_weights,
     released,
+    released_on,
     up_directions,
 )
+from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.tables import table_named
 
 BOARD = table_named("board-game")
@@ -69,6 +72,51 @@ def test_bodies_are_let_go_above_the_table(orientations: Orientations, table: st
     np.testing.assert_allclose(np.linalg.norm(states[:, 10:], axis=1), how.spin)
     heights = turns(states)[:, 2] @ body.vertices.T * how.size / 2.0 + states[:, 2:3]
     np.testing.assert_allclose(heights.min(axis=1), how.height, atol=1e-15)
+
+
+SPREAD = replace(BOARD, height=(0.05, 0.2), speed=(0.0, 0.6), spin=(5.0, 25.0))
+
+
+def manners(states: np.ndarray, body: RigidBody) -> np.ndarray:
+    """Heights of the lowest points, speeds and spins, (3, n)."""
+    lowest = (turns(states)[:, 2] @ body.vertices.T).min(axis=1) * BOARD.size / 2.0
+    speed, spin = (
+        np.linalg.norm(states[:, part], axis=1) for part in (slice(7, 10), slice(10, 13))
+    )
+    return np.stack([states[:, 2] + lowest, speed, spin])
+
+
+@pytest.mark.parametrize("aimed", [False, True])
+def test_ranges_are_drawn_evenly_and_independently(aimed: bool) -> None:
+    body, count = random_body(2)[0], 4000
+    rng = np.random.default_rng(5)
+    if aimed:
+        states = released_on(body, SPREAD, count, np.array([0.0, 0.0, 1.0]), rng)
+    else:
+        states = released(body, SPREAD, np.arange(count), "uniform", rng)
+    found = manners(states, body)
+    for values, (low, high) in zip(found, (SPREAD.height, SPREAD.speed, SPREAD.spin), strict=True):
+        assert kstest(values, "uniform", (low, high - low)).pvalue > 1e-3
+    # Nor do they tell how it is turned.
+    known = np.concatenate([found, states[:, 3:7].T])
+    correlations = np.corrcoef(known) - np.eye(len(known))
+    assert np.abs(correlations[:3]).max() < 4.0 / np.sqrt(count)
+
+
+@pytest.mark.parametrize("ranged", ["height", "speed", "spin"])
+def test_a_range_leaves_everything_else_as_it_was(ranged: str) -> None:
+    body = random_body(2)[0]
+    table = replace(BOARD, **{ranged: getattr(SPREAD, ranged)})
+    one, other = (
+        released(body, how, np.arange(50), "uniform", np.random.default_rng(3))
+        for how in (BOARD, table)
+    )
+    place = ("height", "speed", "spin").index(ranged)
+    differs = np.abs(manners(one, body) - manners(other, body)).max(axis=1) > 1e-12
+    assert differs.tolist() == [k == place for k in range(3)]
+    np.testing.assert_array_equal(one[:, 3:7], other[:, 3:7])
+    units = [s[:, 10:] / np.linalg.norm(s[:, 10:], axis=1)[:, None] for s in (one, other)]
+    np.testing.assert_allclose(units[0], units[1], atol=1e-14)
 
 
 def test_the_papers_directions_point_up() -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from collections.abc import Iterator
+from typing import Final
 
 from dicedesign.results.throws import SimulatedThrows, ThrownOdds
 from dicedesign.throws.engines.engine import ENGINES
+from dicedesign.throws.spreads import Spread, most_of, scaled
+from dicedesign.throws.tables import Table
 
 __all__ = ["throwing_advice", "throws_told"]
 
@@ -26,7 +28,7 @@ def throws_told(thrown: ThrownOdds) -> list[str]:
     )
     if thrown.simulated is not None:
         verdict = " ".join(_verdict(thrown.simulated))
-    return [_manner(thrown.table), verdict]
+    return [_manner(Table(**thrown.table)), verdict]
 
 
 def throwing_advice(thrown: ThrownOdds | None, prior: str | None = None) -> str:
@@ -39,45 +41,61 @@ def throwing_advice(thrown: ThrownOdds | None, prior: str | None = None) -> str:
         )
     if thrown is None:
         return _ROLLING
-    table = thrown.table
-    if table["height"] == 0.0:
+    table = Table(**thrown.table)
+    if most_of(table.height) == 0.0:
         return "Set it down on the table and let it tip over, from a random orientation."
-    push = " with a little push and spin," if table["speed"] > 0.0 or table["spin"] > 0.0 else ""
+    moving = max(most_of(table.speed), most_of(table.spin)) > 0.0
+    push = " with a little push and spin," if moving else ""
     return (
-        f"Throw it: let it fall from about {_length(table['height'])} above the table,{push} "
+        f"Throw it: let it fall from {_about(table.height)} above the table,{push} "
         "each time from another orientation. Set down gently it has other odds."
     )
 
 
-def _length(metres: float) -> str:
-    return f"{100.0 * metres:.3g} cm" if metres < 1.0 else f"{metres:.3g} m"
+def _about(height: Spread) -> str:
+    return _lengths(height) if isinstance(height, tuple) else f"about {_lengths(height)}"
 
 
-def _manner(table: Mapping[str, Any]) -> str:
+def _lengths(metres: Spread) -> str:
+    if most_of(metres) < 1.0:
+        return f"{_numbers(scaled(metres, 100.0), 3)} cm"
+    return f"{_numbers(metres, 3)} m"
+
+
+def _numbers(spread: Spread, digits: int) -> str:
+    ends = spread if isinstance(spread, tuple) else (spread,)
+    return " to ".join(f"{end:.{digits}g}" for end in ends)
+
+
+def _manner(table: Table) -> str:
     """What throws the odds are for."""
     fall = (
-        f"falls from {_length(table['height'])} above the table, turned at random"
-        if table["height"] > 0.0
+        f"falls from {_lengths(table.height)} above the table, turned at random"
+        if most_of(table.height) > 0.0
         else "is set down on the table, turned at random"
     )
     motion = []
-    if table["speed"] > 0.0:
-        motion.append(f"moves sideways at {_length(table['speed'])} a second")
-    if table["spin"] > 0.0:
-        motion.append(f"spins {table['spin'] / (2.0 * math.pi):.2g} times a second")
+    if most_of(table.speed) > 0.0:
+        motion.append(f"moves sideways at {_lengths(table.speed)} a second")
+    if most_of(table.spin) > 0.0:
+        turns = scaled(table.spin, 0.5 / math.pi)
+        motion.append(f"spins {_numbers(turns, 2)} times a second")
     when = f"; when it is let go it {' and '.join(motion)}" if motion else ""
+    ranges = (table.height, table.speed, table.spin)
+    differ = any(isinstance(value, tuple) for value in ranges)
+    each = "; of a range, each throw has a value of its own" if differ else ""
     bounce = (
-        f"A corner that hits the table bounces off with {100.0 * table['restitution']:.3g} % of "
+        f"A corner that hits the table bounces off with {100.0 * table.restitution:.3g} % of "
         "its speed"
-        if table["restitution"] > 0.0
+        if table.restitution > 0.0
         else "It does not bounce"
     )
-    drag = ", and it turns as slowly as in honey" if table["drag"] > 0.0 else ""
+    drag = ", and it turns as slowly as in honey" if table.drag > 0.0 else ""
     return (
-        f"The odds of this die are for throws in which it {fall}{when}. {bounce}; the coefficient "
-        f"of friction is {table['friction']:.3g}{drag}. The die is "
-        f'{1000.0 * table["size"]:.3g} mm across. This is the table "{table["name"]}": '
-        f"{table['source']}."
+        f"The odds of this die are for throws in which it {fall}{when}{each}. {bounce}; the "
+        f"coefficient of friction is {table.friction:.3g}{drag}. The die is "
+        f'{1000.0 * table.size:.3g} mm across. This is the table "{table.name}": '
+        f"{table.source}."
     )
 
 

@@ -23,6 +23,7 @@ from dicedesign.throws.release import (
     released,
 )
 from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.spreads import most_of
 from dicedesign.throws.tables import Table
 
 __all__ = ["DROPS_PER_TASK", "Throws", "check_throws", "simulate", "throw_task"]
@@ -137,7 +138,7 @@ def simulate(
     DiceError: workers are lost again and again, or the executor cannot go on.
     """
     check_throws(drops, seed, engine, orientations)
-    if table.friction == 0.0 and (table.speed > 0.0 or table.spin > 0.0):
+    if table.friction == 0.0 and max(most_of(table.speed), most_of(table.spin)) > 0.0:
         raise InputError(
             f"table {table.name}: expected friction above 0 with a speed or a spin, which nothing "
             "would take from the die, got 0; raise it"

@@ -195,7 +195,7 @@ def test_tables_that_cannot_be_are_left_out(tmp_path: Path) -> None:
     low = tmp_path / "low.json"
     changes = {"height": 0.0345, "restitution": 0.9}
     entries["momentum"]["table"] |= changes
-    low.write_text(json.dumps({**entries, **changes}))
+    low.write_text(json.dumps({**entries, **changes, "spin": [10.0, 20.0]}))
     exact = {"odds": "thrown", "table": str(low), "refine": {"drops": 200, "rounds": 1}}
     row = made_up_run(method={"exact": exact}).row
     assert [reason.split(":")[0] for reason in row.left_out] == [
@@ -205,6 +205,9 @@ def test_tables_that_cannot_be_are_left_out(tmp_path: Path) -> None:
     ]
     assert "expected a die no larger than the drop height" in row.left_out[1]
     assert len(row.changes) == 9
+    # Of a range, both ends.
+    spins = [change.value for change in row.changes if change.parameter == "spin"]
+    assert spins == [pytest.approx((8.0, 16.0)), pytest.approx((12.0, 24.0))]
 
 
 def test_a_design_that_fails_is_a_row_with_the_reason() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import pi
 from typing import Any
 
 import pytest
@@ -11,7 +12,7 @@ from common.parsed_html import Checker, parsed
 
 from dicedesign.report.figures.figure import FIGURES
 from dicedesign.report.pages.die_page import die_page
-from dicedesign.report.pages.throwing import throwing_advice
+from dicedesign.report.pages.throwing import throwing_advice, throws_told
 from dicedesign.results.record import Displacement, HullOfSurface, Result, SurfaceSize
 from dicedesign.results.throws import SimulatedThrows, ThrownOdds
 from dicedesign.throws.tables import table_named
@@ -159,6 +160,17 @@ def test_throws_that_tell_no_difference_and_none_at_all() -> None:
 )
 def test_advice_for_gentle_tables(table: str, advice: str) -> None:
     assert advice in throwing_advice(replace(THROWN, table=table_named(table).as_dict()))
+
+
+def test_throws_of_many_heights_and_spins() -> None:
+    table = {**THROWN.table, "height": [0.05, 0.2], "speed": [0.0, 1.2], "spin": [2 * pi, 9 * pi]}
+    thrown = replace(THROWN, table=table)
+    assert "let it fall from 5 to 20 cm above" in throwing_advice(thrown)
+    manner, _ = throws_told(thrown)
+    assert "falls from 5 to 20 cm above the table, turned at random" in manner
+    assert "moves sideways at 0 to 1.2 m a second and spins 1 to 4.5 times a second" in manner
+    assert "of a range, each throw has a value of its own" in manner
+    assert "of a range" not in throws_told(THROWN)[0]
 
 
 @pytest.mark.parametrize("changes", [{}, RESHAPED, {"thrown": THROWN}])

@@ -87,6 +87,16 @@ def test_steps() -> None:
     assert dead.damping * dead.step <= 1.0 + 1e-12
 
 
+def test_a_stiffer_contact() -> None:
+    """It has the same restitution and as many steps in a bounce, and goes less deep."""
+    contact, stiffer = contact_of(BOARD), contact_of(BOARD, stiffness=4.0)
+    assert stiffer.stiffness == pytest.approx(4.0 * contact.stiffness)
+    for name in ("damping", "sliding_damping"):
+        assert getattr(stiffer, name) == pytest.approx(2.0 * getattr(contact, name))
+    assert stiffer.step == pytest.approx(contact.step / 2.0)
+    assert stiffer.seconds == contact.seconds
+
+
 def test_contacts_scale_with_the_die() -> None:
     """A table for dice twice as large, with all that follows from it, is the same in their own
     units: lengths of 2, times of sqrt 2."""
@@ -103,6 +113,12 @@ def test_contacts_scale_with_the_die() -> None:
     assert two.seconds == pytest.approx(root * one.seconds)
     assert two.stiffness == pytest.approx(one.stiffness / 2.0)
     assert two.damping == pytest.approx(one.damping / root)
+
+
+def test_a_contact_is_that_of_the_fastest_throw() -> None:
+    fastest = replace(BOARD, height=0.2, speed=0.6, spin=25.0)
+    ranges = replace(BOARD, height=(0.05, 0.2), speed=(0.0, 0.6), spin=(5.0, 25.0))
+    assert contact_of(ranges) == contact_of(fastest)
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.95])

@@ -26,6 +26,7 @@ from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Integers
 from dicedesign.throws.momentum.momentum_model import momentum_model
 from dicedesign.throws.simulation.simulation import Throws, simulate
+from dicedesign.throws.spreads import Spread, scaled
 from dicedesign.throws.statistics.total_variation import (
     MeasuredDistance,
     measure_variation,
@@ -89,7 +90,8 @@ class Change:
 
     Attributes
     ----------
-    parameter: one of `PARAMETERS`. factor: on it. value: that it has then, in SI units.
+    parameter: one of `PARAMETERS`. factor: on it. value: that it has then, in SI
+        units, or its range.
     drops: how many; lost: of these, those that ended on no outcome.
     to_target: total variation from the target.
     """
@@ -98,7 +100,7 @@ class Change:
 
     parameter: str
     factor: float
-    value: float
+    value: Spread
     drops: int
     lost: int
     to_target: MeasuredDistance
@@ -243,9 +245,9 @@ def throw_recipe(
         on_stage("changed tables")
         for parameter, factor in _factors(variation):
             table = refined.thrown.table
-            value = factor * getattr(table, parameter)
+            value = scaled(getattr(table, parameter), factor)
             try:
-                table = replace(table, **{parameter: value})
+                table = Table(**{**table.as_dict(), parameter: value})
             except InputError as error:
                 reason = f"{parameter} times {factor:g}: {error}"
                 row = replace(row, left_out=(*row.left_out, reason))
