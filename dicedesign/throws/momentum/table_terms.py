@@ -18,6 +18,7 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.engines.contact import GRAVITY
+from dicedesign.throws.spreads import mean_of
 
 if TYPE_CHECKING:
     from dicedesign.throws.tables import Table
@@ -58,8 +59,8 @@ UNITS: Final = {"height": " m", "speed": " m/s", "spin": " rad/s"}
 
 def dimensionless(table: Table) -> Floats:
     """(5,) restitution, friction, height over size, speed over the root of gravity times size, spin
-    times the root of size over gravity; of a range its middle."""
-    middles = [float(np.mean(getattr(table, name))) for name in TABLE_NUMBERS]
+    times the root of size over gravity; of a range its mean."""
+    middles = [mean_of(getattr(table, name)) for name in TABLE_NUMBERS]
     return np.array(middles) / _units(table.size)
 
 

@@ -120,6 +120,8 @@ def test_a_table_counts_by_numbers_that_have_no_unit() -> None:
     np.testing.assert_allclose(dimensionless(table), dimensionless(double), rtol=1e-12)
     speed = 0.7 / np.sqrt(9.81 * 0.02)
     np.testing.assert_allclose(dimensionless(table)[:4], [0.5, 0.3, 10.0, speed], rtol=1e-12)
+    spread = replace(table, height=(0.1, 0.3), speed=(0.0, 1.4), spin=(10.0, 30.0))
+    np.testing.assert_allclose(dimensionless(spread), dimensionless(table), rtol=1e-12)
 
 
 def test_terms_are_all_quadratic_polynomials_of_the_scaled_numbers() -> None:
