@@ -46,16 +46,15 @@ nb::object rests_below(Points vertices, Indices start, Indices neighbor, Indices
 }
 
 // Advance throws by at most `steps` steps each. States (n, 13) are positions, quaternions,
-// velocities and angular velocities, and are overwritten; `how` (9,) is step, gravity, drag,
-// stiffness, damping, sliding damping, friction, impedance and the explicit energy. Returns for
+// velocities and angular velocities, and are overwritten; `how` (8,) is step, gravity, drag,
+// stiffness, damping, sliding damping, friction and impedance. Returns for
 // each throw its rest, or -1 while it moves, and the steps it took.
 nb::tuple advance_throws(Points vertices, Indices start, Indices neighbor, Indices left,
                          Indices right, Points normals, Indices rests, Floats barriers,
                          Floats moments, Floats how, States states, Index steps) {
     const Landscape land =
         landscape_of(vertices, start, neighbor, left, right, normals, rests, barriers);
-    const Throw thrown{{how(3), how(4), how(5), how(6), how(7)}, how(0), how(1), how(2),
-                       how(8)};
+    const Throw thrown{{how(3), how(4), how(5), how(6), how(7)}, how(0), how(1), how(2)};
     const Vec inertia = vector(moments);
     const std::size_t count = states.shape(0);
     std::vector<Index> outcome(count), taken(count);

@@ -1,6 +1,7 @@
-// Rotation of a rigid body without torque, step by step.
+// Rotation of a rigid body without torque.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "vector.hpp"
@@ -11,45 +12,67 @@ inline double twice_spin_energy(const Vec& moments, const Vec& spin) {
     return moments.x * spin.x * spin.x + moments.y * spin.y * spin.y + moments.z * spin.z * spin.z;
 }
 
-// The torque of Euler's equations, of a body with principal `moments`. Whole steps along what it
-// does to the spin at their beginning, as MuJoCo takes them, add to the energy of the spin at a rate
-// that goes with the step and that energy: little in a short flight, all bounds in a long one.
-inline Vec gyroscopic_torque(const Vec& moments, const Vec& spin) {
-    return {(moments.y - moments.z) * spin.y * spin.z, (moments.z - moments.x) * spin.z * spin.x,
-            (moments.x - moments.y) * spin.x * spin.y};
-}
+// Terms of the series at most, and the angle in radians within which they are used: the spin has no
+// pole nearer than half a turn or so, as no term of Euler's equations has a factor above 1.
+inline constexpr int SERIES_TERMS = 20;
+inline constexpr double SERIES_ANGLE = 0.7;
 
-// Turn a body, with orientation `q` and `spin` about its axes, by one step. The rotation is split
-// into ones about the principal axes, each about as far as its part of the angular momentum says
-// (Dullweber, Leimkuhler and McLachlan, Journal of Chemical Physics 107, 1997). It is symplectic
-// and of second order: the angular momentum in the world is kept but for rounding, and the energy
-// swings about what it was, by a part that goes with the square of the angle turned in a step.
-inline void rotate_freely(double* q, Vec& spin, const Vec& moments, double step) {
-    double momentum[3] = {moments.x * spin.x, moments.y * spin.y, moments.z * spin.z};
-    const double moment[3] = {moments.x, moments.y, moments.z};
-    const auto about = [&](int i, double seconds) {
-        const int j = (i + 1) % 3, k = (i + 2) % 3;
-        // By the angle whose half has the tangent t, which needs no sine.
-        const double t = 0.5 * seconds * momentum[i] / moment[i];
-        const double part = 2.0 / (1.0 + t * t);
-        const double cosine = part - 1.0, sine = t * part;
-        const double mj = momentum[j], mk = momentum[k];
-        momentum[j] = cosine * mj + sine * mk;
-        momentum[k] = cosine * mk - sine * mj;
-        const double w = q[0], qi = q[1 + i], qj = q[1 + j], qk = q[1 + k];
-        q[0] = w - t * qi;
-        q[1 + i] = qi + t * w;
-        q[1 + j] = qj + t * qk;
-        q[1 + k] = qk - t * qj;
-    };
-    about(0, 0.5 * step);
-    about(1, 0.5 * step);
-    about(2, step);
-    about(1, 0.5 * step);
-    about(0, 0.5 * step);
-    spin = {momentum[0] / moments.x, momentum[1] / moments.y, momentum[2] / moments.z};
-    const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    for (int i = 0; i < 4; ++i) q[i] /= length;
+// Terms smaller than this, relative to what they belong to, end the series.
+inline constexpr double SERIES_TOLERANCE = 1e-15;
+
+// Turn a body, with orientation `q` and `spin` about its principal axes, for some time, by the power
+// series of Euler's equations and of the orientation: each coefficient is a sum of products of those
+// before it. Right to rounding, however long.
+inline void rotate_freely(double* q, Vec& spin, const Vec& moments, double seconds) {
+    // Of a term's two factors: the rates at which spins change with products of the others.
+    const double rates[3] = {(moments.y - moments.z) / moments.x,
+                             (moments.z - moments.x) / moments.y,
+                             (moments.x - moments.y) / moments.z};
+    double w[SERIES_TERMS][3] = {{spin.x, spin.y, spin.z}}, p[SERIES_TERMS][4];
+    while (seconds > 0.0) {
+        const double size =
+            std::sqrt(w[0][0] * w[0][0] + w[0][1] * w[0][1] + w[0][2] * w[0][2]);
+        // Coefficients are of powers of time over this, so that they are terms themselves.
+        double part = size * seconds > SERIES_ANGLE ? SERIES_ANGLE / size : seconds;
+        std::copy(q, q + 4, p[0]);
+        double spun[3] = {w[0][0], w[0][1], w[0][2]}, turned[4] = {q[0], q[1], q[2], q[3]};
+        for (int k = 1; k < SERIES_TERMS; ++k) {
+            double x = 0.0, y = 0.0, z = 0.0, a = 0.0, b = 0.0, c = 0.0, d = 0.0;
+            for (int i = 0; i < k; ++i) {
+                const double* const u = w[i];
+                const double* const v = w[k - 1 - i];
+                const double* const o = p[i];
+                x += u[1] * v[2];
+                y += u[2] * v[0];
+                z += u[0] * v[1];
+                a -= o[1] * v[0] + o[2] * v[1] + o[3] * v[2];
+                b += o[0] * v[0] + o[2] * v[2] - o[3] * v[1];
+                c += o[0] * v[1] + o[3] * v[0] - o[1] * v[2];
+                d += o[0] * v[2] + o[1] * v[1] - o[2] * v[0];
+            }
+            const double over = part / k;
+            const double turn[4] = {0.5 * over * a, 0.5 * over * b, 0.5 * over * c, 0.5 * over * d};
+            const double spins[3] = {over * rates[0] * x, over * rates[1] * y, over * rates[2] * z};
+            std::copy(turn, turn + 4, p[k]);
+            std::copy(spins, spins + 3, w[k]);
+            double most = 0.0, most_spin = 0.0;
+            for (int i = 0; i < 4; ++i) {
+                turned[i] += turn[i];
+                most = larger(most, std::abs(turn[i]));
+            }
+            for (int i = 0; i < 3; ++i) {
+                spun[i] += spins[i];
+                most_spin = larger(most_spin, std::abs(spins[i]));
+            }
+            if (most <= SERIES_TOLERANCE && most_spin <= SERIES_TOLERANCE * size) break;
+        }
+        const double length = std::sqrt(turned[0] * turned[0] + turned[1] * turned[1] +
+                                        turned[2] * turned[2] + turned[3] * turned[3]);
+        for (int i = 0; i < 4; ++i) q[i] = turned[i] / length;
+        std::copy(spun, spun + 3, w[0]);
+        seconds -= part;
+    }
+    spin = {w[0][0], w[0][1], w[0][2]};
 }
 
 }  // namespace dicedesign

@@ -7,6 +7,8 @@ namespace dicedesign {
 namespace {
 
 constexpr int MOST_STEPS = 50;
+constexpr int MOST_TURNS = 12;
+constexpr double TURN_TOLERANCE = 1e-9;  // relative to what a point misses without a force
 constexpr int MOST_HALVINGS = 40;
 constexpr double GRADIENT_TOLERANCE = 1e-16;  // squared, relative to weight and cost
 constexpr double SUFFICIENT_DECREASE = 1e-4;
@@ -117,6 +119,119 @@ void newton_direction(const Acceleration masses, const Acceleration gradient,
     }
 }
 
+// One contact in place of all of the body: what its point misses without a force, (3,), and how a
+// force accelerates the point.
+struct OneContact {
+    Vec without;
+    Vec response[3];  // rows of a symmetric matrix
+    double weight, friction;
+
+    Vec accelerated(const Vec& force) const {
+        return {dot(response[0], force), dot(response[1], force), dot(response[2], force)};
+    }
+
+    // The force where friction is enough to let the point stick, or else what the point misses.
+    bool sticks(Vec& force) const {
+        const Vec a = Vec{1.0, 0.0, 0.0} + weight * response[0],
+                  b = Vec{0.0, 1.0, 0.0} + weight * response[1],
+                  c = Vec{0.0, 0.0, 1.0} + weight * response[2];
+        const Vec bc = cross(b, c), da = cross(without, a);
+        const double part = -weight / dot(a, bc);
+        force = {part * dot(without, bc), -part * dot(c, da), part * dot(b, da)};
+        return friction * force.x >= std::sqrt(force.y * force.y + force.z * force.z);
+    }
+
+    // The force of a point that slides: it is on the friction cone, against the direction of what
+    // the point misses along the table. That is found by Newton's method in its angle. Returns
+    // false where it is not.
+    bool slides(Vec& force) const {
+        const double w = weight / (1.0 + friction * friction);
+        const double lift = -weight * without.x / (1.0 + weight * response[0].x);
+        Vec along = without + lift * response[0];  // as if there were no friction
+        const double size = norm(without);
+        for (int step = 0; step < MOST_TURNS; ++step) {
+            const double length = std::sqrt(along.y * along.y + along.z * along.z);
+            if (!(length > 0.0)) return false;
+            const Vec e{0.0, along.y / length, along.z / length}, across{0.0, -e.z, e.y};
+            const Vec cone{1.0, -friction * e.y, -friction * e.z}, turned = -friction * across;
+            const Vec pushed = accelerated(cone);
+            const double stiff = 1.0 + w * dot(cone, pushed);
+            const double load = -w * dot(cone, without) / stiff;
+            const Vec missed = without + load * pushed;
+            force = load * cone;
+            const double aside = dot(across, missed), ahead = dot(e, missed);
+            if (std::abs(aside) <= TURN_TOLERANCE * size) return load >= 0.0 && ahead >= 0.0;
+            const double change =
+                -w * (dot(turned, without) + 2.0 * load * dot(turned, pushed)) / stiff;
+            const double slope =
+                dot(across, change * pushed + load * accelerated(turned)) - ahead;
+            // Where Newton's step leads nowhere: on to the direction that there is now.
+            const bool turns = slope < 0.0 && std::abs(aside) < -slope;
+            along = turns ? e - (aside / slope) * across : missed;
+        }
+        return false;
+    }
+};
+
+// The same for one contact. Returns false where its force is not found.
+bool solve_one(const Acceleration masses, const Acceleration free, Acceleration acceleration,
+               const Contact& c, double weight, double friction) {
+    double without[3], response[3][3], eased[3][COORDINATES];
+    for (int r = 0; r < 3; ++r) {
+        without[r] = -c.wanted[r];
+        for (int i = 0; i < COORDINATES; ++i) {
+            without[r] += c.rows[r][i] * free[i];
+            eased[r][i] = c.rows[r][i] / masses[i];
+        }
+        for (int s = 0; s <= r; ++s) {
+            double sum = 0.0;
+            for (int i = 0; i < COORDINATES; ++i) sum += c.rows[s][i] * eased[r][i];
+            response[r][s] = response[s][r] = sum;
+        }
+    }
+    OneContact point{{without[0], without[1], without[2]}, {}, weight, friction};
+    for (int r = 0; r < 3; ++r) {
+        point.response[r] = {response[r][0], response[r][1], response[r][2]};
+    }
+    Vec force{0.0, 0.0, 0.0};
+    const double sliding = std::sqrt(without[1] * without[1] + without[2] * without[2]);
+    if (without[0] < friction * sliding && !point.sticks(force) && !point.slides(force)) {
+        return false;
+    }
+    for (int i = 0; i < COORDINATES; ++i) {
+        acceleration[i] =
+            free[i] + eased[0][i] * force.x + eased[1][i] * force.y + eased[2][i] * force.z;
+    }
+    return true;
+}
+
+// Go to where all points stick, if that is better. Where they do it is the answer.
+void stick_all(const Acceleration masses, const Acceleration free, Acceleration acceleration,
+               Contact* contacts, int count, double weight, double friction,
+               Acceleration gradient, double& cost) {
+    Acceleration slope, direction, tried, tried_gradient;
+    for (int i = 0; i < COORDINATES; ++i) slope[i] = masses[i] * (acceleration[i] - free[i]);
+    for (Contact* c = contacts; c != contacts + count; ++c) {
+        c->active = true;
+        std::fill(&c->curvature[0][0], &c->curvature[0][0] + 9, 0.0);
+        for (int r = 0; r < 3; ++r) {
+            c->curvature[r][r] = weight;
+            for (int i = 0; i < COORDINATES; ++i) slope[i] += weight * c->missed[r] * c->rows[r][i];
+        }
+    }
+    newton_direction(masses, slope, contacts, count, direction);
+    for (int i = 0; i < COORDINATES; ++i) tried[i] = acceleration[i] + direction[i];
+    const double tried_cost =
+        cost_of(masses, free, tried, contacts, count, weight, friction, tried_gradient);
+    if (tried_cost < cost) {
+        std::copy(tried, tried + COORDINATES, acceleration);
+        std::copy(tried_gradient, tried_gradient + COORDINATES, gradient);
+        cost = tried_cost;
+    } else {
+        cost = cost_of(masses, free, acceleration, contacts, count, weight, friction, gradient);
+    }
+}
+
 double product(const Acceleration a, const Acceleration b) {
     double s = 0.0;
     for (int i = 0; i < COORDINATES; ++i) s += a[i] * b[i];
@@ -128,9 +243,13 @@ double product(const Acceleration a, const Acceleration b) {
 void solve_contacts(const Acceleration masses, const Acceleration free, Acceleration acceleration,
                     Contact* contacts, int count, const ContactModel& model) {
     const double weight = model.impedance / (1.0 - model.impedance);
+    if (count == 1 && solve_one(masses, free, acceleration, *contacts, weight, model.friction)) {
+        return;
+    }
     Acceleration gradient;
     double cost = cost_of(masses, free, acceleration, contacts, count, weight, model.friction,
                           gradient);
+    stick_all(masses, free, acceleration, contacts, count, weight, model.friction, gradient, cost);
     double weighed = 0.0;
     for (int i = 0; i < COORDINATES; ++i) weighed += masses[i] * free[i] * free[i];
     for (int step = 0; step < MOST_STEPS; ++step) {

@@ -11,6 +11,8 @@ namespace {
 
 constexpr Index STEPS_PER_CHECK = 16;
 
+constexpr double LONGEST_FLIGHT = 1e9;  // steps at once
+
 // Rows of the matrix that turns the body's axes into the world's.
 struct Axes {
     explicit Axes(const double* q) {
@@ -66,9 +68,8 @@ void set_contact(Contact& c, const Axes& axes, const Vec& arm, double height, co
 }
 
 // Set the contacts of a body, and return how many there are.
-int set_contacts(const Landscape& land, NearTable& near, const Motion& motion,
+int set_contacts(const Landscape& land, NearTable& near, const Axes& axes, const Motion& motion,
                  const ContactModel& model, Contact* contacts) {
-    const Axes axes(motion.turn);
     const double height = motion.position.z;
     Touching found;
     for (const Index v : near.at(axes.row[2], height)) {
@@ -80,20 +81,6 @@ int set_contacts(const Landscape& land, NearTable& near, const Motion& motion,
                     model);
     }
     return found.count;
-}
-
-void turn(double* q, const Vec& spin, double step) {
-    const double rate = norm(spin), half = 0.5 * step * rate;
-    const double s = rate > 0.0 ? std::sin(half) / rate : 0.5 * step;
-    const double w = std::cos(half);
-    const Vec v = s * spin;
-    const double turned[4] = {q[0] * w - q[1] * v.x - q[2] * v.y - q[3] * v.z,
-                              q[0] * v.x + q[1] * w + q[2] * v.z - q[3] * v.y,
-                              q[0] * v.y - q[1] * v.z + q[2] * w + q[3] * v.x,
-                              q[0] * v.z + q[1] * v.y - q[2] * v.x + q[3] * w};
-    const double length = std::sqrt(turned[0] * turned[0] + turned[1] * turned[1] +
-                                    turned[2] * turned[2] + turned[3] * turned[3]);
-    for (int i = 0; i < 4; ++i) q[i] = turned[i] / length;
 }
 
 // Height to which all energy would lift the center of mass. What is stored in contacts counts as if
@@ -111,6 +98,47 @@ double energy_height(const Landscape& land, NearTable& near, const Vec& moments,
     return motion.position.z + 0.5 * twice / how.gravity;
 }
 
+// How many steps a body may take at once whose vertices are all above the table: none of them is
+// below it in between. Each moves on with its speed, bent by gravity and by the turning: a spin of
+// at most w, by the energy, gives it an acceleration of at most w^2 r, and changes, by Euler's
+// equations, by at most w^2.
+Index steps_of_flight(const Landscape& land, const Vec& moments, const Throw& how,
+                      const Motion& motion, const Axes& axes, double reach) {
+    const double least = smaller(moments.x, smaller(moments.y, moments.z));
+    const double fastest = twice_spin_energy(moments, motion.spin) / least;
+    const double bent = how.gravity + 2.0 * fastest * reach;
+    const double height = motion.position.z;
+    // A step falls further by half of what it speeds up.
+    const double rising = motion.velocity.z - 0.5 * how.gravity * how.step;
+    // Whatever its turn is, above its reach it cannot touch.
+    const double above = height - reach;
+    const double high =
+        above > 0.0
+            ? (rising + std::sqrt(rising * rising + 2.0 * how.gravity * above)) / how.gravity
+            : 0.0;
+    double safe = LONGEST_FLIGHT * how.step;
+    const Vec& up = axes.row[2];
+    const Vec across = cross(up, motion.spin);
+    for (Index v = 0; v < land.vertices && safe > high; ++v) {
+        const double z = height + dot(up, land.vertex[v]);
+        const double speed = rising + dot(across, land.vertex[v]);
+        if (z + safe * (speed - 0.5 * bent * safe) > 0.0) continue;
+        safe = (speed + std::sqrt(speed * speed + 2.0 * bent * larger(z, 0.0))) / bent;
+    }
+    safe = larger(safe, high);
+    const bool finite = std::isfinite(safe + fastest + sum(up) + sum(motion.velocity));
+    return finite ? static_cast<Index>(safe / how.step) : 0;
+}
+
+// Fly for so many steps at once.
+void fly(const Vec& moments, const Throw& how, Index steps, Motion& motion) {
+    const double count = static_cast<double>(steps), seconds = count * how.step;
+    motion.position += seconds * motion.velocity;
+    motion.position.z -= 0.5 * how.gravity * how.step * (seconds + how.step) * count;
+    motion.velocity.z -= how.gravity * seconds;
+    rotate_freely(motion.turn, motion.spin, moments, seconds);
+}
+
 }  // namespace
 
 Index advance(const Landscape& land, const Vec& moments, const Throw& how, Index steps,
@@ -121,53 +149,52 @@ Index advance(const Landscape& land, const Vec& moments, const Throw& how, Index
     const double h = how.step;
     Acceleration acceleration = {0.0, 0.0, -how.gravity, 0.0, 0.0, 0.0};
     Contact contacts[MOST_CONTACTS];
-    bool as_mujoco = true;
-    for (taken = 0; taken < steps; ++taken) {
+    Index unchecked = 0;
+    for (taken = 0; taken < steps;) {
         Vec& w = motion.spin;
-        if (taken % STEPS_PER_CHECK == 0) {
-            as_mujoco = 0.5 * twice_spin_energy(moments, w) < how.explicit_energy;
+        const Axes axes(motion.turn);
+        const bool is_high = motion.position.z >= near.reach();
+        const int count =
+            is_high ? 0 : set_contacts(land, near, axes, motion, how.contact, contacts);
+        Index safe = 0;
+        if (count == 0 && brake == 0.0) {
+            safe = steps_of_flight(land, moments, how, motion, axes, near.reach());
         }
-        const Vec torque =
-            (as_mujoco ? gyroscopic_torque(moments, w) : Vec{0.0, 0.0, 0.0}) - brake * w;
-        const Acceleration free = {0.0,
-                                   0.0,
-                                   -how.gravity,
-                                   torque.x / moments.x,
-                                   torque.y / moments.y,
-                                   torque.z / moments.z};
-        const int count = motion.position.z < near.reach()
-                              ? set_contacts(land, near, motion, how.contact, contacts)
-                              : 0;
-        if (count == 0) {
-            std::copy(free, free + COORDINATES, acceleration);
+        const Index together = safe > 0 ? std::min(safe, steps - taken) : 1;
+        if (safe > 0) {
+            fly(moments, how, together, motion);
         } else {
-            // The last step's acceleration is a good first guess.
-            solve_contacts(masses, free, acceleration, contacts, count, how.contact);
-        }
-        const double* a = acceleration;
-        motion.velocity += h * Vec{a[0], a[1], a[2]};
-        // Drag is implicit, so that any amount of it is stable.
-        w += Vec{h * a[3] / (1.0 + h * brake / moments.x), h * a[4] / (1.0 + h * brake / moments.y),
-                 h * a[5] / (1.0 + h * brake / moments.z)};
-        motion.position += h * motion.velocity;
-        if (as_mujoco) {
-            turn(motion.turn, w, h);
-        } else {
+            const Acceleration free = {0.0,
+                                       0.0,
+                                       -how.gravity,
+                                       -brake * w.x / moments.x,
+                                       -brake * w.y / moments.y,
+                                       -brake * w.z / moments.z};
+            if (count == 0) {
+                std::copy(free, free + COORDINATES, acceleration);
+            } else {
+                // The last step's acceleration is a good first guess.
+                solve_contacts(masses, free, acceleration, contacts, count, how.contact);
+            }
+            const double* a = acceleration;
+            motion.velocity += h * Vec{a[0], a[1], a[2]};
+            // Drag is implicit, so that any amount of it is stable.
+            w += Vec{h * a[3] / (1.0 + h * brake / moments.x),
+                     h * a[4] / (1.0 + h * brake / moments.y),
+                     h * a[5] / (1.0 + h * brake / moments.z)};
+            motion.position += h * motion.velocity;
             rotate_freely(motion.turn, w, moments, h);
         }
-        if ((taken + 1) % STEPS_PER_CHECK != 0) continue;
+        taken += together;
+        unchecked += together;
+        if (unchecked < STEPS_PER_CHECK) continue;
+        unchecked = 0;
         const Vec up = Axes(motion.turn).row[2];
         const double height = energy_height(land, near, moments, how, motion, up);
-        if (!std::isfinite(height + sum(up))) {
-            ++taken;
-            return STILL_MOVING;
-        }
+        if (!std::isfinite(height + sum(up))) return STILL_MOVING;
         if (height >= land.highest_barrier) continue;
         const Index rest = rest_below(land, -up);
-        if (rest >= 0 && height < land.barrier[rest]) {
-            ++taken;
-            return rest;
-        }
+        if (rest >= 0 && height < land.barrier[rest]) return rest;
     }
     return STILL_MOVING;
 }

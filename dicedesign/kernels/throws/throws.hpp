@@ -20,8 +20,6 @@ struct Throw {
     double step;     // seconds
     double gravity;  // m/s^2
     double drag;     // 1/s, of the spin of a body with the mean moment of inertia
-    // m^2/s^2: while the spin has less, its steps are as MuJoCo's, else those of `rotate_freely`.
-    double explicit_energy;
 };
 
 // What became of a body: the rest that it cannot miss any more, or one of these.

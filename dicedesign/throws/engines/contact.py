@@ -31,16 +31,6 @@ SETTLING: Final = 400.0
 """How long a throw is followed after its bounces, in units of the square root of radius over
 gravity: some 14 seconds for a die of 25 mm."""
 
-MOST_TURNED: Final = 300.0
-"""Angle in radians by which a die may turn while it bounces, all of its energy being spin, for its
-free rotation to take MuJoCo's explicit steps. They add to the energy of the spin, the more the
-longer a flight is, and after tall or lively throws without end. With dice of 25 mm the tables that
-come with the package reach 173, and 265 with a restitution higher by a fifth."""
-
-IMPOSSIBLE_ENERGY: Final = 1.5
-"""Of the spin, relative to all that a throw can have. A die that has so much got it from such
-steps, and takes them no more. Of slender ones some come to that on any lively table."""
-
 LARGEST_RATIO: Final = 100.0
 """Damping ratio that stands for no restitution at all."""
 
@@ -56,8 +46,6 @@ class Contact:
     sliding_damping: 1/s, of speed along the table, up to the limit of friction.
     step: seconds.
     seconds: after which a throw is given up.
-    explicit_energy: m^2/s^2, of the spin, below which the package's own engine takes its steps as
-        MuJoCo does, and from which on so that they conserve it.
     """
 
     stiffness: float
@@ -65,30 +53,28 @@ class Contact:
     sliding_damping: float
     step: float
     seconds: float
-    explicit_energy: float
 
 
-def contact_of(table: Table, refinement: float = 1.0) -> Contact:
+def contact_of(table: Table, refinement: float = 1.0, stiffness: float = 1.0) -> Contact:
     """The contact of a table, the same for all its throws: hard enough for the fastest.
 
-    refinement: divides the time step, at the same contact.
+    refinement: divides the time step, at the same contact. stiffness: multiplies that of the
+    contact, and so many more time steps there are that a bounce has as many.
     """
     radius = table.size / 2.0
     height, speed, spin = (most_of(value) for value in (table.height, table.speed, table.spin))
     fastest = math.sqrt(2.0 * GRAVITY * (height + 2.0 * radius) + speed**2 + (spin * radius) ** 2)
-    frequency = fastest / (DEEPEST * radius)
+    frequency = math.sqrt(stiffness) * fastest / (DEEPEST * radius)
     step = math.pi / frequency / STEPS_PER_CONTACT
     # More damping than would stop a point within one step makes it bounce again. So a restitution
     # below 0.1 is one that steps of this length cannot tell from 0.
     most = 1.0 / (2.0 * frequency * step)
-    turned = fastest / radius * _bouncing_time(table)
     return Contact(
         stiffness=frequency**2,
         damping=2.0 * min(damping_ratio(table.restitution), most) * frequency,
         sliding_damping=2.0 * frequency,
         step=step / refinement,
         seconds=longest_throw(table),
-        explicit_energy=IMPOSSIBLE_ENERGY * fastest**2 / 2.0 if turned <= MOST_TURNED else 0.0,
     )
 
 

@@ -32,29 +32,42 @@ def require() -> None:
 
 
 def throw_states(
-    body: RigidBody, table: Table, states: Floats, refinement: float = 1.0
+    body: RigidBody,
+    table: Table,
+    states: Floats,
+    refinement: float = 1.0,
+    stiffness: float = 1.0,
 ) -> Integers:
     """The rests (n,) of bodies let go in states (n, 13); -1 for those that found none in time.
 
     The equations of motion and of soft contact are those of MuJoCo, with the lowest eight of the
-    vertices below the table in contact. So are the time steps, but for those of free rotation where
-    they would be wrong: see `MOST_TURNED`. A throw ends as soon as its energy is below every saddle
-    on the border of the basin that it is in: it can leave it no more. That is exact but for how
-    deep a contact is at rest, some 1e-4 radii. It also ends as soon as its state is not finite.
+    vertices below the table in contact, and so are the time steps, but that free rotation keeps its
+    angular momentum and energy. As long as no vertex can touch the table many steps are one. A
+    throw ends as soon as its energy is below every saddle on the border of the basin that it is in:
+    it can leave it no more. That is exact but for how deep a contact is at rest, some 1e-4 radii.
+    It also ends as soon as its state is not finite.
+
+    stiffness: as in `contact_of`.
 
     Raises InputError: the compiled kernels are missing.
     """
-    contact = contact_of(table, refinement)
-    outcome, _ = advance(body, table, states.copy(), round(contact.seconds / contact.step))
+    contact = contact_of(table, refinement, stiffness)
+    steps = round(contact.seconds / contact.step)
+    outcome, _ = advance(body, table, states.copy(), steps, refinement, stiffness)
     return outcome
 
 
 def advance(
-    body: RigidBody, table: Table, states: Floats, steps: int, refinement: float = 1.0
+    body: RigidBody,
+    table: Table,
+    states: Floats,
+    steps: int,
+    refinement: float = 1.0,
+    stiffness: float = 1.0,
 ) -> tuple[Integers, Integers]:
     """Advance states (n, 13), in place, by at most so many time steps. Returns for each the rest
     that it cannot miss any more, or -1, and (n,) how many steps it took."""
-    contact = contact_of(table, refinement)
+    contact = contact_of(table, refinement, stiffness)
     how = (
         contact.step,
         GRAVITY,
@@ -64,7 +77,6 @@ def advance(
         contact.sliding_damping,
         table.friction,
         IMPEDANCE,
-        contact.explicit_energy,
     )
     scale = table.size / 2.0
     landscape, moments = _landscape(body, scale), body.moments * scale**2

@@ -189,7 +189,7 @@ def test_simulators_that_are_missing_are_told(monkeypatch: pytest.MonkeyPatch) -
     engines, (note,) = installed_engines(("native", "mujoco"))
     assert engines == ("native",)
     assert note.startswith("engine mujoco: expected the optional extra 'throws'")
-    with pytest.raises(InputError, match=r"^bench table: expected a simulator, got none; engine"):
+    with pytest.raises(InputError, match=r"^engines: expected a simulator, got none; engine"):
         installed_engines(("mujoco",))
 
 

@@ -87,6 +87,16 @@ def test_steps() -> None:
     assert dead.damping * dead.step <= 1.0 + 1e-12
 
 
+def test_a_stiffer_contact() -> None:
+    """It has the same restitution and as many steps in a bounce, and goes less deep."""
+    contact, stiffer = contact_of(BOARD), contact_of(BOARD, stiffness=4.0)
+    assert stiffer.stiffness == pytest.approx(4.0 * contact.stiffness)
+    for name in ("damping", "sliding_damping"):
+        assert getattr(stiffer, name) == pytest.approx(2.0 * getattr(contact, name))
+    assert stiffer.step == pytest.approx(contact.step / 2.0)
+    assert stiffer.seconds == contact.seconds
+
+
 def test_contacts_scale_with_the_die() -> None:
     """A table for dice twice as large, with all that follows from it, is the same in their own
     units: lengths of 2, times of sqrt 2."""

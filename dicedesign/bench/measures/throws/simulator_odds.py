@@ -106,7 +106,7 @@ def installed_engines(
         else:
             installed.append(engine)
     if not installed:
-        raise InputError(f"bench table: expected a simulator, got none; {'; '.join(notes)}")
+        raise InputError(f"engines: expected a simulator, got none; {'; '.join(notes)}")
     return tuple(installed), tuple(notes)
 
 
