@@ -22,6 +22,7 @@ from dicedesign.throws.momentum.momentum_model import MomentumModel, momentum_mo
 from dicedesign.throws.momentum.momentum_odds import hull_odds, landing_odds
 from dicedesign.throws.momentum.transition_features import body_features
 from dicedesign.throws.momentum.transitions import Transitions
+from dicedesign.throws.tables import Table
 
 __all__ = ["ThrownOdds"]
 
@@ -46,9 +47,12 @@ class ThrownOdds:
     def _of(cls, model: MomentumModel | None) -> ThrownOdds:
         return cls(None if model is None else (model, model.converted(torch.as_tensor)))
 
-    def at(self, change: float) -> ThrownOdds:
-        """That of a table whose restitution is higher by this part, which is small."""
-        return self._of(None if self.model is None else self.model[0].at(change))
+    def onto(self, table: Table) -> ThrownOdds:
+        """That of another table, or of the nearest one that the model knows."""
+        if self.model is None:
+            return self
+        model = self.model[0]
+        return self._of(model.on(model.general.range.nearest(table)))
 
     def odds(self, rests: RestEvaluation) -> Floats:
         """(k,) odds of the rests, in the order of `rests.paths.rests`."""

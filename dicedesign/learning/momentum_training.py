@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import deque
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
 import numpy as np
@@ -13,24 +13,23 @@ from torch import Tensor
 
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checkpoint import Checkpoint
-from dicedesign.throws.momentum.momentum_model import (
+from dicedesign.throws.momentum.general_model import (
     CARRY_OUTPUTS,
-    IMPACTS,
-    LEAST_DEVIATION,
     TRANSITION_OUTPUTS,
-    MomentumModel,
-    Network,
-    Slopes,
+    GeneralModel,
 )
+from dicedesign.throws.momentum.momentum_model import IMPACTS, MomentumModel
 from dicedesign.throws.momentum.momentum_odds import landing_odds
+from dicedesign.throws.momentum.network import LEAST_DEVIATION, Network
+from dicedesign.throws.momentum.table_terms import TABLE_NUMBERS, TABLE_TERMS, TableRange
 from dicedesign.throws.momentum.transition_features import Features
 from dicedesign.throws.momentum.transitions import Transitions
 
-__all__ = ["TrainingDie", "train"]
+__all__ = ["TrainingDie", "new_model", "train"]
 
-TRANSITION_HIDDEN: Final = 24
+TRANSITION_HIDDEN: Final = 48
 
-CARRY_HIDDEN: Final = 12
+CARRY_HIDDEN: Final = 24
 """Hidden units of the networks."""
 
 FIRST_TEMPERATURE: Final = 0.17
@@ -44,191 +43,240 @@ FIRST_RATE: Final = 4.0
 FIRST_CARRY: Final = -3.0
 """Logarithm of the rate of carries, to begin with."""
 
+BATCH: Final = 64
+"""Dice, each on one table, that a step goes by."""
+
+STEP: Final = 5e-3
+"""Length of the first steps; it falls as a cosine."""
+
+FINE_STEP: Final = 1.5e-3
+"""The same from a model that is known."""
+
+MEMORY: Final = (0.9, 0.99)
+"""Parts of the means of gradients and of their squares that last from step to step (Adam)."""
+
+WARMING: Final = 50.0
+"""Steps in which their length rises at first."""
+
+MOST_GRADIENT: Final = 1.0
+"""Length to which a gradient is shortened."""
+
 WEIGHT_DECAY: Final = 1e-4
 """Weight of the squared parameters of the networks in the loss."""
 
 SMALLEST_SHARE: Final = 1e-6
 """Below what any rest has in throws of a training die, if it has some; keeps logarithms finite."""
 
-EVALUATIONS: Final = "evaluations"
-"""Rows of a checkpoint: losses with their gradients."""
+EPOCHS: Final = "epochs"
+"""Rows of a checkpoint: parameters, the means of their gradients and squares, and the loss."""
 
 
 @dataclass(frozen=True)
 class TrainingDie:
-    """A die that was thrown, or several as one body whose parts know nothing of each other.
+    """A die that was thrown onto a table.
 
     Attributes
     ----------
     transitions, features: what the model knows of it.
-    frequencies: (k,) of its rests in the order of those, NumPy or torch.
-    change: part by which the table's restitution was higher.
+    frequencies: (k,) of its rests in the order of those.
+    terms: (`TABLE_TERMS`,) of the table.
     """
 
     transitions: Transitions
     features: Features
-    frequencies: Any
-    change: float = 0.0
+    frequencies: Floats
+    terms: Floats
 
 
-def _joined(dice: Sequence[TrainingDie]) -> TrainingDie:
-    """Dice that were thrown onto tables of one restitution as one body, in torch."""
-    rests = np.cumsum([0, *(die.transitions.rests for die in dice)])
-    ways = np.cumsum([0, *(len(die.transitions.source) for die in dice)])
+class _Union:
+    """Dice as one body whose parts know nothing of each other, in torch."""
 
-    def joined(name: str, offsets: Integers | None = None) -> Integers:
-        parts = [getattr(die.transitions, name) for die in dice]
-        if offsets is not None:
-            parts = [part + start for part, start in zip(parts, offsets, strict=False)]
-        return np.concatenate(parts)
+    def __init__(self, dice: Sequence[TrainingDie]) -> None:
+        rests = np.cumsum([0, *(die.transitions.rests for die in dice)])
+        ways = [len(die.transitions.source) for die in dice]
+        first_ways = np.cumsum([0, *ways])
 
-    unused = np.zeros((int(rests[-1]), 0), dtype=np.int64)
-    transitions = Transitions(
-        corners=unused,
-        real=unused.astype(bool),
-        tail=joined("tail"),
-        head=joined("head"),
-        source=joined("source", rests),
-        target=joined("target", rests),
-        first=joined("first", ways),
-        second=joined("second", ways),
-    )
-    columns = {
-        field.name: torch.as_tensor(
-            np.concatenate([getattr(die.features, field.name) for die in dice])
+        def joined(name: str, offsets: Integers) -> Integers:
+            parts = [getattr(die.transitions, name) for die in dice]
+            return np.concatenate(
+                [part + start for part, start in zip(parts, offsets, strict=False)]
+            )
+
+        unused = np.zeros((int(rests[-1]), 0), dtype=np.int64)
+        self.transitions = Transitions(
+            corners=unused,
+            real=unused.astype(bool),
+            tail=unused,
+            head=unused,
+            source=joined("source", rests),
+            target=joined("target", rests),
+            first=joined("first", first_ways),
+            second=joined("second", first_ways),
         )
-        for field in fields(Features)
-    }
-    frequencies = torch.as_tensor(np.concatenate([die.frequencies for die in dice]))
-    return TrainingDie(transitions, Features(**columns), frequencies, dice[0].change)
+        columns = {
+            field.name: torch.as_tensor(
+                np.concatenate([getattr(die.features, field.name) for die in dice])
+            )
+            for field in fields(Features)
+        }
+        self.features = Features(**columns)
+        self.frequencies = torch.as_tensor(np.concatenate([die.frequencies for die in dice]))
+        self.terms = torch.as_tensor(np.stack([die.terms for die in dice]))
+        of = np.arange(len(dice))
+        self.of_transition = torch.as_tensor(np.repeat(of, ways))
+        self.of_carry = torch.as_tensor(np.repeat(of, [len(die.transitions.first) for die in dice]))
 
+    def model(self, general: GeneralModel) -> MomentumModel:
+        """The model of each transition's and carry's table."""
+        hot, cooling, carry_barrier = (self.terms @ general.numbers)[self.of_transition].T
+        transitions, carries = (
+            replace(
+                network,
+                bias=(self.terms @ network.bias)[of],
+                shift=(self.terms @ network.shift)[of],
+            )
+            for network, of in (
+                (general.transitions, self.of_transition),
+                (general.carries, self.of_carry),
+            )
+        )
+        return MomentumModel(hot, cooling, carry_barrier, transitions, carries, general)
 
-def _divergence(die: TrainingDie, model: MomentumModel) -> Tensor:
-    """Sum of the Kullback-Leibler divergences of the model's odds from the frequencies."""
-    odds = landing_odds(die.features, die.transitions, model.at(die.change), torch)
-    odds, frequencies = odds.clamp(min=SMALLEST_SHARE), die.frequencies
-    divergence: Tensor = (frequencies * (frequencies.clamp(min=SMALLEST_SHARE) / odds).log()).sum()
-    return divergence
+    def divergence(self, general: GeneralModel) -> Tensor:
+        """Mean Kullback-Leibler divergence of the model's odds from the frequencies."""
+        odds = landing_odds(self.features, self.transitions, self.model(general), torch)
+        odds, frequencies = odds.clamp(min=SMALLEST_SHARE), self.frequencies
+        logarithm = (frequencies.clamp(min=SMALLEST_SHARE) / odds).log()
+        divergence: Tensor = (frequencies * logarithm).sum() / len(self.terms)
+        return divergence
 
 
 def train(
     dice: Sequence[TrainingDie],
+    start: GeneralModel,
     checkpoint: Checkpoint | None = None,
     *,
-    steps: int,
+    epochs: int,
+    step: float = FINE_STEP,
     seed: int = 0,
-    on_step: Callable[[float], None] | None = None,
-) -> MomentumModel:
-    """The model, in torch, that fits dice best by its mean Kullback-Leibler divergence.
+    on_epoch: Callable[[float], None] | None = None,
+) -> GeneralModel:
+    """The model that fits dice by its mean Kullback-Leibler divergence, in NumPy.
 
-    checkpoint: of the same dice and seed; evaluations that were made before are taken from it, and
-    others are added. steps: most iterations of L-BFGS; seed: of the hidden layers at first;
-    on_step: called with the loss of each evaluation.
+    start: to go on from. checkpoint: of the same dice, start, epochs and seed; epochs that were
+    made before are taken from it, and others are added. epochs: how often each die is seen; step:
+    length of the first steps; seed: of the order of the dice; on_epoch: called with the loss over
+    each epoch.
     """
-    unions = [
-        _joined([die for die in dice if die.change == change])
-        for change in sorted({die.change for die in dice})
-    ]
-    transition_table = torch.cat([union.features.transitions for union in unions])
-    carry_table = torch.cat([union.features.carries for union in unions])
-    generator = torch.Generator().manual_seed(seed)
-    hot, cooling, carry = (
-        torch.tensor(value, dtype=torch.float64)
-        for value in (np.log(FIRST_TEMPERATURE), FIRST_COOLING, 0.5)
-    )
-    first_rate = float(np.log(FIRST_RATE / IMPACTS))
-    transitions = _network(
-        transition_table, TRANSITION_HIDDEN, TRANSITION_OUTPUTS, first_rate, generator
-    )
-    carries = _network(carry_table, CARRY_HIDDEN, CARRY_OUTPUTS, FIRST_CARRY, generator)
-    slopes = Slopes(
-        torch.zeros(3, dtype=torch.float64),
-        *(
-            torch.zeros((1 + len(network.linear), len(network.bias)), dtype=torch.float64)
-            for network in (transitions, carries)
-        ),
-    )
-    model = MomentumModel(hot, cooling, carry, transitions, carries, slopes)
-    weights = [*_trained(model.transitions), *_trained(model.carries), *vars(slopes).values()]
-    parameters = [hot, cooling, carry, *weights]
-    for parameter in parameters:
-        parameter.requires_grad_()
-    optimizer = torch.optim.LBFGS(
-        parameters,
-        max_iter=steps,
-        history_size=30,
-        tolerance_change=1e-8,
-        line_search_fn="strong_wolfe",
-    )
-
+    parts, weights = _parameters(start)
+    flat = torch.cat([part.reshape(-1) for part in parts])
+    mean, square = torch.zeros_like(flat), torch.zeros_like(flat)
     kept = checkpoint or Checkpoint()
-    known = deque(kept.rows(EVALUATIONS))
-    size = 1 + sum(parameter.numel() for parameter in parameters)
-    kept.require(all(len(row) == size for row in known))
-
-    def loss_with_gradient() -> Tensor:
-        optimizer.zero_grad()
-        loss = torch.stack([_divergence(union, model) for union in unions]).sum() / len(dice)
-        loss = loss + WEIGHT_DECAY * sum((weight**2).sum() for weight in weights if weight.ndim > 1)
-        loss.backward()
-        return loss
-
-    def closure() -> Tensor:
-        # The optimizer goes the same way again where it is told the same.
-        if known:
-            loss = _recall(known.popleft(), parameters)
-        else:
-            loss = loss_with_gradient()
-            kept.add(EVALUATIONS, [_flat(loss, parameters)])
-        if on_step is not None:
-            on_step(float(loss.detach()))
-        return loss
-
-    optimizer.step(closure)
-    for parameter in parameters:
-        parameter.requires_grad_(False)
-    return model
-
-
-def _flat(loss: Tensor, parameters: Sequence[Tensor]) -> Floats:
-    """(1 + n,) a loss and its gradient by n numbers."""
-    gradients = [torch.zeros_like(p) if p.grad is None else p.grad for p in parameters]
-    flat: Floats = torch.cat([loss.detach().view(1), *(g.reshape(-1) for g in gradients)]).numpy()
-    return flat
+    known = kept.rows(EPOCHS)
+    kept.require(len(known) <= epochs and all(len(row) == 3 * len(flat) + 1 for row in known))
+    for row in known:
+        if on_epoch is not None:
+            on_epoch(float(row[-1]))
+    if known:
+        flat, mean, square = torch.tensor(known[-1][:-1]).split(len(flat))
+    batches = -(-len(dice) // BATCH)
+    for epoch in range(len(known), epochs):
+        order = np.random.default_rng([seed, epoch]).permutation(len(dice))
+        losses = []
+        for number, batch in enumerate(np.array_split(order, batches)):
+            union = _Union([dice[place] for place in batch])
+            leaf = flat.clone().requires_grad_()
+            loss = union.divergence(_with_parameters(start, leaf))
+            losses.append(float(loss.detach()))
+            loss = loss + WEIGHT_DECAY * (leaf[weights] ** 2).sum()
+            (gradient,) = torch.autograd.grad(loss, leaf)
+            gradient = gradient * min(1.0, MOST_GRADIENT / (float(gradient.norm()) + 1e-12))
+            count = epoch * batches + number + 1
+            mean = MEMORY[0] * mean + (1.0 - MEMORY[0]) * gradient
+            square = MEMORY[1] * square + (1.0 - MEMORY[1]) * gradient**2
+            length = step * min(1.0, count / WARMING)
+            length *= 0.5 + 0.5 * math.cos(math.pi * (count - 1) / (epochs * batches))
+            size = (square / (1.0 - MEMORY[1] ** count)).sqrt() + 1e-8
+            flat = flat - length * (mean / (1.0 - MEMORY[0] ** count)) / size
+        loss_seen = float(np.mean(losses))
+        kept.add(EPOCHS, [torch.cat([flat, mean, square, torch.tensor([loss_seen])]).numpy()])
+        if on_epoch is not None:
+            on_epoch(loss_seen)
+    return _with_parameters(start, flat, Tensor.numpy)
 
 
-def _recall(row: Floats, parameters: Sequence[Tensor]) -> Tensor:
-    """The loss of which `_flat` made a row; the parameters get their gradient."""
-    numbers = torch.tensor(row, dtype=torch.float64)
-    parts = numbers[1:].split([parameter.numel() for parameter in parameters])
-    for parameter, part in zip(parameters, parts, strict=True):
-        parameter.grad = part.reshape(parameter.shape).clone()
-    return numbers[0]
+def new_model(dice: Sequence[TrainingDie], tables: TableRange, seed: int) -> GeneralModel:
+    """A model that knows nothing yet but the usual size of features, with random hidden layers."""
+    generator = np.random.default_rng(seed)
+    first_rate = math.log(FIRST_RATE / IMPACTS)
+    numbers = np.zeros((TABLE_TERMS, 3))
+    numbers[0] = math.log(FIRST_TEMPERATURE), FIRST_COOLING, 0.5
+    transitions, carries = (
+        np.concatenate([getattr(die.features, name) for die in dice])
+        for name in ("transitions", "carries")
+    )
+    return GeneralModel(
+        tables,
+        numbers,
+        _network(transitions, TRANSITION_HIDDEN, TRANSITION_OUTPUTS, first_rate, generator),
+        _network(carries, CARRY_HIDDEN, CARRY_OUTPUTS, FIRST_CARRY, generator),
+    )
 
 
 def _network(
-    table: Tensor, hidden: int, outputs: int, bias: float, generator: torch.Generator
+    table: Floats, hidden: int, outputs: int, first: float, generator: np.random.Generator
 ) -> Network:
     columns = table.shape[1]
-
-    def spread(rows: int, width: int, size: float) -> Tensor:
-        values = torch.rand((rows, width), generator=generator, dtype=torch.float64)
-        return size * (2.0 * values - 1.0) / np.sqrt(rows)
-
-    first = torch.zeros(outputs, dtype=torch.float64)
-    first[0] = bias
-    deviation = table.std(0)
+    bias, shift = np.zeros((TABLE_TERMS, outputs)), np.zeros((TABLE_TERMS, hidden))
+    bias[0, 0] = first
+    shift[: 1 + len(TABLE_NUMBERS)] = generator.uniform(-0.5, 0.5, (1 + len(TABLE_NUMBERS), hidden))
+    deviation = table.std(axis=0)
     return Network(
-        table.mean(0),
+        table.mean(axis=0),
         # What few dice all have in common tells nothing.
-        torch.where(deviation > LEAST_DEVIATION, deviation, 1.0),
-        torch.zeros((columns, outputs), dtype=torch.float64),
-        first,
-        spread(columns, hidden, 1.0),
-        spread(1, hidden, 1.0)[0],
-        spread(hidden, outputs, 0.1),
+        np.where(deviation > LEAST_DEVIATION, deviation, 1.0),
+        np.zeros((columns, outputs)),
+        bias,
+        generator.uniform(-1.0, 1.0, (columns, hidden)) / math.sqrt(columns),
+        shift,
+        generator.uniform(-0.1, 0.1, (hidden, outputs)) / math.sqrt(hidden),
     )
 
 
-def _trained(network: Network) -> list[Tensor]:
-    return [network.linear, network.bias, network.inward, network.shift, network.outward]
+TRAINED: Final = ("linear", "bias", "inward", "shift", "outward")
+"""Parts of a network that training changes,"""
+
+PUNISHED: Final = ("linear", "inward", "outward")
+"""and those of which it wants small ones."""
+
+
+def _parameters(model: GeneralModel) -> tuple[list[Tensor], Tensor]:
+    """What training changes, in torch, and which of all these numbers it wants small."""
+    parts, small = [torch.tensor(model.numbers)], [False]
+    for network in (model.transitions, model.carries):
+        for name in TRAINED:
+            parts.append(torch.tensor(getattr(network, name)))
+            small.append(name in PUNISHED)
+    wanted = [torch.full((part.numel(),), of) for part, of in zip(parts, small, strict=True)]
+    return parts, torch.cat(wanted)
+
+
+def _with_parameters(
+    model: GeneralModel, flat: Tensor, convert: Callable[[Tensor], Any] = torch.as_tensor
+) -> GeneralModel:
+    """A model with the numbers of `_parameters` in one row."""
+    shapes = [part.shape for part in _parameters(model)[0]]
+    rows = flat.split([math.prod(shape) for shape in shapes])
+    numbers, *parts = (convert(row.reshape(shape)) for row, shape in zip(rows, shapes, strict=True))
+    networks = []
+    for place, network in enumerate((model.transitions, model.carries)):
+        own = parts[place * len(TRAINED) : (place + 1) * len(TRAINED)]
+        networks.append(
+            replace(
+                network,
+                mean=convert(torch.as_tensor(network.mean)),
+                deviation=convert(torch.as_tensor(network.deviation)),
+                **dict(zip(TRAINED, own, strict=True)),
+            )
+        )
+    return GeneralModel(model.range, numbers, *networks)

@@ -18,6 +18,7 @@ from dicedesign.runtime.arrays import Integers
 from dicedesign.runtime.executors import in_order
 from dicedesign.throws.momentum.momentum_model import MomentumModel
 from dicedesign.throws.momentum.momentum_odds import momentum_odds
+from dicedesign.throws.momentum.table_terms import table_terms
 from dicedesign.throws.momentum.transition_features import body_features
 from dicedesign.throws.momentum.transitions import Transitions
 from dicedesign.throws.simulation.simulation import simulate
@@ -33,7 +34,7 @@ __all__ = [
     "mean_deviations",
     "throw_random_dice",
     "throw_random_die",
-    "training_die",
+    "training_dice",
 ]
 
 
@@ -140,18 +141,21 @@ def flat_counts(thrown: Sequence[ThrownRandomDie]) -> Integers:
     return np.concatenate([[one.unresolved, *one.counts] for one in thrown]).astype(np.int64)
 
 
-def training_die(thrown: ThrownRandomDie, change: float = 0.0) -> TrainingDie:
-    """A die for the momentum model to be fitted to; change: part by which the restitution was
-    higher than that of the model's table."""
-    poses, body = thrown.die.poses, thrown.die.body
+def training_dice(thrown: Sequence[ThrownRandomDie], tables: Sequence[Table]) -> list[TrainingDie]:
+    """One die that was thrown onto some tables, for the momentum model to be fitted to."""
+    poses, body = thrown[0].die.poses, thrown[0].die.body
     side = poses.basins[0]
     hull, center = side.equilibria.hull, side.equilibria.center_of_mass
     transitions = Transitions.of(hull, side.paths)
     odds = side.areas / (4.0 * math.pi)
     features = body_features(transitions, hull.vertices, center, body.inertia, odds, np)
-    of_facet = np.zeros(len(hull.normals))
-    of_facet[poses.facets] = thrown.counts / thrown.counts.sum()
-    return TrainingDie(transitions, features, of_facet[side.paths.rests], change)
+    dice = []
+    for one, table in zip(thrown, tables, strict=True):
+        of_facet = np.zeros(len(hull.normals))
+        of_facet[poses.facets] = one.counts / one.counts.sum()
+        frequencies = of_facet[side.paths.rests]
+        dice.append(TrainingDie(transitions, features, frequencies, table_terms(table)))
+    return dice
 
 
 def deviation(thrown: ThrownRandomDie, model: MomentumModel | None) -> Deviation:

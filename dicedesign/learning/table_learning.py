@@ -1,18 +1,18 @@
-"""Fits the momentum model of a table to simulated throws of random dice, some of which it is only
-judged by."""
+"""Fits the momentum model of a table, or of all tables, to simulated throws of random dice, some of
+which it is only judged by."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
+import numpy as np
 import torch
 
-from dicedesign.gradient.restitution_sensitivity import CHANGES
-from dicedesign.learning.momentum_training import train
+from dicedesign.learning.momentum_training import FINE_STEP, STEP, TrainingDie, new_model, train
 from dicedesign.learning.random_throws import (
     Deviations,
     ThrownRandomDie,
@@ -20,21 +20,26 @@ from dicedesign.learning.random_throws import (
     flat_counts,
     mean_deviations,
     throw_random_dice,
-    training_die,
+    training_dice,
 )
 from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.runtime.checks import MOST_SEED, check_whole
-from dicedesign.throws.momentum.momentum_model import model_of, plain_model
-from dicedesign.throws.tables import MOST_RESTITUTION, Table
+from dicedesign.throws.momentum.general_model import general_model_of, plain_model
+from dicedesign.throws.momentum.momentum_model import MomentumModel, general_model
+from dicedesign.throws.momentum.table_terms import GENERAL, WIDEST, TableRange
+from dicedesign.throws.tables import Table
 
 __all__ = ["LearnedModel", "check_learning", "learn_momentum", "throws_of_die"]
 
-HELD_OUT: Final = 8
+HELD_OUT: Final = 10
 """One of so many dice is held out."""
 
 HELD_OUT_DROPS: Final = 4
 """Drops of a die that is held out over those, on all tables, of one that is not: fewer would hide
 the model's own error behind that of sampling."""
+
+TABLES: Final = 4
+"""Tables that a die is thrown onto which is not held out."""
 
 THROWS: Final = "throws"
 """Rows of a checkpoint: what came up with each die, as of `flat_counts`."""
@@ -42,11 +47,11 @@ THROWS: Final = "throws"
 
 @dataclass(frozen=True)
 class LearnedModel:
-    """A momentum model and how good it is.
+    """A momentum model and how good it is on the table.
 
     Attributes
     ----------
-    plain: the model as a table's file has it.
+    plain: the model as a file has it.
     fitted, held_out: over the dice that it was fitted to, and over the others.
     unresolved: drops that came to no rest.
     """
@@ -57,92 +62,100 @@ class LearnedModel:
     unresolved: int
 
 
-def check_learning(dice: int, drops: int, seed: int, steps: int) -> None:
-    """Raise InputError for fewer than `HELD_OUT` dice, no drop, no step, or a seed below 0."""
+def check_learning(table: Table, dice: int, drops: int, seed: int, epochs: int) -> None:
+    """Raise InputError for fewer than `HELD_OUT` dice, less than a drop for each table, no epoch, a
+    seed below 0, or a table of which there can be no model."""
     check_whole("dice", dice, HELD_OUT)
-    check_whole("drops", drops)
+    check_whole("drops", drops, TABLES)
     check_whole("seed", seed, least=0, most=MOST_SEED)
-    check_whole("steps", steps)
+    check_whole("epochs", epochs)
+    WIDEST.require(table, "take another")
 
 
-def throws_of_die(table: Table, number: int, drops: int) -> list[tuple[float, int]]:
-    """Parts by which the restitution is higher than that of the table, and how often a die is
-    thrown there: an equal share of the drops onto the table itself and onto each that robust dice
-    are made for. Every `HELD_OUT`-th die is held out: it is thrown onto the table as it is, and
-    more often."""
+def throws_of_die(
+    tables: tuple[Table, ...], is_general: bool, number: int, drops: int, seed: int
+) -> list[tuple[Table, int]]:
+    """Tables, and how often a die is thrown onto each: the first one of those given, and others of
+    the range around these, for a general model half of them of all its range. Every `HELD_OUT`-th
+    die is held out: it is thrown onto the first table alone, and more often."""
     if _is_held_out(number):
-        return [(0.0, drops * HELD_OUT_DROPS)]
-    if table.restitution == 0.0:
-        return [(0.0, drops)]
-    highest = MOST_RESTITUTION / table.restitution - 1.0
-    changed = (min(change, highest) for change in CHANGES)
-    changes = (0.0, *(change for change in changed if change != 0.0))
-    return [(change, math.ceil(drops / len(changes))) for change in changes]
+        return [(tables[0], drops * HELD_OUT_DROPS)]
+    rng = np.random.default_rng([seed, number, 1])
+    near = TableRange.around(tables)
+    far = GENERAL if is_general else near
+    others = [near, *[far] * (TABLES // 2)]
+    drawn = [tables[0], *(tables_of.drawn(tables[0], rng) for tables_of in others)]
+    return [(table, math.ceil(drops / TABLES)) for table in drawn]
 
 
 def learn_momentum(
-    table: Table,
+    tables: tuple[Table, ...],
+    is_general: bool,
     dice: int,
     drops: int,
     seed: int,
-    steps: int,
+    epochs: int,
     *,
     workers: Executor,
     checkpoint: Checkpoint | None = None,
     on_die: Callable[[int], None] | None = None,
-    on_loss: Callable[[float], None] | None = None,
+    on_epoch: Callable[[float], None] | None = None,
 ) -> LearnedModel:
-    """Throw random dice and fit the model to them.
+    """Throw random dice and fit the model to them, from that of all tables on.
 
     Training runs in this process, in one thread, so that the same numbers give the same model.
 
     Parameters
     ----------
-    dice, drops, seed, steps: how many random dice, drops of each that the model is fitted to, on
-        the table itself and on the changed ones together, the seed of everything random, and
-        iterations of training at most.
+    tables: the one that the model is for, and what it may be instead.
+    is_general: whether the model is one of all tables, learned from nothing.
+    dice, drops, seed, epochs: how many random dice, drops of each that the model is fitted to, on
+        `TABLES` tables together, the seed of everything random, and how often training sees each.
     workers: throw dice side by side.
-    checkpoint: of the same table, dice, drops and seed; dice that were thrown and evaluations that
-        were made before are taken from it, and others are added.
+    checkpoint: of the same tables, dice, drops, seed and epochs; dice that were thrown and epochs
+        that were made before are taken from it, and others are added.
     on_die: called with 1 for each die that was thrown.
-    on_loss: called with the loss at each evaluation in training.
+    on_epoch: called with the loss over each epoch of training.
 
     Raises InputError: as `check_learning` and `throw_random_die`.
     """
-    check_learning(dice, drops, seed, steps)
-    plan = [throws_of_die(table, number, drops) for number in range(dice)]
-    throws = [[(table.livelier(change), count) for change, count in of_die] for of_die in plan]
+    check_learning(tables[0], dice, drops, seed, epochs)
+    throws = [throws_of_die(tables, is_general, number, drops, seed) for number in range(dice)]
     kept = checkpoint or Checkpoint()
     known = list(kept.rows(THROWS))
-    fit = (len(row) % len(of_die) == 0 for row, of_die in zip(known, plan, strict=False))
+    fit = (len(row) % len(of_die) == 0 for row, of_die in zip(known, throws, strict=False))
     kept.require(len(known) <= dice and all(fit))
-    # With the changes that each die was thrown at.
-    thrown: list[tuple[ThrownRandomDie, float]] = []
-    dice_thrown = throw_random_dice(throws, seed, workers, known=known)
-    for number, (of_die, thrown_die) in enumerate(zip(plan, dice_thrown, strict=True)):
+    thrown: list[tuple[ThrownRandomDie, ...]] = []
+    for number, of_die in enumerate(throw_random_dice(throws, seed, workers, known=known)):
         if number >= len(known):
-            kept.add(THROWS, [flat_counts(thrown_die)])
-        kept.require(all(len(one.counts) == len(one.die.poses.normals) for one in thrown_die))
-        thrown += [(one, change) for one, (change, _) in zip(thrown_die, of_die, strict=True)]
+            kept.add(THROWS, [flat_counts(of_die)])
+        kept.require(all(len(one.counts) == len(one.die.poses.normals) for one in of_die))
+        thrown.append(of_die)
         if on_die is not None:
             on_die(1)
     torch.set_num_threads(1)
-    dice_to_fit = [
-        training_die(one, change) for one, change in thrown if not _is_held_out(one.number)
-    ]
-    plain = plain_model(train(dice_to_fit, kept, steps=steps, seed=seed, on_step=on_loss))
-    model = model_of(plain)
+    to_fit: list[TrainingDie] = []
+    for number, (of_die, onto) in enumerate(zip(thrown, throws, strict=True)):
+        if not _is_held_out(number):
+            to_fit += training_dice(of_die, [table for table, _ in onto])
+    if is_general:
+        start, step = new_model(to_fit, GENERAL, seed), STEP
+    else:
+        start, step = replace(general_model(), range=TableRange.around(tables)), FINE_STEP
+    found = train(to_fit, start, kept, epochs=epochs, step=step, seed=seed, on_epoch=on_epoch)
+    plain = plain_model(found)
+    model = MomentumModel.of(general_model_of(plain), tables[0])
     fitted, held_out = (
         mean_deviations(
             [
-                deviation(one, model)
-                for one, change in thrown
-                if _is_held_out(one.number) == out and change == 0.0
+                deviation(of_die[0], model)
+                for number, of_die in enumerate(thrown)
+                if _is_held_out(number) == out
             ]
         )
         for out in (False, True)
     )
-    unresolved = sum(one.unresolved for one, _ in thrown)
+    unresolved = sum(one.unresolved for of_die in thrown for one in of_die)
     return LearnedModel(plain, fitted, held_out, unresolved)
 
 

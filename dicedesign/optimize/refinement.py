@@ -5,7 +5,7 @@ The model's odds m of a die and its simulated frequencies f differ by a factor t
 from one die to the next. So the model is asked for `q exp(-b)` in place of the target q, with b the
 mean of `log(f / m)` over the dice so far, in which later dice and larger samples count for more.
 
-Where the die shall be robust it is thrown onto changed tables as well, and what the model gets
+Where the die shall be robust it is thrown onto other tables as well, and what the model gets
 wrong there is measured likewise, for the preference that makes it so. In the last rounds the die
 is no more made better by preference: one that hardly moves keeps what was measured of it.
 """
@@ -19,7 +19,6 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.gradient.restitution_sensitivity import CHANGES
 from dicedesign.optimize.options import MOST_DROPS
 from dicedesign.optimize.result import DesignResult
 from dicedesign.runtime.arrays import Floats, Integers
@@ -54,7 +53,7 @@ class Round:
         than 1 where some came to rest on no outcome.
     deviation: total variation of the frequencies from the target.
     noise_floor: what a perfect die would show on the mean in as many throws.
-    changed: () or (2,) the deviation on each changed table, by half as many throws; () in the last
+    changed: (n,) the deviation on each of the other tables, by half as many throws; () in the last
         rounds.
     """
 
@@ -81,13 +80,13 @@ class Refinement:
     orbits: (k,) a number for each outcome, the same for those whose facets are images of each other
         by a symmetry of the die: they are equally frequent but for chance.
     drops: throws of the first round. rounds: most rounds.
-    robust: whether the die is thrown onto changed tables too.
+    others: n, how many other tables the die is thrown onto too.
     throw: simulated counts (k + 1,) of a die, the last of throws that ended on no outcome, and its
-        odds (k,) in the model; for so many throws, the round's number, and the part by which the
-        table's restitution is higher. All have random numbers of their own.
+        odds (k,) in the model; for so many throws, the round's number, and that of the table, 0 for
+        the one it is made for. All have random numbers of their own.
     design: from a die to one near it with other odds (k,) in the model, or None; also told the
-        logarithms (2, k) of the odds on the changed tables over those in the model, or None where
-        it shall be nearest and no better by preference.
+        logarithms (n, k) of the odds on the other tables over those in the model, empty without
+        others, or None where it shall be nearest and no better by preference.
     on_round: called after every round of throws.
     """
 
@@ -95,8 +94,8 @@ class Refinement:
     orbits: Integers
     drops: int
     rounds: int
-    robust: bool
-    throw: Callable[[DesignResult, int, int, float], tuple[Integers, Floats]]
+    others: int
+    throw: Callable[[DesignResult, int, int, int], tuple[Integers, Floats]]
     design: Callable[[DesignResult, Floats, Floats | None], DesignResult | None]
     on_round: Callable[[Round], None] | None = None
 
@@ -106,27 +105,27 @@ class Refinement:
         mean; one that shall be robust is designed anew once at least. The last die has not been
         thrown."""
         asked, history = self.target, list[Round]()
-        biases = [_Bias(len(asked)) for _ in (0.0, *CHANGES)]
+        biases = [_Bias(len(asked)) for _ in range(1 + self.others)]
         for number in range(self.rounds):
             drops = min(round(self.drops * GROWTH**number), MOST_DROPS)
-            counts, odds = self.throw(die, drops, number, 0.0)
+            counts, odds = self.throw(die, drops, number, 0)
             biases[0].learn(self._softened(counts), odds, drops)
             changed, settling = [], number >= max(self.rounds - SETTLING, 1)
-            if self.robust and not settling:
+            if not settling:
                 drops = math.ceil(drops / 2)
-                for change, bias in zip(CHANGES, biases[1:], strict=True):
-                    counted, odds = self.throw(die, drops, number, change)
+                for other, bias in enumerate(biases[1:], 1):
+                    counted, odds = self.throw(die, drops, number, other)
                     bias.learn(self._softened(counted), odds, drops)
                     changed.append(self._deviation(counted))
             history.append(self._round(asked, counts, changed))
             if self.on_round is not None:
                 self.on_round(history[-1])
             met = self._is_met(counts)
-            if met and not (self.robust and number == 0):
+            if met and not (self.others and number == 0):
                 break
-            sensitivity = None if settling else np.stack([bias.value for bias in biases[1:]])
+            sensitivity = None if settling else np.array([b.value for b in biases[1:]])
             if met:
-                # The first die does not know what the changed tables do, but has the right odds.
+                # The first die does not know what the other tables do, but has the right odds.
                 again = self.design(die, asked, sensitivity)
                 found = None if again is None else (again, asked)
             else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import resources
 from pathlib import Path
@@ -17,7 +18,6 @@ from dicedesign.throws.spreads import (
     checked_number,
     checked_spread,
     least_of,
-    mean_of,
     most_of,
 )
 
@@ -28,7 +28,8 @@ __all__ = [
     "SPREADS",
     "TABLE_NAMES",
     "Table",
-    "learned_on",
+    "posterior_entries",
+    "posterior_tables",
     "table_entries",
     "table_named",
     "with_hand",
@@ -57,8 +58,11 @@ _LIMITS: Final[dict[str, Limits]] = {
 SPREADS: Final = ("height", "speed", "spin")
 """Parameters that may differ from one throw to the next."""
 
-_LEARNED_ON: Final = ("restitution", "friction", "height", "speed", "spin", "size")
-"""Parameters that a momentum model depends on."""
+_DRAWN: Final = ("restitution", "friction", *SPREADS)
+"""Parameters in which tables of a posterior differ."""
+
+_BESIDE: Final = ("posterior", "momentum")
+"""Entries of a file that are not of its table."""
 
 
 @dataclass(frozen=True)
@@ -164,47 +168,40 @@ def table_named(name: str) -> Table:
     InputError: there is none of that name, the file cannot be read, it is no table, or there is no
         such way to throw.
     """
-    return _table(_entries(name))
+    return _table(table_entries(name))
 
 
-def table_entries(name: str) -> dict[str, Any]:
-    """Entries of the file of a table: the attributes of `Table`, and "momentum" where it has a
-    momentum model, which was not learned with another hand.
+def posterior_tables(name: str) -> tuple[Table, ...]:
+    """Equally likely tables that a fitted one may be, each with the hand of a session; none where
+    its file does not say.
 
-    Raises
-    ------
-    InputError: as `table_named`, or the model was learned on a table with other parameters.
+    The entry "posterior" of the file lists objects with restitution, friction, height, speed and
+    spin, numbers or ranges; all else they have from the table.
+
+    Raises InputError: as `table_named`, or the entry is no such list.
     """
-    entries = _entries(name)
-    if "momentum" in entries:
-        _check_model(name, entries["momentum"], learned_on(_table(entries)))
-    return entries
-
-
-def learned_on(table: Table) -> dict[str, float]:
-    """The parameters of a table that its momentum model depends on, which are kept with it as
-    "table"; of ranges their means."""
-    return {key: mean_of(getattr(table, key)) for key in _LEARNED_ON}
-
-
-def _check_model(name: str, model: object, parameters: dict[str, float]) -> None:
-    known = model.get("table") if isinstance(model, dict) else None
-    if not isinstance(known, dict) or set(known) != set(parameters):
+    entries = table_entries(name)
+    listed, table = entries.get("posterior", []), _table(entries)
+    if not isinstance(listed, list) or not all(
+        isinstance(row, dict) and set(row) == set(_DRAWN) for row in listed
+    ):
         raise InputError(
-            f"table {name}: expected a momentum model with the parameters of the table that it "
-            "was learned on, got one without; make it again with `dicedesign table learn`"
+            f"table {name}: expected as posterior a list of objects with {', '.join(_DRAWN)}; make "
+            "it again with `dicedesign table fit`, or take posterior out of the file"
         )
-    for key, value in parameters.items():
-        if known[key] != value:
-            raise InputError(
-                f"table {name}: expected the {key} that its momentum model was learned with, "
-                f"{known[key]}, got {value}; make the model again with `dicedesign table learn`, "
-                "or take momentum out of the file"
-            )
+    return tuple(
+        Table(**{**table.as_dict(), **row, "name": f"{table.name} {number} of {len(listed)}"})
+        for number, row in enumerate(listed, start=1)
+    )
+
+
+def posterior_entries(tables: Sequence[Table]) -> list[dict[str, Any]]:
+    """The entry "posterior" of a file, of equally likely tables."""
+    return [{key: table.as_dict()[key] for key in _DRAWN} for table in tables]
 
 
 def _table(entries: dict[str, Any]) -> Table:
-    return Table(**{key: value for key, value in entries.items() if key != "momentum"})
+    return Table(**{key: value for key, value in entries.items() if key not in _BESIDE})
 
 
 def with_hand(name: str, hand: str | None) -> str:
@@ -212,18 +209,21 @@ def with_hand(name: str, hand: str | None) -> str:
     return name if hand is None else f"{name}:{hand}"
 
 
-def _entries(name: str) -> dict[str, Any]:
-    """Entries of a table's file by the attributes of `Table`, and "momentum"."""
+def table_entries(name: str) -> dict[str, Any]:
+    """Entries of the file of a table: the attributes of `Table`, "posterior" where it was fitted,
+    and "momentum" where it has a momentum model of its own. Raises InputError as `table_named`."""
     place, _, hand = name.rpartition(":")
     if place not in TABLE_NAMES and not place.endswith(".json"):
         return _entries_of_file(name)
     entries = _entries_of_file(place)
     with named(f"table {name}"):
-        table = _table(entries)
-        thrown = table.thrown_by(hand)
-    if learned_on(thrown) != learned_on(table):
-        entries.pop("momentum", None)
-    return {**entries, **thrown.as_dict()}
+        thrown = _table(entries).thrown_by(hand).as_dict()
+    if isinstance(entries.get("posterior"), list):
+        motion = {key: thrown[key] for key in SPREADS}
+        entries["posterior"] = [
+            row | motion if isinstance(row, dict) else row for row in entries["posterior"]
+        ]
+    return {**entries, **thrown}
 
 
 def _entries_of_file(name: str) -> dict[str, Any]:
@@ -244,11 +244,11 @@ def _entries_of_file(name: str) -> dict[str, Any]:
         entries = _by_hand(name, entries)
     known = {field.name for field in fields(Table)}
     needed = known - {"size", "drag", "source"}
-    if not isinstance(entries, dict) or not needed <= set(entries) <= known | {"momentum"}:
+    if not isinstance(entries, dict) or not needed <= set(entries) <= known | set(_BESIDE):
         got = ", ".join(entries) if isinstance(entries, dict) else type(entries).__name__
         raise InputError(
             f"table {name}: expected an object with {', '.join(sorted(needed))} (or hand in place "
-            f"of {', '.join(SPREADS)}) and at most size, drag, source and momentum, got {got}; "
+            f"of {', '.join(SPREADS)}) and at most size, drag, source, posterior and momentum, got {got}; "
             "correct it"
         )
     return entries

@@ -1,11 +1,14 @@
-"""`dicedesign rolls`: tables, JSON, figure, errors."""
+"""`dicedesign rolls`: tables, JSON, figure, throws that are typed in, errors."""
 
 from __future__ import annotations
 
 import csv
+import io
 import json
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -177,3 +180,103 @@ def test_unknown_labels_and_files(
     assert main(["rolls", str(box), str(tmp_path / "none.csv")]) == 2
     assert main(["rolls", str(tmp_path / "none.obj"), str(throws)]) == 2
     assert capsys.readouterr().err.count("dicedesign: ") == 2
+
+
+class Terminal(io.StringIO):
+    """Somebody who types lines, and an interrupt where a line says so."""
+
+    def isatty(self) -> bool:
+        return True
+
+    def readline(self, size: int = -1, /) -> str:
+        line = super().readline(size)
+        if line == "^C\n":
+            raise KeyboardInterrupt
+        return line
+
+
+@pytest.mark.parametrize("stdin", [io.StringIO, Terminal])
+@pytest.mark.parametrize("end", ["", "done\n5 5 5\n"])
+def test_typed_throws_are_judged_as_those_of_a_file(
+    die: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    stdin: type[io.StringIO],
+    end: str,
+) -> None:
+    log = tmp_path / "rolls.csv"
+    log.write_text("label\n2\n7\n")
+    monkeypatch.setattr(sys, "stdin", stdin("5\n4 6 7\n\n3\n8\nundo\n5\n" + end))
+    found = answer(capsys, die, "--log", log)
+    assert log.read_text().split() == ["label", "2", "7", "5", "4", "6", "7", "3", "5"]
+    assert found == answer(capsys, die, log)
+
+
+def test_a_line_that_is_wrong(
+    die: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """At a terminal it is typed again; a pipe ends there, with what came before written down."""
+    log = tmp_path / "rolls.csv"
+    monkeypatch.setattr(sys, "stdin", Terminal("5\n4 9\n4 6\n^C\n7\n"))
+    assert main(["rolls", str(die), "--log", str(log)]) == 0
+    captured = capsys.readouterr()
+    assert "got '9'" in captured.err
+    assert "3 throws, tested for the target" in captured.out
+    assert log.read_text().split() == ["label", "5", "4", "6"]
+    monkeypatch.setattr(sys, "stdin", io.StringIO("7\n4 9\n4 6\n"))
+    assert main(["rolls", str(die), "--log", str(log)]) == 2
+    assert "stdin, line 2: roll: expected a label of the die" in capsys.readouterr().err
+    assert log.read_text().split() == ["label", "5", "4", "6", "7"]
+
+
+def test_no_throw_is_typed(
+    die: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    log = tmp_path / "rolls.csv"
+    monkeypatch.setattr(sys, "stdin", Terminal("undo\n\n5\nundo\n"))
+    assert main(["rolls", str(die), "--log", str(log)]) == 0
+    assert capsys.readouterr().out == "no throws, nothing to judge\n"
+    monkeypatch.setattr(sys, "stdin", io.StringIO())
+    assert answer(capsys, die, "--log", log) == {"throws": 0}
+    assert log.read_text() == "label\n"
+
+
+def test_what_was_typed_outlives_the_process(die: Path, tmp_path: Path) -> None:
+    """Every line is in the file as soon as it has ended, and an interrupt tells the rest."""
+    log = tmp_path / "rolls.csv"
+    for sent, typed in ((signal.SIGKILL, "5\n4\n"), (signal.SIGINT, "6\n")):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "dicedesign", "rolls", str(die), "--log", str(log)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert process.stdin is not None
+        process.stdin.write(typed)
+        process.stdin.flush()
+        last, deadline = typed.split()[-1], time.monotonic() + 60.0
+        while not (log.exists() and log.read_text().split()[-1] == last):
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        process.send_signal(sent)
+        out, _ = process.communicate()
+        assert process.returncode == (0 if sent == signal.SIGINT else -sent)
+    assert "3 throws, tested" in out
+    assert log.read_text().split() == ["label", "5", "4", "6"]
+
+
+def test_a_file_or_a_log(die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for given in ([], [str(tmp_path / "a.csv"), "--log", str(tmp_path / "b.csv")]):
+        with pytest.raises(SystemExit) as ended:
+            main(["rolls", str(die), *given])
+        assert ended.value.code == 2
+        assert "--log" in capsys.readouterr().err
+    assert not (tmp_path / "b.csv").exists()

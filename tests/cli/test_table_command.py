@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.finished_run import box_file
+from common.finished_run import box_file, finished_run
 from common.kernels import compiled_only
 from common.killed import kill_at_write
 
 from dicedesign.cli.main import main
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.tables import table_named
+from dicedesign.throws.tables import posterior_tables, table_named
 
 
 @pytest.fixture
@@ -47,6 +47,7 @@ def test_fit(throws: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     found = json.loads(told)
     assert list(found) == [
         "table",
+        "posterior",
         "parameters",
         "correlations",
         "evaluations",
@@ -54,17 +55,24 @@ def test_fit(throws: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
         "log_likelihood",
         "surprise",
         "effective_points",
+        "unexplained",
         "dice",
     ]
     table = table_named(str(out))
     assert table.as_dict() == found["table"]
     assert (table.name, table.source) == ("mine", "fitted to 200 throws of box")
     assert table.restitution == found["parameters"]["restitution"]["fitted"]
+    drawn = posterior_tables(str(out))
+    assert [each.restitution for each in drawn] == [
+        row["restitution"] for row in found["posterior"]
+    ]
+    assert len(drawn) == 32
     assert np.diag(found["correlations"]) == pytest.approx(np.ones(5))
     (die,) = found["dice"]
     assert die["outcomes"] == ["A or B", "C or D", "E or F"]
     assert die["throws"] == [120, 50, 30]
-    assert sum(die["simulated"]) + die["unresolved"] == 200
+    # A twelfth of all drops.
+    assert sum(die["simulated"]) + die["unresolved"] == 27
     assert die["degrees"] == 2
 
     assert fit("--throws", throws, "--dice", "box") == 0
@@ -77,9 +85,55 @@ def test_fit(throws: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert "32 sets of parameters, 10 drops of each die for each" in text
 
 
+@compiled_only
+def test_a_die_at_hand_and_one_that_is_predicted(
+    throws: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    facets = [("abc"[i], sign * np.eye(3)[i]) for i in range(3) for sign in (-1.0, 1.0)]
+    folder = finished_run(tmp_path / "mine", "abc", [0.5, 0.25, 0.25], facets)
+    box_file(folder, (20.0, 22.0, 25.0), "die_plain.stl")
+    rows = throws.read_text()
+    throws.write_text(rows + rows.split("\n", 1)[1].replace("box,", "twin,"))
+    arguments = ("--throws", throws, "--check", "twin", "--die", folder)
+    assert fit(*arguments, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    box, twin = found["dice"]
+    assert box["by_all_dice"]["p_value"] > 0.01
+    assert twin["by_all_dice"] is None
+    assert twin["by_other_dice"]["p_value"] > 0.01
+    mine = found["die_at_hand"]
+    assert mine["target"] == [0.5, 0.25, 0.25]
+    assert sum(mine["posterior_odds"]) == pytest.approx(1.0)
+    came = np.array(mine["simulated"])
+    variation = np.abs(came / came.sum() - mine["target"]).sum() / 2.0
+    assert mine["total_variation"] == pytest.approx(variation)
+    left = [row["restitution"] for row in mine["after_more_throws"].values()]
+    known = found["parameters"]["restitution"]["standard_deviation"]
+    assert known * 1.1 > left[0] > left[-1] > 0.0
+
+    assert fit(*arguments) == 0
+    text = capsys.readouterr().out
+    assert "not fitted" in next(line for line in text.splitlines() if line.startswith("twin  "))
+    assert f"total variation from the target {variation:.4f} on the fitted table" in text
+
+
+@compiled_only
+def test_counts_that_no_table_explains(throws: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Most throws on the two smallest sides."""
+    throws.write_text(throws.read_text().replace(",14,", ",600,").replace(",16,", ",700,"))
+    assert fit("--throws", throws) == 1
+    text = capsys.readouterr().out
+    assert (
+        "no table within the limits explains box (p = 0.00025), above all E or F: 1300 of" in text
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["--check", "box"], "--check: expected dice that are not fitted to, and some that are"),
+        (["--dice", "box", "--check", "cone"], "expected a die 'cone', got box; take one of them"),
+        (["--die", "nowhere"], "nowhere/result.json: expected the result of a finished run, got"),
         (["--evaluations", "5"], "evaluations: expected a whole number of at least 32, got 5"),
         (["--drops", "0"], "drops: expected a whole number above 0, got 0"),
         (["--seed", "-1"], "seed: expected a whole number of at least 0, got -1"),

@@ -35,20 +35,18 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_table_gets_its_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mine = tmp_path / "mine.json"
     entries = {**table_named("board-game").as_dict(), "name": "mine", "spin": 3.0}
-    # A model that was learned on another table does not matter.
-    model = table_entries("board-game")["momentum"]
-    mine.write_text(json.dumps({**entries, "momentum": model}))
+    # A model that is none does not matter.
+    mine.write_text(json.dumps({**entries, "momentum": []}))
     out = tmp_path / "new" / "learned.json"
-    effort = ["--dice", "8", "--drops", "30", "--steps", "2", "--jobs", "1"]
+    effort = ["--dice", "10", "--drops", "30", "--epochs", "2", "--jobs", "1"]
     assert main(["table", "learn", str(mine), *effort, "--out", str(out)]) == 0
     told, noted = capsys.readouterr()
     assert noted == f"note: wrote {out}\n"
     fitted, held_out = (line.split() for line in told.splitlines()[2:4])
-    assert (fitted[2], held_out[2]) == ("7", "1")
+    assert (fitted[2], held_out[2]) == ("9", "1")
     assert 0.0 < float(fitted[5]) < 0.5
     found = table_entries(str(out))
     assert {key: found[key] for key in entries} == entries
-    assert found["momentum"]["table"]["spin"] == 3.0
     model = momentum_model(str(out))
     body, poses = random_body(3)
     odds = momentum_odds(poses, body, model)
@@ -61,7 +59,7 @@ def test_the_table_is_written_here_by_its_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    effort = ["--dice", "8", "--drops", "20", "--steps", "1"]
+    effort = ["--dice", "10", "--drops", "20", "--epochs", "1"]
     assert main(["table", "learn", "hard-wood", *effort]) == 0
     assert momentum_model("hard-wood.json") is not None
 
@@ -72,7 +70,7 @@ def test_a_table_learned_in_spite_of_kills_is_the_same(
 ) -> None:
     """While an evaluation is kept."""
     whole, parts = tmp_path / "a" / "mine.json", tmp_path / "b" / "mine.json"
-    learn = ["table", "learn", "board-game", "--dice", "8", "--drops", "20", "--steps", "3"]
+    learn = ["table", "learn", "board-game", "--dice", "10", "--drops", "20", "--epochs", "3"]
     assert main([*learn, "--out", str(whole)]) == 0
     command = [*learn, "--out", str(parts)]
     kill_at_write(command, 10)
@@ -93,9 +91,9 @@ def test_a_table_learned_in_spite_of_kills_is_the_same(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["board-game", "--dice", "0"], "dice: expected a whole number of at least 8, got 0"),
-        (["board-game", "--drops", "0"], "drops: expected a whole number above 0, got 0"),
-        (["board-game", "--steps", "0"], "steps: expected a whole number above 0, got 0"),
+        (["board-game", "--dice", "0"], "dice: expected a whole number of at least 10, got 0"),
+        (["board-game", "--drops", "0"], "drops: expected a whole number of at least 4, got 0"),
+        (["board-game", "--epochs", "0"], "epochs: expected a whole number above 0, got 0"),
         (["board-game", "--seed", "-1"], "seed: expected a whole number of at least 0, got -1"),
         (["board-game", "--jobs", "0"], "--jobs: expected a whole number above 0, got 0"),
         (["board-game", "--out", "a.txt"], "--out: expected a path that ends in .json, got a.txt"),

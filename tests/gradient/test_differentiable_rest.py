@@ -9,7 +9,7 @@ import torch
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.differentiable_rest import differentiable_rest
-from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
+from dicedesign.gradient.table_sensitivity import TableSensitivity
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
@@ -70,7 +70,7 @@ def test_the_exact_method_meets_thrown_odds() -> None:
         shapes_like(repulsion(7, 1), 1),
         target,
         ExactOptions(prefer=Preferences()),
-        sensitivity=RestitutionSensitivity(ThrownOdds.on("board-game"), target, np.zeros((2, 7))),
+        sensitivity=TableSensitivity(ThrownOdds.on("board-game"), (), target),
     )
     assert found.status is Status.CONVERGED
     poses = rest_poses(found.hull.vertices, "hull")

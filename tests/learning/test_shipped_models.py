@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from common.kernels import compiled_only
 
-from dicedesign.gradient.restitution_sensitivity import CHANGES
 from dicedesign.learning.random_dice import RandomDie, random_die
 from dicedesign.throws.momentum.momentum_model import momentum_model
 from dicedesign.throws.momentum.momentum_odds import momentum_odds
+from dicedesign.throws.momentum.other_tables import CHANGES
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.statistics.total_variation import total_variation
 from dicedesign.throws.tables import TABLE_NAMES, table_named
@@ -41,7 +41,7 @@ def test_the_model_knows_what_a_livelier_table_does(die: RandomDie) -> None:
     for change in CHANGES:
         throws = simulate(die.body, table.livelier(change), 4000, 5)
         seen.append(throws.counts / throws.counts.sum())
-        expected.append(momentum_odds(die.poses, die.body, model.at(change)))
+        expected.append(momentum_odds(die.poses, die.body, model.on(table.livelier(change))))
     sensitivity, error = seen[0] - seen[1], (seen[0] - seen[1]) - (expected[0] - expected[1])
     # By chance alone both would be 0.02.
     assert np.abs(sensitivity).sum() / 2.0 > 0.05

@@ -16,6 +16,7 @@ from dicedesign.results.status import Status
 
 TARGET = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1]) / 36.0
 ALONE = np.arange(11)
+CHANGES = (0.2, -0.2)
 CUBE = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T.astype(float)
 
 
@@ -37,23 +38,24 @@ class World:
         self.factors, self.drift = factors, drift
         self.drops: list[int] = []
         self.numbers: list[int] = []
-        self.changes: list[float] = []
+        self.others: list[int] = []
 
     def true_odds(self, die: DesignResult) -> np.ndarray:
         odds = die.directions * self.factors * np.exp(self.drift * np.sqrt(die.directions))
         return odds / odds.sum()
 
     def throw(
-        self, die: DesignResult, drops: int, number: int, change: float
+        self, die: DesignResult, drops: int, number: int, other: int
     ) -> tuple[np.ndarray, np.ndarray]:
         self.drops.append(drops)
         self.numbers.append(number)
-        self.changes.append(change)
+        self.others.append(other)
+        change = (0.0, *CHANGES)[other]
         true, known = self.true_odds(die), die.directions
         if change:
             known = tilted(known, change)
             true = tilted(true, -3.0 * change)
-        series = np.random.default_rng(number if change == 0.0 else [number, int(change > 0.0)])
+        series = np.random.default_rng([number, other] if other else number)
         return series.multinomial(drops, np.append(true, 0.0)), known
 
     def refined(self, **changes: object) -> tuple[DesignResult, tuple]:
@@ -62,7 +64,7 @@ class World:
             ALONE,
             20_000,
             5,
-            False,
+            0,
             self.throw,
             lambda die, odds, bias: die_with(odds),
             lambda thrown: None,
@@ -125,7 +127,7 @@ def test_an_outcome_that_never_comes_up_is_asked_for_more_often() -> None:
     assert die.directions[0] > 10.0 * TARGET[0]
 
 
-def test_what_changed_tables_do_is_learned() -> None:
+def test_what_other_tables_do_is_learned() -> None:
     world = World(FACTORS, drift=0.5)
     told: list[np.ndarray | None] = []
 
@@ -133,34 +135,34 @@ def test_what_changed_tables_do_is_learned() -> None:
         told.append(bias)
         return die_with(odds)
 
-    die, rounds = world.refined(robust=True, design=design, rounds=4)
+    die, rounds = world.refined(others=2, design=design, rounds=4)
     assert [len(thrown.changed) for thrown in rounds] == [2, 2, 0, 0][: len(rounds)]
-    assert world.changes == [0.0, 0.2, -0.2, 0.0, 0.2, -0.2, 0.0, 0.0][: len(world.changes)]
+    assert world.others == [0, 1, 2, 0, 1, 2, 0, 0][: len(world.others)]
     assert world.drops[:3] == [20_000, 10_000, 10_000]
     assert len(told) > 2
     assert all(bias is None for bias in told[2:])
     true, known = world.true_odds(die), die.directions
     assert told[1] is not None
-    for change, bias in zip((0.2, -0.2), told[1], strict=True):
+    for change, bias in zip(CHANGES, told[1], strict=True):
         expected = np.log(tilted(true, -3.0 * change) / tilted(known, change))
         np.testing.assert_allclose(bias, expected, atol=0.15)
     assert np.abs(told[1][0] - told[1][1]).max() > 0.5
-    seen = [0.5 * np.abs(tilted(TARGET, 3.0 * change) - TARGET).sum() for change in (0.2, -0.2)]
+    seen = [0.5 * np.abs(tilted(TARGET, 3.0 * change) - TARGET).sum() for change in CHANGES]
     np.testing.assert_allclose(rounds[1].changed, seen, atol=0.03)
 
 
 def test_a_robust_die_is_designed_anew_at_least_once_and_keeps_right_odds() -> None:
     world = World(np.ones(11))
-    die, rounds = world.refined(robust=True, rounds=1)
+    die, rounds = world.refined(others=2, rounds=1)
     assert rounds[0].deviation <= rounds[0].noise_floor
     np.testing.assert_array_equal(die.directions, TARGET)
-    _, rounds = world.refined(robust=True)
+    _, rounds = world.refined(others=2)
     assert len(rounds) > 1
 
 
 @pytest.mark.parametrize(("rounds", "thrown"), [(1, [2]), (2, [2, 0]), (3, [2, 0, 0])])
 def test_the_last_rounds_settle_but_never_the_first(rounds: int, thrown: list[int]) -> None:
-    _, history = World(FACTORS, drift=2.0).refined(robust=True, rounds=rounds)
+    _, history = World(FACTORS, drift=2.0).refined(others=2, rounds=rounds)
     assert [len(one.changed) for one in history] == thrown
 
 

@@ -11,7 +11,7 @@ import torch
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.rest_odds import evaluate_rests
-from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
+from dicedesign.gradient.table_sensitivity import TableSensitivity
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
@@ -24,6 +24,7 @@ from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.results.status import Status
+from dicedesign.throws.momentum.other_tables import other_tables
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation import die_on_table
 from dicedesign.throws.simulation.simulation import Throws
@@ -33,9 +34,9 @@ TARGET = np.array([1, 4, 6, 4, 1]) / 16.0
 OPTIONS = ExactOptions(odds="thrown", prefer=Preferences(circles=1.0), seconds=20.0)
 
 
-def model_of(table: str) -> RestitutionSensitivity:
+def model_of(table: str) -> TableSensitivity:
     """What is known of dice that are yet to be thrown."""
-    return RestitutionSensitivity(ThrownOdds.on(table), TARGET, np.zeros((2, len(TARGET))))
+    return TableSensitivity(ThrownOdds.on(table), other_tables(table_named(table)), TARGET)
 
 
 def solved(options: ExactOptions) -> DesignResult:
@@ -54,8 +55,8 @@ def changes_of(die: DesignResult) -> float:
     rests = evaluate_rests(torch.as_tensor(die.hull.vertices))
     thrown = ThrownOdds.on("board-game")
     return sum(
-        float(np.abs(thrown.at(change).odds(rests) - thrown.odds(rests)).sum())
-        for change in (0.2, -0.2)
+        float(np.abs(thrown.onto(table).odds(rests) - thrown.odds(rests)).sum())
+        for table in other_tables(table_named("board-game"))
     )
 
 

@@ -13,13 +13,15 @@ from common.thrown import box, thrown
 
 from dicedesign.errors import InputError
 from dicedesign.throws.hand import HANDS, Hand
+from dicedesign.throws.momentum.momentum_model import (
+    MomentumModel,
+    general_model,
+    momentum_model,
+)
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.spreads import least_of, most_of
 from dicedesign.throws.tables import (
     TABLE_NAMES,
-    Table,
-    learned_on,
-    table_entries,
     table_named,
     with_hand,
 )
@@ -116,16 +118,15 @@ def test_names_with_a_hand_that_cannot_be(name: str, message: str) -> None:
         table_named(name)
 
 
-def test_a_momentum_model_of_another_hand_is_left_out(tmp_path: Path) -> None:
-    assert "momentum" in table_entries("board-game")
-    assert "momentum" not in table_entries("board-game:cup")
-    path = tmp_path / "lino.json"
-    motion = {"height": CUP.height, "speed": CUP.speed, "spin": CUP.spin}
-    model = {"table": learned_on(Table(**LINO, **motion))}
-    path.write_text(json.dumps({**LINO, "hand": "cup", "momentum": model}))
-    for name in (str(path), f"{path}:cup"):
-        assert table_entries(name)["momentum"] == model
-    assert "momentum" not in table_entries(f"{path}:hand")
+@pytest.mark.parametrize("hand", HANDS.names)
+def test_the_momentum_model_knows_the_hand(hand: str) -> None:
+    """It is asked for the middle of what the hand does."""
+    own = table_named("board-game").thrown_by(hand)
+    middles = {name: float(np.mean(getattr(own, name))) for name in ("height", "speed", "spin")}
+    known = momentum_model(f"board-game:{hand}")
+    of_middles = MomentumModel.of(general_model(), replace(own, **middles))
+    assert known is not None
+    assert (known.hot, known.cooling) == (of_middles.hot, of_middles.cooling)
 
 
 def test_a_hand_of_ones_own() -> None:

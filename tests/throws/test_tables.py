@@ -8,7 +8,13 @@ from pathlib import Path
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.throws.tables import TABLE_NAMES, Table, learned_on, table_entries, table_named
+from dicedesign.throws.tables import (
+    TABLE_NAMES,
+    Table,
+    posterior_entries,
+    posterior_tables,
+    table_named,
+)
 
 GOOD = {
     "name": "lino",
@@ -53,10 +59,30 @@ def test_ranges_in_a_file(tmp_path: Path) -> None:
     assert {key: table.as_dict()[key] for key in ranges} == ranges
     path.write_text(json.dumps(table.as_dict()))
     assert table_named(str(path)) == table
-    # A momentum model knows their means.
-    assert learned_on(table) == pytest.approx(
-        {**learned_on(Table(**GOOD)), "height": 0.125, "speed": 0.15, "spin": 16.5}
-    )
+
+
+def test_tables_of_a_posterior(tmp_path: Path) -> None:
+    path = tmp_path / "lino.json"
+    path.write_text(json.dumps(GOOD))
+    assert posterior_tables(str(path)) == ()
+    rows = [
+        {"restitution": 0.3, "friction": 0.1, "height": [0.1, 0.3], "speed": 0.2, "spin": [1, 9]},
+        {"restitution": 0.5, "friction": 0.4, "height": 0.3, "speed": [0.1, 0.2], "spin": 4.0},
+    ]
+    path.write_text(json.dumps({**GOOD, "size": 0.03, "posterior": rows}))
+    assert table_named(str(path)) == Table(**GOOD, size=0.03)
+    found = posterior_tables(str(path))
+    for number, (table, row) in enumerate(zip(found, rows, strict=True), start=1):
+        assert table == Table(**{**GOOD, **row, "size": 0.03, "name": f"lino {number} of 2"})
+    assert posterior_entries(found) == rows
+
+
+@pytest.mark.parametrize("posterior", [{}, [3], [{"restitution": 0.3}], [{**GOOD}]])
+def test_a_posterior_that_is_none(posterior: object, tmp_path: Path) -> None:
+    path = tmp_path / "lino.json"
+    path.write_text(json.dumps({**GOOD, "posterior": posterior}))
+    with pytest.raises(InputError, match="expected as posterior a list of objects with rest"):
+        posterior_tables(str(path))
 
 
 @pytest.mark.parametrize(
@@ -118,39 +144,3 @@ def test_tables_that_are_not_there(tmp_path: Path) -> None:
         table_named("felt")
     with pytest.raises(InputError, match=r"no\.json: no such file"):
         table_named(str(tmp_path / "no.json"))
-
-
-def test_a_model_is_kept_with_what_it_was_learned_on(tmp_path: Path) -> None:
-    path = tmp_path / "lino.json"
-    model = {"table": learned_on(Table(**GOOD)), "hot": 1.0}
-    path.write_text(json.dumps({**GOOD, "momentum": model}))
-    assert table_entries(str(path))["momentum"] == model
-    # Neither a name nor a source matters to it.
-    path.write_text(json.dumps({**GOOD, "name": "x", "source": "y", "momentum": model}))
-    assert table_entries(str(path))["momentum"] == model
-    for name in TABLE_NAMES:
-        table_entries(name)
-
-
-@pytest.mark.parametrize("name", ["restitution", "friction", "height", "speed", "spin", "size"])
-def test_a_model_of_another_table_is_refused(tmp_path: Path, name: str) -> None:
-    """The table can be read all the same, as `dicedesign table learn` does."""
-    path = tmp_path / "lino.json"
-    first = Table(**GOOD)
-    value = 1.25 * getattr(first, name)
-    path.write_text(json.dumps({**GOOD, name: value, "momentum": {"table": learned_on(first)}}))
-    message = (
-        f"lino.json: expected the {name} that its momentum model was learned with, "
-        f"{getattr(first, name)}, got {value}; make the model again with `dicedesign table learn`"
-    )
-    with pytest.raises(InputError, match=message):
-        table_entries(str(path))
-    assert getattr(table_named(str(path)), name) == value
-
-
-@pytest.mark.parametrize("model", [{}, {"table": {"spin": 5.0}}, {"table": []}, [], 1])
-def test_a_model_without_its_table_is_refused(tmp_path: Path, model: object) -> None:
-    path = tmp_path / "lino.json"
-    path.write_text(json.dumps({**GOOD, "momentum": model}))
-    with pytest.raises(InputError, match="got one without; make it again with `dicedesign table l"):
-        table_entries(str(path))

@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -38,7 +39,10 @@ def add_parser(commands: Any) -> None:
         "rolls",
         help="judge your own throws of a die",
         description="Compare counts of throws with the odds that a die should have: exact "
-        "intervals, a test, the total variation, and how many more throws would settle it.",
+        "intervals, a test, the total variation, and how many more throws would settle it. With "
+        "--log type what comes up, one label or several on a line; every line is saved as it ends. "
+        "`undo` takes the last throw back, an empty line shows the table so far, and `done`, "
+        "Ctrl-D or Ctrl-C ends.",
     )
     parser.add_argument(
         "die",
@@ -48,11 +52,20 @@ def add_parser(commands: Any) -> None:
         "are the numbers that `dicedesign rest` gives its rests, and whose geometric odds are "
         "tested",
     )
-    parser.add_argument(
+    throws = parser.add_mutually_exclusive_group(required=True)
+    throws.add_argument(
         "counts",
         type=Path,
+        nargs="?",
         metavar="COUNTS.csv",
         help="columns label,count; or the column label alone, with one throw on each line",
+    )
+    throws.add_argument(
+        "--log",
+        type=Path,
+        metavar="ROLLS.csv",
+        help="type in throws as they come, and write them here, one on each line; those that are "
+        "there already are gone on from",
     )
     parser.add_argument(
         "--confidence",
@@ -70,7 +83,8 @@ def add_parser(commands: Any) -> None:
 
 def _rolls(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
-    from dicedesign.throws.counts.roll_log import read_counts
+    from dicedesign.cli.tables.roll_logging import log_rolls
+    from dicedesign.throws.counts.roll_log import RollLog, read_counts
     from dicedesign.throws.counts.roll_verdict import judge_rolls
 
     if not LEAST_CONFIDENCE <= options.confidence < 1.0:
@@ -84,7 +98,17 @@ def _rolls(options: argparse.Namespace) -> int:
             f"{options.die}: expected a die with at least 2 outcomes, got {len(die.labels)}; "
             "there is nothing to test"
         )
-    verdict = judge_rolls(read_counts(options.counts, die.labels), die.odds, options.confidence)
+    judge = partial(judge_rolls, odds=die.odds, confidence=options.confidence)
+    if options.log is None:
+        counts = read_counts(options.counts, die.labels)
+    else:
+        log = RollLog(options.log, die.labels)
+        log_rolls(log, judge, partial(_text, die.labels))
+        counts = log.counts
+        if not counts.any():
+            print('{"throws": 0}' if options.json else "no throws, nothing to judge")
+            return 0
+    verdict = judge(counts)
     if options.figure is not None:
         _draw(die.labels, verdict, options.figure)
     if options.json:
@@ -92,7 +116,7 @@ def _rolls(options: argparse.Namespace) -> int:
         print_json(summary)
     else:
         print(f"{printable(options.die)}: {verdict.throws} throws, tested for the {die.source}\n")
-        print("\n".join([*_table(die.labels, verdict), *_sentences(verdict)]))
+        print(_text(die.labels, verdict))
     return 0
 
 
@@ -149,6 +173,11 @@ def rolls_summary(labels: list[str], verdict: RollVerdict) -> dict[str, Any]:
         "throws_to_reject": verdict.to_reject,
         "throws_to_confirm": verdict.to_confirm,
     }
+
+
+def _text(labels: list[str], verdict: RollVerdict) -> str:
+    """All that throws say."""
+    return "\n".join([*_table(labels, verdict), *_sentences(verdict)])
 
 
 def _table(labels: list[str], verdict: RollVerdict) -> list[str]:

@@ -35,12 +35,12 @@ def add_action(actions: Any) -> None:
         "learn",
         help="fit a table's momentum model to simulated throws of random dice",
         description="Throw random dice onto a table in the package's own simulator, fit the "
-        "momentum model to all but every eighth of them, and write the table with it. A third of "
-        "the throws is onto the table, the others onto tables of a restitution a fifth lower and "
-        "higher, so that the model knows what that does. Dice held out are thrown onto the table "
-        "only, four times as often, and only show how good the model is. With the defaults it "
-        "takes half an hour to an hour on two cores. What was done is kept beside the result until "
-        "that is there: the same command goes on where an earlier one was interrupted or killed.",
+        "momentum model to all but every tenth of them, from that of all tables on, and write the "
+        "table with it. A quarter of the throws is onto the table, the others onto tables near it, "
+        "so that the model knows what changes of the table do. Dice held out are thrown onto the "
+        "table only, four times as often, and only show how good the model is. With the defaults "
+        "it takes some minutes on two cores. What was done is kept beside the result until that is "
+        "there: the same command goes on where an earlier one was interrupted or killed.",
     )
     learn.add_argument(
         "table",
@@ -48,22 +48,28 @@ def add_action(actions: Any) -> None:
         help="name of a table that comes with the package, or a .json file",
     )
     learn.add_argument(
-        "--dice", type=int, default=1000, metavar="N", help="random dice (default: 1000)"
+        "--dice", type=int, default=600, metavar="N", help="random dice (default: 600)"
     )
     learn.add_argument(
         "--drops",
         type=int,
-        default=2000,
+        default=1000,
         metavar="N",
-        help="of each die, on all tables (default: 2000)",
+        help="of each die, on all tables (default: 1000)",
     )
     learn.add_argument("--seed", type=int, default=0, metavar="S", help="default: 0")
     learn.add_argument(
-        "--steps",
+        "--epochs",
         type=int,
-        default=250,
+        default=20,
         metavar="N",
-        help="most iterations of training (default: 250)",
+        help="how often training sees each die (default: 20)",
+    )
+    learn.add_argument(
+        "--all-tables",
+        action="store_true",
+        help="learn the model of all tables from nothing, half of the throws at random ones; it "
+        "alone is written",
     )
     add_worker_options(
         learn,
@@ -83,23 +89,23 @@ def _learn(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.learning.table_learning import check_learning, learn_momentum
     from dicedesign.throws.engines.engine import require_engine
-    from dicedesign.throws.tables import learned_on, table_named
+    from dicedesign.throws.tables import table_named
 
     check_worker_options(options)
     require_engine("native")
-    check_learning(options.dice, options.drops, options.seed, options.steps)
     table = table_named(options.table)
     _require_momentum(table)
+    check_learning(table, options.dice, options.drops, options.seed, options.epochs)
     out = json_path(options.out or Path(f"{Path(options.table).stem}.json"))
     # Better known before the simulations than after.
     make_writable_folder(out.parent)
     bar: tqdm[Any] | None = None
 
-    def on_loss(loss: float) -> None:
+    def on_epoch(loss: float) -> None:
         nonlocal bar
         if bar is None:
             # Not before the dice are thrown, which have a bar of their own.
-            bar = progress_bar("evaluations")
+            bar = progress_bar("epochs", options.epochs)
         bar.set_postfix_str(f"loss {loss:.5f}", refresh=False)
         bar.update()
 
@@ -108,26 +114,29 @@ def _learn(options: argparse.Namespace) -> int:
         "number of dice": str(options.dice),
         "number of drops": str(options.drops),
         "seed": str(options.seed),
+        "number of epochs": str(options.epochs),
+        "kind of model": "of all tables" if options.all_tables else "of the table",
     }
     with (
         checkpoint_beside(out, work) as checkpoint,
         workers_of(options, "dice", options.dice) as workers,
     ):
         learned = learn_momentum(
-            table,
+            (table,),
+            options.all_tables,
             options.dice,
             options.drops,
             options.seed,
-            options.steps,
+            options.epochs,
             workers=workers.executor,
             checkpoint=checkpoint,
             on_die=workers.advance,
-            on_loss=on_loss,
+            on_epoch=on_epoch,
         )
         if bar is not None:
             bar.close()
-        momentum = {"table": learned_on(table), **learned.plain}
-        write_table(out, {**table.as_dict(), "momentum": momentum})
+        of_table = {**table.as_dict(), "momentum": learned.plain}
+        write_table(out, learned.plain if options.all_tables else of_table)
     print("\n".join(_lines(learned)))
     return 0
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from dicedesign.gradient.odds_model import OddsModel
     from dicedesign.gradient.rest_odds import RestEvaluation
-    from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
+    from dicedesign.gradient.table_sensitivity import TableSensitivity
     from dicedesign.runtime.arrays import Integers
 
 __all__ = ["PREFERENCES", "BearingFacets", "Preference", "Preferences", "preference_residuals"]
@@ -41,7 +41,7 @@ class BearingFacets:
 
     rests: RestEvaluation
     facets: Integers
-    sensitivity: RestitutionSensitivity | None = None
+    sensitivity: TableSensitivity | None = None
     model: OddsModel | None = None
 
 

@@ -1,4 +1,4 @@
-"""Thrown odds that are the same on a table that is a little livelier or duller."""
+"""Thrown odds that are the same on other tables."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["robustness_residuals"]
 
 
 def robustness_residuals(die: BearingFacets) -> Tensor | None:
-    """See `RestitutionSensitivity.residuals`; None for odds without momentum."""
+    """See `TableSensitivity.residuals`; None for odds without momentum."""
     if die.sensitivity is None:
         return None
     return die.sensitivity.residuals(die.rests, die.facets)
@@ -22,8 +22,8 @@ def robustness_residuals(die: BearingFacets) -> Tensor | None:
 PREFERENCES.register(
     Preference(
         name="robustness",
-        line="thrown odds that are the same on a table that is a little livelier or duller; those "
-        "without momentum always are",
+        line="thrown odds that are the same on what the table may be instead; those without "
+        "momentum always are",
         rank=6,
         residuals=robustness_residuals,
     )

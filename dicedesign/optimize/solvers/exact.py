@@ -11,7 +11,7 @@ from typing import Final
 
 from dicedesign.errors import InputError
 from dicedesign.gradient.prior_odds import OddsUnderPrior
-from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
+from dicedesign.gradient.table_sensitivity import TableSensitivity
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.solvers.candidate import Candidate
@@ -39,7 +39,7 @@ def solve_exactly(
     group: Floats | None = None,
     least_circle: float = 0.0,
     least_angle: float = 0.0,
-    sensitivity: RestitutionSensitivity | None = None,
+    sensitivity: TableSensitivity | None = None,
     prior: Prior | str | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
     on_candidate: Callable[[Candidate], None] | None = None,

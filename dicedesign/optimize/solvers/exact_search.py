@@ -12,7 +12,7 @@ from dicedesign.errors import DegenerateBodyError, DiceError, NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.inscribed_circles import circle_radii
 from dicedesign.gradient.prior_odds import OddsUnderPrior
-from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
+from dicedesign.gradient.table_sensitivity import TableSensitivity
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.coordinates.pinned import PinnedCoordinates
 from dicedesign.optimize.coordinates.shape import Coordinates
@@ -56,7 +56,7 @@ class ExactSearch:
     group: Floats | None
     least_circle: float
     least_angle: float
-    sensitivity: RestitutionSensitivity | None
+    sensitivity: TableSensitivity | None
     under_prior: OddsUnderPrior | None
     on_step: Callable[[DesignStep], None] | None
     on_candidate: Callable[[Candidate], None] | None

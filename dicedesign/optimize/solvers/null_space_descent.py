@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from dicedesign.gradient.inscribed_circles import circle_radii
-from dicedesign.gradient.restitution_sensitivity import RestitutionSensitivity
+from dicedesign.gradient.table_sensitivity import TableSensitivity
 from dicedesign.optimize.preferences.nearness import nearness_pull
 from dicedesign.optimize.preferences.preference import (
     BearingFacets,
@@ -80,7 +80,7 @@ def improve(
     maker: CandidateMaker,
     preferences: Preferences,
     *,
-    sensitivity: RestitutionSensitivity | None = None,
+    sensitivity: TableSensitivity | None = None,
     least_circle: float,
     tolerance: float,
     steps: int,
@@ -159,7 +159,7 @@ class _Goal:
     target: Floats
     maker: CandidateMaker
     preferences: Preferences
-    sensitivity: RestitutionSensitivity | None
+    sensitivity: TableSensitivity | None
     least_circle: float
     tolerance: float
     first: Floats

@@ -11,7 +11,7 @@ import numpy as np
 from dicedesign.errors import NoStartError, named
 from dicedesign.fabricate.designed_die import DesignedDie
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.gradient.restitution_sensitivity import CHANGES, RestitutionSensitivity
+from dicedesign.gradient.table_sensitivity import TableSensitivity
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
 from dicedesign.optimize.options import MOST_ROUNDS, ExactOptions
@@ -27,8 +27,9 @@ from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines.engine import require_engine
 from dicedesign.throws.momentum.momentum_model import momentum_model
+from dicedesign.throws.momentum.other_tables import other_tables
 from dicedesign.throws.simulation.die_on_table import DieOnTable, throwing_threads
-from dicedesign.throws.tables import table_named
+from dicedesign.throws.tables import Table, table_named
 
 __all__ = ["SEEDS", "check_table", "design"]
 
@@ -60,7 +61,7 @@ def design(work: Work) -> DesignedDie:
     the recipe asks for them. Raises InputError as `exact.design`, or as `check_table`."""
     wanted, options = wanted_odds(work.recipe), exact_options(work.recipe)
     thrown = ThrownOdds.on(options.thrown_onto)
-    sensitivity = RestitutionSensitivity(thrown, wanted, np.zeros((len(CHANGES), len(wanted))))
+    sensitivity = TableSensitivity(thrown, other_tables(table_named(options.thrown_onto)), wanted)
     result = solver(work)(starts_of(work, wanted), wanted, sensitivity=sensitivity)
     rounds: tuple[Round, ...] = ()
     if options.refine is not None and result.status is Status.CONVERGED:
@@ -71,12 +72,13 @@ def design(work: Work) -> DesignedDie:
 class _Corrections:
     """Rounds of throws of a recipe's dice at their printed size, and new designs."""
 
-    def __init__(self, work: Work, wanted: Floats, sensitivity: RestitutionSensitivity) -> None:
+    def __init__(self, work: Work, wanted: Floats, sensitivity: TableSensitivity) -> None:
         self._work, self._wanted, self._sensitivity = work, wanted, sensitivity
         self._options, self._solve = exact_options(work.recipe), solver(work)
         self._center = normalised_center(work.recipe, work.start)
-        self._table = table_named(self._options.thrown_onto)
-        self._model = momentum_model(self._options.thrown_onto)
+        # The table itself, and the others.
+        self._tables = [table_named(self._options.thrown_onto), *sensitivity.tables]
+        self._models = [sensitivity.thrown, *sensitivity.others]
 
     def refined(self, die: DesignResult) -> tuple[DesignResult, tuple[Round, ...]]:
         """The die that the rounds lead to, and the rounds."""
@@ -89,15 +91,16 @@ class _Corrections:
         with throwing_threads() as workers:
 
             def throw(
-                tried: DesignResult, drops: int, number: int, change: float
+                tried: DesignResult, drops: int, number: int, other: int
             ) -> tuple[Integers, Floats]:
-                on_table = self._on_table(tried, change)
-                # Each change has a series of its own.
-                series = number + MOST_ROUNDS * [0.0, *CHANGES].index(change)
+                table = self._tables[other]
+                on_table = self._on_table(tried, table)
+                # Each table has a series of its own.
+                series = number + MOST_ROUNDS * other
                 seed = SEEDS * self._work.recipe.seed + series
                 throws = on_table.simulated(drops, seed, refine.engine, workers)
-                model = None if self._model is None else self._model.at(change)
-                return on_table.counts(throws), on_table.momentum(model)
+                model = self._models[other].model
+                return on_table.counts(throws), on_table.momentum(model and model[0])
 
             return Refinement(
                 self._wanted,
@@ -105,18 +108,18 @@ class _Corrections:
                 refine.drops,
                 refine.rounds,
                 # Symmetry keeps equal odds equal on every table.
-                is_robust and len(np.unique(orbits)) > 1,
+                len(self._tables) - 1 if is_robust and len(np.unique(orbits)) > 1 else 0,
                 throw,
                 self._again,
                 self._work.listeners.on_round,
             ).refine(die)
 
-    def _on_table(self, die: DesignResult, change: float) -> DieOnTable:
-        """A die at its printed size, on a table whose restitution is higher by a part."""
+    def _on_table(self, die: DesignResult, table: Table) -> DieOnTable:
+        """A die at its printed size, on a table."""
         scale = self._work.recipe.size_mm / die.hull.diameter
         center = None if self._center is None else scale * self._center
         solid = make_body(scale * die.hull.vertices, name="die")
-        return DieOnTable.of(solid, center, die.directions, self._table.livelier(change))
+        return DieOnTable.of(solid, center, die.directions, table)
 
     def _again(self, die: DesignResult, odds: Floats, bias: Floats | None) -> DesignResult | None:
         """A die near one, with other odds (k,) by the model; see `Refinement.design`."""
@@ -128,7 +131,8 @@ class _Corrections:
                 nearest = replace(self._options, prefer=Preferences())
                 result = self._solve(close, odds, sensitivity=self._sensitivity, options=nearest)
             else:
-                result = self._solve(close, odds, sensitivity=replace(self._sensitivity, bias=bias))
+                known = replace(self._sensitivity, bias=bias if len(bias) else None)
+                result = self._solve(close, odds, sensitivity=known)
         except NoStartError:
             return None
         return result if result.status is Status.CONVERGED else None

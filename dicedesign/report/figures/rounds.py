@@ -24,7 +24,7 @@ def rounds_chart(thrown: ThrownOdds) -> Chart:
     """Total variation between simulated frequencies and the target, round by round, against the
     throws onto the table so far, with what a perfect die would show in as many as the round has.
 
-    The first rounds may have throws onto a livelier and a duller table too, as many in all.
+    The first rounds may have throws onto other tables too, half as many onto each.
 
     The verdict over the finished die, where there is one, comes last, with its interval of 95 %.
 
@@ -57,12 +57,11 @@ def rounds_chart(thrown: ThrownOdds) -> Chart:
     series += [
         Curve(
             drops[: len(changed)],
-            [pair[number] for pair in changed],
-            Style("#e0ab8c", "-", 2.0, marker),
-            f"on a {table} table",
+            list(of_table),
+            Style("#e0ab8c", "-", 2.0, "^"),
+            "" if number else "on other tables",
         )
-        for number, marker, table in ((0, "^", "livelier"), (1, "v", "duller"))
-        if changed
+        for number, of_table in enumerate(zip(*changed, strict=True))
     ]
     series.append(
         Curve(
@@ -74,7 +73,7 @@ def rounds_chart(thrown: ThrownOdds) -> Chart:
     )
     columns = 4
     return Chart(
-        (145.0, 100.0 + 36.0 * (len(series) > columns + 1), 1235.0, 510.0),
+        (145.0, 100.0 + 36.0 * (sum(bool(one.label) for one in series) > columns), 1235.0, 510.0),
         Axis(0.0, 1.05 * float(drops[-1]), "simulated throws onto the table so far"),
         Axis(0.0, 1.1 * max(heights), "total variation to the target"),
         series,
@@ -97,8 +96,8 @@ FIGURES.register(
         caption=(
             "After each round of simulated throws the die was designed anew, to make up for what "
             "was seen. The dashed line is what a perfect die would show by chance in as many "
-            "throws. Triangles, if any, are half as many throws onto tables on which it bounces a "
-            "fifth more or less, where it is meant to have nearly the same odds."
+            "throws. Triangles, if any, are half as many throws onto each of some other tables, "
+            "where it is meant to have nearly the same odds."
         ),
         wanted=lambda die: die.result.thrown is not None and len(die.result.thrown.rounds) > 0,
         draw=_draw,

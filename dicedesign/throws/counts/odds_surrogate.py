@@ -131,6 +131,17 @@ class OddsSurrogate:
             left = left * (1.0 - part)
         return np.stack([*odds, left], axis=1)
 
+    def drawn(self, points: Floats, rng: np.random.Generator) -> Floats:
+        """Odds (m, g) at points (m, d) as they may be, each point's independently of others'."""
+        left = np.ones(len(points))
+        odds = []
+        for process in self.processes:
+            spread = np.sqrt(process.variances(points))
+            part = expit(process.means(points) + spread * rng.normal(size=len(points)))
+            odds.append(left * part)
+            left = left * (1.0 - part)
+        return np.stack([*odds, left], axis=1)
+
     def log_likelihood(self, points: Floats, counts: Integers, exact: bool) -> Floats:
         """Logarithm (m,) of the probability of real counts (g,) over that of the same counts if
         their frequencies were the odds.

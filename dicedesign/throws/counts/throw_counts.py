@@ -25,7 +25,7 @@ from dicedesign.throws.counts.csv_rows import csv_rows, require_equal_lengths, w
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.tables import LEAST_SIZE, MOST_SIZE
 
-__all__ = ["CountedDie", "read_throw_counts", "throws_digest"]
+__all__ = ["CountedDie", "read_throw_counts", "throws_digest", "uncounted_die"]
 
 NEEDED: Final = ("die", "mesh", "outcome", "throws")
 
@@ -101,6 +101,27 @@ def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[Co
                 f"{path}: expected a die {name!r}, got {', '.join(of_die)}; take one of them"
             )
     return tuple(_die(path, name, of_die[name]) for name in wanted)
+
+
+def uncounted_die(folder: Path) -> tuple[CountedDie, Floats]:
+    """The die of a finished run's folder, without throws, and the target (g,) of its outcomes.
+
+    Raises InputError: no run left that folder, or one of its labels is on no stable facet.
+    """
+    result = read_result(folder)
+    body, poses, groups = _designed(folder, result.labels)
+    odds = sums_by_outcome(poses.probabilities, groups.group_of_rest, len(result.labels))
+    die = CountedDie(
+        name=result.name,
+        body=body,
+        size=2e-3 * body.radius,
+        labels=tuple(result.labels),
+        counts=np.zeros(len(result.labels), dtype=np.int64),
+        geometric=odds / odds.sum(),
+        group_of_rest=groups.group_of_rest,
+        poses=poses,
+    )
+    return die, np.array(result.target)
 
 
 def throws_digest(dice: Sequence[CountedDie]) -> str:

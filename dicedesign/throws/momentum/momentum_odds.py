@@ -6,8 +6,8 @@ it, the less often the higher that is above the rest compared with the energy th
 latter is a temperature that falls from impact to impact. A die that has gone over a saddle may be
 carried on over the next at once, if it keeps enough of its speed. How often it leaves and is
 carried on depends on the features of `dicedesign.throws.momentum.transition_features`, by two small
-networks that are fitted to simulated throws of random dice, one pair for each table. A table on
-which dice bounce a little more or less changes the temperature, and the networks' linear parts.
+networks that are fitted to simulated throws of random dice. What the table is changes the
+temperature, and the networks as further features would.
 
 Written once, for NumPy and torch alike; a compiled kernel takes the place of all of it where NumPy
 would be slow.
@@ -49,7 +49,11 @@ def landing_odds(
     features: Features, transitions: Transitions, model: MomentumModel, xp: ModuleType
 ) -> Any:
     """Odds (k,) of the rests of a thrown body, nonnegative and with the sum of the odds without
-    momentum."""
+    momentum.
+
+    model: its constants may be (m,) for each transition and its biases and shifts (m, o), (t, o)
+        and so on, of a body of parts that know nothing of each other, each on a table of its own.
+    """
     rests, ways = transitions.rests, len(transitions.source)
     if ways == 0:
         return features.odds
@@ -57,18 +61,19 @@ def landing_odds(
     first, second = xp.asarray(transitions.first), xp.asarray(transitions.second)
     time = 0.5 - (np.arange(IMPACTS) + 0.5) / IMPACTS
     terms = xp.asarray(np.stack([np.ones(IMPACTS), time, time**2 - 0.08]))
-    temperature = xp.exp(model.hot + model.cooling * (xp.asarray(time) - 0.5))[:, None]
+    known = features.barriers
+    times = xp.asarray(time)[:, None] - 0.5
+    temperature = xp.exp(model.hot + model.cooling * times + 0.0 * known)
     going = model.transitions(features.transitions, xp)
     going_on = model.carries(features.carries, xp)
     stretch = xp.exp(MOST_STRETCH * xp.tanh(going[:, 3] / MOST_STRETCH))
     # One of no height may come out below 0 by rounding.
-    known, rounding = features.barriers, 0.0 * features.barriers + ROUNDING
+    rounding = 0.0 * known + ROUNDING
     barriers = xp.where(known > ROUNDING, known, rounding)
     free = -xp.log(-xp.expm1(-barriers / NO_BARRIER))
     rates = _bounded((going[:, :3] @ terms).T - stretch * known / temperature + free, xp)
-    weights = _bounded(
-        (going_on @ terms).T - model.carry_barrier * features.exits / temperature, xp
-    )
+    barred = ((0.0 * known + model.carry_barrier) / temperature)[:, first]
+    weights = _bounded((going_on @ terms).T - barred * features.exits, xp)
     odds = features.odds
     for rate, weight in zip(rates, weights, strict=True):
         leaving = _sums(rate, source, rests)

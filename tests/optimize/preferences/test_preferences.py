@@ -14,7 +14,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.facet_edges import SOFTNESS
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.gradient.restitution_sensitivity import USUAL_SWING, RestitutionSensitivity
+from dicedesign.gradient.table_sensitivity import USUAL_SWING, TableSensitivity
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.preferences.areas import USUAL_RATIO
@@ -34,6 +34,8 @@ from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.rest.asymmetry import basin_moments
 from dicedesign.rest.morse import separatrix_points
 from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.momentum.other_tables import other_tables
+from dicedesign.throws.tables import table_named
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 BOX = np.array([1.0, 1.5, 2.0])
@@ -200,25 +202,25 @@ def test_gradients_are_differences_along_the_manifold(name: str, seed: int) -> N
 
 
 BOARD_GAME = ThrownOdds.on("board-game")
+OTHERS = other_tables(table_named("board-game"))
 
 
 def sensitivity(
     candidate: Candidate, wanted: np.ndarray, bias: np.ndarray | None = None
-) -> RestitutionSensitivity:
-    known = np.zeros((2, len(wanted))) if bias is None else bias
-    return RestitutionSensitivity(BOARD_GAME, wanted, known)
+) -> TableSensitivity:
+    return TableSensitivity(BOARD_GAME, OTHERS, wanted, bias)
 
 
-def test_robust_is_who_has_the_wanted_odds_on_changed_tables() -> None:
+def test_robust_is_who_has_the_wanted_odds_on_other_tables() -> None:
     candidate = die(0)
     facets, where = candidate.outcome_facets, candidate.rest_of_outcome
-    there = [BOARD_GAME.at(change).odds(candidate.rests)[where] for change in (0.2, -0.2)]
+    there = [BOARD_GAME.onto(table).odds(candidate.rests)[where] for table in OTHERS]
     wanted = BOARD_GAME.odds(candidate.rests)[where]
     known = sensitivity(candidate, wanted)
     (residuals,) = preference_residuals(
         BearingFacets(candidate.rests, facets, known), only("robustness")
     )
-    expected = np.concatenate([odds - wanted for odds in there]) / USUAL_SWING
+    expected = np.concatenate([odds - wanted for odds in there]) / USUAL_SWING / np.sqrt(2.0)
     np.testing.assert_allclose(residuals.detach(), expected, atol=1e-12)
     assert np.abs(expected).max() > 0.05
     # A bias that makes up for the change leaves nothing to wish for.

@@ -1,4 +1,4 @@
-"""Files of throws, good and bad."""
+"""Files of throws, good and bad, and throws that are written down as they come."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from dicedesign.errors import InputError
-from dicedesign.throws.counts.roll_log import read_counts
+from dicedesign.errors import InputError, OutputError
+from dicedesign.throws.counts.roll_log import RollLog, read_counts
 
 LABELS = ["1", "2", "heads, or tails"]
 
@@ -75,3 +75,61 @@ def test_no_file(tmp_path: Path) -> None:
 def test_not_all_of_many_labels_are_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"28, 29, \.\.\.\), got 'x'"):
         read_counts(written(tmp_path, "label\nx\n"), [str(i) for i in range(100)])
+
+
+def test_throws_are_in_the_file_as_they_come(tmp_path: Path) -> None:
+    path = tmp_path / "new.csv"
+    log = RollLog(path, LABELS)
+    assert path.read_text() == "label\n"
+    assert log.undo() is None
+    for text, added in (
+        ("2", ["2"]),
+        ("1  2 1", ["1", "2", "1"]),
+        ("2,1,", ["2", "1"]),
+        ("", []),
+        ("Heads,  or tails", ["heads, or tails"]),
+    ):
+        before = list(log.throws)
+        assert log.add(text) == added
+        assert log.throws == before + added
+        assert RollLog(path, LABELS).throws == log.throws
+    assert read_counts(path, LABELS).tolist() == log.counts.tolist() == [3, 3, 1]
+    assert log.undo() == "heads, or tails"
+    assert log.undo() == "1"
+    assert read_counts(path, LABELS).tolist() == [2, 3, 0]
+
+
+def test_a_line_with_a_wrong_label_is_not_written_down(tmp_path: Path) -> None:
+    log = RollLog(tmp_path / "new.csv", LABELS)
+    log.add("1")
+    with pytest.raises(InputError, match=r"^roll: expected a label of the die .*, got '3'"):
+        log.add("2 3")
+    assert RollLog(tmp_path / "new.csv", LABELS).throws == ["1"]
+
+
+def test_labels_are_told_apart_by_capitals_only_if_they_have_to(tmp_path: Path) -> None:
+    log = RollLog(tmp_path / "new.csv", ["a", "A", "Two\nlines"])
+    assert log.add("A a a") == ["A", "a", "a"]
+    assert log.add("two lines") == ["Two\nlines"]
+    assert RollLog(tmp_path / "new.csv", log.labels).counts.tolist() == [2, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("label,count\n1,3\n", r"expected a first line label, got 'label,count'; .* a new file"),
+        ("", r"expected a first line label, got ''"),
+        ("label\n1\n5\n", r"line 3: expected a label of the die"),
+    ],
+)
+def test_files_of_others_are_not_written_over(tmp_path: Path, text: str, message: str) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(InputError, match=message):
+        RollLog(path, LABELS)
+    assert path.read_text() == text
+
+
+def test_where_nothing_can_be_written(tmp_path: Path) -> None:
+    """It is said before anything is thrown."""
+    with pytest.raises(OutputError):
+        RollLog(tmp_path / "none" / "rolls.csv", LABELS)
