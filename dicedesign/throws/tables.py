@@ -248,8 +248,8 @@ def _entries_of_file(name: str) -> dict[str, Any]:
         got = ", ".join(entries) if isinstance(entries, dict) else type(entries).__name__
         raise InputError(
             f"table {name}: expected an object with {', '.join(sorted(needed))} (or hand in place "
-            f"of {', '.join(SPREADS)}) and at most size, drag, source, posterior and momentum, got {got}; "
-            "correct it"
+            f"of {', '.join(SPREADS)}) and at most size, drag, source, posterior and momentum, "
+            f"got {got}; correct it"
         )
     return entries
 
