@@ -21,8 +21,8 @@ from dicedesign.errors import InputError, OutputError
 from dicedesign.results.status import Status
 
 NAMES = (
-    "accuracy", "concave", "design", "endurance", "exact", "finished", "gradients", "lean",
-    "momentum", "paper", "priors", "speed", "stability", "table", "thrown", "tolerance",
+    "accuracy", "company", "concave", "design", "endurance", "exact", "finished", "gradients",
+    "lean", "momentum", "paper", "priors", "speed", "stability", "table", "thrown", "tolerance",
     "view",
 )  # fmt: skip
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -104,21 +105,38 @@ def test_a_table_with_a_momentum_model_adds_its_odds(
 
 @compiled_only
 def test_another_hand(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The table has no momentum model for it, and is thrown onto all the same."""
     few = ("--drops", 200, "--jobs", 1)
     found = answer(capsys, box, *few, "--hand", "cup")
     table = table_named("board-game").thrown_by("cup")
     assert found["table"] == table.as_dict()
     assert Table(**found["table"]) == table
-    assert "momentum" not in found["rests"][0]
     assert sum(rest["count"] for rest in found["rests"]) == 200
+    body = read_body(box)
+    odds = [rest["momentum"] for rest in found["rests"]]
+    expected = thrown_odds(body, rest_poses(body), "board-game:cup")
+    np.testing.assert_allclose(odds, expected, rtol=1e-12)
+    assert np.abs(expected - thrown_odds(body, rest_poses(body))).max() > 1e-3
     assert found["rests"] == answer(capsys, box, *few, "--table", "board-game:cup")["rests"]
     # The paper's orientations are of its own protocol.
     assert answer(capsys, box, *few, "--table", "paper", "--hand", "cup")["drops"] == 200
     assert main(["throw", str(box), "--hand", "foot"]) == 2
     assert "hand: expected cup, hand, tower, got 'foot'; take one" in capsys.readouterr().err
-    assert main(["rest", str(box), "--table", "board-game:cup"]) == 2
-    assert "board-game:cup: expected a table with a momentum model" in capsys.readouterr().err
+
+
+@compiled_only
+def test_a_table_beyond_the_momentum_model_is_thrown_onto_all_the_same(
+    box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = replace(table_named("board-game"), height=(3.0, 5.0))
+    path = tmp_path / "tall.json"
+    path.write_text(json.dumps(table.as_dict()))
+    few = ("--table", str(path), "--drops", "100", "--jobs", "1")
+    assert main(["throw", str(box), *few, "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert "note: without odds by the momentum model, as table board-game: expected a height" in err
+    rests = json.loads(out)["rests"]
+    assert sum(rest["count"] for rest in rests) == 100
+    assert "momentum" not in rests[0]
 
 
 @compiled_only

@@ -14,6 +14,7 @@ from dicedesign.errors import RecipeError
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.hand import HANDS
 from dicedesign.throws.momentum.momentum_odds import thrown_odds
 
 pytestmark = compiled_only
@@ -110,3 +111,28 @@ def test_an_unknown_table_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixt
     recipe.write_text(RECIPE.replace("odds: thrown", "odds: thrown, table: marble"))
     assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 2
     assert "method.exact.table: table marble: expected board-game" in capsys.readouterr().err
+
+
+def test_a_hand_beside_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text(
+        "name: held\ntarget: {fair: 3}\nstart: {prism: {}}\nsymmetry: D3h\nengrave: false\n"
+        "method: {exact: {odds: thrown, hand: cup, refine: {drops: 200, rounds: 1, verdict: 300, "
+        "within: 0.2}}}\n"
+    )
+    assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 0
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    table, cup = result["thrown"]["table"], HANDS["cup"]
+    assert table["name"] == "board-game:cup"
+    assert (table["height"], table["speed"], table["spin"]) == (
+        list(cup.height),
+        list(cup.speed),
+        list(cup.spin),
+    )
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "throws out of a cup, in which it falls from 5 to 12 cm above the table" in page
+    assert "Throw it out of a cup: let it fall" in page
+    # A die that is larger than the cup is high.
+    recipe.write_text(recipe.read_text() + "size_mm: 60\n")
+    assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 2
+    assert "no larger than the least drop height of 0.05 m" in capsys.readouterr().err

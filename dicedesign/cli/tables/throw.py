@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import sys
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -21,7 +22,7 @@ from dicedesign.cli.options import (
     print_json,
     workers_of,
 )
-from dicedesign.errors import named
+from dicedesign.errors import InputError, named
 from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
 
@@ -123,14 +124,17 @@ def _throw(options: argparse.Namespace) -> int:
     from dicedesign.throws.release import PAPER_DIRECTIONS
     from dicedesign.throws.rigid_body import rigid_body
     from dicedesign.throws.simulation.simulation import check_throws, simulate
-    from dicedesign.throws.tables import table_entries, table_named, with_hand
+    from dicedesign.throws.tables import table_named, with_hand
 
     size = None if options.size is None else options.size / MM_PER_METRE
     with named("--table"):
         name = with_hand(options.table, options.hand)
         table = table_named(name)
-        has_momentum = "momentum" in table_entries(name)
-        model = momentum_model(name) if has_momentum else None
+    model = None
+    try:
+        model = momentum_model(name)
+    except InputError as error:
+        print(f"note: without odds by the momentum model, as {printable(error)}", file=sys.stderr)
     table = table.sized(size)
     orientations = options.orientations
     if orientations is None:
@@ -151,7 +155,7 @@ def _throw(options: argparse.Namespace) -> int:
         table = table.sized(2.0 * body.radius / MM_PER_METRE)
     started = time.perf_counter()
     momentum = None
-    if has_momentum:
+    if model is not None:
         momentum = momentum_odds(die.poses, body, model)
     with workers_of(options, "drops", drops) as workers:
         throws = simulate(
