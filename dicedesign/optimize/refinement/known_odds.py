@@ -1,0 +1,80 @@
+"""What throws of dice that are much alike, onto tables that are, say of each of them.
+
+All is by orbit of outcomes: those whose facets are images of each other are equally frequent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.throws.statistics.bias import Bias, expected_variation
+
+__all__ = ["KnownOdds"]
+
+COMMON: Final = 0.4
+"""Standard deviation of the logarithm of an outcome's odds over those in the model."""
+
+BY_TABLE: Final = (0.01, 0.04)
+"""The same of its change with each measure of the table, in units of how much that varies: guesses.
+"""
+
+BY_SHAPE: Final = (0.05, 0.2, 0.8)
+"""The same of its change with each measure of the die: guesses."""
+
+
+@dataclass(frozen=True)
+class KnownOdds:
+    """What is known.
+
+    Attributes
+    ----------
+    target: (k,) wanted odds. orbits: (k,) a number for each outcome, the same within an orbit.
+    bias: of the orbits.
+    first: (f,) measures of the first die. meant: (d,) of the table that is meant, all 0.
+    """
+
+    target: Floats
+    orbits: Integers
+    bias: Bias
+    first: Floats
+    meant: Floats
+
+    @classmethod
+    def nothing(cls, target: Floats, orbits: Integers, first: Floats, tables: int) -> KnownOdds:
+        """Nothing yet, of dice with measures as those of the first (f,) and tables with so many."""
+        deviations = [
+            np.repeat([COMMON, by_table, by_shape], [1, tables, len(first)])
+            for by_table in BY_TABLE
+            for by_shape in BY_SHAPE
+        ]
+        return cls(target, orbits, Bias(np.array(deviations)), first, np.zeros(tables))
+
+    def learn(self, shape: Floats, table: Floats, odds: Floats, counts: Integers) -> None:
+        """Take note of counts (k,) of a die with measures (f,) on a table with measures (d,), and
+        odds (k,) in the model."""
+        pooled = np.rint(self._by_orbit(counts)).astype(np.int64)
+        self.bias.learn(self._features(shape, table), self._by_orbit(odds), pooled)
+
+    def logarithms(self, shape: Floats, table: Floats) -> Floats:
+        """(..., k) of the outcomes' odds over those in the model on tables (..., d)."""
+        return self.bias.logarithms(self._features(shape, table))[..., self.orbits]
+
+    def variation(self, shape: Floats, table: Floats, odds: Floats) -> float:
+        """Total variation from the target that is to be expected of a die with odds (k,) in the
+        model."""
+        belief = self.bias.belief(self._features(shape, table), self._by_orbit(odds))
+        return expected_variation(belief, self._by_orbit(self.target))
+
+    def _by_orbit(self, values: Floats | Integers) -> Floats:
+        sums: Floats = np.bincount(self.orbits, values).astype(np.float64)
+        return sums
+
+    def _features(self, shape: Floats, table: Floats) -> Floats:
+        """(..., 1 + d + f) what the bias depends on."""
+        ones, moved = np.ones((*table.shape[:-1], 1)), shape - self.first
+        rows = np.broadcast_to(moved, (*table.shape[:-1], len(moved)))
+        return np.concatenate([ones, table, rows], axis=-1)
