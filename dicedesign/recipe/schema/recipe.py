@@ -26,17 +26,20 @@ from dicedesign.recipe.schema.method import MethodRecipe
 from dicedesign.rest.prior import DensityPrior, read_prior
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["NAME", "Recipe"]
+__all__ = ["AUTO", "NAME", "Recipe"]
 
 NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$"
 """Of a die, and of the folder of its results."""
+
+AUTO: Final = "auto"
+"""A symmetry that is found once the recipe runs."""
 
 MARKED: Final = (("engraved", "shape"), ("engraved", "none"))
 """Style and balance of marks on a die that keeps the shape of a surface."""
 
 
 def _known_group(name: str | None) -> str | None:
-    if name is not None:
+    if name not in (None, AUTO):
         point_group(name)
     return name
 
@@ -93,7 +96,8 @@ class Recipe(Strict):
         `PRIORS`; the directions are in the coordinates that the start is made or read in, which the
         files keep; None, "uniform" in a file, for all alike.
     symmetry: name of the point group that the die has, such as C2, Cs, D3h, Td, Oh or Ih, about the
-        centroid of the start, along its own axes; None, "none" in a file, if it need not have any.
+        centroid of the start, along its own axes; "auto" for the one that helps most among those
+        that the target allows; None, "none" in a file, if it need not have any.
     size_mm: largest vertex-to-vertex distance of the printed die.
     min_inradius_mm: radius of a circle that the facet of each outcome has room for.
     engrave: engraving options, or None for a plain die, which a concave one is unless the recipe
@@ -294,12 +298,13 @@ class Recipe(Strict):
                 "center_of_mass: expected uniform with a symmetry, got a point; leave one of them "
                 "out"
             )
-        # Raises where equal probabilities do not fill whole orbits.
-        OrbitLayouts(self.target.target().probabilities, point_group(name))
+        if name != AUTO:
+            # Raises where equal probabilities do not fill whole orbits.
+            OrbitLayouts(self.target.target().probabilities, point_group(name))
 
     def group(self) -> Floats | None:
-        """(g, 3, 3) the point group that the die has."""
-        return None if self.symmetry is None else point_group(self.symmetry)
+        """(g, 3, 3) the point group that the die has; None for none, or one yet to be found."""
+        return None if self.symmetry in (None, AUTO) else point_group(self.symmetry)
 
     def outcome_of_direction(self) -> list[int]:
         """For each direction of the start, the index of its outcome in the target."""
