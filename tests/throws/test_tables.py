@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import statistics
 from pathlib import Path
 
 import pytest
@@ -75,6 +76,17 @@ def test_tables_of_a_posterior(tmp_path: Path) -> None:
     for number, (table, row) in enumerate(zip(found, rows, strict=True), start=1):
         assert table == Table(**{**GOOD, **row, "size": 0.03, "name": f"lino {number} of 2"})
     assert posterior_entries(found) == rows
+
+
+def test_the_fitted_table_has_its_posterior() -> None:
+    """About itself, with restitution known better than the search's limits of 0.1 to 0.9."""
+    table, drawn = table_named("board-game"), posterior_tables("board-game")
+    assert len(drawn) == 32
+    restitutions = [each.restitution for each in drawn]
+    assert min(restitutions) < table.restitution < max(restitutions)
+    assert statistics.stdev(restitutions) < 0.15
+    # A die of 40 mm can be thrown onto each.
+    assert all(each.sized(0.04).size == 0.04 for each in drawn)
 
 
 @pytest.mark.parametrize("posterior", [{}, [3], [{"restitution": 0.3}], [{**GOOD}]])

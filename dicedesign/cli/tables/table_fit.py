@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.cli.options import (
     add_worker_options,
@@ -17,6 +17,9 @@ from dicedesign.cli.options import (
 )
 from dicedesign.errors import InputError
 from dicedesign.runtime.printable import printable
+
+if TYPE_CHECKING:
+    from dicedesign.throws.counts.throw_counts import CountedDie
 
 __all__ = ["add_action"]
 
@@ -40,11 +43,20 @@ def add_action(actions: Any) -> None:
     fit.add_argument(
         "--throws",
         type=Path,
-        required=True,
         metavar="CSV",
         help="a line for each outcome: columns die, mesh (a file, or a folder that `dicedesign "
         "run` left, as seen from the CSV), outcome and throws; for mesh files also geometric, the "
         "outcome's odds without momentum; perhaps com (x y z) and size_mm (else 15 to 35)",
+    )
+    fit.add_argument(
+        "--rolls",
+        type=Path,
+        nargs=2,
+        action="append",
+        default=[],
+        metavar=("FOLDER", "ROLLS.csv"),
+        help="a die of a folder that `dicedesign run` left, and its throws, a file as of "
+        "`dicedesign rolls`; with or without --throws, and for several dice",
     )
     fit.add_argument(
         "--dice", metavar="NAME,...", help="fit to these dice of the file (default: to all)"
@@ -95,11 +107,7 @@ def _fit(options: argparse.Namespace) -> int:
     from dicedesign.runtime.files import make_writable_folder
     from dicedesign.throws.counts.table_check import check_table
     from dicedesign.throws.counts.table_fit import check_effort, fit_table
-    from dicedesign.throws.counts.throw_counts import (
-        read_throw_counts,
-        throws_digest,
-        uncounted_die,
-    )
+    from dicedesign.throws.counts.throw_counts import rolled_die, throws_digest, uncounted_die
     from dicedesign.throws.engines.engine import require_engine
     from dicedesign.throws.simulation.simulation import simulate
     from dicedesign.throws.tables import Table, posterior_entries
@@ -110,10 +118,10 @@ def _fit(options: argparse.Namespace) -> int:
     out = None if options.out is None else json_path(options.out)
     checked = _names(options.check) or []
     wanted = _names(options.dice)
-    dice = read_throw_counts(options.throws, wanted)
-    if wanted is None:
-        dice = tuple(die for die in dice if die.name not in checked)
-    others = read_throw_counts(options.throws, checked) if checked else ()
+    if options.throws is None and not options.rolls:
+        raise InputError("table fit: expected --throws or --rolls, got neither; add one of them")
+    dice, others = _dice(options.throws, wanted, checked)
+    dice = (*dice, *(rolled_die(folder, rolls) for folder, rolls in options.rolls))
     twice = {die.name for die in dice} & set(checked)
     if twice or not dice:
         raise InputError(
@@ -183,6 +191,24 @@ def _fit(options: argparse.Namespace) -> int:
     else:
         print("\n".join(fit_lines(fit, checks, at_hand)))
     return 1 if unexplained(fit) else 0
+
+
+def _dice(
+    throws: Path | None, wanted: list[str] | None, checked: list[str]
+) -> tuple[tuple[CountedDie, ...], tuple[CountedDie, ...]]:
+    """The dice of a file that are fitted to, and those that are predicted."""
+    from dicedesign.throws.counts.throw_counts import read_throw_counts
+
+    if throws is None:
+        if wanted is not None or checked:
+            raise InputError(
+                "--dice, --check: expected a file that has these dice, got none; add --throws"
+            )
+        return (), ()
+    dice = read_throw_counts(throws, wanted)
+    if wanted is None:
+        dice = tuple(die for die in dice if die.name not in checked)
+    return dice, read_throw_counts(throws, checked) if checked else ()
 
 
 def _names(text: str | None) -> list[str] | None:

@@ -22,10 +22,11 @@ from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.results.reading import read_result
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.counts.csv_rows import csv_rows, require_equal_lengths, whole_count
+from dicedesign.throws.counts.roll_log import read_counts
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.tables import LEAST_SIZE, MOST_SIZE
 
-__all__ = ["CountedDie", "read_throw_counts", "throws_digest", "uncounted_die"]
+__all__ = ["CountedDie", "read_throw_counts", "rolled_die", "throws_digest", "uncounted_die"]
 
 NEEDED: Final = ("die", "mesh", "outcome", "throws")
 
@@ -122,6 +123,15 @@ def uncounted_die(folder: Path) -> tuple[CountedDie, Floats]:
         poses=poses,
     )
     return die, np.array(result.target)
+
+
+def rolled_die(folder: Path, rolls: Path) -> CountedDie:
+    """The die of a finished run's folder, with the throws of a file as of `read_counts`.
+
+    Raises InputError: as that, no run left that folder, or one of its labels is on no stable facet.
+    """
+    die, _ = uncounted_die(folder)
+    return dataclasses.replace(die, counts=read_counts(rolls, die.labels))
 
 
 def throws_digest(dice: Sequence[CountedDie]) -> str:
