@@ -38,7 +38,7 @@ __all__ = ["Refinement", "Round", "Thrown"]
 ON_TABLES: Final = 0.5
 """Throws onto the other tables, all together, over those onto the one that is meant."""
 
-MAKING: Final = 3
+MAKING: Final = 2
 """Rounds at most after which the die is made better by preference; the others correct it."""
 
 LEAST_GROWTH: Final = 0.25
@@ -47,11 +47,17 @@ LEAST_GROWTH: Final = 0.25
 AIM: Final = 0.5
 """Expected deviation over the one that counts as reached, from which on no more is thrown."""
 
+ENOUGH: Final = 0.6
+"""The same with the other tables, from which on the die is made no better."""
+
 LOOSER: Final = 2.0
 """Deviation that counts as reached there, over that on the table that is meant."""
 
 MOST_TURNS: Final = 4
 """Designs of one round."""
+
+FARTHEST: Final = 1.0
+"""Longest step of a later design over that of the first one."""
 
 EXACT: Final = 0.1
 """Deviation that is left of what is known, over the one that counts as reached."""
@@ -144,7 +150,7 @@ class Refinement:
         if len(np.unique(self.orbits)) == 1:
             return die, ()
         known = KnownOdds.nothing(
-            self.target, self.orbits, self.measures(die), self.tables.shape[1]
+            self.target, self.orbits, self.measures(die), self.tables.shape[1], self.rounds
         )
         asked, dice, seen, made = self.target, list[_Seen](), 0, 0
         for number in range(self.rounds):
@@ -156,7 +162,7 @@ class Refinement:
                 self.on_round(self._round(known, found))
             is_right = self._here(known, found) <= AIM
             is_making = made < MAKING and (number == 0 or is_right)
-            done = is_right and (not is_making or self._shortfall(known, found) <= AIM)
+            done = is_right and (not is_making or self._shortfall(known, found) <= ENOUGH)
             if done or number == self.rounds - 1:
                 break
             made += is_making
@@ -181,13 +187,13 @@ class Refinement:
         """A die thrown onto all tables, of which note is taken."""
         shape = self.measures(die)
         thrown, others = self.throw(die, drops, number), list[Thrown]()
-        known.learn(shape, known.meant, thrown.odds, thrown.counts[:-1])
+        known.learn(shape, number, known.meant, thrown.odds, thrown.counts[:-1])
         if len(self.tables):
             each = math.ceil(ON_TABLES * drops / len(self.tables))
             others = self.throw_on_tables(die, each, number)
             for table, one in zip(self.tables, others, strict=True):
-                known.learn(shape, table, one.odds, one.counts[:-1])
-        return _Seen(die, asked, shape, thrown, tuple(others))
+                known.learn(shape, number, table, one.odds, one.counts[:-1])
+        return _Seen(die, asked, shape, number, thrown, tuple(others))
 
     def _round(self, known: KnownOdds, seen: _Seen) -> Round:
         counts = seen.thrown.counts
@@ -198,7 +204,7 @@ class Refinement:
             counts[:-1] / drops,
             total_variation(counts / drops, np.append(self.target, 0.0)),
             noise_floor(self.target, drops),
-            known.variation(seen.shape, known.meant, seen.thrown.odds),
+            known.variation(seen.shape, seen.number, known.meant, seen.thrown.odds),
             sum(int(one.counts.sum()) for one in seen.others),
             self._elsewhere(known, seen),
         )
@@ -206,20 +212,21 @@ class Refinement:
     def _elsewhere(self, known: KnownOdds, seen: _Seen) -> float | None:
         """See `Round`."""
         found = [
-            known.variation(seen.shape, table, one.odds)
+            known.variation(seen.shape, seen.number, table, one.odds)
             for table, one in zip(self.tables, seen.others, strict=True)
         ]
         return float(np.quantile(found, OFTEN)) if found else None
 
     def _shortfall(self, known: KnownOdds, seen: _Seen) -> float:
-        """The expected deviation of a die over what counts as reached, on the table that is meant
-        or on the others, whichever is worse."""
+        """The expected deviation of a die over what counts as reached: that on the table that is
+        meant, or the mean of that and of that on the others."""
         here, elsewhere = self._here(known, seen), self._elsewhere(known, seen)
-        return here if elsewhere is None else max(here, elsewhere / (LOOSER * self.within))
+        return here if elsewhere is None else (here + elsewhere / (LOOSER * self.within)) / 2.0
 
     def _here(self, known: KnownOdds, seen: _Seen) -> float:
         """The same on the table that is meant alone."""
-        return known.variation(seen.shape, known.meant, seen.thrown.odds) / self.within
+        odds = seen.thrown.odds
+        return known.variation(seen.shape, seen.number, known.meant, odds) / self.within
 
     def _corrected(
         self, known: KnownOdds, seen: _Seen, is_making: bool
@@ -231,20 +238,23 @@ class Refinement:
         """
         asked, lacking = [np.log(seen.asked)], list[Floats]()
         found, shape = None, seen.shape
+        number: int | None = seen.number
         for turn in range(MOST_TURNS):
-            wanted = np.log(self.target) - known.logarithms(shape, known.meant)
+            wanted = np.log(self.target) - known.logarithms(shape, number, known.meant)
             lacking.append(wanted - asked[-1])
             if turn > 0 and np.abs(self.target * lacking[-1]).sum() / 2.0 < EXACT * self.within:
                 break
             is_first = turn == 0
-            sensitivity = known.logarithms(shape, self.tables) if is_making and is_first else None
+            sensitivity = (
+                known.logarithms(shape, number, self.tables) if is_making and is_first else None
+            )
             die = seen.die if found is None else found[0]
             again = self._near(die, asked[-1], _mixed(asked, lacking), sensitivity, is_first)
             if again is None:
                 break
             found = again
             asked.append(np.log(found[1]))
-            shape = self.measures(found[0])
+            shape, number = self.measures(found[0]), None
         return found
 
     def _near(
@@ -278,16 +288,20 @@ def _mixed(points: list[Floats], steps: list[Floats]) -> Floats:
     changes = np.diff(steps, axis=0).T
     moves = np.diff(points, axis=0).T
     weights = np.linalg.lstsq(changes, steps[-1], rcond=None)[0]
-    mixed: Floats = points[-1] + steps[-1] - (moves + changes) @ weights
+    step = steps[-1] - (moves + changes) @ weights
+    farthest = FARTHEST * np.linalg.norm(steps[0])
+    mixed: Floats = points[-1] + step * min(1.0, farthest / max(np.linalg.norm(step), farthest))
     return mixed
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """A die that was thrown, with its measures (f,), onto the table that is meant and others."""
+    """A die that was thrown in a round of this number, with its measures (f,), onto the table that
+    is meant and others."""
 
     die: DesignResult
     asked: Floats
     shape: Floats
+    number: int
     thrown: Thrown
     others: tuple[Thrown, ...]
