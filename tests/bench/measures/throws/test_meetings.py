@@ -6,16 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common.thrown import OCTAHEDRON, thrown, turn_down
+from common.thrown import BOARD, OCTAHEDRON, thrown, turn_down
 
 from dicedesign.bench.measures.throws.meetings import BESIDE, meet
 from dicedesign.throws.engines.mujoco_engine import throw_states
 from dicedesign.throws.release import released
-from dicedesign.throws.tables import table_named
 
 pytest.importorskip("mujoco", reason="the extra 'throws' is not installed")
 
-TABLE = replace(table_named("board-game"), height=0.03, speed=0.5, spin=5.0)
+TABLE = replace(BOARD, height=0.03, speed=0.5, spin=5.0)
 BODY, _ = thrown(OCTAHEDRON * [1.0, 1.1, 1.2])
 
 
