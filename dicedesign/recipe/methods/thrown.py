@@ -56,7 +56,7 @@ def check_table(options: ExactOptions, size_mm: float) -> None:
 
     size_mm: largest distance between two vertices of the die.
     """
-    with named("method.exact.thrown_onto"):
+    with named("method.exact.table"):
         table = table_named(options.thrown_onto)
         momentum_model(options.thrown_onto)
     # The radius is at least half of that distance.
