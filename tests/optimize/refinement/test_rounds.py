@@ -146,6 +146,21 @@ def test_every_round_has_random_numbers_of_its_own() -> None:
     assert len(set(world.numbers)) == len(world.numbers)
 
 
+def test_a_model_that_answers_too_much_is_seen_through() -> None:
+    """Where the true odds move by a third of what the model says, two rounds tell, and the dice of
+    later ones are right."""
+
+    class Stiff(World):
+        def true_odds(self, die: DesignResult, table: np.ndarray | None = None) -> np.ndarray:
+            return tilted(TARGET, self.factors + np.log(die.directions / TARGET) / 3.0)
+
+    world = Stiff(FACTORS)
+    die, rounds = world.refined()
+    assert rounds[1].expected > 0.05
+    assert max(one.expected for one in rounds[2:]) < 0.03
+    assert world.deviation(die) < 0.01
+
+
 def test_a_wider_goal_takes_fewer_throws() -> None:
     narrow, wide = World(FACTORS), World(FACTORS)
     narrow.refined(within=0.01)
@@ -227,18 +242,19 @@ def test_an_outcome_that_never_comes_up_is_asked_for_more_often() -> None:
 
 def test_what_other_tables_do_is_learned_from_few_throws_on_each() -> None:
     world = World(FACTORS)
-    die, rounds = world.refined(tables=TABLES, drops=40_000, rounds=5, within=0.002)
+    die, rounds = world.refined(tables=TABLES, drops=40_000, rounds=6, within=0.01)
     assert 16 * world.on_tables[0] == pytest.approx(world.drops[0] / 2, rel=0.01)
     assert rounds[0].elsewhere_drops == 16 * world.on_tables[0]
     assert world.told[0] is not None
     assert world.told[0].shape == (16, 11)
-    assert [bias is None for bias in world.told] == [False, False, True, True]
+    told = [bias for bias in world.told if bias is not None]
+    assert 1 < len(told) < 4
+    assert any(bias is None for bias in world.told)
     kept = next(one for one in rounds if one.is_kept)
     true = [world.deviation(die, table) for table in TABLES]
     assert kept.elsewhere == pytest.approx(np.quantile(true, 0.9), rel=0.15)
-    assert world.told[1] is not None
     unknown = (1.0 - SEEN) * TABLES @ TILT
-    found = world.told[1] - world.told[1].mean(axis=0)
+    found = told[1] - told[1].mean(axis=0)
     relative = unknown - unknown.mean(axis=0)
     before = np.abs(relative).mean()
     assert np.abs(found - relative).mean() < 0.5 * before
