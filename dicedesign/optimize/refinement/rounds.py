@@ -289,8 +289,8 @@ def _mixed(points: list[Floats], steps: list[Floats]) -> Floats:
     moves = np.diff(points, axis=0).T
     weights = np.linalg.lstsq(changes, steps[-1], rcond=None)[0]
     step = steps[-1] - (moves + changes) @ weights
-    farthest = FARTHEST * np.linalg.norm(steps[0])
-    mixed: Floats = points[-1] + step * min(1.0, farthest / max(np.linalg.norm(step), farthest))
+    length, farthest = float(np.linalg.norm(step)), FARTHEST * float(np.linalg.norm(steps[0]))
+    mixed: Floats = points[-1] + step * min(1.0, farthest / length if length > 0.0 else 1.0)
     return mixed
 
 
