@@ -19,7 +19,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
     from dicedesign.concave.result import ConcaveDie
-    from dicedesign.optimize.refinement import Round
+    from dicedesign.optimize.refinement.rounds import Round
     from dicedesign.rest.prior import Prior
 
 __all__ = ["DesignedDie", "SizedDie", "sized"]

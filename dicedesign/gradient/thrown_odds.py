@@ -49,10 +49,7 @@ class ThrownOdds:
 
     def onto(self, table: Table) -> ThrownOdds:
         """That of another table, or of the nearest one that the model knows."""
-        if self.model is None:
-            return self
-        model = self.model[0]
-        return self._of(model.on(model.general.range.nearest(table)))
+        return self._of(None if self.model is None else self.model[0].near(table))
 
     def odds(self, rests: RestEvaluation) -> Floats:
         """(k,) odds of the rests, in the order of `rests.paths.rests`."""

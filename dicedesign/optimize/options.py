@@ -73,11 +73,13 @@ class RefineOptions:
 
     Attributes
     ----------
-    drops: simulated throws of the first round, 1 to `MOST_DROPS`; each later round has half as many
-        again, but not more than those. Where the die is made robust, all rounds but the last
-        two also have half as many onto each of two changed tables.
-    rounds: most rounds of throwing a die and designing it anew, 1 to `MOST_ROUNDS`.
-    verdict: throws that judge the last die, 1 to `MOST_DROPS`.
+    drops: simulated throws of the first round, 1 to `MOST_DROPS`; later rounds have more. Where the
+        die is made robust, each also has half as many onto what the table may be instead, all
+        together.
+    rounds: most rounds of throwing a die and designing it anew, 1 to `MOST_ROUNDS`; fewer where no
+        more is needed for what is `within` reach.
+    verdict: throws that judge the finished die, 1 to `MOST_DROPS`, and half as many onto what
+        the table may be instead.
     within: largest total variation from the target, by the verdict, that counts as reached; above 0
         and below 1.
     engine: name of the simulator.
@@ -85,8 +87,8 @@ class RefineOptions:
 
     __pydantic_config__ = STRICT
 
-    drops: int = 20_000
-    rounds: int = 5
+    drops: int = 5_000
+    rounds: int = 8
     verdict: int = 100_000
     within: float = 0.01
     engine: str = "native"

@@ -13,6 +13,10 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
+from dicedesign.throws.tables import Table
+
+BOARD = Table("board", restitution=0.65, friction=0.2, height=0.1, speed=0.3, spin=15.0)
+"""A table whose throws are all alike but for the orientation."""
 
 
 def thrown(points: ArrayLike, center: ArrayLike | None = None) -> tuple[RigidBody, RestPoses]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.optimize.refinement import Round
+from dicedesign.optimize.refinement.rounds import Round
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.starts.kinds.prism import prism
 from dicedesign.recipe.design_die import design_recipe
@@ -69,7 +69,7 @@ def test_what_a_solver_tells_by_direction_is_told_by_outcome() -> None:
     result = DesignResult(
         Status.CONVERGED, convex_hull(start.points), start.directions, 0.0, {}, (), 1, 1, 0
     )
-    rounds = (Round(asked, 100, seen, 0.1, 0.01),)
+    rounds = (Round(asked, 100, seen, 0.1, 0.01, 0.1),)
     die = designed_die(Work(given), result, rounds)
     for place, label in enumerate(ORDER):
         outcome = "abcd".index(label)

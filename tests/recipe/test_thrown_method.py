@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,7 @@ from dicedesign.gradient.table_sensitivity import TableSensitivity
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.optimize.refinement import Round
+from dicedesign.optimize.refinement.rounds import Round
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.search import shapes_near
@@ -78,35 +80,77 @@ ROBUST = {
         "exact": {
             "odds": "thrown",
             "prefer": {"circles": 1.0, "robustness": 1.0},
-            "refine": {"drops": 300, "rounds": 3, "verdict": 300, "within": 0.5},
+            "refine": {"drops": 300, "rounds": 3, "verdict": 300, "within": 0.3},
         }
     },
 }
 
 
-def test_rounds_throw_onto_the_tables_of_robust_dice(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Livelier and duller ones in the first rounds alone, each throw with numbers of its own."""
-    tables: list[tuple[float, int]] = []
+POSTERIOR = [
+    {"restitution": e, "friction": mu, "height": [0.1, 0.12], "speed": 0.3, "spin": 15.0}
+    for e in (0.6, 0.7)
+    for mu in (0.2, 0.3)
+]
+
+
+@pytest.fixture
+def fitted_table(tmp_path: Path) -> str:
+    """A table that may be one of four others."""
+    path = tmp_path / "fitted.json"
+    entries = {
+        "name": "fitted",
+        "restitution": 0.65,
+        "friction": 0.25,
+        "height": 0.11,
+        "speed": 0.3,
+        "spin": 15.0,
+        "posterior": POSTERIOR,
+    }
+    path.write_text(json.dumps(entries))
+    return str(path)
+
+
+def test_rounds_throw_onto_the_tables_of_robust_dice(
+    fitted_table: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Few throws onto each, all with numbers of their own, and so does the verdict."""
+    thrown: list[tuple[float, float, int, int]] = []
     simulate = die_on_table.simulate
 
     def told(body: RigidBody, table: Table, drops: int, seed: int, **options: Any) -> Throws:
-        tables.append((table.restitution, seed))
+        thrown.append((table.restitution, table.friction, drops, seed))
         return simulate(body, table, drops, seed, **options)
 
     monkeypatch.setattr(die_on_table, "simulate", told)
     rounds: list[Round] = []
-    work = Work(checked_recipe(ROBUST), listeners=Listeners(on_round=rounds.append))
+    exact = {**ROBUST["method"]["exact"], "table": fitted_table}
+    work = Work(
+        checked_recipe({**ROBUST, "method": {"exact": exact}}),
+        listeners=Listeners(on_round=rounds.append),
+    )
     plan(work, last="throws")
     assert work.status is Status.CONVERGED
-    usual = table_named("board-game").restitution
-    restitutions = sorted({value for value, _ in tables})
-    assert restitutions == pytest.approx([0.8 * usual, usual, 1.2 * usual])
-    assert len({seed for _, seed in tables}) == len(tables)
+    others = [(one["restitution"], one["friction"]) for one in POSTERIOR]
+    assert {row[:2] for row in thrown} == {(0.65, 0.25), *others}
+    assert len({seed for *_, seed in thrown}) == len(thrown)
     assert [r.drops for r in rounds] == [r.drops for r in work.die.rounds]
     assert [r.deviation for r in rounds] == [r.deviation for r in work.die.rounds]
-    assert len(rounds[0].changed) == 2
-    assert all(len(one.changed) == 0 for one in rounds[1:])
-    assert work.result().thrown.simulated.drops == 300
+    on_others = sum(drops for *table, drops, _ in thrown if tuple(table) in others)
+    told_of = work.result().thrown
+    assert told_of.simulated.drops == 300
+    assert len(told_of.elsewhere.values) == 4
+    assert told_of.elsewhere.often <= told_of.elsewhere.worst
+    in_rounds = sum(entry.elsewhere_drops for entry in told_of.rounds)
+    assert on_others >= told_of.elsewhere.drops + in_rounds > told_of.elsewhere.drops > 0
+    assert [entry.is_kept for entry in told_of.rounds].count(True) == 1
+
+
+def test_a_die_that_need_not_be_robust_is_thrown_onto_its_table_alone(fitted_table: str) -> None:
+    exact = {**ROBUST["method"]["exact"], "table": fitted_table, "prefer": {"circles": 1.0}}
+    work = Work(checked_recipe({**ROBUST, "method": {"exact": exact}}))
+    plan(work, last="design")
+    assert len(work.die.rounds) >= 1
+    assert all(one.elsewhere_drops == 0 and one.elsewhere is None for one in work.die.rounds)
 
 
 @pytest.mark.parametrize("table", ["carpet", "paper"])
@@ -130,7 +174,7 @@ def test_a_die_has_all_of_its_outcomes_in_the_order_of_the_labels() -> None:
     directions = np.outer(wanted, [0.0, 0.0, 1.0])
     hull = convex_hull(np.random.default_rng(0).normal(size=(8, 3)))
     result = DesignResult(Status.CONVERGED, hull, directions, 0.0, {}, (), 0, 0, 0)
-    die = designed_die(Work(recipe), result, (Round(wanted, 100, wanted, 0.0, 0.0),))
+    die = designed_die(Work(recipe), result, (Round(wanted, 100, wanted, 0.0, 0.0, 0.0),))
     np.testing.assert_array_equal(die.directions[:, 2], target)
     np.testing.assert_array_equal(die.rounds[0].asked, target)
     np.testing.assert_array_equal(die.rounds[0].frequencies, target)

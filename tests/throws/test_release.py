@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common.thrown import random_body
+from common.thrown import BOARD, random_body
 from scipy.spatial.transform import Rotation
 from scipy.special import sph_harm_y
 from scipy.stats import kstest
@@ -20,9 +20,7 @@ from dicedesign.throws.release import (
     up_directions,
 )
 from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.tables import table_named
-
-BOARD = table_named("board-game")
+from dicedesign.throws.tables import Table, table_named
 
 
 def turns(states: np.ndarray) -> np.ndarray:
@@ -62,9 +60,9 @@ def test_weights() -> None:
 
 
 @pytest.mark.parametrize("orientations", ["uniform", "icosahedron"])
-@pytest.mark.parametrize("table", ["board-game", "carpet"])
-def test_bodies_are_let_go_above_the_table(orientations: Orientations, table: str) -> None:
-    body, how = random_body(2)[0], table_named(table)
+@pytest.mark.parametrize("how", [BOARD, table_named("carpet")])
+def test_bodies_are_let_go_above_the_table(orientations: Orientations, how: Table) -> None:
+    body = random_body(2)[0]
     states = released(body, how, np.arange(400), orientations, np.random.default_rng(0))
     np.testing.assert_allclose(np.linalg.norm(states[:, 3:7], axis=1), 1.0, rtol=1e-14)
     np.testing.assert_allclose(np.linalg.norm(states[:, 7:10], axis=1), how.speed)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import statistics
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -77,6 +80,17 @@ def test_tables_of_a_posterior(tmp_path: Path) -> None:
     assert posterior_entries(found) == rows
 
 
+def test_the_fitted_table_has_its_posterior() -> None:
+    """About itself, with restitution known better than the search's limits of 0.1 to 0.9."""
+    table, drawn = table_named("board-game"), posterior_tables("board-game")
+    assert len(drawn) == 32
+    restitutions = [each.restitution for each in drawn]
+    assert min(restitutions) < table.restitution < max(restitutions)
+    assert statistics.stdev(restitutions) < 0.15
+    # A die of 40 mm can be thrown onto each.
+    assert all(each.sized(0.04).size == 0.04 for each in drawn)
+
+
 @pytest.mark.parametrize("posterior", [{}, [3], [{"restitution": 0.3}], [{**GOOD}]])
 def test_a_posterior_that_is_none(posterior: object, tmp_path: Path) -> None:
     path = tmp_path / "lino.json"
@@ -144,3 +158,12 @@ def test_tables_that_are_not_there(tmp_path: Path) -> None:
         table_named("felt")
     with pytest.raises(InputError, match=r"no\.json: no such file"):
         table_named(str(tmp_path / "no.json"))
+
+
+@pytest.mark.parametrize(
+    ("height", "lifted"),
+    [(0.1, 0.1), (0.03, 0.035), ((0.03, 0.09), (0.035, 0.09)), ((0.02, 0.03), 0.035), (0.0, 0.0)],
+)
+def test_a_large_die_is_let_go_from_no_lower_than_it_is_large(height: Any, lifted: Any) -> None:
+    table = Table("low", 0.5, 0.5, height, 0.1, 1.0, size=0.02)
+    assert table.lifted(0.035) == replace(table, height=lifted, size=0.035)

@@ -13,13 +13,11 @@ from dicedesign.errors import InputError
 
 __all__ = ["CompanyRow", "Extent"]
 
-MATTERS: Final = 0.005
-"""Total variation beyond chance from which on company is worth simulating."""
-
 KEY: Final = """
 met: throws in which the die touched the other, or the wall. lost: those that ended on no facet, as
 a die that leans on something. floor: total variation that chance alone shows, on the mean; above:
-what there is beyond it. error: standard error of the outcome that changes most."""
+what there is beyond it. p: of changes as large by chance. error: standard error of the outcome
+that changes most."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +41,7 @@ class CompanyRow(Row):
     total_variation: float = column("variation", 11, ".4f")
     noise_floor: float = column("floor", 8, ".4f")
     above_noise: float = column("above", 8, ".4f")
+    p_value: float = column("p", 8, ".2g")
     change: float = column("most", 9, "+.4f")
     error: float = column("error", 8, ".4f")
     outcome: str = column("of", 0)
@@ -68,13 +67,11 @@ def _rows(run: Run) -> Items:
         )
     yield {"table": table.as_dict()}
     yield f"thrown onto {table.name} with company and alone, in MuJoCo"
-    worst = 0.0
     with run.workers("drops", 2 * drops * len(dice)) as workers:
         for die in dice:
             found = odds_in_company(die, table, drops, 0, workers, run.advance)
             for company, odds in found.items():
                 most = int(abs(odds.changes).argmax())
-                worst = max(worst, odds.above_noise)
                 yield CompanyRow(
                     die=die.name,
                     company=company,
@@ -85,6 +82,7 @@ def _rows(run: Run) -> Items:
                     total_variation=odds.total_variation,
                     noise_floor=odds.noise_floor,
                     above_noise=odds.above_noise,
+                    p_value=odds.p_value,
                     change=float(odds.changes[most]),
                     error=float(odds.errors[most]),
                     outcome=die.labels[most],
@@ -92,8 +90,6 @@ def _rows(run: Run) -> Items:
                     errors=tuple(odds.errors.tolist()),
                 )
     yield KEY
-    verdict = "more" if worst > MATTERS else "no more"
-    yield f"company changes odds by {verdict} than {MATTERS:g} beyond chance"
     return True
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from dicedesign.fabricate.printing.options import PrintOptions
-    from dicedesign.optimize.refinement import Round
+    from dicedesign.optimize.refinement.rounds import Round
     from dicedesign.recipe.schema.recipe import Recipe
     from dicedesign.results.record import Result, Step
 

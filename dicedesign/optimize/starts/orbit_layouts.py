@@ -82,8 +82,7 @@ class OrbitLayouts:
 
     def draw(self, rng: np.random.Generator) -> Layout:
         """One of them, at random."""
-        best = min(self._fewest[-1].values())
-        ends = [used for used, orbits in self._fewest[-1].items() if orbits == best]
+        ends = [used for used, orbits in self._fewest[-1].items() if orbits == self.fewest]
         used = ends[rng.integers(len(ends))]
         layout: Layout = []
         for number in reversed(range(len(self._classes))):
@@ -105,6 +104,11 @@ class OrbitLayouts:
     def helper(self, rng: np.random.Generator) -> OrbitSite:
         """A site of an orbit without outcome: not on an axis, where a facet is always a rest."""
         return self._plane(rng) if self.planes and rng.random() < 0.5 else self.anywhere
+
+    @property
+    def fewest(self) -> int:
+        """Orbits of the outcomes."""
+        return min(self._fewest[-1].values())
 
     @property
     def largest(self) -> int:

@@ -9,16 +9,25 @@ from typing import Final
 
 import numpy as np
 
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.starts.half_space_odds import resting_half_spaces, start_with_odds
 from dicedesign.optimize.starts.needles import needle_near
 from dicedesign.optimize.starts.repulsion import FEWEST_FACETS, repulsion, spread_directions
 from dicedesign.optimize.starts.start import Start
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["NEARNESS", "REPULSION_STEPS", "STRETCH", "UNEVENNESS", "nearest_first", "shapes_near"]
+__all__ = [
+    "NEARNESS",
+    "REPULSION_STEPS",
+    "STRETCH",
+    "UNEVENNESS",
+    "has_helpers",
+    "nearest_first",
+    "shapes_near",
+]
 
 
-def shapes_near(target: Floats, seed: int) -> Iterator[Start | None]:
+def shapes_near(target: Floats, seed: int, helpers: int = 0) -> Iterator[Start | None]:
     """Starting shapes with one rest for each outcome and no other, without end; None where a turn
     found nothing, so that whoever asks can stop.
 
@@ -27,29 +36,44 @@ def shapes_near(target: Floats, seed: int) -> Iterator[Start | None]:
     nearest in their sorted probabilities first, with the largest rest for the largest outcome and
     so on; and a needle (`needle_near`), whose odds are near any target.
 
-    target: (k,) wanted probabilities, k at least 2; seed: of everything random.
+    target: (k,) wanted probabilities, k at least 2; seed: of everything random; helpers: least
+        number of facets without an outcome.
     """
     outcomes = len(target)
     rng = np.random.default_rng(seed)
     place = np.argsort(np.argsort(-target, kind="stable"), kind="stable")
 
     def even(number: int) -> Start | None:
-        if outcomes < FEWEST_FACETS:
+        if outcomes < FEWEST_FACETS or helpers > 0:
             return None
         shape = repulsion(outcomes, seed + number)
         return replace(shape, directions=rng.permutation(shape.directions))
 
     def draw() -> tuple[Start, Floats] | None:
-        normals, distances = _pebble(outcomes, rng) if rng.random() < 0.5 else _bowl(outcomes, rng)
+        pebble = rng.random() < 0.5
+        normals, distances = _pebble(outcomes + helpers, rng) if pebble else _bowl(outcomes, rng)
         rests = resting_half_spaces(normals, distances)
         made = start_with_odds(normals, distances, rests) if len(rests) == outcomes else None
         if made is None:
             return None
         start, odds = made
+        if not has_helpers(start, helpers):
+            return None
         order = np.argsort(-odds, kind="stable")[place]
         return replace(start, directions=start.directions[order]), odds[order]
 
-    return nearest_first(target, even, draw, lambda: needle_near(target, rng))
+    def needle() -> Start | None:
+        found = needle_near(target, rng)
+        return found if found is not None and has_helpers(found, helpers) else None
+
+    return nearest_first(target, even, draw, needle)
+
+
+def has_helpers(start: Start, helpers: int) -> bool:
+    """Whether a shape has at least so many facets without an outcome."""
+    if helpers == 0:
+        return True
+    return len(convex_hull(start.points).normals) >= len(start.directions) + helpers
 
 
 def _pebble(outcomes: int, rng: np.random.Generator) -> tuple[Floats, Floats]:

@@ -122,9 +122,9 @@ class StartKind(Extension):
     check: raises ValueError, naming the key, where a shape of such options cannot bear so many
         outcomes.
     make: the shape, from options and task, or None if there is no single one.
-    search: shapes with one rest for each outcome and no other, without end, for target
-        probabilities (k,), a point group (g, 3, 3) or None, and a seed; None where a turn found
-        nothing. Or None if shapes are not searched.
+    search: shapes with one rest for each outcome and no other, without end, from options, for
+        target probabilities (k,), a point group (g, 3, 3) or None, and a seed; None where a turn
+        found nothing. Or None if shapes are not searched.
     surface: the closed surface to make a concave die of, from options and the most points that it
         needs to have; or None if there is none.
     """
@@ -132,7 +132,7 @@ class StartKind(Extension):
     options: Any
     check: Callable[[Any, int], None] = lambda options, outcomes: None
     make: Callable[[Any, Task], Start] | None = None
-    search: Callable[[Floats, Floats | None, int], Iterator[Start | None]] | None = None
+    search: Callable[[Any, Floats, Floats | None, int], Iterator[Start | None]] | None = None
     surface: Callable[[Any, int], StartSurface] | None = None
 
 

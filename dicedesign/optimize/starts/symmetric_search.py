@@ -19,6 +19,7 @@ from dicedesign.optimize.starts.search import (
     REPULSION_STEPS,
     STRETCH,
     UNEVENNESS,
+    has_helpers,
     nearest_first,
 )
 from dicedesign.optimize.starts.start import Start
@@ -41,7 +42,9 @@ FLOOR_ODDS: Final = 0.3
 """An outcome that is alone with odds above this may become the floor of a bowl."""
 
 
-def symmetric_shapes_near(target: Floats, group: Floats, seed: int) -> Iterator[Start | None]:
+def symmetric_shapes_near(
+    target: Floats, group: Floats, seed: int, helpers: int = 0
+) -> Iterator[Start | None]:
     """Starting shapes that a point group maps onto themselves, with one rest for each outcome and
     no other, and equal target probabilities on each orbit of rests; without end. None where a turn
     found nothing, so that whoever asks can stop.
@@ -57,6 +60,7 @@ def symmetric_shapes_near(target: Floats, group: Floats, seed: int) -> Iterator[
     target: (k,) wanted probabilities, k at least 2.
     group: (g, 3, 3) as `point_group` makes it.
     seed: of everything random.
+    helpers: least number of facets without an outcome.
 
     Raises
     ------
@@ -65,6 +69,8 @@ def symmetric_shapes_near(target: Floats, group: Floats, seed: int) -> Iterator[
     layouts, rng = OrbitLayouts(target, group), np.random.default_rng(seed)
 
     def even(_: int) -> Start | None:
+        if helpers > 0:
+            return None
         layout = layouts.draw(rng)
         sites = [site for site, _ in layout]
         normals = _spread_orbits(sites, rng, EVEN_STEPS)
@@ -75,10 +81,11 @@ def symmetric_shapes_near(target: Floats, group: Floats, seed: int) -> Iterator[
         layout = layouts.draw(rng)
         floor = _floor(layout, target)
         if floor is None or rng.random() < 0.5:
-            half_spaces = _pebble(layouts, layout, group, rng)
+            half_spaces = _pebble(layouts, layout, group, helpers, rng)
         else:
             half_spaces = _bowl(layouts, layout, floor, rng)
-        return _start(*half_spaces, layout, target)
+        made = _start(*half_spaces, layout, target)
+        return made if made is not None and has_helpers(made[0], helpers) else None
 
     return nearest_first(target, even, draw)
 
@@ -126,12 +133,16 @@ def _order_of_outcomes(
 
 
 def _pebble(
-    layouts: OrbitLayouts, layout: Layout, group: Floats, rng: np.random.Generator
+    layouts: OrbitLayouts,
+    layout: Layout,
+    group: Floats,
+    helpers: int,
+    rng: np.random.Generator,
 ) -> tuple[Floats, Floats, Integers]:
-    """Half-spaces facing all ways, on the sites of a layout and some more: normals (m, 3),
-    distances (m,) and the numbers (m,) of their orbits."""
+    """Half-spaces facing all ways, on the sites of a layout and at least so many more: normals
+    (m, 3), distances (m,) and the numbers (m,) of their orbits."""
     sites = [site for site, _ in layout]
-    fewest = max(sum(len(site.carriers) for site in sites), FEWEST_FACETS + 1)
+    fewest = max(sum(len(site.carriers) for site in sites) + helpers, FEWEST_FACETS + 1)
     facets = fewest
     if rng.random() < 0.5:
         facets += int(rng.integers(max(fewest + 4, MOST_HELPERS * layouts.smallest) + 1))

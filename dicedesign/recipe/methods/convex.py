@@ -18,7 +18,7 @@ from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
     from dicedesign.gradient.rest_odds import RestEvaluation
-    from dicedesign.optimize.refinement import Round
+    from dicedesign.optimize.refinement.rounds import Round
 
 __all__ = [
     "designed_die",

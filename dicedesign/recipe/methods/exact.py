@@ -70,7 +70,8 @@ def starts_of(work: Work, wanted: Floats) -> Iterable[Start | None]:
         return told_starts(work, like)
     search = recipe.start.kind.search
     assert search is not None
-    found, prior = search(wanted, group, recipe.seed), recipe.prior_read()
+    found = search(recipe.start.options, wanted, group, recipe.seed)
+    prior = recipe.prior_read()
     if prior is not None:
         found = (_ranked(start, wanted, prior) for start in found)
     return told_starts(work, found)

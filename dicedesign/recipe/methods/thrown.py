@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import replace
 from itertools import islice
 from typing import Final
@@ -16,7 +17,8 @@ from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
 from dicedesign.optimize.options import MOST_ROUNDS, ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.optimize.refinement import Refinement, Round
+from dicedesign.optimize.refinement.measures import shape_measures
+from dicedesign.optimize.refinement.rounds import Refinement, Round, Thrown
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.starts.variations import shapes_like
@@ -24,16 +26,23 @@ from dicedesign.recipe.methods.convex import designed_die, normalised_center, wa
 from dicedesign.recipe.methods.exact import exact_options, solver, starts_of
 from dicedesign.recipe.planning.work import Work
 from dicedesign.results.status import Status
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.engines.engine import require_engine
 from dicedesign.throws.momentum.momentum_model import momentum_model
 from dicedesign.throws.momentum.other_tables import other_tables
+from dicedesign.throws.momentum.table_measures import table_measures
 from dicedesign.throws.simulation.die_on_table import DieOnTable, throwing_threads
-from dicedesign.throws.tables import Table, table_named
+from dicedesign.throws.tables import Table, posterior_tables, table_named
 
-__all__ = ["SEEDS", "check_table", "design"]
+__all__ = ["VERDICT", "bare_sensitivity", "check_table", "design", "seed_of"]
 
-SEEDS: Final = 1000
+VERDICT: Final = MOST_ROUNDS
+"""Number of the throws that judge the finished die, after those of all rounds."""
+
+SERIES: Final = 1000
+"""Seeds of a round: of its throws onto the table that is meant, and onto each of the others."""
+
+SEEDS: Final = SERIES * (VERDICT + 1)
 """Seeds of throws between those of one recipe's seed and the next."""
 
 CLOSE_STARTS: Final = 12
@@ -61,24 +70,36 @@ def design(work: Work) -> DesignedDie:
     the recipe asks for them. Raises InputError as `exact.design`, or as `check_table`."""
     wanted, options = wanted_odds(work.recipe), exact_options(work.recipe)
     thrown = ThrownOdds.on(options.thrown_onto)
-    sensitivity = TableSensitivity(thrown, other_tables(table_named(options.thrown_onto)), wanted)
+    others = other_tables(table_named(options.thrown_onto), posterior_tables(options.thrown_onto))
+    sensitivity = TableSensitivity(thrown, others, wanted)
     result = solver(work)(starts_of(work, wanted), wanted, sensitivity=sensitivity)
     rounds: tuple[Round, ...] = ()
     if options.refine is not None and result.status is Status.CONVERGED:
-        result, rounds = _Corrections(work, wanted, sensitivity).refined(result)
+        with throwing_threads() as workers:
+            corrections = _Corrections(work, wanted, sensitivity, workers)
+            result, rounds = corrections.refined(result)
     return designed_die(work, result, rounds)
+
+
+def bare_sensitivity(options: ExactOptions, wanted: Floats) -> TableSensitivity:
+    """The model by which a die with odds (k,) is found, which knows of no other table."""
+    return TableSensitivity(ThrownOdds.on(options.thrown_onto), (), wanted)
 
 
 class _Corrections:
     """Rounds of throws of a recipe's dice at their printed size, and new designs."""
 
-    def __init__(self, work: Work, wanted: Floats, sensitivity: TableSensitivity) -> None:
+    def __init__(
+        self, work: Work, wanted: Floats, sensitivity: TableSensitivity, workers: Executor
+    ) -> None:
         self._work, self._wanted, self._sensitivity = work, wanted, sensitivity
         self._options, self._solve = exact_options(work.recipe), solver(work)
         self._center = normalised_center(work.recipe, work.start)
-        # The table itself, and the others.
-        self._tables = [table_named(self._options.thrown_onto), *sensitivity.tables]
-        self._models = [sensitivity.thrown, *sensitivity.others]
+        self._name, self._workers = self._options.thrown_onto, workers
+        self._model = momentum_model(self._name)
+        self._others: tuple[Table, ...] = ()
+        if self._options.prefer.robustness > 0.0 and sensitivity.is_known:
+            self._others = posterior_tables(self._name) or sensitivity.tables
 
     def refined(self, die: DesignResult) -> tuple[DesignResult, tuple[Round, ...]]:
         """The die that the rounds lead to, and the rounds."""
@@ -87,52 +108,64 @@ class _Corrections:
         orbits = np.arange(len(self._wanted))
         if group is not None:
             orbits = orbits_of_directions(die.directions, group)
-        is_robust = self._options.prefer.robustness > 0.0 and self._sensitivity.is_known
-        with throwing_threads() as workers:
+        return Refinement(
+            target=self._wanted,
+            orbits=orbits,
+            tables=table_measures(table_named(self._name), self._others),
+            drops=refine.drops,
+            rounds=refine.rounds,
+            within=refine.within,
+            throw=self._throw,
+            throw_on_tables=self._throw_on_tables,
+            design=self._again,
+            measures=lambda tried: shape_measures(tried, self._center),
+            on_round=self._work.listeners.on_round,
+        ).refine(die)
 
-            def throw(
-                tried: DesignResult, drops: int, number: int, other: int
-            ) -> tuple[Integers, Floats]:
-                table = self._tables[other]
-                on_table = self._on_table(tried, table)
-                # Each table has a series of its own.
-                series = number + MOST_ROUNDS * other
-                seed = SEEDS * self._work.recipe.seed + series
-                throws = on_table.simulated(drops, seed, refine.engine, workers)
-                model = self._models[other].model
-                return on_table.counts(throws), on_table.momentum(model and model[0])
+    def _throw(self, die: DesignResult, drops: int, number: int) -> Thrown:
+        """See `Refinement`."""
+        refine, on_table = self._options.refine, self._on_table(die)
+        assert refine is not None
+        seed = seed_of(self._work.recipe.seed, number)
+        throws = on_table.simulated(drops, seed, refine.engine, self._workers)
+        return Thrown(on_table.counts(throws), on_table.momentum(self._model))
 
-            return Refinement(
-                self._wanted,
-                orbits,
-                refine.drops,
-                refine.rounds,
-                # Symmetry keeps equal odds equal on every table.
-                len(self._tables) - 1 if is_robust and len(np.unique(orbits)) > 1 else 0,
-                throw,
-                self._again,
-                self._work.listeners.on_round,
-            ).refine(die)
+    def _throw_on_tables(self, die: DesignResult, drops: int, number: int) -> list[Thrown]:
+        """See `Refinement`."""
+        refine, on_table = self._options.refine, self._on_table(die)
+        assert refine is not None
+        seed = seed_of(self._work.recipe.seed, number, is_elsewhere=True)
+        counts = on_table.counts_on(self._others, drops, seed, refine.engine, self._workers)
+        return [
+            Thrown(count, on_table.momentum(self._model and self._model.near(table)))
+            for count, table in zip(counts, self._others, strict=True)
+        ]
 
-    def _on_table(self, die: DesignResult, table: Table) -> DieOnTable:
-        """A die at its printed size, on a table."""
+    def _on_table(self, die: DesignResult) -> DieOnTable:
+        """A die at its printed size."""
         scale = self._work.recipe.size_mm / die.hull.diameter
         center = None if self._center is None else scale * self._center
         solid = make_body(scale * die.hull.vertices, name="die")
-        return DieOnTable.of(solid, center, die.directions, table)
+        return DieOnTable.of(solid, center, die.directions, table_named(self._name))
 
     def _again(self, die: DesignResult, odds: Floats, bias: Floats | None) -> DesignResult | None:
         """A die near one, with other odds (k,) by the model; see `Refinement.design`."""
-        recipe = self._work.recipe
+        recipe, sensitivity, options = self._work.recipe, self._sensitivity, self._options
         near = shapes_like(Start(die.hull.vertices, die.directions), recipe.seed, recipe.group())
+        if bias is None:
+            options = replace(options, prefer=Preferences())
+        elif self._others:
+            places = [self._others.index(table) for table in sensitivity.tables]
+            sensitivity = replace(sensitivity, bias=bias[places])
         close = islice(near, CLOSE_STARTS)
         try:
-            if bias is None:
-                nearest = replace(self._options, prefer=Preferences())
-                result = self._solve(close, odds, sensitivity=self._sensitivity, options=nearest)
-            else:
-                known = replace(self._sensitivity, bias=bias if len(bias) else None)
-                result = self._solve(close, odds, sensitivity=known)
+            result = self._solve(close, odds, sensitivity=sensitivity, options=options)
         except NoStartError:
             return None
         return result if result.status is Status.CONVERGED else None
+
+
+def seed_of(seed: int, number: int, *, is_elsewhere: bool = False) -> int:
+    """The seed of a round's throws, of those onto other tables that of the first one's, for a
+    recipe's seed; the verdict over the finished die has the number `VERDICT`."""
+    return SEEDS * seed + SERIES * number + is_elsewhere

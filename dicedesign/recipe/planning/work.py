@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dicedesign.geometry.repair.repair import RepairedMesh
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.surface import Surface
-    from dicedesign.optimize.refinement import Round
+    from dicedesign.optimize.refinement.rounds import Round
     from dicedesign.optimize.starts.start import Start
     from dicedesign.results.record import Result, Step
     from dicedesign.runtime.arrays import Floats

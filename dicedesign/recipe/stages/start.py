@@ -11,8 +11,9 @@ from dicedesign.optimize.starts.start import Task
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.schema.symmetries import AUTO
 
-__all__ = ["make_start"]
+__all__ = ["check_orbits", "make_start"]
 
 
 def make_start(work: Work) -> None:
@@ -88,12 +89,13 @@ def _make_shape(work: Work) -> None:
     if recipe.symmetry is not None:
         # Every symmetry of a body keeps its centroid where it is.
         start = start.about_centroid()
-        _check_orbits(recipe, start.directions)
+        if recipe.symmetry != AUTO:
+            check_orbits(recipe, start.directions)
     work.start = start
     work.notes += start.notes
 
 
-def _check_orbits(recipe: Recipe, directions: np.ndarray) -> None:
+def check_orbits(recipe: Recipe, directions: np.ndarray) -> None:
     """Raise InputError unless labels on facets that are images of each other are as probable."""
     from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
     from dicedesign.tolerances import EQUAL_ODDS

@@ -21,10 +21,9 @@ __all__ = ["rounds_chart"]
 
 
 def rounds_chart(thrown: ThrownOdds) -> Chart:
-    """Total variation between simulated frequencies and the target, round by round, against the
-    throws onto the table so far, with what a perfect die would show in as many as the round has.
-
-    The first rounds may have throws onto other tables too, half as many onto each.
+    """Total variation from the target of the die of each round, against the throws so far: as its
+    own throws show it, beside what a perfect die would show in as many, and as the throws of all
+    rounds let one expect it, on the table and on what that may be instead.
 
     The verdict over the finished die, where there is one, comes last, with its interval of 95 %.
 
@@ -33,12 +32,14 @@ def rounds_chart(thrown: ThrownOdds) -> Chart:
     rounds, simulated = thrown.rounds, thrown.simulated
     if not rounds:
         raise InputError("rounds: expected at least one, got none")
-    drops = np.cumsum([entry.drops for entry in rounds], dtype=np.float64)
+    each = [entry.drops + entry.elsewhere_drops for entry in rounds]
+    drops = np.cumsum(each, dtype=np.float64)
     deviations = [entry.deviation for entry in rounds]
+    expected = [entry.expected for entry in rounds]
+    elsewhere = [entry.elsewhere for entry in rounds if entry.elsewhere is not None]
     floors = [entry.noise_floor for entry in rounds]
     series: list[Series] = []
-    changed = [entry.changed for entry in rounds if entry.changed]
-    heights = [*deviations, *floors, *(value for pair in changed for value in pair)]
+    heights = [*deviations, *expected, *elsewhere, *floors]
     if simulated is not None:
         drops = np.append(drops, drops[-1] + simulated.drops)
         floors.append(simulated.noise_floor)
@@ -53,28 +54,21 @@ def rounds_chart(thrown: ThrownOdds) -> Chart:
                 "finished die, with its 95 % interval",
             ),
         ]
-    series.append(Curve(drops, floors, Style(FAINT, "--", 2.5, "o", 4.0), "a perfect die"))
+    thrown_at, kept = drops[: len(rounds)], [entry.is_kept for entry in rounds]
     series += [
-        Curve(
-            drops[: len(changed)],
-            list(of_table),
-            Style("#e0ab8c", "-", 2.0, "^"),
-            "" if number else "on other tables",
-        )
-        for number, of_table in enumerate(zip(*changed, strict=True))
+        Curve(drops, floors, Style(FAINT, "--", 2.5, "o", 4.0), "a perfect die"),
+        Curve(thrown_at, deviations, Style(FAINT, "", marker="o", size=7.0), "its throws"),
     ]
-    series.append(
-        Curve(
-            drops[: len(rounds)],
-            deviations,
-            Style(ACCENT, marker="o", size=7.0),
-            "die of the round",
-        )
-    )
+    if elsewhere:
+        tables = "expected on nine of ten tables"
+        series.append(Curve(thrown_at, elsewhere, Style("#e0ab8c", "-", 2.0, "^"), tables))
+    series.append(Curve(thrown_at, expected, Style(ACCENT, marker="o", size=7.0), "expected"))
+    best = np.array(expected)[kept]
+    series.append(Curve(thrown_at[kept], best, Style(DARK, "", marker="o", size=3.0), "kept"))
     columns = 4
     return Chart(
-        (145.0, 100.0 + 36.0 * (sum(bool(one.label) for one in series) > columns), 1235.0, 510.0),
-        Axis(0.0, 1.05 * float(drops[-1]), "simulated throws onto the table so far"),
+        (145.0, 100.0 + 36.0 * (len(series) > columns + 1), 1235.0, 510.0),
+        Axis(0.0, 1.05 * float(drops[-1]), "simulated throws so far"),
         Axis(0.0, 1.1 * max(heights), "total variation to the target"),
         series,
         "deviation from the target, round by round",
@@ -95,9 +89,10 @@ FIGURES.register(
         title="Round by round",
         caption=(
             "After each round of simulated throws the die was designed anew, to make up for what "
-            "was seen. The dashed line is what a perfect die would show by chance in as many "
-            "throws. Triangles, if any, are half as many throws onto each of some other tables, "
-            "where it is meant to have nearly the same odds."
+            "was seen. A round's own throws show its die with as much of chance in it as a perfect "
+            "die would show, the dashed line. What is expected of each die rests on the throws of "
+            "all rounds; that with the least is kept. Triangles, if any, are what is expected on "
+            "nine of ten tables that the table may be instead."
         ),
         wanted=lambda die: die.result.thrown is not None and len(die.result.thrown.rounds) > 0,
         draw=_draw,

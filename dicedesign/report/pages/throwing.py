@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from dicedesign.results.throws import SimulatedThrows, ThrownOdds
+from dicedesign.results.throws import OtherTables, SimulatedThrows, ThrownOdds
 from dicedesign.throws.engines.engine import ENGINES
 from dicedesign.throws.spreads import Spread, most_of, scaled
 from dicedesign.throws.tables import Table
@@ -21,14 +21,17 @@ _ROLLING: Final = (
 
 
 def throws_told(thrown: ThrownOdds) -> list[str]:
-    """Two paragraphs: how the die is thrown, and what it does then."""
+    """Paragraphs: how the die is thrown, and what it does then, there and on other tables."""
     verdict = (
         "No throws of it were simulated: what it does on the table is what the momentum model "
         "expects."
     )
     if thrown.simulated is not None:
         verdict = " ".join(_verdict(thrown.simulated))
-    return [_manner(Table(**thrown.table)), verdict]
+    told = [_manner(Table(**thrown.table)), verdict]
+    if thrown.elsewhere is not None:
+        told.append(_elsewhere(thrown.elsewhere))
+    return told
 
 
 def throwing_advice(thrown: ThrownOdds | None, prior: str | None = None) -> str:
@@ -123,3 +126,15 @@ def _verdict(simulated: SimulatedThrows) -> Iterator[str]:
     elsewhere = simulated.drops - simulated.unresolved - sum(simulated.counts)
     if elsewhere > 0:
         yield f"{elsewhere:,} came to rest on a facet without a label."
+
+
+def _elsewhere(others: OtherTables) -> str:
+    """What the die does on what the table may be instead."""
+    return (
+        f"Tables are known from throws of real dice, so not for certain: {len(others.values)} "
+        "others explain them as well. On nine in ten of these the total variation is at most "
+        f"{others.often:.4f}, on the worst {others.worst:.4f}, by {others.drops:,} throws onto all "
+        "together, from which the odds on each are fitted. Of a perfect die, which has the same "
+        f"odds on all of them, so many throws would show {others.chance_often:.4f} and "
+        f"{others.chance_worst:.4f}."
+    )

@@ -87,6 +87,10 @@ class MomentumModel(kernels.Handled):
         """The model of another table. Raises InputError: it is not in the model's range."""
         return self.of(self.general, table)
 
+    def near(self, table: Table) -> MomentumModel:
+        """That of another table, or of the nearest one that the model knows."""
+        return self.on(self.general.range.nearest(table))
+
     def converted(self, convert: Callable[[Any], Any]) -> MomentumModel:
         """The same with other arrays."""
         hot, cooling, carry = (convert(x) for x in (self.hot, self.cooling, self.carry_barrier))

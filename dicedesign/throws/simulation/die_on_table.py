@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +17,7 @@ from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.results.throws import SimulatedThrows
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.intervals import exact_intervals
+from dicedesign.throws.engines.engine import require_engine
 from dicedesign.throws.momentum.momentum_model import MomentumModel
 from dicedesign.throws.momentum.momentum_odds import momentum_odds
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
@@ -68,6 +69,20 @@ class DieOnTable:
         throws = simulate(self.body, self.table, drops, seed, engine=engine, workers=workers)
         throws.require_rest()
         return throws
+
+    def counts_on(
+        self, tables: Sequence[Table], drops: int, seed: int, engine: str, workers: Executor
+    ) -> list[Integers]:
+        """As `counts`, of so many throws onto each of some tables, by their own seeds from the
+        first on."""
+
+        def counted(place: int) -> Integers:
+            table = tables[place].lifted(self.table.size)
+            return self.counts(simulate(self.body, table, drops, seed + place, engine=engine))
+
+        # Engines are loaded by the first who asks for one, who is alone here.
+        require_engine(engine)
+        return list(workers.map(counted, range(len(tables))))
 
     def counts(self, throws: Throws) -> Integers:
         """(k + 1,) of the outcomes, and of throws that came to rest elsewhere."""

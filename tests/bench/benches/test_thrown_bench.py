@@ -4,7 +4,6 @@ command."""
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -17,12 +16,10 @@ from common.benches import run_bench
 from common.inline_executor import Inline
 from scipy.stats import binom
 
-from dicedesign.bench.benches.thrown import DieLine, Extent, thrown_figure
+from dicedesign.bench.benches.thrown import DieLine, Extent, TablesLine, thrown_figure
 from dicedesign.bench.frame import BENCHES, Run
 from dicedesign.bench.measures.throws.thrown_dice import (
     FRESH,
-    PARAMETERS,
-    Change,
     Thrower,
     ThrownRow,
     refinement_of,
@@ -33,7 +30,6 @@ from dicedesign.errors import InputError
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.status import Status
-from dicedesign.throws import tables as thrown_tables
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation.simulation import Throws
 from dicedesign.throws.statistics.total_variation import MeasuredDistance
@@ -41,7 +37,11 @@ from dicedesign.throws.tables import Table, table_named
 
 LOST = 30
 TINY = Extent(300 + LOST, 90 + LOST)
-ALL_DROPS = 2 * TINY.drops + 12 * TINY.variation_drops
+POSTERIOR = [
+    {"restitution": e, "friction": 0.2, "height": [0.08, 0.12], "speed": 0.3, "spin": 15.0}
+    for e in (0.65, 0.7, 0.6)
+]
+ALL_DROPS = 2 * TINY.drops + len(POSTERIOR) * TINY.table_drops
 FAIR = {
     "name": "three",
     "target": {"fair": 3},
@@ -53,6 +53,20 @@ FAIR = {
 
 def recipe(**changes: Any) -> Recipe:
     return checked_recipe({**FAIR, **changes})
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The path of a table that may be one of three others."""
+    path = tmp_path_factory.mktemp("tables") / "fitted.json"
+    numbers = {"restitution": 0.65, "friction": 0.2, "height": 0.1, "speed": 0.3, "spin": 15.0}
+    path.write_text(json.dumps({"name": "fitted", **numbers, "posterior": POSTERIOR}))
+    return str(path)
+
+
+def onto(table: str) -> dict[str, Any]:
+    """The recipe's method, for another table."""
+    return {"exact": {**FAIR["method"]["exact"], "table": table}}
 
 
 @dataclass
@@ -78,7 +92,7 @@ class MadeUpThrows:
         self.asked.append((body, table, drops, seed, engine))
         rests = len(body.rest_heights)
         outcomes = np.arange(drops) % rests
-        if table.restitution < table_named("board-game").restitution:
+        if table.restitution < 0.64:
             outcomes[:] = 0
         outcomes[drops - self.lost :] = -1
         progress(drops)
@@ -98,22 +112,24 @@ class MadeUpRun:
 def made_up_run(lost: int = LOST, **changes: Any) -> MadeUpRun:
     throws, stages, counted = MadeUpThrows(lost=lost), [], []
     thrower = Thrower("native", Inline(), counted.append, throw=throws)
-    amounts = TINY.drops, TINY.variation_drops, TINY.variation
+    amounts = TINY.drops, TINY.table_drops
     row = throw_recipe(recipe(**changes), *amounts, thrower, on_stage=stages.append)
     return MadeUpRun(row, throws, stages, sum(counted))
 
 
 @pytest.fixture(scope="module")
-def run() -> MadeUpRun:
-    """Of the recipe as it is."""
-    return made_up_run()
+def run(fitted: str) -> MadeUpRun:
+    """Of the recipe on that table."""
+    return made_up_run(method=onto(fitted))
 
 
-def test_both_dice_are_thrown_and_the_refined_one_on_changed_tables(run: MadeUpRun) -> None:
+def test_both_dice_are_thrown_and_the_refined_one_on_other_tables(
+    run: MadeUpRun, fitted: str
+) -> None:
     row, throws = run.row, run.throws
-    assert run.stages == ["design without momentum", "design for throws", "changed tables"]
+    assert run.stages == ["design without momentum", "design for throws", "other tables"]
     assert run.drops == ALL_DROPS
-    assert [drops for _, _, drops, _, _ in throws.asked] == [330] * 2 + [120] * 12
+    assert [drops for _, _, drops, _, _ in throws.asked] == [330] * 2 + [120] * 3
     seeds = [seed for _, _, _, seed, _ in throws.asked]
     assert len(set(seeds)) == len(seeds)
     assert min(seeds) >= FRESH
@@ -122,49 +138,47 @@ def test_both_dice_are_thrown_and_the_refined_one_on_changed_tables(run: MadeUpR
     assert bodies[0] != bodies[1]
     as_is = throws.asked[1][1]
     # Of the recipe, for a die of 30 mm from vertex to vertex.
-    assert replace(as_is, size=0.025) == table_named("board-game")
+    assert replace(as_is, size=0.025) == table_named(fitted)
     assert 0.0299 < as_is.size < 0.036
-    expected = [
-        replace(as_is, **{name: factor * getattr(as_is, name)})
-        for name in PARAMETERS
-        for factor in (0.8, 1.2)
-    ]
-    assert [table for _, table, *_ in throws.asked[2:]] == expected
-    assert [change.value for change in row.changes] == [
-        getattr(table, change.parameter)
-        for change, table in zip(row.changes, expected, strict=True)
-    ]
+    assert [table.restitution for _, table, *_ in throws.asked[2:]] == [0.65, 0.7, 0.6]
+    assert {table.height for _, table, *_ in throws.asked[2:]} == {(0.08, 0.12)}
+    assert {table.size for _, table, *_ in throws.asked[1:]} == {as_is.size}
+    assert [one.table["restitution"] for one in row.elsewhere] == [0.65, 0.7, 0.6]
 
 
-def test_total_variations_are_those_of_the_counts(run: MadeUpRun) -> None:
+def floor_of(drops: int) -> float:
+    """Mean absolute deviation of three binomial counts."""
+    chances = binom.pmf(np.arange(drops + 1), drops, 1 / 3)
+    return float(1.5 * (chances * np.abs(np.arange(drops + 1) / drops - 1 / 3)).sum())
+
+
+def test_total_variations_are_those_of_the_counts(run: MadeUpRun, fitted: str) -> None:
     row = run.row
-    before, after, worst = row.before, row.after, row.worst
+    before, after = row.before, row.after
     assert before is not None
     assert after is not None
-    assert worst is not None
-    # Mean absolute deviation of three binomial counts.
-    chances = binom.pmf(np.arange(301), 300, 1 / 3)
-    floor = 1.5 * (chances * np.abs(np.arange(301) / 300 - 1 / 3)).sum()
     for judged in (before, after):
         assert judged.status is Status.CONVERGED
         assert (judged.drops, judged.lost) == (330, LOST)
         assert judged.to_target.value == pytest.approx(0.0, abs=1e-12)
-        assert judged.to_target.noise_floor == pytest.approx(floor, rel=1e-9)
+        assert judged.to_target.noise_floor == pytest.approx(floor_of(300), rel=1e-9)
         assert judged.engraved
     assert (before.rounds, before.round_drops) == (0, 0)
-    assert 1 <= after.rounds <= 2
-    assert after.round_drops in (200, 500)
+    # Symmetry alone makes it right.
+    assert (after.rounds, after.round_drops, after.symmetry) == (0, 0, "D3h")
+    assert set(after.seconds) == {"design", "file", "throws"}
     # Odds without momentum are what the first die was designed for; labels move them a little.
     assert before.geometric < 0.002
-    assert (worst.parameter, worst.factor) == ("restitution", 0.8)
-    assert worst.to_target.value == pytest.approx(2 / 3)
-    assert worst.lost == LOST
-    floor = worst.to_target.noise_floor
-    assert worst.above_noise == pytest.approx(math.sqrt(4 / 9 - floor**2))
-    assert sum(change.to_target.value > 1e-9 for change in row.changes) == 1
+    assert [one.to_target.value for one in row.elsewhere] == pytest.approx([0, 0, 2 / 3], abs=1e-9)
+    assert [one.lost for one in row.elsewhere] == [LOST] * 3
+    assert row.worst == pytest.approx(2 / 3)
+    assert row.often == pytest.approx(0.8 * 2 / 3)
+    assert row.chance is not None
+    # The largest of three series of a perfect die.
+    assert floor_of(90) < row.chance[0] < row.chance[1] < 3.0 * floor_of(90)
     assert (row.name, row.table_name, row.engine, row.within) == (
         "three",
-        "board-game",
+        fitted,
         "native",
         0.01,
     )
@@ -188,26 +202,23 @@ def test_a_die_is_thrown_as_it_is_printed(run: MadeUpRun) -> None:
     assert small.note == ""
 
 
-def test_tables_that_cannot_be_are_left_out(tmp_path: Path) -> None:
-    # As high as the die is large, so that it can be neither lower nor larger.
-    path = Path(thrown_tables.__file__).parent / "named" / "board-game.json"
-    entries = json.loads(path.read_text())
-    low = tmp_path / "low.json"
-    changes = {"height": 0.0345, "restitution": 0.9}
-    entries["momentum"]["table"] |= changes
-    low.write_text(json.dumps({**entries, **changes, "spin": [10.0, 20.0]}))
-    exact = {"odds": "thrown", "table": str(low), "refine": {"drops": 200, "rounds": 1}}
-    row = made_up_run(method={"exact": exact}).row
-    assert [reason.split(":")[0] for reason in row.left_out] == [
-        "restitution times 1.2",
-        "height times 0.8",
-        "size times 1.2",
-    ]
-    assert "expected a die no larger than the drop height" in row.left_out[1]
-    assert len(row.changes) == 9
-    # Of a range, both ends.
-    spins = [change.value for change in row.changes if change.parameter == "spin"]
-    assert spins == [pytest.approx((8.0, 16.0)), pytest.approx((12.0, 24.0))]
+def test_a_table_without_others_is_varied_by_its_restitution() -> None:
+    row = made_up_run().row
+    restitution = table_named("board-game").restitution
+    others = [one.table["restitution"] for one in row.elsewhere]
+    assert others == pytest.approx([1.2 * restitution, 0.8 * restitution])
+
+
+def test_a_further_die_need_not_be_compared() -> None:
+    throws, stages = MadeUpThrows(), []
+    thrower = Thrower("native", Inline(), throw=throws)
+    row = throw_recipe(
+        recipe(), 60 + LOST, 30 + LOST, thrower, is_compared=False, on_stage=stages.append
+    )
+    assert stages == ["design for throws", "other tables"]
+    assert row.before is None
+    assert row.after is not None
+    assert not row.missed
 
 
 def test_a_design_that_fails_is_a_row_with_the_reason() -> None:
@@ -218,17 +229,8 @@ def test_a_design_that_fails_is_a_row_with_the_reason() -> None:
     assert row.missed
     assert row.note.startswith("throws: expected drops that end on a facet with a label, got none")
     line = DieLine.of(row).line()
-    assert line.split()[:10] == ["three", *["-"] * 9]
+    assert line.split()[:11] == ["three", "4", *["-"] * 9]
     assert line.endswith(f"  {row.note}")
-
-
-def change(value: float, floor: float) -> Change:
-    return Change("spin", 1.2, 18.0, 10, 0, MeasuredDistance(value, (0.0, 1.0), floor))
-
-
-def test_noise_is_taken_off_in_the_square() -> None:
-    assert change(0.05, 0.03).above_noise == pytest.approx(0.04)
-    assert change(0.02, 0.03).above_noise == 0.0
 
 
 def test_a_die_is_missed_only_where_chance_is_not_the_reason(run: MadeUpRun) -> None:
@@ -246,7 +248,7 @@ def test_a_die_is_missed_only_where_chance_is_not_the_reason(run: MadeUpRun) -> 
 
 def test_the_figure_has_every_die_that_was_thrown(run: MadeUpRun) -> None:
     row = run.row
-    nothing = replace(row, name="nothing", before=None, after=None, changes=())
+    nothing = replace(row, name="nothing", before=None, after=None, elsewhere=())
     figure = thrown_figure([row, nothing, replace(row, name="again")], Run(TINY))
     assert {"three", "again"} <= set(figure.texts)
     assert "nothing" not in figure.texts
@@ -264,27 +266,34 @@ def recipe_file(tmp_path: Path) -> Path:
 def test_the_command_prints_tables_and_draws(
     recipe_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    drawn, extent = tmp_path / "thrown.png", Extent(600, 200, 0.1, most=(500, 1))
+    drawn, extent = tmp_path / "thrown.png", Extent(600, 200, 2, most=(500, 1))
     arguments = ["thrown", recipe_file, "--figure", drawn, "--out", tmp_path]
     assert run_bench(*arguments, extent=extent) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[1].split()[:4] == ["recipe", "before", "after", "floor"]
-    assert lines[2].split()[0] == "three"
-    assert any("changed by -10 % or +10 %, 200 drops at each" in line for line in lines)
-    assert any("of 1 dice within 0.02 on every changed table" in line for line in lines)
+    assert lines[1].split()[:5] == ["recipe", "seed", "before", "after", "floor"]
+    assert [line.split()[:2] for line in lines[2:4]] == [["three", "4"], ["three", "5"]]
+    assert any("what the table may be instead, 200 drops at each" in line for line in lines)
+    assert any("of 2 dice within 2 times that on nine in ten" in line for line in lines)
     assert drawn.read_bytes().startswith(b"\x89PNG")
     record = json.loads((tmp_path / "thrown.json").read_text())
-    assert record["variation"] == 0.1
-    (row,) = record["rows"]
-    assert (row["after"]["drops"], row["after"]["status"]) == (600, "converged")
-    assert row["after"]["to_target"]["value"] < 0.1
-    assert [made["factor"] for made in row["changes"]] == [0.9, 1.1] * len(PARAMETERS)
-    assert {made["drops"] for made in row["changes"]} == {200}
+    first, second = record["rows"]
+    assert (first["after"]["drops"], first["after"]["status"]) == (600, "converged")
+    assert first["before"] is not None
+    assert second["before"] is None
+    assert (first["seed"], second["seed"]) == (4, 5)
+    for row in (first, second):
+        assert row["after"]["to_target"]["value"] < 0.1
+        assert {made["drops"] for made in row["elsewhere"]} == {200}
+
+
+def test_the_line_of_other_tables() -> None:
+    line = TablesLine("three", 4, 0.0123, 0.01, 0.02, 0.015, 32, "D3h").line()
+    assert line.split() == ["three", "4", "0.0123", "0.0100", "0.0200", "0.0150", "32", "D3h"]
 
 
 def test_the_verdict_can_be_mujocos(recipe_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("mujoco")
-    few = ["--drops", "100", "--variation-drops", "2", "--quick", "--jobs", "1", "--json"]
+    few = ["--drops", "100", "--table-drops", "2", "--quick", "--jobs", "1", "--json"]
     main(["bench", "thrown", str(recipe_file), *few, "--engine", "mujoco"])
     (row,) = json.loads(capsys.readouterr().out)["rows"]
     assert row["engine"] == "mujoco"
@@ -299,7 +308,7 @@ def test_quick_takes_two_recipes_and_a_round() -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--variation", "1"], "--variation: expected a number in (0, 1), got 1"),
+        (["--seeds", "0"], "--seeds: expected at least 1, got 0"),
         (["--engine", "dice"], "engine: expected native, mujoco, bullet, got 'dice'"),
         (["--jobs", "0"], "--jobs: expected a whole number above 0, got 0"),
         (["nothing.yaml"], "nothing.yaml: no such file"),

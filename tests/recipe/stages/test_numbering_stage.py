@@ -10,7 +10,7 @@ from common.made_up_die import SIDES, box, designed
 
 from dicedesign.errors import RecipeError
 from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
-from dicedesign.optimize.refinement import Round
+from dicedesign.optimize.refinement.rounds import Round
 from dicedesign.recipe.design_die import design, design_recipe
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
@@ -58,7 +58,7 @@ def test_odds_stay_with_their_labels(style: str) -> None:
 
 def test_what_throws_told_of_an_outcome_goes_with_it() -> None:
     asked = np.arange(6.0)
-    thrown = Round(asked, 10, 2.0 * asked, 0.0, 0.0, ())
+    thrown = Round(asked, 10, 2.0 * asked, 0.0, 0.0, 0.0)
     work = designed(box(1.0, 1.0, 1.0), entries={"numbering": "standard"}, rounds=(thrown,))
     plan(work, after="design", last="numbering")
     (after,) = work.die.rounds

@@ -149,8 +149,12 @@ SIMULATED = SimulatedThrows(
 
 
 def thrown(rounds: int, simulated: bool = True, **changes: Any) -> ThrownOdds:
-    values = {"changed": (), "asked": TARGET, "frequencies": TARGET, **changes}
-    made = (RoundOfThrows(1000, 0.1, 0.02, **values), RoundOfThrows(1500, 0.04, 0.016, **values))
+    usual = {"elsewhere_drops": 0, "elsewhere": None, "asked": TARGET, "frequencies": TARGET}
+    values = {**usual, **changes}
+    made = (
+        RoundOfThrows(1000, 0.1, 0.02, 0.09, is_kept=False, **values),
+        RoundOfThrows(1500, 0.04, 0.016, 0.03, is_kept=True, **values),
+    )
     return ThrownOdds({}, MOMENTUM, made[:rounds], SIMULATED if simulated else None)
 
 
@@ -183,7 +187,9 @@ def test_few_and_many_outcomes_fit_on_the_sheet(count: int) -> None:
 def test_rounds_against_all_throws_so_far() -> None:
     chart = rounds_chart(thrown(2))
     drawn = curves(chart)
-    np.testing.assert_allclose(drawn["die of the round"], [[1000, 0.1], [2500, 0.04]])
+    np.testing.assert_allclose(drawn["its throws"], [[1000, 0.1], [2500, 0.04]])
+    np.testing.assert_allclose(drawn["expected"], [[1000, 0.09], [2500, 0.03]])
+    np.testing.assert_allclose(drawn["kept"], [[2500, 0.03]])
     np.testing.assert_allclose(
         drawn["a perfect die"], [[1000, 0.02], [2500, 0.016], [14845, 0.0123]]
     )
@@ -194,18 +200,22 @@ def test_rounds_against_all_throws_so_far() -> None:
     assert is_whole(sheet([chart]))
 
 
-def test_rounds_on_changed_tables() -> None:
-    chart = rounds_chart(thrown(2, changed=(0.2, 0.3)))
+def test_rounds_on_other_tables() -> None:
+    chart = rounds_chart(thrown(2, elsewhere_drops=500, elsewhere=0.3))
     drawn = curves(chart)
-    np.testing.assert_allclose(drawn["on other tables"], [[1000, 0.2], [2500, 0.2]])
-    (second,) = (one for one in chart.series if isinstance(one, Curve) and not one.label)
-    np.testing.assert_allclose(second.y, [0.3, 0.3])
+    np.testing.assert_allclose(drawn["expected on nine of ten tables"], [[1500, 0.3], [3500, 0.3]])
+    np.testing.assert_allclose(drawn["expected"], [[1500, 0.09], [3500, 0.03]])
     assert chart.y.high > 0.3
     assert is_whole(sheet([chart]))
 
 
 def test_rounds_without_a_verdict() -> None:
-    assert set(curves(rounds_chart(thrown(1, False)))) == {"die of the round", "a perfect die"}
+    assert set(curves(rounds_chart(thrown(1, False)))) == {
+        "its throws",
+        "a perfect die",
+        "expected",
+        "kept",
+    }
     with pytest.raises(InputError, match="rounds: expected at least one, got none"):
         rounds_chart(thrown(0))
 

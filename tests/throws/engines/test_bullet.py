@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from common.kernels import compiled_only
 from common.thrown import (
+    BOARD,
     OCTAHEDRON,
     alike,
     box,
@@ -26,7 +27,7 @@ from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
 
-BOARD, CARPET = table_named("board-game"), table_named("carpet")
+CARPET = table_named("carpet")
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 from common.kernels import compiled_only
-from common.thrown import OCTAHEDRON, alike, box, random_body, random_points, thrown
+from common.thrown import BOARD, OCTAHEDRON, alike, box, random_body, random_points, thrown
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import InputError
@@ -19,7 +19,7 @@ from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
 
-BOARD, CARPET, PAPER = (table_named(name) for name in ("board-game", "carpet", "paper"))
+CARPET, PAPER = table_named("carpet"), table_named("paper")
 
 
 def let_go(body: RigidBody, table: Table, drops: int) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from common.kernels import compiled_only
-from common.thrown import box, thrown
+from common.thrown import BOARD, box, thrown
 from scipy.integrate import solve_ivp
 
 from dicedesign.throws.engines.contact import (
@@ -21,9 +21,7 @@ from dicedesign.throws.engines.contact import (
     restitution_of,
 )
 from dicedesign.throws.simulation.simulation import simulate
-from dicedesign.throws.tables import table_named
-
-BOARD = table_named("board-game")
+from dicedesign.throws.tables import Table, table_named
 
 
 def bounce(ratio: float) -> tuple[float, float]:
@@ -64,10 +62,9 @@ def test_the_ends() -> None:
         assert restitution_of(ratio) == pytest.approx(np.exp(-2.0), abs=1e-8)
 
 
-@pytest.mark.parametrize("name", ["board-game", "hard-wood", "paper"])
-def test_the_fastest_impact_goes_no_deeper_than_it_may(name: str) -> None:
+@pytest.mark.parametrize("table", [BOARD, table_named("hard-wood"), table_named("paper")])
+def test_the_fastest_impact_goes_no_deeper_than_it_may(table: Table) -> None:
     """That of the whole body at once; depths scale with speed over frequency."""
-    table = table_named(name)
     contact = contact_of(table)
     radius = table.size / 2.0
     frequency = np.sqrt(contact.stiffness)

@@ -70,7 +70,7 @@ class CompanyOdds:
     ----------
     throws: of the die in company. touched: part of them that met it.
     lost: part of them that ended on no facet; lost_alone: the same without company.
-    changes: (g,) of the odds of its outcomes. errors: (g,) their standard errors.
+    changes: (g,) of the odds of its outcomes, with the sum 0. covariance: (g, g) of their errors.
     """
 
     throws: int
@@ -78,7 +78,22 @@ class CompanyOdds:
     lost: float
     lost_alone: float
     changes: Floats
-    errors: Floats
+    covariance: Floats
+
+    @property
+    def errors(self) -> Floats:
+        """(g,) standard errors of the changes."""
+        errors: Floats = np.sqrt(np.diag(self.covariance))
+        return errors
+
+    @property
+    def p_value(self) -> float:
+        """Of changes as large by chance alone: chi-square on g - 1 degrees of freedom."""
+        from scipy.stats import chi2
+
+        free, covariance = self.changes[:-1], self.covariance[:-1, :-1]
+        statistic = free @ np.linalg.pinv(covariance, hermitian=True) @ free
+        return float(chi2.sf(statistic, len(free)))
 
     @property
     def total_variation(self) -> float:
@@ -131,8 +146,8 @@ def compare(
     wall = Meeting.joined(at_wall)
     beside, before = _Odds.of(die, together.rests), _Odds.of(die, wall.rests)
     # Pairs that did not touch add nothing to the difference.
-    paired = _error(beside.residuals - alone.residuals)
-    apart = np.hypot(_error(before.residuals), _error(alone.residuals))
+    paired = _covariance(beside.residuals - alone.residuals)
+    apart = _covariance(before.residuals) + _covariance(alone.residuals)
     return {
         "die": _company_odds(together, beside, alone, paired),
         "wall": _company_odds(wall, before, alone, apart),
@@ -158,18 +173,17 @@ class _Odds:
         return cls(odds, (came - shown * odds) / shown.mean(), float((rests < 0).mean()))
 
 
-def _error(residuals: Floats) -> Floats:
-    """Standard errors (g,) of the means of residuals (n, g)."""
-    errors: Floats = residuals.std(axis=0, ddof=1) / np.sqrt(len(residuals))
-    return errors
+def _covariance(residuals: Floats) -> Floats:
+    """(g, g) of the means of residuals (n, g)."""
+    return np.asarray(np.cov(residuals, rowvar=False) / len(residuals))
 
 
-def _company_odds(meeting: Meeting, met: _Odds, alone: _Odds, errors: Floats) -> CompanyOdds:
+def _company_odds(meeting: Meeting, met: _Odds, alone: _Odds, covariance: Floats) -> CompanyOdds:
     return CompanyOdds(
         throws=meeting.rests.size,
         touched=float(meeting.touched.mean()),
         lost=met.lost,
         lost_alone=alone.lost,
         changes=met.odds - alone.odds,
-        errors=errors,
+        covariance=covariance,
     )

@@ -1,12 +1,12 @@
-"""Dice that are designed for throws: total variation before and after, and on changed tables."""
+"""Dice that are designed for throws: total variation before and after, and on other tables."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -23,30 +23,27 @@ from dicedesign.errors import DiceError, InputError
 from dicedesign.optimize.options import ExactOptions, RefineOptions
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.status import Status
-from dicedesign.runtime.arrays import Integers
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.momentum.momentum_model import momentum_model
+from dicedesign.throws.momentum.other_tables import other_tables
 from dicedesign.throws.simulation.simulation import Throws, simulate
-from dicedesign.throws.spreads import Spread, scaled
+from dicedesign.throws.statistics.on_tables import OFTEN
 from dicedesign.throws.statistics.total_variation import (
     MeasuredDistance,
     measure_variation,
     total_variation,
 )
-from dicedesign.throws.tables import Table
+from dicedesign.throws.tables import Table, posterior_tables, table_named
 
 __all__ = [
     "FRESH",
-    "PARAMETERS",
-    "Change",
     "DieThrows",
+    "TableThrows",
     "Thrower",
     "ThrownRow",
     "refinement_of",
     "throw_recipe",
 ]
-
-PARAMETERS: Final = ("restitution", "friction", "height", "speed", "spin", "size")
-"""Of a table, those that are varied."""
 
 FRESH: Final = 2**64
 """First seed of the bench's throws, beyond all that designs and their verdicts take."""
@@ -58,14 +55,21 @@ CONFIDENCE: Final = 0.95
 """Of intervals."""
 
 
+SERIES: Final = 200
+"""Series of throws of a perfect die that are drawn, to see what chance alone shows."""
+
+
 @dataclass(frozen=True)
 class DieThrows:
     """One design, and its throws on the table of the recipe.
 
     Attributes
     ----------
-    status: of the design, which took `seconds` on the wall.
-    rounds: of throws and new designs that it took; round_drops: throws in all of them.
+    status: of the design. seconds: on the wall, of its "design", of making the "file" with labels,
+        and of the "throws" of the finished die.
+    rounds: of throws and new designs that it took; round_drops: throws in all of them, onto all
+        tables.
+    symmetry: point group that it was designed with, or None.
     engraved: whether the die was thrown with its labels cut.
     drops: fresh ones; lost: of these, those that ended on no outcome.
     to_target: total variation of the fresh throws from the target.
@@ -73,9 +77,10 @@ class DieThrows:
     """
 
     status: Status
-    seconds: float
+    seconds: dict[str, float]
     rounds: int
     round_drops: int
+    symmetry: str | None
     engraved: bool
     drops: int
     lost: int
@@ -85,64 +90,62 @@ class DieThrows:
 
 
 @dataclass(frozen=True)
-class Change:
-    """Throws of the refined die on a table with one parameter changed.
+class TableThrows:
+    """Throws of the refined die on what the table may be instead.
 
     Attributes
     ----------
-    parameter: one of `PARAMETERS`. factor: on it. value: that it has then, in SI
-        units, or its range.
+    table: its numbers by name.
     drops: how many; lost: of these, those that ended on no outcome.
     to_target: total variation from the target.
     """
 
-    computed: ClassVar[tuple[str, ...]] = ("above_noise",)
-
-    parameter: str
-    factor: float
-    value: Spread
+    table: dict[str, Any]
     drops: int
     lost: int
     to_target: MeasuredDistance
 
-    @property
-    def above_noise(self) -> float:
-        """Total variation less what chance adds in the square."""
-        return math.sqrt(max(self.to_target.value**2 - self.to_target.noise_floor**2, 0.0))
-
 
 @dataclass(frozen=True)
 class ThrownRow(Row):
-    """One recipe.
+    """One recipe with one seed.
 
     Attributes
     ----------
-    name, table_name: of the recipe; engine: of the fresh throws.
+    name, seed, table_name: of the recipe; engine: of the fresh throws.
     within: total variation that the recipe asks for.
-    before: the die designed for odds without momentum. after: the recipe's own. None where there is
-        none to throw.
-    changes: the latter on changed tables.
-    left_out: changes that no table can have, and why.
+    before: the die designed for odds without momentum; None where that was not asked for. after:
+        the recipe's own. None where there is none to throw.
+    elsewhere: the latter on other tables.
+    chance: what a perfect die shows there on the mean, where nine tables in ten are no worse, and
+        where it is the worst.
     note: what is wrong, or "".
     """
 
     printed: ClassVar[bool] = False
-    computed: ClassVar[tuple[str, ...]] = ("missed",)
+    computed: ClassVar[tuple[str, ...]] = ("often", "worst", "missed")
 
     name: str
+    seed: int
     table_name: str
     engine: str
     within: float
     before: DieThrows | None = None
     after: DieThrows | None = None
-    changes: tuple[Change, ...] = ()
-    left_out: tuple[str, ...] = ()
+    elsewhere: tuple[TableThrows, ...] = ()
+    chance: tuple[float, float] | None = None
     note: str = ""
 
     @property
-    def worst(self) -> Change | None:
-        """The change with the largest total variation."""
-        return max(self.changes, key=lambda change: change.to_target.value, default=None)
+    def often(self) -> float | None:
+        """Total variation that nine in ten of the other tables do not exceed."""
+        found = [one.to_target.value for one in self.elsewhere]
+        return float(np.quantile(found, OFTEN)) if found else None
+
+    @property
+    def worst(self) -> float | None:
+        """The largest there."""
+        return max((one.to_target.value for one in self.elsewhere), default=None)
 
     @property
     def missed(self) -> bool:
@@ -211,19 +214,20 @@ class Thrower:
 def throw_recipe(
     recipe: Recipe,
     drops: int,
-    variation_drops: int,
-    variation: float,
+    table_drops: int,
     thrower: Thrower,
     most: tuple[int, int] | None = None,
+    *,
+    is_compared: bool = True,
     on_stage: Callable[[str], None] = lambda stage: None,
 ) -> ThrownRow:
-    """Design the die of a recipe and one for odds without momentum, and throw both.
+    """Design the die of a recipe, and one for odds without momentum, and throw both.
 
     Parameters
     ----------
-    drops: of each die. variation_drops: on each changed table.
-    variation: part of each parameter that is taken away or added, in (0, 1).
-    most: drops of a round and rounds that a design may take; None for what its recipe says.
+    drops: of each die. table_drops: of the former on each of the other tables.
+    most: drops of the first round and rounds that a design may take; None for what its recipe says.
+    is_compared: whether there is one for odds without momentum.
     on_stage: called with what begins.
 
     Raises InputError: as `refinement_of`.
@@ -234,48 +238,48 @@ def throw_recipe(
             refine, drops=min(refine.drops, most[0]), rounds=min(refine.rounds, most[1])
         )
     thrower.seed = FRESH + SEEDS * recipe.seed
-    row = ThrownRow(recipe.name, exact.thrown_onto, thrower.engine, refine.within)
+    row = ThrownRow(recipe.name, recipe.seed, exact.thrown_onto, thrower.engine, refine.within)
     try:
-        on_stage("design without momentum")
-        resting = _Printed(recipe, replace(exact, odds="resting", refine=None))
-        row = replace(row, before=resting.judged(thrower, drops))
+        if is_compared:
+            on_stage("design without momentum")
+            resting = _Printed(recipe, replace(exact, odds="resting", refine=None))
+            row = replace(row, before=resting.judged(thrower, drops))
         on_stage("design for throws")
         refined = _Printed(recipe, replace(exact, refine=refine))
         row = replace(row, after=refined.judged(thrower, drops))
-        on_stage("changed tables")
-        for parameter, factor in _factors(variation):
-            table = refined.thrown.table
-            value = scaled(getattr(table, parameter), factor)
-            try:
-                table = Table(**{**table.as_dict(), parameter: value})
-            except InputError as error:
-                reason = f"{parameter} times {factor:g}: {error}"
-                row = replace(row, left_out=(*row.left_out, reason))
-                continue
-            counts = thrower.counts(refined, table, variation_drops)
-            lost = variation_drops - int(counts[:-1].sum())
-            to_target = refined.to_target(counts)
-            change = Change(parameter, factor, value, variation_drops, lost, to_target)
-            row = replace(row, changes=(*row.changes, change))
+        on_stage("other tables")
+        tables = posterior_tables(exact.thrown_onto) or other_tables(table_named(exact.thrown_onto))
+        for table in tables:
+            counts = thrower.counts(refined, table.lifted(refined.thrown.table.size), table_drops)
+            lost = table_drops - int(counts[:-1].sum())
+            thrown = TableThrows(table.as_dict(), table_drops, lost, refined.to_target(counts))
+            row = replace(row, elsewhere=(*row.elsewhere, thrown))
+        if tables:
+            target = refined.work.target.probabilities
+            row = replace(row, chance=_chance(target, table_drops, len(tables)))
     except DiceError as error:
         row = replace(row, note=str(error))
     return row
 
 
-def _factors(variation: float) -> Iterator[tuple[str, float]]:
-    for parameter in PARAMETERS:
-        yield parameter, 1.0 - variation
-        yield parameter, 1.0 + variation
+def _chance(target: Floats, drops: int, tables: int) -> tuple[float, float]:
+    """See `ThrownRow.chance`, for a target (k,), and so many throws onto each of so many tables."""
+    counts = np.random.default_rng(0).multinomial(drops, target, (SERIES, tables))
+    found = np.abs(counts / drops - target).sum(axis=2) / 2.0
+    return float(np.quantile(found, OFTEN, axis=1).mean()), float(found.max(axis=1).mean())
 
 
 class _Printed:
     """A die designed by other options of a recipe's method, ready to be thrown as it is printed."""
 
     def __init__(self, recipe: Recipe, exact: ExactOptions) -> None:
+        started = time.perf_counter()
         self.work = begun(with_method(recipe, exact=exact))
-        self.seconds = designed(self.work)
+        designed(self.work)
+        self.seconds = {"design": time.perf_counter() - started}
         checked(self.work)
         self.is_engraved = engraved(self.work)
+        self.seconds["file"] = time.perf_counter() - started - self.seconds["design"]
         self.thrown = on_table(self.work)
         self.momentum = self.thrown.momentum(momentum_model(exact.thrown_onto))
 
@@ -285,15 +289,16 @@ class _Printed:
 
     def judged(self, thrower: Thrower, drops: int) -> DieThrows:
         """Throw it so many times on the table of the recipe."""
-        thrown, rounds = self.thrown, self.work.die.rounds
+        thrown, rounds, started = self.thrown, self.work.die.rounds, time.perf_counter()
         counts = thrower.counts(self, thrown.table, drops)
         frequencies = counts[:-1] / counts.sum()
         geometric = thrown.outcomes.sums(thrown.poses.probabilities)
         return DieThrows(
             status=self.work.status,
-            seconds=self.seconds,
+            seconds={**self.seconds, "throws": time.perf_counter() - started},
             rounds=len(rounds),
-            round_drops=sum(one.all_drops for one in rounds),
+            round_drops=sum(one.drops + one.elsewhere_drops for one in rounds),
+            symmetry=self.work.recipe.symmetry,
             engraved=self.is_engraved,
             drops=drops,
             lost=drops - int(counts[:-1].sum()),

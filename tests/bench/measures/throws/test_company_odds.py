@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from common.thrown import OCTAHEDRON, thrown
+from scipy.stats import kstest
 
 from dicedesign.bench.measures.throws.company_odds import (
     CompanyOdds,
@@ -74,6 +75,7 @@ def test_errors_are_those_of_many_series(company: str) -> None:
     assert np.abs(changes.mean(axis=0) / errors).max() < 4.0 / np.sqrt(400)
     floors = np.mean([one.noise_floor for one in found])
     assert np.mean([one.total_variation for one in found]) == pytest.approx(floors, rel=0.1)
+    assert kstest([one.p_value for one in found], "uniform").pvalue > 1e-3
 
 
 def test_what_company_changes_is_found() -> None:
@@ -84,6 +86,7 @@ def test_what_company_changes_is_found() -> None:
         np.testing.assert_allclose(mean, part * np.array([0.1, -0.2, 0.1]), atol=0.01)
         above = np.mean([one.above_noise for one in found[company]])
         assert above == pytest.approx(0.2 * part, rel=0.15)
+        assert np.median([one.p_value for one in found[company]]) < 0.01
 
 
 def test_throws_in_mujoco() -> None:

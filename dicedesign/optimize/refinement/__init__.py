@@ -1,0 +1,1 @@
+"""Dice designed anew from their throws, which tell what a momentum model gets wrong of them."""

@@ -1,0 +1,307 @@
+"""Design against simulated throws: what the momentum model gets wrong of a die is measured, and the
+die designed anew for odds that make up for it.
+
+The model's odds m of a die and its odds when thrown differ by a factor exp(b) that changes little
+from one die to the next, and from the table that is meant to others that may be meant. So b is
+learned from the throws of all dice so far, on all tables (`Bias`), and the model is asked for
+`q exp(-b)` in place of the target q. Once all that is learned no longer makes a die better by as
+much as is not known of it, no more is thrown.
+
+Every die has its odds estimated by what all throws say of it, which shrinks its own lucky ones;
+that of the thrown dice is kept which so has the least expected deviation. None is kept that was
+never thrown. The throws that made the choice flatter it all the same, so that the verdict over a
+die is left to others.
+
+After the first round, and again once it is right on the table that is meant, the die is designed to
+have the same odds on all tables; else it is not made better by preference: one that hardly moves
+keeps what was measured of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from dicedesign.optimize.options import MOST_DROPS
+from dicedesign.optimize.refinement.known_odds import KnownOdds
+from dicedesign.optimize.result import DesignResult
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.throws.statistics.on_tables import OFTEN
+from dicedesign.throws.statistics.total_variation import noise_floor, total_variation
+
+__all__ = ["Refinement", "Round", "Thrown"]
+
+ON_TABLES: Final = 0.5
+"""Throws onto the other tables, all together, over those onto the one that is meant."""
+
+MAKING: Final = 2
+"""Rounds at most after which the die is made better by preference; the others correct it."""
+
+LEAST_GROWTH: Final = 0.25
+"""Throws of a round over those of all before, unless it is as many as those of the first."""
+
+AIM: Final = 0.5
+"""Expected deviation over the one that counts as reached, from which on no more is thrown."""
+
+ENOUGH: Final = 0.6
+"""The same with the other tables, from which on the die is made no better."""
+
+LOOSER: Final = 2.0
+"""Deviation that counts as reached there, over that on the table that is meant."""
+
+MOST_TURNS: Final = 4
+"""Designs of one round."""
+
+FARTHEST: Final = 1.0
+"""Longest step of a later design over that of the first one."""
+
+EXACT: Final = 0.1
+"""Deviation that is left of what is known, over the one that counts as reached."""
+
+MOST_HALVINGS: Final = 4
+"""How often a correction for which no die is found is halved."""
+
+
+@dataclass(frozen=True)
+class Thrown:
+    """Throws of one die onto one table.
+
+    Attributes
+    ----------
+    counts: (k + 1,) of the outcomes, and of throws that ended on none. odds: (k,) in the model.
+    """
+
+    counts: Integers
+    odds: Floats
+
+
+@dataclass(frozen=True)
+class Round:
+    """Throws of one die.
+
+    Attributes
+    ----------
+    asked: (k,) its odds in the model.
+    drops: throws that came to rest; frequencies: (k,) of the outcomes among them, which sum to less
+        than 1 where some came to rest on no outcome.
+    deviation: total variation of the frequencies from the target.
+    noise_floor: what a perfect die would show on the mean in as many throws.
+    expected: total variation of the die's odds from the target that the throws of all rounds let
+        one expect on the mean: it has what is not known of them in it.
+    elsewhere_drops: throws onto the other tables, all together. elsewhere: as `expected`, on the
+        table that is the worst of nine in ten; None where there are no other tables.
+    is_kept: whether it is the die of this round that was kept.
+    """
+
+    asked: Floats
+    drops: int
+    frequencies: Floats
+    deviation: float
+    noise_floor: float
+    expected: float
+    elsewhere_drops: int = 0
+    elsewhere: float | None = None
+    is_kept: bool = False
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Rounds of throwing a die and designing it anew.
+
+    Attributes
+    ----------
+    target: (k,) wanted odds of the outcomes.
+    orbits: (k,) a number for each outcome, the same for those whose facets are images of each other
+        by a symmetry of the die: they are equally frequent but for chance.
+    tables: (t, d) measures of the other tables on which the die shall be right too, 0 for the one
+        that is meant, in units of how much each varies.
+    drops: throws of the first round. rounds: most rounds.
+    within: total variation that counts as reached.
+    throw: throws of a die onto the table that is meant, so many, in a round of this number; all
+        have random numbers of their own.
+    throw_on_tables: the same onto each of the tables (t,), so many onto each.
+    design: from a die to one near it with other odds (k,) in the model, or None; also told the
+        logarithms (t, k) of the odds on the tables over those in the model, or None where it shall
+        be nearest and no better by preference.
+    measures: of a die (f,), that change little where the die does; as many for all.
+    on_round: called after every round of throws.
+    """
+
+    target: Floats
+    orbits: Integers
+    tables: Floats
+    drops: int
+    rounds: int
+    within: float
+    throw: Callable[[DesignResult, int, int], Thrown]
+    throw_on_tables: Callable[[DesignResult, int, int], list[Thrown]]
+    design: Callable[[DesignResult, Floats, Floats | None], DesignResult | None]
+    measures: Callable[[DesignResult], Floats]
+    on_round: Callable[[Round], None] | None = None
+
+    def refine(self, die: DesignResult) -> tuple[DesignResult, tuple[Round, ...]]:
+        """The best of the dice that the rounds lead to, from one whose odds in the model are the
+        target, and the rounds, the last of which is the last die's. There are none where symmetry
+        makes a die right."""
+        if len(np.unique(self.orbits)) == 1:
+            return die, ()
+        known = KnownOdds.nothing(
+            self.target, self.orbits, self.measures(die), self.tables.shape[1], self.rounds
+        )
+        asked, dice, seen, made = self.target, list[_Seen](), 0, 0
+        for number in range(self.rounds):
+            drops = min(max(self.drops, min(seen, self._lacking(seen))), MOST_DROPS)
+            found = self._thrown(known, die, asked, drops, number)
+            dice.append(found)
+            seen += drops
+            if self.on_round is not None:
+                self.on_round(self._round(known, found))
+            is_right = self._here(known, found) <= AIM
+            is_making = made < MAKING and (number == 0 or is_right)
+            done = is_right and (not is_making or self._shortfall(known, found) <= ENOUGH)
+            if done or number == self.rounds - 1:
+                break
+            made += is_making
+            improved = self._corrected(known, found, is_making)
+            if improved is None:
+                break
+            die, asked = improved
+        best = min(dice, key=lambda one: self._shortfall(known, one))
+        history = [replace(self._round(known, one), is_kept=one is best) for one in dice]
+        return best.die, tuple(history)
+
+    def _lacking(self, seen: int) -> int:
+        """Throws that are needed beside those so far, were all of one die, until what is not known
+        of it is below what ends the rounds; at least a part of those so far, as they are not."""
+        floor = noise_floor(np.bincount(self.orbits, self.target), max(seen, 1))
+        enough = seen * (floor / (AIM * self.within)) ** 2
+        return math.ceil(max(enough - seen, LEAST_GROWTH * seen))
+
+    def _thrown(
+        self, known: KnownOdds, die: DesignResult, asked: Floats, drops: int, number: int
+    ) -> _Seen:
+        """A die thrown onto all tables, of which note is taken."""
+        shape = self.measures(die)
+        thrown, others = self.throw(die, drops, number), list[Thrown]()
+        known.learn(shape, number, known.meant, thrown.odds, thrown.counts[:-1])
+        if len(self.tables):
+            each = math.ceil(ON_TABLES * drops / len(self.tables))
+            others = self.throw_on_tables(die, each, number)
+            for table, one in zip(self.tables, others, strict=True):
+                known.learn(shape, number, table, one.odds, one.counts[:-1])
+        return _Seen(die, asked, shape, number, thrown, tuple(others))
+
+    def _round(self, known: KnownOdds, seen: _Seen) -> Round:
+        counts = seen.thrown.counts
+        drops = int(counts.sum())
+        return Round(
+            seen.asked,
+            drops,
+            counts[:-1] / drops,
+            total_variation(counts / drops, np.append(self.target, 0.0)),
+            noise_floor(self.target, drops),
+            known.variation(seen.shape, seen.number, known.meant, seen.thrown.odds),
+            sum(int(one.counts.sum()) for one in seen.others),
+            self._elsewhere(known, seen),
+        )
+
+    def _elsewhere(self, known: KnownOdds, seen: _Seen) -> float | None:
+        """See `Round`."""
+        found = [
+            known.variation(seen.shape, seen.number, table, one.odds)
+            for table, one in zip(self.tables, seen.others, strict=True)
+        ]
+        return float(np.quantile(found, OFTEN)) if found else None
+
+    def _shortfall(self, known: KnownOdds, seen: _Seen) -> float:
+        """The expected deviation of a die over what counts as reached: that on the table that is
+        meant, or the mean of that and of that on the others."""
+        here, elsewhere = self._here(known, seen), self._elsewhere(known, seen)
+        return here if elsewhere is None else (here + elsewhere / (LOOSER * self.within)) / 2.0
+
+    def _here(self, known: KnownOdds, seen: _Seen) -> float:
+        """The same on the table that is meant alone."""
+        odds = seen.thrown.odds
+        return known.variation(seen.shape, seen.number, known.meant, odds) / self.within
+
+    def _corrected(
+        self, known: KnownOdds, seen: _Seen, is_making: bool
+    ) -> tuple[DesignResult, Floats] | None:
+        """A die that makes up for what is known, and its odds in the model.
+
+        What the model gets wrong changes from the die that was thrown to the new one, as far as
+        that is known; so the odds that are asked for are a fixed point, found by Anderson's method.
+        """
+        asked, lacking = [np.log(seen.asked)], list[Floats]()
+        found, shape = None, seen.shape
+        number: int | None = seen.number
+        for turn in range(MOST_TURNS):
+            wanted = np.log(self.target) - known.logarithms(shape, number, known.meant)
+            lacking.append(wanted - asked[-1])
+            if turn > 0 and np.abs(self.target * lacking[-1]).sum() / 2.0 < EXACT * self.within:
+                break
+            is_first = turn == 0
+            sensitivity = (
+                known.logarithms(shape, number, self.tables) if is_making and is_first else None
+            )
+            die = seen.die if found is None else found[0]
+            again = self._near(die, asked[-1], _mixed(asked, lacking), sensitivity, is_first)
+            if again is None:
+                break
+            found = again
+            asked.append(np.log(found[1]))
+            shape, number = self.measures(found[0]), None
+        return found
+
+    def _near(
+        self,
+        die: DesignResult,
+        before: Floats,
+        wanted: Floats,
+        sensitivity: Floats | None,
+        is_needed: bool,
+    ) -> tuple[DesignResult, Floats] | None:
+        """A die near one whose odds in the model have logarithms (k,), with others (k,), and its
+        odds; where none is found but one is needed, one that goes a part of the way."""
+        for halving in range(MOST_HALVINGS if is_needed else 1):
+            part = 0.5**halving
+            odds = np.exp(part * wanted + (1.0 - part) * before)
+            odds /= odds.sum()
+            found = self.design(die, odds, sensitivity)
+            if found is not None:
+                return found, odds
+        return None
+
+
+def _mixed(points: list[Floats], steps: list[Floats]) -> Floats:
+    """The next point (k,) of a fixed point's search, from points (k,) so far and the steps (k,)
+    that lead from each to its image.
+
+    Source: Walker and Ni, SIAM Journal on Numerical Analysis 49(4), 2011, algorithm AA.
+    """
+    if len(points) == 1:
+        return points[0] + steps[0]
+    changes = np.diff(steps, axis=0).T
+    moves = np.diff(points, axis=0).T
+    weights = np.linalg.lstsq(changes, steps[-1], rcond=None)[0]
+    step = steps[-1] - (moves + changes) @ weights
+    farthest = FARTHEST * np.linalg.norm(steps[0])
+    mixed: Floats = points[-1] + step * min(1.0, farthest / max(np.linalg.norm(step), farthest))
+    return mixed
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A die that was thrown in a round of this number, with its measures (f,), onto the table that
+    is meant and others."""
+
+    die: DesignResult
+    asked: Floats
+    shape: Floats
+    number: int
+    thrown: Thrown
+    others: tuple[Thrown, ...]

@@ -1,0 +1,302 @@
+"""Rounds of throwing and designing anew, in a world where the model's mistake is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.optimize.options import RefineOptions
+from dicedesign.optimize.refinement.rounds import Refinement, Thrown
+from dicedesign.optimize.result import DesignResult
+from dicedesign.results.status import Status
+
+TARGET = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1]) / 36.0
+ALONE = np.arange(11)
+CUBE = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T.astype(float)
+TABLES = np.random.default_rng(1).normal(size=(16, 2))
+TILT = np.stack([np.linspace(0.2, -0.2, 11), 0.1 * np.cos(np.arange(11))])
+"""What the two measures of a table change in the logarithms of the odds of every die,"""
+SEEN = 0.6
+"""and the part of it that the model knows."""
+
+
+def die_with(odds: np.ndarray, steadiness: float = 0.0) -> DesignResult:
+    """A stand-in that carries its odds in the model where a die has its directions, and in its
+    error which part of the tables' changes its shape takes away."""
+    return DesignResult(Status.CONVERGED, convex_hull(CUBE), odds, steadiness, {}, (), 0, 0, 0)
+
+
+def tilted(odds: np.ndarray, logarithms: np.ndarray) -> np.ndarray:
+    found = odds * np.exp(logarithms)
+    return found / found.sum()
+
+
+class World:
+    """Dice whose true odds are those in the model times fixed factors, and a bit more."""
+
+    def __init__(self, factors: np.ndarray, drift: float = 0.0) -> None:
+        self.factors, self.drift = np.log(factors), drift
+        self.drops: list[int] = []
+        self.numbers: list[int] = []
+        self.on_tables: list[int] = []
+        self.told: list[np.ndarray | None] = []
+
+    def true_odds(self, die: DesignResult, table: np.ndarray | None = None) -> np.ndarray:
+        odds = die.directions
+        change = 0.0 if table is None else (1.0 - die.error) * (table @ TILT)
+        return tilted(odds, self.factors + self.drift * np.sqrt(odds) + change)
+
+    def known_odds(self, die: DesignResult, table: np.ndarray) -> np.ndarray:
+        return tilted(die.directions, SEEN * (1.0 - die.error) * (table @ TILT))
+
+    def deviation(self, die: DesignResult, table: np.ndarray | None = None) -> float:
+        return float(0.5 * np.abs(self.true_odds(die, table) - TARGET).sum())
+
+    def throw(self, die: DesignResult, drops: int, number: int) -> Thrown:
+        self.drops.append(drops)
+        self.numbers.append(number)
+        odds = np.append(self.true_odds(die), 0.0)
+        return Thrown(np.random.default_rng(number).multinomial(drops, odds), die.directions)
+
+    def throw_on_tables(self, die: DesignResult, drops: int, number: int) -> list[Thrown]:
+        self.on_tables.append(drops)
+        rng = np.random.default_rng([number, 7])
+        return [
+            Thrown(
+                rng.multinomial(drops, np.append(self.true_odds(die, table), 0.0)),
+                self.known_odds(die, table),
+            )
+            for table in TABLES
+        ]
+
+    def design(
+        self, die: DesignResult, odds: np.ndarray, bias: np.ndarray | None
+    ) -> DesignResult | None:
+        self.told.append(bias)
+        return die_with(odds, die.error)
+
+    def refinement(self, **changes: Any) -> Refinement:
+        refinement = Refinement(
+            target=TARGET,
+            orbits=ALONE,
+            tables=np.zeros((0, 2)),
+            drops=5_000,
+            rounds=8,
+            within=0.01,
+            throw=self.throw,
+            throw_on_tables=self.throw_on_tables,
+            design=self.design,
+            measures=lambda die: np.log(die.directions),
+        )
+        return replace(refinement, **changes)
+
+    def refined(self, **changes: Any) -> tuple[DesignResult, tuple]:
+        return self.refinement(**changes).refine(die_with(TARGET))
+
+
+FACTORS = np.exp(np.random.default_rng(3).normal(scale=0.3, size=11))
+
+
+def test_rounds_lead_to_the_target_to_within_what_was_asked() -> None:
+    world = World(FACTORS, drift=0.5)
+    die, rounds = world.refined()
+    assert rounds[0].deviation > 0.08
+    assert world.deviation(die) < 0.008
+    assert rounds[-1].expected < 0.006
+
+
+def test_what_is_expected_of_a_die_is_what_it_does() -> None:
+    """On the mean over many runs, of the first die and of the one that is kept."""
+    expected, true = [], []
+    for seed in range(12):
+        factors = np.exp(np.random.default_rng([seed, 9]).normal(scale=0.3, size=11))
+        world = World(factors, drift=0.5)
+        die, rounds = world.refined(
+            throw=lambda die, drops, number, seed=seed, world=world: world.throw(
+                die, drops, number + 100 * seed
+            )
+        )
+        kept = next(one for one in rounds if one.is_kept)
+        expected.append((rounds[0].expected, kept.expected))
+        true.append((world.deviation(die_with(TARGET)), world.deviation(die)))
+    first, last = np.mean(expected, axis=0) / np.mean(true, axis=0)
+    assert first == pytest.approx(1.0, abs=0.1)
+    assert last == pytest.approx(1.0, abs=0.3)
+
+
+def test_later_rounds_rest_on_the_throws_of_earlier_ones() -> None:
+    """A die for which no throw of its own would do is right all the same."""
+    world = World(FACTORS)
+    _, rounds = world.refined()
+    own = world.drops[-1]
+    alone = np.sqrt(2.0 * TARGET * (1.0 - TARGET) / (np.pi * own)).sum() / 2.0
+    assert rounds[-1].expected < alone
+    assert sum(world.drops) < 150_000
+
+
+def test_every_round_has_random_numbers_of_its_own() -> None:
+    world = World(FACTORS, drift=0.5)
+    world.refined()
+    assert len(world.numbers) > 2
+    assert len(set(world.numbers)) == len(world.numbers)
+
+
+def test_a_model_that_answers_too_much_is_seen_through() -> None:
+    """Where the true odds move by a third of what the model says, two rounds tell, and the dice of
+    later ones are right."""
+
+    class Stiff(World):
+        def true_odds(self, die: DesignResult, table: np.ndarray | None = None) -> np.ndarray:
+            return tilted(TARGET, self.factors + np.log(die.directions / TARGET) / 3.0)
+
+    world = Stiff(FACTORS)
+    die, rounds = world.refined()
+    assert rounds[1].expected > 0.05
+    assert max(one.expected for one in rounds[2:]) < 0.03
+    assert world.deviation(die) < 0.01
+
+
+def test_a_wider_goal_takes_fewer_throws() -> None:
+    narrow, wide = World(FACTORS), World(FACTORS)
+    narrow.refined(within=0.01)
+    wide.refined(within=0.03)
+    assert sum(wide.drops) < sum(narrow.drops) / 3
+
+
+def test_a_worse_die_is_not_kept() -> None:
+    """The later designs lead astray, ever farther."""
+    world = World(FACTORS)
+
+    def astray(die: DesignResult, odds: np.ndarray, bias: np.ndarray | None) -> DesignResult:
+        if len(world.drops) < 3:
+            return die_with(odds)
+        return die_with(tilted(odds, 0.1 * len(world.drops) * np.cos(ALONE)))
+
+    die, rounds = world.refined(design=astray, within=0.002)
+    assert len(rounds) == 8
+    kept = [one.is_kept for one in rounds]
+    assert kept.index(True) in (1, 2)
+    assert kept.count(True) == 1
+    np.testing.assert_array_equal(die.directions, rounds[kept.index(True)].asked)
+    assert rounds[-1].expected > 0.1
+
+
+def test_a_lucky_sample_does_not_make_a_die_the_best() -> None:
+    """Of dice as good as each other the one whose throws look best has no better estimate: what is
+    told of them is nearly the same, and the truth."""
+    world = World(np.ones(11))
+
+    def other(die: DesignResult, odds: np.ndarray, bias: np.ndarray | None) -> DesignResult:
+        return die_with(TARGET)
+
+    _, rounds = world.refined(design=other, within=0.001, rounds=5)
+    seen = [one.deviation / one.noise_floor for one in rounds]
+    assert max(seen) > 1.2 * min(seen)
+    expected = [one.expected for one in rounds]
+    assert max(expected) < 1.02 * min(expected)
+
+
+def test_a_die_without_mistake_is_left_nearly_as_it_is() -> None:
+    world = World(np.ones(11))
+    die, _ = world.refined()
+    assert world.deviation(die) < 0.008
+
+
+def test_outcomes_of_one_orbit_are_corrected_alike() -> None:
+    orbits = np.array([0, 1, 2, 3, 4, 5, 4, 3, 2, 1, 0])
+    world = World(FACTORS[orbits])
+    die, _ = world.refined(orbits=orbits)
+    np.testing.assert_allclose(die.directions, die.directions[::-1], rtol=1e-12)
+
+
+def test_a_correction_without_a_die_is_halved() -> None:
+    world, refused = World(FACTORS), []
+
+    def design(die: DesignResult, odds: np.ndarray, bias: np.ndarray | None) -> DesignResult | None:
+        if 0.5 * np.abs(odds - die.directions).sum() > 0.05:
+            refused.append(odds)
+            return None
+        return die_with(odds)
+
+    die, _ = world.refined(design=design)
+    assert refused
+    assert world.deviation(die) < 0.02
+
+
+def test_an_outcome_that_never_comes_up_is_asked_for_more_often() -> None:
+    factors = np.ones(11)
+    factors[0] = 1e-9
+    asked: list[np.ndarray] = []
+
+    def design(die: DesignResult, odds: np.ndarray, bias: np.ndarray | None) -> None:
+        asked.append(odds)
+
+    World(factors).refined(design=design)
+    assert asked[0][0] > 7.0 * TARGET[0]
+
+
+def test_what_other_tables_do_is_learned_from_few_throws_on_each() -> None:
+    world = World(FACTORS)
+    die, rounds = world.refined(tables=TABLES, drops=40_000, rounds=6, within=0.01)
+    assert 16 * world.on_tables[0] == pytest.approx(world.drops[0] / 2, rel=0.01)
+    assert rounds[0].elsewhere_drops == 16 * world.on_tables[0]
+    assert world.told[0] is not None
+    assert world.told[0].shape == (16, 11)
+    told = [bias for bias in world.told if bias is not None]
+    assert 1 < len(told) < 4
+    assert any(bias is None for bias in world.told)
+    kept = next(one for one in rounds if one.is_kept)
+    true = [world.deviation(die, table) for table in TABLES]
+    assert kept.elsewhere == pytest.approx(np.quantile(true, 0.9), rel=0.15)
+    unknown = (1.0 - SEEN) * TABLES @ TILT
+    found = told[1] - told[1].mean(axis=0)
+    relative = unknown - unknown.mean(axis=0)
+    before = np.abs(relative).mean()
+    assert np.abs(found - relative).mean() < 0.5 * before
+
+
+def test_a_die_that_is_right_on_more_tables_is_kept() -> None:
+    """All are as right on the table that is meant."""
+    world = World(np.ones(11))
+
+    def design(die: DesignResult, odds: np.ndarray, bias: np.ndarray | None) -> DesignResult:
+        return die_with(odds, {1: 0.3, 2: 0.9}.get(len(world.drops), 0.5))
+
+    die, rounds = world.refined(tables=TABLES, design=design, rounds=4, within=0.002)
+    assert [one.is_kept for one in rounds] == [False, False, True, False]
+    assert die.error == 0.9
+
+
+def test_the_rounds_end_where_no_die_is_found() -> None:
+    world = World(FACTORS)
+    die, rounds = world.refined(design=lambda die, odds, bias: None)
+    assert len(rounds) == 1
+    np.testing.assert_array_equal(die.directions, TARGET)
+
+
+def test_a_die_that_its_symmetry_makes_right_is_not_thrown() -> None:
+    world, fair = World(np.ones(11)), np.full(11, 1 / 11)
+    refinement = world.refinement(target=fair, orbits=np.zeros(11, dtype=np.int64))
+    die, rounds = refinement.refine(die_with(fair))
+    assert rounds == ()
+    assert world.drops == []
+    np.testing.assert_array_equal(die.directions, fair)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"drops": 0}, "refine.drops: expected a whole number from 1 to 10000000, got 0"),
+        ({"rounds": 0}, "refine.rounds: expected a whole number from 1 to 50, got 0"),
+        ({"verdict": -1}, "refine.verdict: expected a whole number from 1 to 10000000, got -1"),
+        ({"within": 1.0}, r"refine.within: expected a number in \(0, 1\), got 1"),
+    ],
+)
+def test_impossible_options_are_errors(options: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        RefineOptions(**options)
