@@ -89,11 +89,11 @@ def _learn(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.learning.table_learning import check_learning, learn_momentum
     from dicedesign.throws.engines.engine import require_engine
-    from dicedesign.throws.tables import table_named
+    from dicedesign.throws.tables import table_entries, table_named
 
     check_worker_options(options)
     require_engine("native")
-    table = table_named(options.table)
+    table, entries = table_named(options.table), table_entries(options.table)
     _require_momentum(table)
     check_learning(table, options.dice, options.drops, options.seed, options.epochs)
     out = json_path(options.out or Path(f"{Path(options.table).stem}.json"))
@@ -135,7 +135,7 @@ def _learn(options: argparse.Namespace) -> int:
         )
         if bar is not None:
             bar.close()
-        of_table = {**table.as_dict(), "momentum": learned.plain}
+        of_table = {**entries, **table.as_dict(), "momentum": learned.plain}
         write_table(out, learned.plain if options.all_tables else of_table)
     print("\n".join(_lines(learned)))
     return 0

@@ -34,7 +34,7 @@ sampling 6,000 drops does."""
 
 STEPS_PER_CHECK: Final = 16
 
-TOUCHING: Final = 1e-3
+TOUCHING: Final = 1e-4
 """Distance in radii at which points are in contact. Bullet's own, 0.02, is so large that it stops a
 point above the table, where it forgets about restitution; of a far smaller one it loses the points
 that a body stands on, which then rattles."""
