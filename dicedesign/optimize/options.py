@@ -78,7 +78,7 @@ class RefineOptions:
         together.
     rounds: most rounds of throwing a die and designing it anew, 1 to `MOST_ROUNDS`; fewer where no
         more is needed for what is `within` reach.
-    verdict: throws that judge the finished die, 1 to `MOST_DROPS`, and a quarter as many onto what
+    verdict: throws that judge the finished die, 1 to `MOST_DROPS`, and half as many onto what
         the table may be instead.
     within: largest total variation from the target, by the verdict, that counts as reached; above 0
         and below 1.

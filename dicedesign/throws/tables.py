@@ -153,6 +153,14 @@ class Table:
         own = (self.height, self.speed, self.spin)
         return next((way for way in HANDS if (way.height, way.speed, way.spin) == own), None)
 
+    def lifted(self, size: float) -> Table:
+        """The same for a die of a size in m, let go from no lower than it is large."""
+        if most_of(self.height) > 0.0 and least_of(self.height) < size:
+            ends = max(size, least_of(self.height)), max(size, most_of(self.height))
+            height = ends if ends[0] < ends[1] else ends[0]
+            return replace(self, height=height, size=size)
+        return replace(self, size=size)
+
     def as_dict(self) -> dict[str, Any]:
         """The table as plain data, ranges as lists."""
         plain = asdict(self)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import statistics
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -156,3 +158,12 @@ def test_tables_that_are_not_there(tmp_path: Path) -> None:
         table_named("felt")
     with pytest.raises(InputError, match=r"no\.json: no such file"):
         table_named(str(tmp_path / "no.json"))
+
+
+@pytest.mark.parametrize(
+    ("height", "lifted"),
+    [(0.1, 0.1), (0.03, 0.035), ((0.03, 0.09), (0.035, 0.09)), ((0.02, 0.03), 0.035), (0.0, 0.0)],
+)
+def test_a_large_die_is_let_go_from_no_lower_than_it_is_large(height: Any, lifted: Any) -> None:
+    table = Table("low", 0.5, 0.5, height, 0.1, 1.0, size=0.02)
+    assert table.lifted(0.035) == replace(table, height=lifted, size=0.035)

@@ -89,11 +89,11 @@ def _learn(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.learning.table_learning import check_learning, learn_momentum
     from dicedesign.throws.engines.engine import require_engine
-    from dicedesign.throws.tables import posterior_entries, posterior_tables, table_named
+    from dicedesign.throws.tables import posterior_tables, table_entries, table_named
 
     check_worker_options(options)
     require_engine("native")
-    table = table_named(options.table)
+    table, entries = table_named(options.table), table_entries(options.table)
     posterior = posterior_tables(options.table)
     _require_momentum(table)
     check_learning(table, options.dice, options.drops, options.seed, options.epochs)
@@ -136,8 +136,7 @@ def _learn(options: argparse.Namespace) -> int:
         )
         if bar is not None:
             bar.close()
-        known = {"posterior": posterior_entries(posterior)} if posterior else {}
-        of_table = {**table.as_dict(), **known, "momentum": learned.plain}
+        of_table = {**entries, **table.as_dict(), "momentum": learned.plain}
         write_table(out, learned.plain if options.all_tables else of_table)
     print("\n".join(_lines(learned)))
     return 0

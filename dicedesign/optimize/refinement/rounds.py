@@ -12,8 +12,8 @@ that of the thrown dice is kept which so has the least expected deviation. None 
 never thrown. The throws that made the choice flatter it all the same, so that the verdict over a
 die is left to others.
 
-In the first rounds the die is designed to have the same odds on all tables; in the later ones it is
-no more made better by preference: one that hardly moves keeps what was measured of it.
+After the first round the die is designed to have the same odds on all tables; in the later ones it
+is no more made better by preference: one that hardly moves keeps what was measured of it.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from typing import Final
 import numpy as np
 
 from dicedesign.optimize.options import MOST_DROPS
+from dicedesign.optimize.refinement.known_odds import KnownOdds
 from dicedesign.optimize.result import DesignResult
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.statistics.bias import Bias, expected_variation
 from dicedesign.throws.statistics.on_tables import OFTEN
 from dicedesign.throws.statistics.total_variation import noise_floor, total_variation
 
@@ -37,8 +37,8 @@ __all__ = ["Refinement", "Round", "Thrown"]
 ON_TABLES: Final = 0.5
 """Throws onto the other tables, all together, over those onto the one that is meant."""
 
-MAKING: Final = 2
-"""First rounds, after which the die is made better by preference; the later ones correct it."""
+TELLING: Final = 1.5
+"""Throws onto the other tables that tell how a die's odds change, over those of the first round."""
 
 LEAST_GROWTH: Final = 0.25
 """Throws of a round over those of all before, unless it is as many as those of the first."""
@@ -46,18 +46,20 @@ LEAST_GROWTH: Final = 0.25
 AIM: Final = 0.5
 """Expected deviation over the one that counts as reached, from which on no more is thrown."""
 
-COMMON: Final = 0.4
-"""Standard deviation of the logarithm of an outcome's odds over those in the model."""
-
-BY_TABLE: Final = (0.01, 0.04)
-"""The same of its change with each measure of the table, in units of how much that varies: guesses.
-"""
-
-BY_SHAPE: Final = (0.05, 0.2, 0.8)
-"""The same of its change with each measure of the die: guesses."""
+ENOUGH: Final = 0.6
+"""The same with the other tables, from which on the die is made no better."""
 
 LOOSER: Final = 2.0
 """Deviation that counts as reached there, over that on the table that is meant."""
+
+MOST_TURNS: Final = 4
+"""Designs of one round."""
+
+FARTHEST: Final = 1.0
+"""Longest step of a later design over that of the first one."""
+
+EXACT: Final = 0.1
+"""Deviation that is left of what is known, over the one that counts as reached."""
 
 MOST_HALVINGS: Final = 4
 """How often a correction for which no die is found is halved."""
@@ -118,8 +120,8 @@ class Refinement:
         that is meant, in units of how much each varies.
     drops: throws of the first round. rounds: most rounds.
     within: total variation that counts as reached.
-    throw: throws of a die onto the table that is meant, so many, in a round of this number; all
-        have random numbers of their own.
+    throw: throws of a die onto the table that is meant, so many, in a series of this number, first
+        that of a round; all have random numbers of their own.
     throw_on_tables: the same onto each of the tables (t,), so many onto each.
     design: from a die to one near it with other odds (k,) in the model, or None; also told the
         logarithms (t, k) of the odds on the tables over those in the model, or None where it shall
@@ -146,7 +148,9 @@ class Refinement:
         makes a die right."""
         if len(np.unique(self.orbits)) == 1:
             return die, ()
-        known = _Known.of(self, self.measures(die))
+        known = KnownOdds.nothing(
+            self.target, self.orbits, self.measures(die), self.tables.shape[1], self.rounds
+        )
         asked, dice, seen = self.target, list[_Seen](), 0
         for number in range(self.rounds):
             drops = min(max(self.drops, min(seen, self._lacking(seen))), MOST_DROPS)
@@ -155,18 +159,33 @@ class Refinement:
             seen += drops
             if self.on_round is not None:
                 self.on_round(self._round(known, found))
-            # What the later rounds do not change is no reason for more.
-            is_making = number < MAKING
-            short = self._shortfall(known, found) if is_making else self._here(known, found)
-            if short <= AIM or number == self.rounds - 1:
+            is_right = self._here(known, found) <= AIM
+            is_steady = number > 0 or self._shortfall(known, found) <= ENOUGH
+            if (is_right and is_steady) or number == self.rounds - 1:
                 break
-            improved = self._corrected(known, found, is_making)
+            improved = self._corrected(known, found, is_making=number == 0)
             if improved is None:
                 break
             die, asked = improved
         best = min(dice, key=lambda one: self._shortfall(known, one))
         history = [replace(self._round(known, one), is_kept=one is best) for one in dice]
         return best.die, tuple(history)
+
+    def swing(self, die: DesignResult, place: int) -> float:
+        """Total variation between the odds of a die on the table that is meant and on the others,
+        for all but one in ten of these, by throws that have the number `place` after those of all
+        rounds."""
+        shape = self.measures(die)
+        known = KnownOdds.nothing(self.target, self.orbits, shape, self.tables.shape[1], 1)
+        series, each = self.rounds + place, math.ceil(TELLING * self.drops / len(self.tables))
+        meant = self.throw(die, math.ceil(self.drops / 2), series)
+        others = self.throw_on_tables(die, each, series)
+        thrown = list(zip([known.meant, *self.tables], [meant, *others], strict=True))
+        for table, one in thrown:
+            known.learn(shape, 0, table, one.odds, one.counts[:-1])
+        odds = [one.odds * np.exp(known.logarithms(shape, 0, table)) for table, one in thrown]
+        own, *changed = (row / row.sum() for row in odds)
+        return float(np.quantile([total_variation(row, own) for row in changed], OFTEN))
 
     def _lacking(self, seen: int) -> int:
         """Throws that are needed beside those so far, were all of one die, until what is not known
@@ -176,20 +195,25 @@ class Refinement:
         return math.ceil(max(enough - seen, LEAST_GROWTH * seen))
 
     def _thrown(
-        self, known: _Known, die: DesignResult, asked: Floats, drops: int, number: int
+        self,
+        known: KnownOdds,
+        die: DesignResult,
+        asked: Floats,
+        drops: int,
+        number: int,
     ) -> _Seen:
         """A die thrown onto all tables, of which note is taken."""
         shape = self.measures(die)
         thrown, others = self.throw(die, drops, number), list[Thrown]()
-        known.learn(shape, known.meant, thrown)
+        known.learn(shape, number, known.meant, thrown.odds, thrown.counts[:-1])
         if len(self.tables):
             each = math.ceil(ON_TABLES * drops / len(self.tables))
             others = self.throw_on_tables(die, each, number)
             for table, one in zip(self.tables, others, strict=True):
-                known.learn(shape, table, one)
-        return _Seen(die, asked, shape, thrown, tuple(others))
+                known.learn(shape, number, table, one.odds, one.counts[:-1])
+        return _Seen(die, asked, shape, number, thrown, tuple(others))
 
-    def _round(self, known: _Known, seen: _Seen) -> Round:
+    def _round(self, known: KnownOdds, seen: _Seen) -> Round:
         counts = seen.thrown.counts
         drops = int(counts.sum())
         return Round(
@@ -198,104 +222,104 @@ class Refinement:
             counts[:-1] / drops,
             total_variation(counts / drops, np.append(self.target, 0.0)),
             noise_floor(self.target, drops),
-            known.variation(seen.shape, known.meant, seen.thrown),
+            known.variation(seen.shape, seen.number, known.meant, seen.thrown.odds),
             sum(int(one.counts.sum()) for one in seen.others),
             self._elsewhere(known, seen),
         )
 
-    def _elsewhere(self, known: _Known, seen: _Seen) -> float | None:
+    def _elsewhere(self, known: KnownOdds, seen: _Seen) -> float | None:
         """See `Round`."""
         found = [
-            known.variation(seen.shape, table, one)
+            known.variation(seen.shape, seen.number, table, one.odds)
             for table, one in zip(self.tables, seen.others, strict=True)
         ]
         return float(np.quantile(found, OFTEN)) if found else None
 
-    def _shortfall(self, known: _Known, seen: _Seen) -> float:
-        """The expected deviation of a die over what counts as reached, on the table that is meant
-        or on the others, whichever is worse."""
+    def _shortfall(self, known: KnownOdds, seen: _Seen) -> float:
+        """The expected deviation of a die over what counts as reached: that on the table that is
+        meant, or the mean of that and of that on the others."""
         here, elsewhere = self._here(known, seen), self._elsewhere(known, seen)
-        return here if elsewhere is None else max(here, elsewhere / (LOOSER * self.within))
+        return here if elsewhere is None else (here + elsewhere / (LOOSER * self.within)) / 2.0
 
-    def _here(self, known: _Known, seen: _Seen) -> float:
+    def _here(self, known: KnownOdds, seen: _Seen) -> float:
         """The same on the table that is meant alone."""
-        return known.variation(seen.shape, known.meant, seen.thrown) / self.within
+        odds = seen.thrown.odds
+        return known.variation(seen.shape, seen.number, known.meant, odds) / self.within
 
     def _corrected(
-        self, known: _Known, seen: _Seen, is_making: bool
+        self, known: KnownOdds, seen: _Seen, is_making: bool
     ) -> tuple[DesignResult, Floats] | None:
-        """A die that makes up for what is known, and its odds in the model; where none is found,
-        one that goes a part of the way from what was asked last."""
-        wanted = np.log(self.target) - known.logarithms(seen.shape, known.meant)
-        sensitivity = None
-        if is_making:
-            sensitivity = known.logarithms(seen.shape, self.tables)
-        for halving in range(MOST_HALVINGS):
+        """A die that makes up for what is known, and its odds in the model.
+
+        What the model gets wrong changes from the die that was thrown to the new one, as far as
+        that is known; so the odds that are asked for are a fixed point, found by Anderson's method.
+        """
+        asked, lacking = [np.log(seen.asked)], list[Floats]()
+        found, shape = None, seen.shape
+        number: int | None = seen.number
+        for turn in range(MOST_TURNS):
+            wanted = np.log(self.target) - known.logarithms(shape, number, known.meant)
+            lacking.append(wanted - asked[-1])
+            if turn > 0 and np.abs(self.target * lacking[-1]).sum() / 2.0 < EXACT * self.within:
+                break
+            is_first = turn == 0
+            sensitivity = (
+                known.logarithms(shape, number, self.tables) if is_making and is_first else None
+            )
+            die = seen.die if found is None else found[0]
+            again = self._near(die, asked[-1], _mixed(asked, lacking), sensitivity, is_first)
+            if again is None:
+                break
+            found = again
+            asked.append(np.log(found[1]))
+            shape, number = self.measures(found[0]), None
+        return found
+
+    def _near(
+        self,
+        die: DesignResult,
+        before: Floats,
+        wanted: Floats,
+        sensitivity: Floats | None,
+        is_needed: bool,
+    ) -> tuple[DesignResult, Floats] | None:
+        """A die near one whose odds in the model have logarithms (k,), with others (k,), and its
+        odds; where none is found but one is needed, one that goes a part of the way."""
+        for halving in range(MOST_HALVINGS if is_needed else 1):
             part = 0.5**halving
-            odds = np.exp(part * wanted + (1.0 - part) * np.log(seen.asked))
+            odds = np.exp(part * wanted + (1.0 - part) * before)
             odds /= odds.sum()
-            found = self.design(seen.die, odds, sensitivity)
+            found = self.design(die, odds, sensitivity)
             if found is not None:
                 return found, odds
         return None
 
 
+def _mixed(points: list[Floats], steps: list[Floats]) -> Floats:
+    """The next point (k,) of a fixed point's search, from points (k,) so far and the steps (k,)
+    that lead from each to its image.
+
+    Source: Walker and Ni, SIAM Journal on Numerical Analysis 49(4), 2011, algorithm AA.
+    """
+    if len(points) == 1:
+        return points[0] + steps[0]
+    changes = np.diff(steps, axis=0).T
+    moves = np.diff(points, axis=0).T
+    weights = np.linalg.lstsq(changes, steps[-1], rcond=None)[0]
+    step = steps[-1] - (moves + changes) @ weights
+    length, farthest = float(np.linalg.norm(step)), FARTHEST * float(np.linalg.norm(steps[0]))
+    mixed: Floats = points[-1] + step * min(1.0, farthest / length if length > 0.0 else 1.0)
+    return mixed
+
+
 @dataclass(frozen=True)
 class _Seen:
-    """A die that was thrown, with its measures (f,), onto the table that is meant and others."""
+    """A die that was thrown in a round of this number, with its measures (f,), onto the table that
+    is meant and others."""
 
     die: DesignResult
     asked: Floats
     shape: Floats
+    number: int
     thrown: Thrown
     others: tuple[Thrown, ...]
-
-
-@dataclass(frozen=True)
-class _Known:
-    """What the throws so far say of dice, by orbit of outcomes.
-
-    Attributes
-    ----------
-    first: (f,) measures of the first die. meant: (d,) of the table that is meant.
-    """
-
-    refinement: Refinement
-    bias: Bias
-    first: Floats
-    meant: Floats
-
-    @classmethod
-    def of(cls, refinement: Refinement, first: Floats) -> _Known:
-        """Nothing yet."""
-        tables = refinement.tables.shape[1]
-        deviations = [
-            np.repeat([COMMON, by_table, by_shape], [1, tables, len(first)])
-            for by_table in BY_TABLE
-            for by_shape in BY_SHAPE
-        ]
-        return cls(refinement, Bias(np.array(deviations)), first, np.zeros(tables))
-
-    def learn(self, shape: Floats, table: Floats, thrown: Thrown) -> None:
-        """Take note of throws of a die with measures (f,) onto a table with measures (d,)."""
-        odds, counts = self._by_orbit(thrown.odds), self._by_orbit(thrown.counts[:-1])
-        self.bias.learn(self._features(shape, table), odds, np.rint(counts).astype(np.int64))
-
-    def logarithms(self, shape: Floats, table: Floats) -> Floats:
-        """(..., k) of the outcomes' odds over those in the model on tables (..., d)."""
-        return self.bias.logarithms(self._features(shape, table))[..., self.refinement.orbits]
-
-    def variation(self, shape: Floats, table: Floats, thrown: Thrown) -> float:
-        """Total variation from the target that is to be expected."""
-        belief = self.bias.belief(self._features(shape, table), self._by_orbit(thrown.odds))
-        return expected_variation(belief, self._by_orbit(self.refinement.target))
-
-    def _by_orbit(self, values: Floats | Integers) -> Floats:
-        sums: Floats = np.bincount(self.refinement.orbits, values).astype(np.float64)
-        return sums
-
-    def _features(self, shape: Floats, table: Floats) -> Floats:
-        """(..., 1 + d + f) what the bias depends on."""
-        ones, moved = np.ones((*table.shape[:-1], 1)), shape - self.first
-        rows = np.broadcast_to(moved, (*table.shape[:-1], len(moved)))
-        return np.concatenate([ones, table, rows], axis=-1)

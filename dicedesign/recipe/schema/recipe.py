@@ -19,29 +19,20 @@ from dicedesign.fabricate.solids.edge_options import EdgeOptions, core_scale
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.geometry.sizes import LEAST_MM, MOST_MM
 from dicedesign.optimize.starts.kinds.search import SearchOptions
-from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts
 from dicedesign.recipe.schema.entries import Label, StartRecipe, Strict, TargetRecipe
 from dicedesign.recipe.schema.labels import check_labels
 from dicedesign.recipe.schema.method import MethodRecipe
+from dicedesign.recipe.schema.symmetries import AUTO, check_symmetry, known_group
 from dicedesign.rest.prior import DensityPrior, read_prior
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["AUTO", "NAME", "Recipe"]
+__all__ = ["NAME", "Recipe"]
 
 NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$"
 """Of a die, and of the folder of its results."""
 
-AUTO: Final = "auto"
-"""A symmetry that is found once the recipe runs."""
-
 MARKED: Final = (("engraved", "shape"), ("engraved", "none"))
 """Style and balance of marks on a die that keeps the shape of a surface."""
-
-
-def _known_group(name: str | None) -> str | None:
-    if name not in (None, AUTO):
-        point_group(name)
-    return name
 
 
 def _known_prior(text: str | None) -> str | None:
@@ -97,7 +88,8 @@ class Recipe(Strict):
         files keep; None, "uniform" in a file, for all alike.
     symmetry: name of the point group that the die has, such as C2, Cs, D3h, Td, Oh or Ih, about the
         centroid of the start, along its own axes; "auto" for the one that helps most among those
-        that the target allows; None, "none" in a file, if it need not have any.
+        that the target allows, as for thrown dice whose shapes are searched unless one is given;
+        None, "none" in a file, if it need not have any.
     size_mm: largest vertex-to-vertex distance of the printed die.
     min_inradius_mm: radius of a circle that the facet of each outcome has room for.
     engrave: engraving options, or None for a plain die, which a concave one is unless the recipe
@@ -125,7 +117,7 @@ class Recipe(Strict):
         BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value),
     ] = None
     prior: Annotated[str | None, AfterValidator(_known_prior), _word("uniform", None)] = None
-    symmetry: Annotated[str | None, AfterValidator(_known_group), _word("none", None)] = None
+    symmetry: Annotated[str | None, AfterValidator(known_group), _word("none", None)] = None
     method: MethodRecipe = Field(default_factory=MethodRecipe)
     size_mm: Annotated[float, Field(ge=LEAST_MM, le=MOST_MM)] = 30.0
     min_inradius_mm: Annotated[float, Field(ge=0.0)] = 0.0
@@ -192,8 +184,11 @@ class Recipe(Strict):
             )
         if self.prior is not None:
             self._check_prior()
+        if self._may_choose_symmetry():
+            object.__setattr__(self, "symmetry", AUTO)
         if self.symmetry is not None:
-            self._check_symmetry(self.symmetry)
+            target = self.target.target().probabilities
+            check_symmetry(self.symmetry, self.method.exact, self.center_of_mass, target)
         balance = None if self.engrave is None else self.engrave.balance
         if self.center_of_mass is not None and balance in ("opposite", "fill"):
             raise ValueError(
@@ -287,20 +282,11 @@ class Recipe(Strict):
         assert prior is None or isinstance(prior, DensityPrior)
         return prior
 
-    def _check_symmetry(self, name: str) -> None:
-        if self.method.exact is None or self.method.exact.coordinates != "facets":
-            raise ValueError(
-                "symmetry: expected the exact method with coordinates: facets, got another; leave "
-                "symmetry out, or change the method"
-            )
-        if self.center_of_mass is not None:
-            raise ValueError(
-                "center_of_mass: expected uniform with a symmetry, got a point; leave one of them "
-                "out"
-            )
-        if name != AUTO:
-            # Raises where equal probabilities do not fill whole orbits.
-            OrbitLayouts(self.target.target().probabilities, point_group(name))
+    def _may_choose_symmetry(self) -> bool:
+        """True where none is given to a thrown die, which is right on more tables with one."""
+        searched, exact = self.start.kind.search is not None, self.method.exact
+        is_open = "symmetry" not in self.model_fields_set and self.method.thrown and searched
+        return is_open and exact is not None and exact.coordinates == "facets"
 
     def group(self) -> Floats | None:
         """(g, 3, 3) the point group that the die has; None for none, or one yet to be found."""

@@ -10,7 +10,8 @@ from dicedesign.errors import InputError
 from dicedesign.optimize.starts.start import Task
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
-from dicedesign.recipe.schema.recipe import AUTO, Recipe
+from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.schema.symmetries import AUTO
 
 __all__ = ["check_orbits", "make_start"]
 

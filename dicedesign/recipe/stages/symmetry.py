@@ -11,7 +11,7 @@ import numpy as np
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
-from dicedesign.recipe.schema.recipe import AUTO
+from dicedesign.recipe.schema.symmetries import AUTO
 from dicedesign.results.status import Status
 
 __all__ = ["choose_symmetry"]

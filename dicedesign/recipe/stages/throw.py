@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["throw"]
 
-ON_TABLES: Final = 0.25
+ON_TABLES: Final = 0.5
 """Throws onto what the table may be instead, all together, over those onto the table itself."""
 
 

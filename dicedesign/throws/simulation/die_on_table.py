@@ -77,7 +77,7 @@ class DieOnTable:
         first on."""
 
         def counted(place: int) -> Integers:
-            table = tables[place].sized(self.table.size)
+            table = tables[place].lifted(self.table.size)
             return self.counts(simulate(self.body, table, drops, seed + place, engine=engine))
 
         # Engines are loaded by the first who asks for one, who is alone here.

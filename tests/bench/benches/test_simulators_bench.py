@@ -81,6 +81,18 @@ def test_each_way_has_throws_of_its_own() -> None:
     np.testing.assert_array_equal(again.counts["native"], first.counts["native"])
 
 
+def test_rests_that_nobody_can_tell_apart_are_one() -> None:
+    """A pyramid over a square that was folded by a hair, so that it lies on either half."""
+    base = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
+    for fold, outcomes in ((0.01, 5), (0.1, 6)):
+        points = np.array([*base, [0.0, 0.0, 1.5]])
+        points[0, 2] = points[2, 2] = -fold
+        body, _ = thrown(points)
+        die = NamedDie("pyramid", body)
+        assert len(body.rest_heights) == 6
+        assert len(set(die.outcome_of_rest.tolist())) == outcomes
+
+
 def test_pairs_over_dice() -> None:
     names = [way.name for way in WAYS]
     right = {name: np.array([500, 500, 7]) for name in names}

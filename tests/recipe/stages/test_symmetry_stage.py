@@ -75,3 +75,18 @@ def test_equally_probable_outcomes_of_a_thrown_die_are_images() -> None:
 def test_where_no_symmetry_can_be_none_is_looked_for(entries: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         checked_recipe({"name": "d", "target": {"fair": 5}, "symmetry": "auto", **entries})
+
+
+def test_thrown_dice_are_symmetric_unless_they_are_told_otherwise() -> None:
+    thrown = {"method": {"exact": {"odds": "thrown"}}}
+    for entries, expected in (
+        (thrown, "auto"),
+        ({**thrown, "symmetry": "none"}, None),
+        ({**thrown, "symmetry": "Cs"}, "Cs"),
+        ({**thrown, "start": {"prism": {}}}, None),
+        ({}, None),
+    ):
+        recipe = checked_recipe({"name": "d", "target": {"fair": 5}, **entries})
+        assert recipe.symmetry == expected
+        again = checked_recipe(recipe.resolved())
+        assert again.symmetry == expected

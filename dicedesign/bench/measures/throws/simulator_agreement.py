@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from itertools import groupby
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from dicedesign.bench.measures.recipes import begun, designed
 from dicedesign.geometry.meshes.body import make_body
@@ -43,6 +45,9 @@ SEED: Final = 2_000_000
 """Of random dice and of all throws; not one that models are fitted with."""
 
 DROPS_PER_TASK: Final = 500
+
+ALIKE: Final = math.radians(3.0)
+"""Angle between normals of rests that are counted as one."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,15 @@ class NamedDie:
     name: str
     body: RigidBody
 
+    @cached_property
+    def outcome_of_rest(self) -> Integers:
+        """(k,) from 0 on, the same for rests within `ALIKE` of each other, as on the two triangles
+        of a face that is not quite plane: which of them a die lies on nobody can see."""
+        normals = self.body.rest_normals
+        close = normals @ normals.T > math.cos(ALIKE)
+        _, outcomes = connected_components(close)
+        return np.asarray(outcomes, dtype=np.int64)
+
 
 @dataclass(frozen=True)
 class ThrownWays:
@@ -85,14 +99,14 @@ class ThrownWays:
     Attributes
     ----------
     name: of the die.
-    counts: (k + 1,) of its rests and of drops that came to none, by the name of the way.
+    counts: (g + 1,) of its outcomes and of drops that came to none, by the name of the way.
     """
 
     name: str
     counts: dict[str, Integers]
 
     def variation(self, first: str, second: str) -> SampledVariation:
-        """Between the frequencies of the rests in two ways."""
+        """Between the frequencies of the outcomes in two ways."""
         return sampled_variation(self.counts[first][:-1], self.counts[second][:-1])
 
 
@@ -143,7 +157,7 @@ def throw_in_ways(
     tasks = [
         partial(
             throw_part,
-            dice[number].body,
+            dice[number],
             table,
             way,
             min(DROPS_PER_TASK, drops[way.engine] - first),
@@ -159,12 +173,10 @@ def throw_in_ways(
         yield ThrownWays(dice[number].name, counts)
 
 
-def throw_part(
-    body: RigidBody, table: Table, way: Way, drops: int, seed: Sequence[int]
-) -> Integers:
-    """Counts (k + 1,) of the rests, and of drops that came to none."""
+def throw_part(die: NamedDie, table: Table, way: Way, drops: int, seed: Sequence[int]) -> Integers:
+    """Counts (g + 1,) of the outcomes, and of drops that came to none."""
     rng = np.random.default_rng(seed)
-    states = released(body, table, np.arange(drops), "uniform", rng)
-    outcomes = way.throw(body, table, states)
-    counts: Integers = np.bincount(outcomes + 1, minlength=len(body.rest_heights) + 1)
-    return np.roll(counts, -1)
+    states = released(die.body, table, np.arange(drops), "uniform", rng)
+    rests = way.throw(die.body, table, states)
+    outcome_of_rest = np.append(die.outcome_of_rest, die.outcome_of_rest.max() + 1)
+    return np.bincount(outcome_of_rest[rests], minlength=int(outcome_of_rest[-1]) + 1)

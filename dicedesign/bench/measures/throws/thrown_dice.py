@@ -250,7 +250,7 @@ def throw_recipe(
         on_stage("other tables")
         tables = posterior_tables(exact.thrown_onto) or other_tables(table_named(exact.thrown_onto))
         for table in tables:
-            counts = thrower.counts(refined, table.sized(refined.thrown.table.size), table_drops)
+            counts = thrower.counts(refined, table.lifted(refined.thrown.table.size), table_drops)
             lost = table_drops - int(counts[:-1].sum())
             thrown = TableThrows(table.as_dict(), table_drops, lost, refined.to_target(counts))
             row = replace(row, elsewhere=(*row.elsewhere, thrown))
