@@ -35,9 +35,9 @@ sampling 6,000 drops does."""
 STEPS_PER_CHECK: Final = 16
 
 TOUCHING: Final = 1e-4
-"""Distance in radii at which points are in contact. Bullet's own, 0.02, is so large that it stops a
-point above the table, where it forgets about restitution; of a far smaller one it loses the points
-that a body stands on, which then rattles."""
+"""Distance in radii at which points are in contact. Of a point that comes nearer within a step
+Bullet stops part of the speed before it bounces: this over the step, which is a hundredth of the
+square root of radius times gravity. Its own 0.02 would stop slow ones altogether."""
 
 MARGIN: Final = 1e-5
 """By which Bullet rounds the hull, in radii."""

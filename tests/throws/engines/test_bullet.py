@@ -59,6 +59,23 @@ def test_a_ball_bounces(restitution: float) -> None:
 
 
 @pytest.mark.usefixtures("bullet")
+@pytest.mark.parametrize("restitution", [0.5, 0.8])
+@pytest.mark.parametrize("refinement", [1.0, 4.0])
+def test_a_slow_bounce_keeps_its_restitution(restitution: float, refinement: float) -> None:
+    """From half a radius, with finer steps as well. Of points that count as touching before they
+    do, Bullet lets only part of the speed bounce."""
+    body, _ = thrown(OCTAHEDRON)
+    step = STEP / refinement
+    with bullet_engine._scene(body, replace(BOARD, restitution=restitution), step) as scene:
+        scene.release(
+            np.array([0.0, 0.0, 1.5]), turn_down(body.vertices[0]), np.zeros(3), np.zeros(3)
+        )
+        scene.advance(round(1.3 / step), None)
+        bounced = scene.state()[1] - 1.0
+    assert bounced == pytest.approx(0.5 * restitution**2, rel=0.06)
+
+
+@pytest.mark.usefixtures("bullet")
 @pytest.mark.parametrize("friction", [0.0, 0.1, 0.3])
 @pytest.mark.parametrize("degrees", [0.0, 30.0])
 def test_a_cube_slides(friction: float, degrees: float) -> None:
