@@ -27,9 +27,9 @@ from dicedesign.throws.momentum.transitions import Transitions
 
 __all__ = ["TrainingDie", "new_model", "train"]
 
-TRANSITION_HIDDEN: Final = 48
+TRANSITION_HIDDEN: Final = 64
 
-CARRY_HIDDEN: Final = 24
+CARRY_HIDDEN: Final = 32
 """Hidden units of the networks."""
 
 FIRST_TEMPERATURE: Final = 0.17
@@ -61,7 +61,7 @@ WARMING: Final = 50.0
 MOST_GRADIENT: Final = 1.0
 """Length to which a gradient is shortened."""
 
-WEIGHT_DECAY: Final = 1e-4
+WEIGHT_DECAY: Final = 1e-5
 """Weight of the squared parameters of the networks in the loss."""
 
 SMALLEST_SHARE: Final = 1e-6

@@ -75,16 +75,17 @@ def check_learning(table: Table, dice: int, drops: int, seed: int, epochs: int) 
 def throws_of_die(
     tables: tuple[Table, ...], is_general: bool, number: int, drops: int, seed: int
 ) -> list[tuple[Table, int]]:
-    """Tables, and how often a die is thrown onto each: the first one of those given, and others of
-    the range around these, for a general model half of them of all its range. Every `HELD_OUT`-th
-    die is held out: it is thrown onto the first table alone, and more often."""
+    """Tables, and how often a die is thrown onto each: the first one of those given, and others
+    near any of them, for a general model the last one of all its range. Every `HELD_OUT`-th die is
+    held out: it is thrown onto the first table alone, and more often."""
     if _is_held_out(number):
         return [(tables[0], drops * HELD_OUT_DROPS)]
     rng = np.random.default_rng([seed, number, 1])
-    near = TableRange.around(tables)
-    far = GENERAL if is_general else near
-    others = [near, *[far] * (TABLES // 2)]
-    drawn = [tables[0], *(tables_of.drawn(tables[0], rng) for tables_of in others)]
+    drawn = [tables[0]]
+    for place in range(1, TABLES):
+        one = tables[rng.integers(len(tables))]
+        is_far = is_general and place == TABLES - 1
+        drawn.append((GENERAL if is_far else TableRange.around([one])).drawn(one, rng))
     return [(table, math.ceil(drops / TABLES)) for table in drawn]
 
 

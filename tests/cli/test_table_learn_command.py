@@ -19,7 +19,7 @@ from dicedesign.cli.main import main
 from dicedesign.runtime import executors
 from dicedesign.throws.momentum.momentum_model import momentum_model
 from dicedesign.throws.momentum.momentum_odds import momentum_odds
-from dicedesign.throws.tables import table_entries, table_named
+from dicedesign.throws.tables import table_entries
 
 
 @pytest.fixture(autouse=True)
@@ -34,7 +34,8 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
 @compiled_only
 def test_a_table_gets_its_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mine = tmp_path / "mine.json"
-    entries = {**table_named("board-game").as_dict(), "name": "mine", "spin": 3.0}
+    entries = {**table_entries("board-game"), "name": "mine", "spin": 3.0}
+    assert len(entries["posterior"]) == 32
     # A model that is none does not matter.
     mine.write_text(json.dumps({**entries, "momentum": []}))
     out = tmp_path / "new" / "learned.json"

@@ -89,11 +89,12 @@ def _learn(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.learning.table_learning import check_learning, learn_momentum
     from dicedesign.throws.engines.engine import require_engine
-    from dicedesign.throws.tables import table_named
+    from dicedesign.throws.tables import posterior_tables, table_entries, table_named
 
     check_worker_options(options)
     require_engine("native")
-    table = table_named(options.table)
+    table, entries = table_named(options.table), table_entries(options.table)
+    posterior = posterior_tables(options.table)
     _require_momentum(table)
     check_learning(table, options.dice, options.drops, options.seed, options.epochs)
     out = json_path(options.out or Path(f"{Path(options.table).stem}.json"))
@@ -110,7 +111,7 @@ def _learn(options: argparse.Namespace) -> int:
         bar.update()
 
     work = {
-        "table": json.dumps(table.as_dict()),
+        "table": json.dumps([one.as_dict() for one in (table, *posterior)]),
         "number of dice": str(options.dice),
         "number of drops": str(options.drops),
         "seed": str(options.seed),
@@ -122,7 +123,7 @@ def _learn(options: argparse.Namespace) -> int:
         workers_of(options, "dice", options.dice) as workers,
     ):
         learned = learn_momentum(
-            (table,),
+            (table, *posterior),
             options.all_tables,
             options.dice,
             options.drops,
@@ -135,7 +136,7 @@ def _learn(options: argparse.Namespace) -> int:
         )
         if bar is not None:
             bar.close()
-        of_table = {**table.as_dict(), "momentum": learned.plain}
+        of_table = {**entries, **table.as_dict(), "momentum": learned.plain}
         write_table(out, learned.plain if options.all_tables else of_table)
     print("\n".join(_lines(learned)))
     return 0

@@ -18,7 +18,7 @@ __all__ = ["KnownOdds"]
 COMMON: Final = 0.4
 """Standard deviation of the logarithm of an outcome's odds over those in the model."""
 
-BY_TABLE: Final = (0.01, 0.04)
+BY_TABLE: Final = (0.01, 0.03, 0.1)
 """The same of its change with each measure of the table, in units of how much that varies: guesses.
 """
 

@@ -12,9 +12,8 @@ that of the thrown dice is kept which so has the least expected deviation. None 
 never thrown. The throws that made the choice flatter it all the same, so that the verdict over a
 die is left to others.
 
-After the first round, and again once it is right on the table that is meant, the die is designed to
-have the same odds on all tables; else it is not made better by preference: one that hardly moves
-keeps what was measured of it.
+After the first round the die is designed to have the same odds on all tables; in the later ones it
+is no more made better by preference: one that hardly moves keeps what was measured of it.
 """
 
 from __future__ import annotations
@@ -38,8 +37,8 @@ __all__ = ["Refinement", "Round", "Thrown"]
 ON_TABLES: Final = 0.5
 """Throws onto the other tables, all together, over those onto the one that is meant."""
 
-MAKING: Final = 2
-"""Rounds at most after which the die is made better by preference; the others correct it."""
+TELLING: Final = 1.5
+"""Throws onto the other tables that tell how a die's odds change, over those of the first round."""
 
 LEAST_GROWTH: Final = 0.25
 """Throws of a round over those of all before, unless it is as many as those of the first."""
@@ -121,8 +120,8 @@ class Refinement:
         that is meant, in units of how much each varies.
     drops: throws of the first round. rounds: most rounds.
     within: total variation that counts as reached.
-    throw: throws of a die onto the table that is meant, so many, in a round of this number; all
-        have random numbers of their own.
+    throw: throws of a die onto the table that is meant, so many, in a series of this number, first
+        that of a round; all have random numbers of their own.
     throw_on_tables: the same onto each of the tables (t,), so many onto each.
     design: from a die to one near it with other odds (k,) in the model, or None; also told the
         logarithms (t, k) of the odds on the tables over those in the model, or None where it shall
@@ -152,7 +151,7 @@ class Refinement:
         known = KnownOdds.nothing(
             self.target, self.orbits, self.measures(die), self.tables.shape[1], self.rounds
         )
-        asked, dice, seen, made = self.target, list[_Seen](), 0, 0
+        asked, dice, seen = self.target, list[_Seen](), 0
         for number in range(self.rounds):
             drops = min(max(self.drops, min(seen, self._lacking(seen))), MOST_DROPS)
             found = self._thrown(known, die, asked, drops, number)
@@ -161,18 +160,32 @@ class Refinement:
             if self.on_round is not None:
                 self.on_round(self._round(known, found))
             is_right = self._here(known, found) <= AIM
-            is_making = made < MAKING and (number == 0 or is_right)
-            done = is_right and (not is_making or self._shortfall(known, found) <= ENOUGH)
-            if done or number == self.rounds - 1:
+            is_steady = number > 0 or self._shortfall(known, found) <= ENOUGH
+            if (is_right and is_steady) or number == self.rounds - 1:
                 break
-            made += is_making
-            improved = self._corrected(known, found, is_making)
+            improved = self._corrected(known, found, is_making=number == 0)
             if improved is None:
                 break
             die, asked = improved
         best = min(dice, key=lambda one: self._shortfall(known, one))
         history = [replace(self._round(known, one), is_kept=one is best) for one in dice]
         return best.die, tuple(history)
+
+    def swing(self, die: DesignResult, place: int) -> float:
+        """Total variation between the odds of a die on the table that is meant and on the others,
+        for all but one in ten of these, by throws that have the number `place` after those of all
+        rounds."""
+        shape = self.measures(die)
+        known = KnownOdds.nothing(self.target, self.orbits, shape, self.tables.shape[1], 1)
+        series, each = self.rounds + place, math.ceil(TELLING * self.drops / len(self.tables))
+        meant = self.throw(die, math.ceil(self.drops / 2), series)
+        others = self.throw_on_tables(die, each, series)
+        thrown = list(zip([known.meant, *self.tables], [meant, *others], strict=True))
+        for table, one in thrown:
+            known.learn(shape, 0, table, one.odds, one.counts[:-1])
+        odds = [one.odds * np.exp(known.logarithms(shape, 0, table)) for table, one in thrown]
+        own, *changed = (row / row.sum() for row in odds)
+        return float(np.quantile([total_variation(row, own) for row in changed], OFTEN))
 
     def _lacking(self, seen: int) -> int:
         """Throws that are needed beside those so far, were all of one die, until what is not known
@@ -182,7 +195,12 @@ class Refinement:
         return math.ceil(max(enough - seen, LEAST_GROWTH * seen))
 
     def _thrown(
-        self, known: KnownOdds, die: DesignResult, asked: Floats, drops: int, number: int
+        self,
+        known: KnownOdds,
+        die: DesignResult,
+        asked: Floats,
+        drops: int,
+        number: int,
     ) -> _Seen:
         """A die thrown onto all tables, of which note is taken."""
         shape = self.measures(die)
@@ -289,8 +307,8 @@ def _mixed(points: list[Floats], steps: list[Floats]) -> Floats:
     moves = np.diff(points, axis=0).T
     weights = np.linalg.lstsq(changes, steps[-1], rcond=None)[0]
     step = steps[-1] - (moves + changes) @ weights
-    farthest = FARTHEST * np.linalg.norm(steps[0])
-    mixed: Floats = points[-1] + step * min(1.0, farthest / max(np.linalg.norm(step), farthest))
+    length, farthest = float(np.linalg.norm(step)), FARTHEST * float(np.linalg.norm(steps[0]))
+    mixed: Floats = points[-1] + step * min(1.0, farthest / length if length > 0.0 else 1.0)
     return mixed
 
 

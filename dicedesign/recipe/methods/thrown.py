@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import replace
 from itertools import islice
@@ -36,8 +37,11 @@ from dicedesign.throws.tables import Table, posterior_tables, table_named
 
 __all__ = ["VERDICT", "bare_sensitivity", "check_table", "design", "seed_of"]
 
-VERDICT: Final = MOST_ROUNDS
-"""Number of the throws that judge the finished die, after those of all rounds."""
+FURTHER: Final = 3
+"""Dice of other shapes that are made besides the first, of which the steadiest is taken."""
+
+VERDICT: Final = MOST_ROUNDS + 1 + FURTHER
+"""Number of the throws that judge the finished die, after those of all rounds and shapes."""
 
 SERIES: Final = 1000
 """Seeds of a round: of its throws onto the table that is meant, and onto each of the others."""
@@ -72,12 +76,13 @@ def design(work: Work) -> DesignedDie:
     thrown = ThrownOdds.on(options.thrown_onto)
     others = other_tables(table_named(options.thrown_onto), posterior_tables(options.thrown_onto))
     sensitivity = TableSensitivity(thrown, others, wanted)
-    result = solver(work)(starts_of(work, wanted), wanted, sensitivity=sensitivity)
+    starts = iter(starts_of(work, wanted))
+    result = solver(work)(starts, wanted, sensitivity=sensitivity)
     rounds: tuple[Round, ...] = ()
     if options.refine is not None and result.status is Status.CONVERGED:
         with throwing_threads() as workers:
             corrections = _Corrections(work, wanted, sensitivity, workers)
-            result, rounds = corrections.refined(result)
+            result, rounds = corrections.refined(result, starts)
     return designed_die(work, result, rounds)
 
 
@@ -98,11 +103,23 @@ class _Corrections:
         self._name, self._workers = self._options.thrown_onto, workers
         self._model = momentum_model(self._name)
         self._others: tuple[Table, ...] = ()
-        if self._options.prefer.robustness > 0.0 and sensitivity.is_known:
+        is_free = len(np.unique(wanted)) > 1 or work.recipe.group() is None
+        if self._options.prefer.robustness > 0.0 and sensitivity.is_known and is_free:
             self._others = posterior_tables(self._name) or sensitivity.tables
 
-    def refined(self, die: DesignResult) -> tuple[DesignResult, tuple[Round, ...]]:
-        """The die that the rounds lead to, and the rounds."""
+    def refined(
+        self, die: DesignResult, starts: Iterator[Start | None]
+    ) -> tuple[DesignResult, tuple[Round, ...]]:
+        """The die that the rounds lead to, and the rounds; from one, or from the steadiest of some
+        that further starts lead to."""
+        if self._work.start is None and self._others:
+            dice = [die, *self._further(starts)]
+            swings = [self._rounds(one).swing(one, place) for place, one in enumerate(dice)]
+            die = dice[int(np.argmin(swings))]
+        return self._rounds(die).refine(die)
+
+    def _rounds(self, die: DesignResult) -> Refinement:
+        """Rounds of dice like one."""
         refine, group = self._options.refine, self._work.recipe.group()
         assert refine is not None
         orbits = np.arange(len(self._wanted))
@@ -120,7 +137,18 @@ class _Corrections:
             design=self._again,
             measures=lambda tried: shape_measures(tried, self._center),
             on_round=self._work.listeners.on_round,
-        ).refine(die)
+        )
+
+    def _further(self, starts: Iterator[Start | None]) -> Iterator[DesignResult]:
+        """Dice with the odds by the model, of other shapes."""
+        for _ in range(FURTHER):
+            few = islice(starts, CLOSE_STARTS)
+            try:
+                found = self._solve(few, self._wanted, sensitivity=self._sensitivity)
+            except NoStartError:
+                continue
+            if found.status is Status.CONVERGED:
+                yield found
 
     def _throw(self, die: DesignResult, drops: int, number: int) -> Thrown:
         """See `Refinement`."""

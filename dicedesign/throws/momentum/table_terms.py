@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, compress
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -18,7 +18,8 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.engines.contact import GRAVITY
-from dicedesign.throws.spreads import mean_of
+from dicedesign.throws.spreads import Spread, least_of, mean_of
+from dicedesign.throws.spreads import scaled as spread_by
 
 if TYPE_CHECKING:
     from dicedesign.throws.tables import Table
@@ -137,14 +138,20 @@ class TableRange:
                 )
 
     def _moved(self, table: Table, numbers: Floats) -> Table:
-        """A table with those numbers that differ from its own."""
-        values, own = numbers * _units(table.size), dimensionless(table)
-        changed = zip(TABLE_NUMBERS, values.tolist(), numbers != own, strict=True)
-        # Rounding must not put a die into the table that it falls on.
-        least = {"height": table.size}
-        return replace(
-            table, **{n: max(v, least.get(n, 0.0)) for n, v, differs in changed if differs}
-        )
+        """A table with those numbers that differ from its own; ranges stay as wide as they are
+        compared with their mean."""
+        values = dict(zip(TABLE_NUMBERS, (numbers * _units(table.size)).tolist(), strict=True))
+        differs = numbers != dimensionless(table)
+        moved: dict[str, Spread] = {}
+        for name in compress(TABLE_NUMBERS, differs):
+            spread, value = getattr(table, name), values[name]
+            mean = mean_of(spread)
+            is_wide = isinstance(spread, tuple) and mean > 0.0
+            moved[name] = spread_by(spread, value / mean) if is_wide else value
+        if least_of(moved.get("height", table.height)) < table.size:
+            # A die falls from no less than its size.
+            moved["height"] = max(values["height"], table.size)
+        return replace(table, **moved)
 
 
 WIDEST: Final = TableRange(
@@ -153,6 +160,6 @@ WIDEST: Final = TableRange(
 """What can be thrown at all."""
 
 GENERAL: Final = TableRange(
-    np.array([0.0, 0.1, 1.2, 0.0, 0.0]), np.array([0.8, 1.5, 20.0, 4.0, 5.0])
+    np.array([0.0, 0.05, 1.2, 0.0, 0.0]), np.array([0.85, 1.5, 32.0, 6.0, 9.0])
 )
 """What the model of all tables is learned on."""

@@ -202,18 +202,26 @@ def test_a_die_is_thrown_as_it_is_printed(run: MadeUpRun) -> None:
     assert small.note == ""
 
 
-def test_a_table_without_others_is_varied_by_its_restitution() -> None:
-    row = made_up_run().row
-    restitution = table_named("board-game").restitution
+def test_a_table_without_others_is_varied_by_its_restitution(fitted: str, tmp_path: Path) -> None:
+    entries = json.loads(Path(fitted).read_text())
+    del entries["posterior"]
+    alone = tmp_path / "alone.json"
+    alone.write_text(json.dumps(entries))
+    row = made_up_run(method=onto(str(alone))).row
     others = [one.table["restitution"] for one in row.elsewhere]
-    assert others == pytest.approx([1.2 * restitution, 0.8 * restitution])
+    assert others == pytest.approx([1.2 * 0.65, 0.8 * 0.65])
 
 
-def test_a_further_die_need_not_be_compared() -> None:
+def test_a_further_die_need_not_be_compared(fitted: str) -> None:
     throws, stages = MadeUpThrows(), []
     thrower = Thrower("native", Inline(), throw=throws)
     row = throw_recipe(
-        recipe(), 60 + LOST, 30 + LOST, thrower, is_compared=False, on_stage=stages.append
+        recipe(method=onto(fitted)),
+        60 + LOST,
+        30 + LOST,
+        thrower,
+        is_compared=False,
+        on_stage=stages.append,
     )
     assert stages == ["design for throws", "other tables"]
     assert row.before is None

@@ -129,7 +129,7 @@ def test_terms_are_all_quadratic_polynomials_of_the_scaled_numbers() -> None:
     rows = np.array([table_terms(GENERAL.drawn(TABLE, rng)) for _ in range(60)])
     assert np.linalg.matrix_rank(rows) == TABLE_TERMS == 21
     numbers = rows[:, 1:6]
-    assert np.abs(numbers).max() < 1.2
+    assert np.abs(numbers).max() < 1.7
     weights = rng.normal(size=(5, 5))
     wanted = 1.0 + numbers @ weights[0] + np.einsum("ni,ij,nj->n", numbers, weights, numbers)
     fitted = rows @ np.linalg.lstsq(rows, wanted, rcond=None)[0]
@@ -153,12 +153,12 @@ def test_a_model_of_another_table_is_that_which_the_file_gives() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"restitution": 0.9}, "restitution of 0 to 0.8 for dice of 25 mm, .*, got 0.9; make"),
-        ({"friction": 0.05}, "friction of 0.1 to 1.5 for dice .*, got 0.05; make a model of its"),
-        ({"height": 0.6}, "height of 0.03 to 0.5 m for dice of 25 mm, .*, got 0.6; make a model"),
-        ({"height": 0.6, "size": 0.02}, "height of 0.024 to 0.4 m for dice of 20 mm"),
-        ({"speed": 3.0}, "speed of 0 to 1.98 m/s for dice of 25 mm, .*, got 3; make a model of"),
-        ({"spin": 200.0}, "spin of 0 to 99 rad/s for dice of 25 mm, .* got 200; .* table learn"),
+        ({"restitution": 0.9}, "restitution of 0 to 0.85 for dice of 25 mm, .*, got 0.9; make"),
+        ({"friction": 0.04}, "friction of 0.05 to 1.5 for dice .*, got 0.04; make a model of its"),
+        ({"height": 0.9}, "height of 0.03 to 0.8 m for dice of 25 mm, .*, got 0.9; make a model"),
+        ({"height": 0.7, "size": 0.02}, "height of 0.024 to 0.64 m for dice of 20 mm"),
+        ({"speed": 4.0}, "speed of 0 to 2.97 m/s for dice of 25 mm, .*, got 4; make a model of"),
+        ({"spin": 200.0}, "spin of 0 to 178 rad/s for dice of 25 mm, .* got 200; .* table learn"),
     ],
 )
 def test_a_table_beyond_the_range_is_refused(
