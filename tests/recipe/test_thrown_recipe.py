@@ -16,6 +16,7 @@ from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.hand import HANDS
 from dicedesign.throws.momentum.momentum_odds import thrown_odds
+from dicedesign.throws.tables import posterior_tables
 
 pytestmark = compiled_only
 
@@ -39,7 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_run_leaves_what_the_die_does_on_the_table(folder: Path) -> None:
     result = json.loads((folder / "result.json").read_text())
     thrown = result["thrown"]
-    assert list(thrown) == ["table", "momentum", "rounds", "simulated"]
+    assert list(thrown) == ["table", "momentum", "rounds", "simulated", "elsewhere"]
     simulated = thrown["simulated"]
     assert (simulated["drops"], simulated["unresolved"]) == (1000, 0)
     assert sum(simulated["counts"]) == 1000
@@ -48,7 +49,14 @@ def test_a_run_leaves_what_the_die_does_on_the_table(folder: Path) -> None:
         assert low < seen < high
     deviation = 0.5 * np.abs(np.array(simulated["frequencies"]) - 0.2).sum()
     assert simulated["total_variation"] == pytest.approx(deviation)
-    assert [part["drops"] for part in thrown["rounds"]] == [500]
+    # Symmetry makes it right, on all tables.
+    assert thrown["rounds"] == []
+    elsewhere = thrown["elsewhere"]
+    assert len(elsewhere["values"]) == len(posterior_tables("board-game"))
+    assert elsewhere["drops"] == 500 + 12
+    assert elsewhere["often"] == pytest.approx(np.quantile(elsewhere["values"], 0.9))
+    assert elsewhere["worst"] == max(elsewhere["values"])
+    assert elsewhere["often"] < 1.5 * elsewhere["chance_often"]
     assert "thrown 1000 times" in result["message"]
 
 
@@ -67,8 +75,10 @@ def test_pictures_and_report_are_there(folder: Path) -> None:
     for kind, name in (("table", "table.png"), ("film", "film.png"), ("throw", "throw.gif")):
         assert files[kind] == name
         assert (folder / name).stat().st_size > 5000
-    assert (folder / "rounds.png").exists()
-    assert "On the table" in (folder / "report.html").read_text()
+    assert not (folder / "rounds.png").exists()
+    page = (folder / "report.html").read_text()
+    assert "On the table" in page
+    assert "On nine in ten of these" in page
 
 
 def test_a_die_that_misses_says_so(

@@ -22,7 +22,7 @@ BY_TABLE: Final = (0.01, 0.03, 0.1)
 """The same of its change with each measure of the table, in units of how much that varies: guesses.
 """
 
-BY_SHAPE: Final = ((0.05, 0.003), (0.2, 0.003), (0.2, 0.03), (0.8, 0.01), (0.8, 0.1))
+BY_SHAPE: Final = ((0.2, 0.02), (0.2, 0.05), (0.8, 0.02), (0.8, 0.1))
 """The same of its change with each measure of the die, and of what is each die's own: guesses."""
 
 

@@ -43,10 +43,10 @@ TELLING: Final = 1.5
 LEAST_GROWTH: Final = 0.25
 """Throws of a round over those of all before, unless it is as many as those of the first."""
 
-AIM: Final = 0.5
+AIM: Final = 0.65
 """Expected deviation over the one that counts as reached, from which on no more is thrown."""
 
-ENOUGH: Final = 0.6
+ENOUGH: Final = 0.7
 """The same with the other tables, from which on the die is made no better."""
 
 LOOSER: Final = 2.0
