@@ -12,7 +12,7 @@ from dicedesign.throws.momentum.momentum_odds import momentum_odds
 from dicedesign.throws.momentum.other_tables import CHANGES
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.statistics.total_variation import total_variation
-from dicedesign.throws.tables import TABLE_NAMES, table_named
+from dicedesign.throws.tables import TABLE_NAMES, posterior_tables, table_named
 
 pytestmark = compiled_only
 
@@ -53,3 +53,15 @@ def test_the_model_knows_what_a_livelier_table_does(dice: list[RandomDie]) -> No
         up, down = (momentum_odds(die.poses, die.body, model.on(one)) for one in livelier)
         expected.append(up - down)
     assert np.corrcoef(np.concatenate(seen), np.concatenate(expected))[0, 1] > 0.5
+
+
+def test_the_model_knows_all_that_the_table_may_be_instead(dice: list[RandomDie]) -> None:
+    model, posterior = momentum_model("board-game"), posterior_tables("board-game")
+    assert model is not None
+    assert len(posterior) > 10
+    spreads = []
+    for die in dice:
+        odds = [momentum_odds(die.poses, die.body, model.on(table)) for table in posterior]
+        np.testing.assert_allclose(np.sum(odds, axis=1), 1.0, atol=1e-9)
+        spreads.append(np.std(odds, axis=0).max())
+    assert max(spreads) > 0.005

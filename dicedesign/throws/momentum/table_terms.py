@@ -11,14 +11,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement, compress
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.engines.contact import GRAVITY
-from dicedesign.throws.spreads import Spread, least_of, mean_of
+from dicedesign.throws.spreads import least_of, mean_of
 from dicedesign.throws.spreads import scaled as spread_by
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ class TableRange:
         compared with their mean."""
         values = dict(zip(TABLE_NUMBERS, (numbers * _units(table.size)).tolist(), strict=True))
         differs = numbers != dimensionless(table)
-        moved: dict[str, Spread] = {}
+        moved: dict[str, Any] = {}
         for name in compress(TABLE_NUMBERS, differs):
             spread, value = getattr(table, name), values[name]
             mean = mean_of(spread)
