@@ -25,6 +25,9 @@ FEWEST: Final = 60.0
 """Equally weighted points that a covariance is from, at least: weights that leave fewer are raised
 to a power below 1 until they do not."""
 
+MOST_ROUNDS: Final = 8
+"""Of points that are drawn before those for the posterior without each of the counts."""
+
 
 @dataclass(frozen=True)
 class WeightedPoints:
@@ -41,10 +44,11 @@ class WeightedPoints:
     log_priors: Floats
     log_likelihoods: Floats
 
-    def weights(self, without: int | None = None) -> Floats:
-        """(n,) summing to 1, of the posterior of all counts, or of all but one of them."""
+    def weights(self, without: int | None = None, power: float = 1.0) -> Floats:
+        """(n,) summing to 1, of the posterior of all counts, or of all but one of them; power: of
+        each weight before they are scaled."""
         kept = [i for i in range(self.log_likelihoods.shape[1]) if i != without]
-        logarithms = self.log_priors + self.log_likelihoods[:, kept].sum(axis=1)
+        logarithms = power * (self.log_priors + self.log_likelihoods[:, kept].sum(axis=1))
         return np.asarray(np.exp(logarithms - logsumexp(logarithms)))
 
 
@@ -63,10 +67,11 @@ def weighted_points(
 ) -> WeightedPoints:
     """Points where the posterior is, by importance.
 
-    Points are spread over the prior, and then drawn twice from t distributions of the mean and the
-    covariance that the posterior has by the points before, of logits, which have no limits; the
-    second time as many for the posterior without each of the counts. Each is weighted by the
-    mixture of all densities that points were drawn with.
+    Points are spread over the prior, and then drawn from t distributions of the mean and the
+    covariance that the posterior has by the points before, of logits, which have no limits: once,
+    or several times where the posterior is narrow beside the prior; and at last as many for the
+    posterior without each of the counts. Each is weighted by the mixture of all densities that
+    points were drawn with.
 
     Source: Veach and Guibas, Optimally combining sampling techniques for Monte Carlo rendering,
     1995 (the balance heuristic).
@@ -81,33 +86,39 @@ def weighted_points(
     points = np.clip(spread, 1e-9, 1.0 - 1e-9)
     found = WeightedPoints(points, np.zeros(len(points)), log_likelihoods(points))
     proposals: list[tuple[Floats, Floats]] = []
-    for round_number in range(2):
-        left_out: Sequence[int | None] = [None]
-        if round_number == 1 and leave_one_out:
-            left_out = [None, *range(found.log_likelihoods.shape[1])]
+
+    def more(left_out: Sequence[int | None]) -> WeightedPoints:
         new = [_proposal(found, without) for without in left_out]
-        proposals += new
+        proposals.extend(new)
         drawn = [
             multivariate_t(mean, covariance, DEGREES, seed=rng).rvs(each)
             for mean, covariance in new
         ]
         # A point at the very border of the cube has no weight in any case.
-        more = np.clip(expit(np.concatenate(drawn)), 1e-12, 1.0 - 1e-12)
-        points = np.concatenate([found.points, more])
-        found = WeightedPoints(
+        added = np.clip(expit(np.concatenate(drawn)), 1e-12, 1.0 - 1e-12)
+        points = np.concatenate([found.points, added])
+        return WeightedPoints(
             points,
             -_log_density(points, proposals),
-            np.concatenate([found.log_likelihoods, log_likelihoods(more)]),
+            np.concatenate([found.log_likelihoods, log_likelihoods(added)]),
         )
-    return found
+
+    for _ in range(MOST_ROUNDS):
+        found = more([None])
+        if effective(found.weights()) >= FEWEST:
+            break
+    counts = range(found.log_likelihoods.shape[1]) if leave_one_out else ()
+    return more([None, *counts])
 
 
 def _proposal(found: WeightedPoints, without: int | None) -> tuple[Floats, Floats]:
     """Mean (d,) and scale (d, d) of a t distribution for logits of points."""
-    weights, places = found.weights(without), logit(found.points)
+    power, places = 1.0, logit(found.points)
+    weights = found.weights(without)
+    # Powers of the logarithms, as weights themselves may have come to 0.
     while effective(weights) < FEWEST:
-        weights = np.sqrt(weights)
-        weights /= weights.sum()
+        power /= 2.0
+        weights = found.weights(without, power)
     mean = weights @ places
     offsets = places - mean
     return mean, WIDER * offsets.T @ (weights[:, None] * offsets)

@@ -58,3 +58,19 @@ def test_a_posterior_at_the_border() -> None:
 
 def test_equal_weights_are_all_effective() -> None:
     assert effective(np.full(7, 1.0 / 7.0)) == pytest.approx(7.0)
+
+
+def test_a_posterior_that_is_narrow_beside_the_prior() -> None:
+    """As of a million throws, of which the prior's points are too far off to have any weight."""
+    center, deviation = np.array([0.3, 0.7, 0.5]), 1e-4
+
+    def narrow(points: np.ndarray) -> np.ndarray:
+        return -0.5 * np.square((points - center) / deviation).sum(axis=1, keepdims=True)
+
+    found = weighted_points(narrow, 3, 1024, np.random.default_rng(3), leave_one_out=False)
+    weights = found.weights()
+    assert effective(weights) > 200
+    mean = weights @ found.points
+    assert mean == pytest.approx(center, abs=0.3 * deviation)
+    spread = np.sqrt(weights @ (found.points - mean) ** 2)
+    assert spread == pytest.approx(np.full(3, deviation), rel=0.2)
