@@ -174,9 +174,10 @@ def _fit(options: argparse.Namespace) -> int:
         at_hand = None
         if designed is not None:
             die, target = designed
+            assert die.size is not None
             throws = simulate(
                 die.body,
-                fit.table.sized(die.size),
+                fit.table.lifted(die.size),
                 fresh,
                 options.seed,
                 workers=workers.executor,

@@ -60,11 +60,12 @@ def check_table(
 ) -> tuple[DieCheck, ...]:
     """Throw each die so many times on a table, and compare.
 
-    Parameters and errors: as of `simulate`. Dice whose size is unknown have the table's.
+    Parameters and errors: as of `simulate`. Dice whose size is unknown have the table's; larger
+    ones than it lets fall are let go from as high as they are large.
     """
     checks = []
     for die in dice:
-        sized = table.sized(die.size)
+        sized = table if die.size is None else table.lifted(die.size)
         throws = simulate(die.body, sized, drops, seed, workers=workers, progress=progress)
         simulated = die.by_outcome(throws.counts)
         checks.append(
