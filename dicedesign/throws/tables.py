@@ -186,16 +186,22 @@ def posterior_tables(name: str) -> tuple[Table, ...]:
     The entry "posterior" of the file lists objects with restitution, friction, height, speed and
     spin, numbers or ranges; all else they have from the table.
 
-    Raises InputError: as `table_named`, or the entry is no such list.
+    Raises InputError: as `table_named`, or the entry is no such list, or an empty one.
     """
     entries = table_entries(name)
-    listed, table = entries.get("posterior", []), _table(entries)
-    if not isinstance(listed, list) or not all(
-        isinstance(row, dict) and set(row) == set(_DRAWN) for row in listed
+    table = _table(entries)
+    if "posterior" not in entries:
+        return ()
+    listed = entries["posterior"]
+    if (
+        not isinstance(listed, list)
+        or not listed
+        or not all(isinstance(row, dict) and set(row) == set(_DRAWN) for row in listed)
     ):
         raise InputError(
-            f"table {name}: expected as posterior a list of objects with {', '.join(_DRAWN)}; make "
-            "it again with `dicedesign table fit`, or take posterior out of the file"
+            f"table {name}: expected as posterior a list of at least one object with "
+            f"{', '.join(_DRAWN)}; make it again with `dicedesign table fit`, or take posterior "
+            "out of the file"
         )
     return tuple(
         Table(**{**table.as_dict(), **row, "name": f"{table.name} {number} of {len(listed)}"})

@@ -91,11 +91,13 @@ def test_the_fitted_table_has_its_posterior() -> None:
     assert all(each.sized(0.04).size == 0.04 for each in drawn)
 
 
-@pytest.mark.parametrize("posterior", [{}, [3], [{"restitution": 0.3}], [{**GOOD}]])
+@pytest.mark.parametrize("posterior", [{}, [], [3], [{"restitution": 0.3}], [{**GOOD}]])
 def test_a_posterior_that_is_none(posterior: object, tmp_path: Path) -> None:
     path = tmp_path / "lino.json"
     path.write_text(json.dumps({**GOOD, "posterior": posterior}))
-    with pytest.raises(InputError, match="expected as posterior a list of objects with rest"):
+    with pytest.raises(
+        InputError, match="expected as posterior a list of at least one object with rest"
+    ):
         posterior_tables(str(path))
 
 
