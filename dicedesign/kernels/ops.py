@@ -22,7 +22,7 @@ import dicedesign.tolerances as bounds
 from dicedesign.kernels.objects import Bodies, Energies, Handled, Tie
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
-INTERFACE: Final = 5
+INTERFACE: Final = 6
 """Counts changes of what the kernels take and return; those of another number are not used."""
 
 P = ParamSpec("P")

@@ -177,7 +177,7 @@ def _information(squares: Floats, products: Floats) -> Floats:
     fitted = inverse @ products[:, products[0] >= RARE]
     odds, slopes = fitted[0], fitted[1:]
     # Slopes that are all chance have this on the mean.
-    chance = (len(odds) - 1) * inverse[1:, 1:]
+    chance = max(len(odds) - 1, 0) * inverse[1:, 1:]
     values, vectors = np.linalg.eigh((slopes / odds) @ slopes.T - chance)
     information: Floats = (vectors * np.maximum(values, 0.0)) @ vectors.T
     return information
