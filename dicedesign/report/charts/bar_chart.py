@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
 from dicedesign.report.charts.axes import Axis
-from dicedesign.report.charts.chart import Chart, legend_width
+from dicedesign.report.charts.chart import Chart, legend_height, legend_width
 from dicedesign.report.charts.palette import PALE
 from dicedesign.report.charts.paper import TINY, TITLE, text_width
 from dicedesign.report.charts.series import Bars, Intervals, Levels, Note, Series
@@ -125,8 +125,10 @@ def odds_chart(
     tall = box[3] - box[1]
     # Wide enough for what is written above, too.
     wide = max(text_width(title, TITLE) + 120.0, legend_width(series, _LEGEND_COLUMNS) + 20.0)
+    # Rows of the legend beyond the first push all below them down.
+    lower = legend_height(series, _LEGEND_COLUMNS) - legend_height(series, len(series))
     return Chart(
-        (box[0], box[1], max(right, wide), box[3]),
+        (box[0], box[1] + lower, max(right, wide), box[3] + lower),
         Axis(-0.6, count - 0.4, x_label, ticks=list(enumerate(labels))),
         Axis(0.0, max(most, 1e-9) * tall / (0.97 * tall - room), "probability (%)"),
         series,

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from io import BytesIO
+
 import numpy as np
 import pytest
 from common.drawings import is_whole
+from PIL import Image
 
 from dicedesign.errors import InputError
 from dicedesign.report.charts.bar_chart import OddsBars, odds_chart
@@ -21,6 +24,16 @@ INTERVALS = [[0.15, 0.25], [0.45, 0.55], [0.28, 0.33]]
 
 def of_kind(chart: Chart, kind: type) -> list:
     return [one for one in chart.series if isinstance(one, kind)]
+
+
+@pytest.mark.parametrize("number", [1, 4, 6])
+def test_a_title_is_whole_above_any_number_of_kinds(number: int) -> None:
+    """Blank paper is above the title, however many rows the legend has."""
+    kinds = [OddsBars(f"kind number {i}", FAINT, ODDS, INTERVALS, f"{i}") for i in range(number)]
+    paper = sheet([odds_chart(["a", "b", "c"], kinds, title="TITLE", x_label="outcome")])
+    pixels = np.asarray(Image.open(BytesIO(paper.png())).convert("L"))
+    assert (pixels[:4] > 250).all()
+    assert (pixels[4:60] < 128).any()
 
 
 def test_bars_stand_beside_each_other_in_front_of_the_target() -> None:
