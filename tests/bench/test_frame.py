@@ -22,8 +22,8 @@ from dicedesign.results.status import Status
 
 NAMES = (
     "accuracy", "company", "concave", "design", "endurance", "exact", "finished", "gradients",
-    "lean", "momentum", "paper", "priors", "speed", "stability", "table", "thrown", "tolerance",
-    "view",
+    "lean", "momentum", "paper", "priors", "probe", "simulators", "speed", "stability", "table",
+    "thrown", "tolerance", "view",
 )  # fmt: skip
 
 TOY = '''

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from dicedesign.bench.frame import BENCHES, Bench, Items, Run
 from dicedesign.bench.options import Amount, Option
 from dicedesign.bench.rows import Row, column, hidden, percent
 from dicedesign.errors import InputError
+
+if TYPE_CHECKING:
+    from dicedesign.throws.counts.throw_counts import CountedDie
 
 __all__ = ["CompanyRow", "Extent"]
 
@@ -59,7 +62,7 @@ def _rows(run: Run) -> Items:
     require_engine("mujoco")
     table = table_named(options.table)
     names = options.printed and [name.strip() for name in options.printed.split(",")]
-    dice = read_throw_counts(options.throws, names)
+    dice = (_box(),) if options.throws is None else read_throw_counts(options.throws, names)
     drops = run.extent.drops
     if drops % THROWS_PER_TASK:
         raise InputError(
@@ -93,6 +96,25 @@ def _rows(run: Run) -> Items:
     return True
 
 
+def _box() -> CountedDie:
+    """A box with an outcome for each side, of 25 mm."""
+    import numpy as np
+
+    from dicedesign.geometry.meshes.body import make_body
+    from dicedesign.rest.poses import rest_poses
+    from dicedesign.throws.counts.throw_counts import CountedDie
+    from dicedesign.throws.rigid_body import rigid_body
+
+    corners = np.stack(np.meshgrid([0.0, 1.0], [0.0, 1.2], [0.0, 1.5]), axis=-1).reshape(-1, 3)
+    body = make_body(corners, name="box")
+    poses = rest_poses(body)
+    sides = np.arange(len(poses.facets))
+    labels = tuple(str(side + 1) for side in sides)
+    never = np.zeros(len(sides), dtype=np.int64)
+    odds = poses.probabilities
+    return CountedDie("box", rigid_body(body, poses), None, labels, never, odds, sides, poses)
+
+
 BENCHES.register(
     Bench(
         name="company",
@@ -107,8 +129,8 @@ BENCHES.register(
         options=(
             Option(
                 "--throws",
-                "the dice: a file as of `dicedesign table fit`",
-                {"type": Path, "metavar": "CSV", "required": True},
+                "the dice: a file as of `dicedesign table fit` (default: a box of 1 : 1.2 : 1.5)",
+                {"type": Path, "metavar": "CSV"},
             ),
             Option(
                 "--printed", "these dice of the file only (default: all)", {"metavar": "NAME,..."}

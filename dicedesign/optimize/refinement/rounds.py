@@ -46,6 +46,10 @@ LEAST_GROWTH: Final = 0.25
 AIM: Final = 0.65
 """Expected deviation over the one that counts as reached, from which on no more is thrown."""
 
+TRIED: Final = 4
+"""Throws of a die that ends the rounds over those of the first: one that seems right after fewer is
+thrown again, as it may have been lucky."""
+
 ENOUGH: Final = 0.7
 """The same with the other tables, from which on the die is made no better."""
 
@@ -151,22 +155,28 @@ class Refinement:
         known = KnownOdds.nothing(
             self.target, self.orbits, self.measures(die), self.tables.shape[1], self.rounds
         )
-        asked, dice, seen = self.target, list[_Seen](), 0
+        asked, dice, seen, own, least = self.target, list[_Seen](), 0, 0, self.drops
         for number in range(self.rounds):
-            drops = min(max(self.drops, min(seen, self._lacking(seen))), MOST_DROPS)
-            found = self._thrown(known, die, asked, drops, number)
+            drops = min(max(least, min(seen, self._lacking(seen))), MOST_DROPS)
+            found = self._thrown(known, die, asked, drops, number, own)
             dice.append(found)
             seen += drops
             if self.on_round is not None:
                 self.on_round(self._round(known, found))
             is_right = self._here(known, found) <= AIM
             is_steady = number > 0 or self._shortfall(known, found) <= ENOUGH
-            if (is_right and is_steady) or number == self.rounds - 1:
+            best = min(dice, key=lambda one: self._shortfall(known, one))
+            tried = sum(one.thrown.counts.sum() for one in dice if one.number == best.number)
+            is_over, enough = is_right and is_steady, TRIED * self.drops
+            if (is_over and tried >= enough) or number == self.rounds - 1:
                 break
+            if is_over:
+                die, asked, own, least = best.die, best.asked, best.number, enough
+                continue
             improved = self._corrected(known, found, is_making=number == 0)
             if improved is None:
                 break
-            die, asked = improved
+            (die, asked), own, least = improved, number + 1, self.drops
         best = min(dice, key=lambda one: self._shortfall(known, one))
         history = [replace(self._round(known, one), is_kept=one is best) for one in dice]
         return best.die, tuple(history)
@@ -201,17 +211,19 @@ class Refinement:
         asked: Floats,
         drops: int,
         number: int,
+        own: int,
     ) -> _Seen:
-        """A die thrown onto all tables, of which note is taken."""
+        """A die thrown onto all tables, of which note is taken. number: of the round; own: that in
+        which the die was thrown first."""
         shape = self.measures(die)
         thrown, others = self.throw(die, drops, number), list[Thrown]()
-        known.learn(shape, number, known.meant, thrown.odds, thrown.counts[:-1])
+        known.learn(shape, own, known.meant, thrown.odds, thrown.counts[:-1])
         if len(self.tables):
             each = math.ceil(ON_TABLES * drops / len(self.tables))
             others = self.throw_on_tables(die, each, number)
             for table, one in zip(self.tables, others, strict=True):
-                known.learn(shape, number, table, one.odds, one.counts[:-1])
-        return _Seen(die, asked, shape, number, thrown, tuple(others))
+                known.learn(shape, own, table, one.odds, one.counts[:-1])
+        return _Seen(die, asked, shape, own, thrown, tuple(others))
 
     def _round(self, known: KnownOdds, seen: _Seen) -> Round:
         counts = seen.thrown.counts
@@ -314,8 +326,8 @@ def _mixed(points: list[Floats], steps: list[Floats]) -> Floats:
 
 @dataclass(frozen=True)
 class _Seen:
-    """A die that was thrown in a round of this number, with its measures (f,), onto the table that
-    is meant and others."""
+    """A die that was thrown first in a round of this number, with its measures (f,), onto the table
+    that is meant and others."""
 
     die: DesignResult
     asked: Floats

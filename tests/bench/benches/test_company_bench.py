@@ -54,6 +54,13 @@ def test_a_box_in_both_companies(
         assert float(printed[6]) == round(row["total_variation"], 4)
 
 
+def test_without_a_file_a_box_is_thrown(tmp_path: Path) -> None:
+    assert run_bench("company", "--out", tmp_path, extent=Extent(200)) == 0
+    rows = json.loads((tmp_path / "company.json").read_text())["rows"]
+    assert [row["die"] for row in rows] == ["box", "box"]
+    assert all(len(row["changes"]) == 6 for row in rows)
+
+
 def test_what_is_refused(throws: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "company", "--throws", str(throws), "--drops", "150"]) == 2
     assert "--drops: expected a multiple of 200, got 150" in capsys.readouterr().err
