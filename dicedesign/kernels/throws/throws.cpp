@@ -126,7 +126,7 @@ Index steps_of_flight(const Landscape& land, const Vec& moments, const Throw& ho
         safe = (speed + std::sqrt(speed * speed + 2.0 * bent * larger(z, 0.0))) / bent;
     }
     safe = smaller(larger(safe, high), LONGEST_FLIGHT * how.step);
-    const bool finite = std::isfinite(safe + fastest + sum(up) + sum(motion.velocity));
+    const bool finite = std::isfinite(height + fastest + sum(up) + sum(motion.velocity));
     return finite ? static_cast<Index>(safe / how.step) : 0;
 }
 
