@@ -153,8 +153,11 @@ class Table:
         own = (self.height, self.speed, self.spin)
         return next((way for way in HANDS if (way.height, way.speed, way.spin) == own), None)
 
-    def lifted(self, size: float) -> Table:
-        """The same for a die of a size in m, let go from no lower than it is large."""
+    def lifted(self, size: float | None) -> Table:
+        """The same for a die of a size in m, let go from no lower than it is large; None leaves the
+        table's own."""
+        if size is None:
+            return self
         if most_of(self.height) > 0.0 and least_of(self.height) < size:
             ends = max(size, least_of(self.height)), max(size, most_of(self.height))
             height = ends if ends[0] < ends[1] else ends[0]

@@ -21,7 +21,7 @@ from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
     from dicedesign.bench.measures.throws.simulator_agreement import NamedDie
-    from dicedesign.throws.counts.table_information import Errors
+    from dicedesign.throws.fitting.table_information import Errors
     from dicedesign.throws.tables import Table
 
 __all__ = ["Extent", "ProbeRow", "frustum", "probe_family"]
@@ -156,7 +156,7 @@ def _judged(
 
 def judge_die(die: NamedDie, table: Table, drops: int, seed: int, throws: int) -> Errors:
     """What so many throws leave open of a table, by as many simulated ones as `drops`."""
-    from dicedesign.throws.counts.table_information import table_information
+    from dicedesign.throws.fitting.table_information import table_information
 
     rests = np.arange(len(die.body.rest_heights))
     return table_information(die.body, rests, table, drops, seed).errors(throws)

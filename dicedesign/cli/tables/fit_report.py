@@ -10,9 +10,9 @@ import numpy as np
 
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.text_table import text_table
-from dicedesign.throws.counts.fitted_table import BELIEF, MORE, DieFit, TableFit
-from dicedesign.throws.counts.predictive import Prediction
-from dicedesign.throws.counts.table_check import DieCheck
+from dicedesign.throws.fitting.fitted_table import BELIEF, MORE, DieFit, TableFit
+from dicedesign.throws.fitting.predictive import Prediction
+from dicedesign.throws.fitting.table_check import DieCheck
 from dicedesign.throws.statistics.intervals import jeffreys_means
 from dicedesign.throws.statistics.total_variation import MeasuredDistance, measure_variation
 

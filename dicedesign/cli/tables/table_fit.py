@@ -105,10 +105,10 @@ def _fit(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.cli.tables.fit_report import DieAtHand, fit_lines, plain_fit, unexplained
     from dicedesign.runtime.files import make_writable_folder
-    from dicedesign.throws.counts.table_check import check_table
-    from dicedesign.throws.counts.table_fit import check_effort, fit_table
     from dicedesign.throws.counts.throw_counts import rolled_die, throws_digest, uncounted_die
     from dicedesign.throws.engines.engine import require_engine
+    from dicedesign.throws.fitting.table_check import check_table
+    from dicedesign.throws.fitting.table_fit import check_effort, fit_table
     from dicedesign.throws.simulation.simulation import simulate
     from dicedesign.throws.tables import Table, posterior_entries
 
@@ -174,7 +174,6 @@ def _fit(options: argparse.Namespace) -> int:
         at_hand = None
         if designed is not None:
             die, target = designed
-            assert die.size is not None
             throws = simulate(
                 die.body,
                 fit.table.lifted(die.size),

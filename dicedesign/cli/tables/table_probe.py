@@ -13,7 +13,7 @@ from dicedesign.runtime.printable import printable
 from dicedesign.runtime.text_table import text_table
 
 if TYPE_CHECKING:
-    from dicedesign.throws.counts.table_information import Errors, TableInformation
+    from dicedesign.throws.fitting.table_information import Errors, TableInformation
 
 __all__ = ["add_action"]
 
@@ -55,9 +55,9 @@ def add_action(actions: Any) -> None:
 def _probe(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.runtime.workers import progress_bar
-    from dicedesign.throws.counts.table_information import table_information
     from dicedesign.throws.counts.throw_counts import uncounted_die
     from dicedesign.throws.engines.engine import require_engine
+    from dicedesign.throws.fitting.table_information import table_information
     from dicedesign.throws.tables import table_named
 
     check_whole("--drops", options.drops, least=LEAST)

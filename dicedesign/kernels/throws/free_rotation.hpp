@@ -32,8 +32,8 @@ inline void rotate_freely(double* q, Vec& spin, const Vec& moments, double secon
     while (seconds > 0.0) {
         const double size =
             std::sqrt(w[0][0] * w[0][0] + w[0][1] * w[0][1] + w[0][2] * w[0][2]);
-        // Coefficients are of powers of time over this, so that they are terms themselves.
-        double part = size * seconds > SERIES_ANGLE ? SERIES_ANGLE / size : seconds;
+        // Coefficients are of powers of time over `part`, so that they are terms themselves.
+        const double part = size * seconds > SERIES_ANGLE ? SERIES_ANGLE / size : seconds;
         std::copy(q, q + 4, p[0]);
         double spun[3] = {w[0][0], w[0][1], w[0][2]}, turned[4] = {q[0], q[1], q[2], q[3]};
         for (int k = 1; k < SERIES_TERMS; ++k) {

@@ -130,7 +130,7 @@ struct OneContact {
         return {dot(response[0], force), dot(response[1], force), dot(response[2], force)};
     }
 
-    // The force where friction is enough to let the point stick, or else what the point misses.
+    // The force that a point needs to stick. Returns whether friction is enough for it.
     bool sticks(Vec& force) const {
         const Vec a = Vec{1.0, 0.0, 0.0} + weight * response[0],
                   b = Vec{0.0, 1.0, 0.0} + weight * response[1],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from statistics import median
 from typing import ClassVar, Final
@@ -110,7 +110,7 @@ def judge_printed_die(
 ) -> list[PrintedRow]:
     """Three predictions of a printed die beside what came up. Where its size is unknown it has the
     table's. Raises InputError: as `simulate`."""
-    sized = table if die.size is None else replace(table, size=die.size)
+    sized = table.sized(die.size)
     simulated = simulate(die.body, sized, drops, SEED, engine=engine, workers=workers)
     counts = die.by_outcome(simulated.counts)
     shown = die.group_of_rest >= 0

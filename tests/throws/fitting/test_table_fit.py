@@ -13,11 +13,11 @@ from common.thrown import box, thrown
 from scipy.special import expit
 
 from dicedesign.errors import InputError
-from dicedesign.throws.counts import set_counts as simulated
-from dicedesign.throws.counts.fitted_table import TableFit
-from dicedesign.throws.counts.sessions import BETWEEN, PARAMETERS, SIZE
-from dicedesign.throws.counts.table_fit import fit_table
 from dicedesign.throws.counts.throw_counts import CountedDie
+from dicedesign.throws.fitting import set_counts as simulated
+from dicedesign.throws.fitting.fitted_table import TableFit
+from dicedesign.throws.fitting.sessions import BETWEEN, PARAMETERS, SIZE
+from dicedesign.throws.fitting.table_fit import fit_table
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.spreads import least_of, mean_of
 from dicedesign.throws.tables import Table

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from common.thrown import box, thrown
 
-from dicedesign.throws.counts import table_information as subject
-from dicedesign.throws.counts.table_information import (
+from dicedesign.throws.fitting import table_information as subject
+from dicedesign.throws.fitting.table_information import (
     BLOCKS,
     HAND,
     TableInformation,

@@ -65,8 +65,8 @@ def check_table(
     """
     checks = []
     for die in dice:
-        sized = table if die.size is None else table.lifted(die.size)
-        throws = simulate(die.body, sized, drops, seed, workers=workers, progress=progress)
+        lifted = table.lifted(die.size)
+        throws = simulate(die.body, lifted, drops, seed, workers=workers, progress=progress)
         simulated = die.by_outcome(throws.counts)
         checks.append(
             DieCheck(

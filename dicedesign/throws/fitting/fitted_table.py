@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.counts.predictive import Prediction
 from dicedesign.throws.counts.throw_counts import CountedDie
+from dicedesign.throws.fitting.predictive import Prediction
 from dicedesign.throws.tables import Table
 
 __all__ = ["BELIEF", "MORE", "DieFit", "FittedParameter", "TableFit"]

@@ -8,7 +8,7 @@ from common.kernels import compiled_only
 from common.thrown import random_body
 from scipy import stats
 
-from dicedesign.throws.counts.sessions import (
+from dicedesign.throws.fitting.sessions import (
     BETWEEN,
     LOWEST,
     PARAMETERS,

@@ -13,19 +13,20 @@ from scipy.stats import qmc
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.runtime.checks import MOST_SEED, check_whole
-from dicedesign.throws.counts.fitted_table import (
+from dicedesign.throws.counts.throw_counts import CountedDie
+from dicedesign.throws.fitting.fitted_table import (
     BELIEF,
     MORE,
     DieFit,
     FittedParameter,
     TableFit,
 )
-from dicedesign.throws.counts.importance import WeightedPoints, effective, weighted_points
-from dicedesign.throws.counts.more_throws import expected_deviations
-from dicedesign.throws.counts.odds_surrogate import OddsSurrogate
-from dicedesign.throws.counts.predictive import predicted
-from dicedesign.throws.counts.session_likelihood import ThrownSession, log_likelihoods
-from dicedesign.throws.counts.sessions import (
+from dicedesign.throws.fitting.importance import WeightedPoints, effective, weighted_points
+from dicedesign.throws.fitting.more_throws import expected_deviations
+from dicedesign.throws.fitting.odds_surrogate import OddsSurrogate
+from dicedesign.throws.fitting.predictive import predicted
+from dicedesign.throws.fitting.session_likelihood import ThrownSession, log_likelihoods
+from dicedesign.throws.fitting.sessions import (
     PARAMETERS,
     Offsets,
     drawn_values,
@@ -34,8 +35,7 @@ from dicedesign.throws.counts.sessions import (
     shared_values,
     table_of,
 )
-from dicedesign.throws.counts.set_counts import set_counts
-from dicedesign.throws.counts.throw_counts import CountedDie
+from dicedesign.throws.fitting.set_counts import set_counts
 from dicedesign.throws.tables import Table
 
 __all__ = [

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.special import logsumexp
 
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.counts.odds_surrogate import OddsSurrogate
-from dicedesign.throws.counts.sessions import Offsets, session_points
 from dicedesign.throws.counts.throw_counts import CountedDie
+from dicedesign.throws.fitting.odds_surrogate import OddsSurrogate
+from dicedesign.throws.fitting.sessions import Offsets, session_points
 
 __all__ = ["ThrownSession", "log_likelihoods"]
 

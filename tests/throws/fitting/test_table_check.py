@@ -8,8 +8,8 @@ from common.kernels import compiled_only
 from common.paths import public_data
 from common.thrown import box, thrown
 
-from dicedesign.throws.counts.table_check import check_table
 from dicedesign.throws.counts.throw_counts import CountedDie, read_throw_counts
+from dicedesign.throws.fitting.table_check import check_table
 from dicedesign.throws.simulation.simulation import simulate
 from dicedesign.throws.statistics.goodness_of_fit import chi_square, two_sample_chi_square
 from dicedesign.throws.tables import Table, table_named
