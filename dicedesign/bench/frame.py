@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 from dicedesign.bench.options import Amount, Option
 from dicedesign.bench.rows import Row, plain
 from dicedesign.errors import InputError
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.runtime.folder_registry import FolderRegistry
+from dicedesign.runtime.registry import Extension
 from dicedesign.runtime.threads import one_tensor_thread
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ class Bench(Extension):
     results: Path | None = None
 
 
-BENCHES: Final = Registry[Bench]("bench", "dicedesign.bench.benches", Bench)
+BENCHES: Final = FolderRegistry[Bench]("bench", "dicedesign.bench.benches", Bench)
 """All benches."""
 
 

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.runtime.folder_registry import FolderRegistry
+from dicedesign.runtime.registry import Extension
 
 if TYPE_CHECKING:
     from dicedesign.rest.basins import Basins
@@ -87,7 +88,7 @@ class PriorKind(Extension):
     read: Callable[[str], Prior]
 
 
-PRIORS: Final = Registry[PriorKind]("prior", "dicedesign.rest.priors", PriorKind)
+PRIORS: Final = FolderRegistry[PriorKind]("prior", "dicedesign.rest.priors", PriorKind)
 
 
 def read_prior(text: str) -> Prior:

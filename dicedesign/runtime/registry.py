@@ -1,33 +1,24 @@
-"""Extensions of one kind by name: one file each, found in a folder or registered from outside.
-
-A kind of extension (energy terms, starting shapes, preferences, engines, hands, printers, stages,
-file formats, figures, benches) is a subclass of `Extension` and a `Registry` of them. A file of the
-registry's folder makes one and registers it when it is imported; the folder is imported on first
-use. What others write does the same from a module of theirs: it is imported before use, or named by
-an entry point of the group `ENTRY_POINTS`. Files of extensions import what is heavy inside their
-functions, so that names, options and lines of documentation cost nothing.
-"""
+"""Extensions of one kind by name: built-in ones, those of installed packages, and those registered
+by a script."""
 
 from __future__ import annotations
 
-import pkgutil
-import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Final, Generic, TypeVar
 
 from dicedesign.errors import InputError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoints
 
 __all__ = ["STRICT", "Extension", "Registry"]
 
 STRICT: Final = {"extra": "forbid", "strict": True}
 """Class attribute `__pydantic_config__` of every option dataclass: when a recipe is read into it,
 unknown keys and wrong types are errors. Nothing else in those classes knows of pydantic."""
-
-ENTRY_POINTS: Final = "dicedesign.extensions"
-"""Group of entry points of installed packages; each names a module that registers extensions."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +28,8 @@ class Extension:
     Attributes
     ----------
     name: by which recipes and commands call it.
-    line: of documentation; help texts and tables of the documentation are made from it.
-    rank: place in lists, the lowest first; equal ones by name.
+    line: of documentation, for help texts and the tables of the documentation.
+    rank: place in lists of a `FolderRegistry`, the lowest first; equal ones by name.
     """
 
     name: str
@@ -50,108 +41,91 @@ Kind = TypeVar("Kind", bound=Extension)
 
 
 class Registry(Generic[Kind]):
-    """The extensions of one kind.
+    """The extensions of one kind, in their order: built-in ones as listed, then the others.
 
     Attributes
     ----------
     kind: what they are, for messages, in the singular.
-    folder: package whose modules are imported on first use, each of which registers one.
     type: their class.
+    builtin: addresses "module:NAME" of those that come with the package, imported on first use.
+    group: of entry points by which installed packages add theirs, with such addresses as values.
     """
 
-    def __init__(self, kind: str, folder: str, type: type[Kind]) -> None:
+    def __init__(self, kind: str, type: type[Kind], builtin: Sequence[str], group: str) -> None:
         self.kind = kind
-        self.folder = folder
         self.type = type
-        self._entries: dict[str, Kind] = {}
-        self._ordered: tuple[Kind, ...] | None = None
-        self._folder_is_read = False
+        self.builtin = tuple(builtin)
+        self.group = group
+        self._entries: dict[str, Kind] | None = None
 
     def register(self, entry: Kind) -> Kind:
-        """Add an extension and return it. Raises InputError where its name is taken, or it is of
-        another kind."""
+        """Add an extension for this process and return it. Raises InputError where its name is
+        taken, or it is of another kind."""
+        return self._add(self._read(), entry)
+
+    def unregister(self, name: str) -> None:
+        """Remove an extension. Raises InputError where there is no such extension."""
+        del self._read()[self[name].name]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all extensions, in their order."""
+        return tuple(self._read())
+
+    def __iter__(self) -> Iterator[Kind]:
+        return iter(tuple(self._read().values()))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._read()
+
+    def __getitem__(self, name: str) -> Kind:
+        """Raises InputError where there is no such extension."""
+        entries = self._read()
+        if name not in entries:
+            raise InputError(
+                f"{self.kind}: expected {', '.join(entries)}, got {name!r}; take one of them"
+            )
+        return entries[name]
+
+    def _read(self) -> dict[str, Kind]:
+        if self._entries is not None:
+            return self._entries
+        entries: dict[str, Kind] = {}
+        for address in self.builtin:
+            module, _, name = address.partition(":")
+            self._add(entries, getattr(import_module(module), name))
+        for point in _entry_points().select(group=self.group):
+            try:
+                self._add(entries, point.load())
+            except (ImportError, AttributeError, InputError) as error:
+                package = (
+                    "of an installed package" if point.dist is None else f"of {point.dist.name}"
+                )
+                raise InputError(
+                    f"{self.kind} {point.name!r} of {package}: expected the address of a "
+                    f"{self.type.__name__}, but {error}; fix or uninstall that package"
+                ) from error
+        self._entries = entries
+        return entries
+
+    def _add(self, entries: dict[str, Kind], entry: Kind) -> Kind:
         if not isinstance(entry, self.type):
             raise InputError(
                 f"{self.kind}: expected a {self.type.__name__}, got {entry!r}; register it with "
                 "the others of its kind"
             )
-        # Those of the folder come first, whoever registers one beside them.
-        if not sys._getframe(1).f_globals.get("__name__", "").startswith(f"{self.folder}."):
-            self._read_folder()
-        known = self._entries.get(entry.name)
-        if known is not None and known != entry:
+        if entries.get(entry.name, entry) != entry:
             raise InputError(
                 f"{self.kind} {entry.name!r}: expected a name of its own, got one that is taken; "
                 "choose another"
             )
-        self._entries[entry.name] = entry
-        self._ordered = None
+        entries[entry.name] = entry
         return entry
-
-    def unregister(self, name: str) -> None:
-        """Take an extension out again."""
-        del self._entries[name]
-        self._ordered = None
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of all extensions, in their order."""
-        return tuple(entry.name for entry in self)
-
-    @property
-    def entries(self) -> tuple[Kind, ...]:
-        """All extensions, in their order; the same object until one comes or goes."""
-        self._read()
-        if self._ordered is None:
-            entries = sorted(self._entries.values(), key=lambda entry: (entry.rank, entry.name))
-            self._ordered = tuple(entries)
-        return self._ordered
-
-    def __iter__(self) -> Iterator[Kind]:
-        return iter(self.entries)
-
-    def __contains__(self, name: object) -> bool:
-        self._read()
-        return name in self._entries
-
-    def __getitem__(self, name: str) -> Kind:
-        """Raises InputError where there is no such extension."""
-        self._read()
-        if name not in self._entries:
-            raise InputError(
-                f"{self.kind}: expected {', '.join(self.names)}, got {name!r}; take one of them"
-            )
-        return self._entries[name]
-
-    def _read(self) -> None:
-        self._read_folder()
-        _load_entry_points()
-
-    def _read_folder(self) -> None:
-        if self._folder_is_read:
-            return
-        # Those that are imported here ask for what is registered.
-        self._folder_is_read = True
-        try:
-            for module in pkgutil.iter_modules(import_module(self.folder).__path__):
-                import_module(f"{self.folder}.{module.name}")
-        except BaseException:
-            self._folder_is_read = False
-            raise
 
 
 @cache
-def _load_entry_points() -> None:
-    """Import what installed packages register, once for all registries. Raises InputError where
-    one cannot be imported."""
+def _entry_points() -> EntryPoints:
+    """Those of all installed packages; reading them takes milliseconds, once for all registries."""
     from importlib.metadata import entry_points
 
-    for point in entry_points(group=ENTRY_POINTS):
-        try:
-            point.load()
-        except (ImportError, AttributeError, InputError) as error:
-            package = "of an installed package" if point.dist is None else f"of {point.dist.name}"
-            raise InputError(
-                f"extension {point.name!r} {package}: expected a module that can be imported, but "
-                f"{error}; mend or uninstall it"
-            ) from error
+    return entry_points()

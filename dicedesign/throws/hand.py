@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.runtime.folder_registry import FolderRegistry
+from dicedesign.runtime.registry import Extension
 from dicedesign.throws.spreads import Spread
 
 __all__ = ["HANDS", "Hand"]
@@ -29,5 +30,5 @@ class Hand(Extension):
     source: str
 
 
-HANDS: Final = Registry[Hand]("hand", "dicedesign.throws.hands", Hand)
+HANDS: Final = FolderRegistry[Hand]("hand", "dicedesign.throws.hands", Hand)
 """All of them."""

@@ -37,7 +37,7 @@ from dicedesign.recipe.schema.entries import StartRecipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.rest.prior import PRIORS
 from dicedesign.results.status import Status
-from dicedesign.runtime.registry import Registry
+from dicedesign.runtime.folder_registry import FolderRegistry
 from dicedesign.throws.hand import HANDS
 from dicedesign.throws.spreads import least_of, most_of
 
@@ -217,7 +217,7 @@ def names_table() -> str:
         value = getattr(dicedesign, name)
         meaning = (
             f"every {value.kind} that there is, by name; `register` adds one"
-            if isinstance(value, Registry)
+            if isinstance(value, FolderRegistry)
             else first_sentence(value)
         )
         by_subject[SUBJECTS[place]].append((f"`{name}`", meaning))

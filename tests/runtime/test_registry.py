@@ -1,7 +1,8 @@
-"""Extensions are found in a folder, and added from outside."""
+"""Extensions are listed, added by scripts, and found in installed packages."""
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -10,77 +11,79 @@ import pytest
 from dicedesign.errors import InputError
 from dicedesign.runtime.registry import Extension, Registry
 
-FILE = """
-from dicedesign.runtime.registry import Extension
-from toys import TOYS
-
-TOYS.register(Extension(name={name!r}, line="A toy.", rank={rank}))
-"""
-
 
 @pytest.fixture
 def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Registry[Extension]:
-    """A registry whose folder holds a late "ball" and an early "kite"."""
-    (tmp_path / "box").mkdir()
-    (tmp_path / "box/__init__.py").touch()
-    for name, rank in (("ball", 2), ("kite", 1)):
-        (tmp_path / f"box/{name}.py").write_text(FILE.format(name=name, rank=rank))
-    text = (
-        "from dicedesign.runtime.registry import Extension, Registry\n"
-        "TOYS = Registry('toy', 'box', Extension)\n"
+    """A registry of an early "kite" and a late "ball"."""
+    (tmp_path / "toy_box.py").write_text(
+        "from dicedesign.runtime.registry import Extension\n"
+        "BALL = Extension(name='ball', line='A toy.')\n"
+        "KITE = Extension(name='kite', line='A toy.')\n"
     )
-    (tmp_path / "toys.py").write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
-    for name in ("toys", "box", "box.ball", "box.kite"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    import toys
-
-    found: Registry[Extension] = toys.TOYS
-    return found
+    monkeypatch.delitem(sys.modules, "toy_box", raising=False)
+    return Registry("toy", Extension, ["toy_box:KITE", "toy_box:BALL"], "dicedesign.toys")
 
 
-def test_a_file_in_the_folder_is_an_extension(toys: Registry[Extension]) -> None:
+def test_built_in_extensions_keep_the_order_of_the_list(toys: Registry[Extension]) -> None:
+    assert "toy_box" not in sys.modules
     assert toys.names == ("kite", "ball")
+    assert [toy.name for toy in toys] == ["kite", "ball"]
     assert toys["ball"].line == "A toy."
     assert "ball" in toys
 
 
-def test_a_reading_that_was_broken_off_begins_again(
-    toys: Registry[Extension], tmp_path: Path
-) -> None:
+def test_an_interrupted_import_is_tried_again(toys: Registry[Extension], tmp_path: Path) -> None:
     """As by Ctrl-C in a notebook, which goes on."""
-    kite = tmp_path / "box/kite.py"
-    text = kite.read_text()
-    kite.write_text("raise KeyboardInterrupt")
+    box = tmp_path / "toy_box.py"
+    text = box.read_text()
+    box.write_text("raise KeyboardInterrupt")
     with pytest.raises(KeyboardInterrupt):
         len(toys.names)
-    kite.write_text(text + "\n# whole again")
+    box.write_text(text + "\n# whole again")
     assert toys.names == ("kite", "ball")
 
 
-def test_one_from_outside_is_like_the_others(toys: Registry[Extension]) -> None:
-    top = toys.register(Extension(name="top", line="It spins.", rank=0))
-    assert toys.names == ("top", "kite", "ball")
-    assert toys["top"] is top
+def test_a_registered_extension_is_like_the_others(toys: Registry[Extension]) -> None:
+    top = toys.register(Extension(name="top", line="It spins."))
+    assert toys.names == ("kite", "ball", "top")
+    assert toys.register(top) is toys["top"]
     toys.unregister("top")
     assert "top" not in toys
 
 
-def test_those_of_the_folder_come_first(toys: Registry[Extension]) -> None:
-    """Whoever takes one of their names is told so at once, and nothing is lost."""
+def test_unknown_and_taken_names_and_other_kinds_are_refused(toys: Registry[Extension]) -> None:
+    with pytest.raises(InputError, match="toy: expected kite, ball, got 'doll'"):
+        toys["doll"]
     with pytest.raises(InputError, match="toy 'kite': expected a name of its own"):
         toys.register(Extension(name="kite", line="Mine."))
-    assert toys.names == ("kite", "ball")
+    with pytest.raises(InputError, match="toy: expected a Extension, got 'kite'"):
+        toys.register("kite")  # type: ignore[arg-type]
     assert toys["kite"].line == "A toy."
 
 
-def test_another_kind_is_refused(toys: Registry[Extension]) -> None:
-    with pytest.raises(InputError, match="toy: expected a Extension, got 'kite'"):
-        toys.register("kite")  # type: ignore[arg-type]
-
-
-def test_unknown_and_taken_names(toys: Registry[Extension]) -> None:
-    with pytest.raises(InputError, match="toy: expected kite, ball, got 'car'; take one of them"):
-        toys["car"]
-    with pytest.raises(InputError, match="toy 'ball': expected a name of its own"):
-        toys.register(Extension(name="ball", line="Another."))
+@pytest.mark.parametrize("address", ["my_toys:TOP", "my_toys:MISSING"])
+def test_installed_packages_add_theirs_by_an_entry_point(tmp_path: Path, address: str) -> None:
+    """In a process of its own, as what is installed is read once."""
+    (tmp_path / "my_toys.py").write_text(
+        "from dicedesign.runtime.registry import Extension\n"
+        "TOP = Extension(name='top', line='It spins.')\n"
+    )
+    metadata = tmp_path / "my_toys-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: my-toys\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text(f"[dicedesign.toys]\ntop = {address}\n")
+    code = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
+        "from dicedesign.errors import InputError\n"
+        "from dicedesign.runtime.registry import Extension, Registry\n"
+        "try:\n"
+        "    print(*Registry('toy', Extension, [], 'dicedesign.toys').names)\n"
+        "except InputError as error:\n"
+        "    print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    if address.endswith("TOP"):
+        assert done.stdout.split() == ["top"]
+    else:
+        assert "toy 'top' of my-toys: expected the address of a Extension" in done.stdout

@@ -11,7 +11,8 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.runtime.folder_registry import FolderRegistry
+from dicedesign.runtime.registry import Extension
 
 __all__ = ["BODY_COLOR", "FILE_FORMATS", "LABEL_COLOR", "Contents", "FileFormat", "Part", "joined"]
 
@@ -122,7 +123,7 @@ class FileFormat(Extension):
         return points @ np.linalg.inv(self.frame).T, triangles
 
 
-FILE_FORMATS: Final = Registry[FileFormat](
+FILE_FORMATS: Final = FolderRegistry[FileFormat](
     "file format", "dicedesign.fabricate.files.kinds", FileFormat
 )
 """All formats of solids."""

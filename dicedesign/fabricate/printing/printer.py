@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from dicedesign.errors import InputError
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.runtime.folder_registry import FolderRegistry
+from dicedesign.runtime.registry import Extension
 
 __all__ = ["PRINTERS", "Printer"]
 
@@ -62,7 +63,7 @@ class Printer(Extension):
         return replace(self, **{name: ratio * getattr(self, name) for name in names})
 
 
-PRINTERS: Final[Registry[Printer]] = Registry(
+PRINTERS: Final[FolderRegistry[Printer]] = FolderRegistry(
     "printer", "dicedesign.fabricate.printing.printers", Printer
 )
 """All kinds of printers, the most common first."""

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dicedesign.errors import InputError
+from dicedesign.runtime.folder_registry import FolderRegistry
 from dicedesign.runtime.numbers import Number, Numbers
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.runtime.registry import Extension
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -69,7 +70,7 @@ class Term(Extension):
     of_normals: Callable[[ClusteredRests, EnergyWeights], tuple[float, Floats]] | None = None
 
 
-TERMS: Final = Registry[Term]("energy term", "dicedesign.optimize.energy.terms", Term)
+TERMS: Final = FolderRegistry[Term]("energy term", "dicedesign.optimize.energy.terms", Term)
 
 
 class EnergyWeights(Numbers):

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from dicedesign.runtime.folder_registry import FolderRegistry
 from dicedesign.runtime.numbers import Number, Numbers
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.runtime.registry import Extension
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -59,7 +60,7 @@ class Preference(Extension):
     residuals: Callable[[BearingFacets], Tensor | None]
 
 
-PREFERENCES: Final = Registry[Preference](
+PREFERENCES: Final = FolderRegistry[Preference](
     "preference", "dicedesign.optimize.preferences", Preference
 )
 

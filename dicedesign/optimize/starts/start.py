@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from dicedesign.runtime.arrays import Floats
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.runtime.folder_registry import FolderRegistry
+from dicedesign.runtime.registry import Extension
 
 if TYPE_CHECKING:
     from dicedesign.geometry.repair.repair import RepairedMesh
@@ -136,7 +137,7 @@ class StartKind(Extension):
     surface: Callable[[Any, int], StartSurface] | None = None
 
 
-STARTS: Final = Registry[StartKind]("start", "dicedesign.optimize.starts.kinds", StartKind)
+STARTS: Final = FolderRegistry[StartKind]("start", "dicedesign.optimize.starts.kinds", StartKind)
 
 
 def check_sides(outcomes: int) -> None:

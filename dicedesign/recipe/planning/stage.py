@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from dicedesign.recipe.planning.work import Work
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.runtime.folder_registry import FolderRegistry
+from dicedesign.runtime.registry import Extension
 
 __all__ = ["STAGES", "Stage", "plan"]
 
@@ -26,7 +27,7 @@ class Stage(Extension):
     run: Callable[[Work], None]
 
 
-STAGES: Final[Registry[Stage]] = Registry("stage", "dicedesign.recipe.stages", Stage)
+STAGES: Final[FolderRegistry[Stage]] = FolderRegistry("stage", "dicedesign.recipe.stages", Stage)
 
 
 def plan(work: Work, *, after: str | None = None, last: str | None = None) -> None:

@@ -15,7 +15,8 @@ from dicedesign.report.charts.paper import Paper
 from dicedesign.report.render.renderer import Surface
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.runtime.folder_registry import FolderRegistry
+from dicedesign.runtime.registry import Extension
 
 __all__ = ["BODY_FIGURES", "Ablation", "BodyFigure", "Lain", "Subject", "drawn_surface"]
 
@@ -115,7 +116,7 @@ class BodyFigure(Extension):
     draw: Callable[[Subject], Paper]
 
 
-BODY_FIGURES: Final = Registry[BodyFigure](
+BODY_FIGURES: Final = FolderRegistry[BodyFigure](
     "kind of figure", "dicedesign.report.body_figures", BodyFigure
 )
 """All figures of bodies."""

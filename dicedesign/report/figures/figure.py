@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.runtime.folder_registry import FolderRegistry
+from dicedesign.runtime.registry import Extension
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.finished_die import FinishedDie
@@ -35,7 +36,7 @@ class Figure(Extension):
     instead_of: str = ""
 
 
-FIGURES: Final = Registry[Figure]("figure", "dicedesign.report.figures", Figure)
+FIGURES: Final = FolderRegistry[Figure]("figure", "dicedesign.report.figures", Figure)
 """All figures of dice, in the order of the page."""
 
 

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.runtime.folder_registry import FolderRegistry
+from dicedesign.runtime.registry import Extension
 
 if TYPE_CHECKING:
     from dicedesign.runtime.arrays import Floats, Integers
@@ -45,7 +46,7 @@ class Engine(Extension):
     throw_states: ThrowStates
 
 
-ENGINES: Final = Registry[Engine]("engine", "dicedesign.throws.engines", Engine)
+ENGINES: Final = FolderRegistry[Engine]("engine", "dicedesign.throws.engines", Engine)
 
 
 def require_engine(name: str) -> Engine:
