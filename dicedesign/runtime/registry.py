@@ -98,9 +98,7 @@ class Registry(Generic[Kind]):
             try:
                 self._add(entries, point.load())
             except (ImportError, AttributeError, InputError) as error:
-                package = (
-                    "of an installed package" if point.dist is None else f"of {point.dist.name}"
-                )
+                package = point.dist.name if point.dist else "an installed package"
                 raise InputError(
                     f"{self.kind} {point.name!r} of {package}: expected the address of a "
                     f"{self.type.__name__}, but {error}; fix or uninstall that package"
