@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from common.missing_browser import MISSING_BROWSER
+from common.headless import MISSING_BROWSER, headless_browser, missing_browser
 from common.paths import DATA, MISSING_DATA, ROOT
 from common.slicer import MISSING_SLICER, PROGRAM
 
@@ -110,9 +110,6 @@ def random_points() -> Callable[..., np.ndarray]:
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     """Chromium without windows; where it is missing the test is skipped."""
-    # Imported late: most tests do without.
-    from dicedesign.bench.measures.headless_browser import headless_browser, missing_browser
-
     missing = missing_browser()
     if missing is not None:
         pytest.skip(f"{MISSING_BROWSER}{missing}")

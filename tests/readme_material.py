@@ -14,9 +14,9 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from common.headless import headless_browser
 from PIL import Image
 
-from dicedesign.bench.measures.headless_browser import headless_browser
 from dicedesign.cli.main import main
 from dicedesign.view.application import View
 

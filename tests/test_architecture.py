@@ -16,7 +16,6 @@ FLOORS = (
     "throws",
     "gradient",
     "optimize",
-    "learning",
     "concave",
     "fabricate",
     "balance",

@@ -22,7 +22,6 @@ from common.dented_cube import write_cube
 from common.kernels import compiled_only
 
 from dicedesign import rest_poses
-from dicedesign.bench.bodies.extremes import large, weighted_sphere
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient import rest_odds as differentiable
 from dicedesign.kernels import ops as kernels
@@ -41,6 +40,7 @@ from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.exact import ExactSigns
 from dicedesign.rest.morse import separatrices
 from dicedesign.rest.roll import roll_steps
+from tests.reference.extremes import large, weighted_sphere
 
 SOLVERS = {"clarabel", "osqp", "piqp", "proxsuite", "quadprog", "cvxpy", "highspy", "qpsolvers"}
 """Modules that solve quadratic programs."""

@@ -35,7 +35,7 @@ def checkout(repository: Path, tmp_path: Path) -> Path:
     """A checkout that has these tests only, with one file of public data beside it."""
     folder = tmp_path / "checkout"
     (folder / "tests" / "common").mkdir(parents=True)
-    for name in ("conftest", "common/paths", "common/slicer", "common/missing_browser"):
+    for name in ("conftest", "common/paths", "common/slicer", "common/headless"):
         shutil.copy(repository / "tests" / f"{name}.py", folder / "tests" / f"{name}.py")
     (folder / "tests" / "test_data.py").write_text(TESTS)
     models = tmp_path / "shared" / "data" / "models"

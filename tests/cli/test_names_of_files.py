@@ -99,8 +99,6 @@ LONG = 400 * "9"
         "search r.yaml --trials 1 --out NAME/x",
         "rest . --out NAME/t.csv",
         "table fit --throws NAME",
-        "table learn NAME.json",
-        "table learn board-game --dice 8 --drops 1 --out NAME/x.json",
     ],
 )
 def test_names_that_no_file_can_have(

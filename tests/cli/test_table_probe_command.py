@@ -11,10 +11,16 @@ import trimesh
 from common.finished_run import finished_run
 from common.kernels import compiled_only
 
-from dicedesign.bench.benches.probe import frustum
 from dicedesign.cli.main import main
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.counts.throw_counts import read_throw_counts, rolled_die
+
+
+def frustum(sides: int, height: float, top: float) -> np.ndarray:
+    """Corners (2 sides, 3) of a pyramid over a regular polygon of radius 1, cut off at `top`."""
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(sides)])
+    return np.concatenate([ring, top * ring + [0.0, 0.0, height]])
 
 
 @pytest.fixture

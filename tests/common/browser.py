@@ -10,13 +10,10 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
-from dicedesign.bench.measures.page_drags import screen_place
 from dicedesign.view.application import View
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
-
-__all__ = ["PATIENCE", "OpenedPage"]
 
 PATIENCE: Final = 60_000.0
 """Milliseconds that a page on a busy machine without a graphics card may take."""
@@ -118,3 +115,28 @@ class OpenedPage:
             mouse.move(*self.on_screen(start + part * (end - start)))
             self.page.wait_for_timeout(60.0)
         mouse.up()
+
+
+def gizmo_place(view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Where the gizmo is in the scene (3,), and its axes (3, 3) as columns."""
+    scene, turned = view.page.scene, view.exhibit.pose[:3, :3]
+    node, frame = scene.get_handle_by_name("/body/gizmo"), scene.get_handle_by_name("/body")
+    assert node is not None
+    assert frame is not None
+    return turned @ node.position + frame.position, turned
+
+
+def screen_place(view: View, size: tuple[int, int], point: np.ndarray) -> tuple[float, float]:
+    """Where a point (3,) of the scene is in a window of a size in pixels, from its upper left; of
+    the only browser that is open."""
+    (client,) = view.page.server.get_clients().values()
+    camera = client.camera
+    forward = np.asarray(camera.look_at) - np.asarray(camera.position)
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, np.asarray(camera.up_direction))
+    right /= np.linalg.norm(right)
+    ray = point - np.asarray(camera.position)
+    half = np.tan(camera.fov / 2.0) * float(ray @ forward)
+    x = 0.5 + 0.5 * float(ray @ right) / (half * size[0] / size[1])
+    y = 0.5 - 0.5 * float(ray @ np.cross(right, forward)) / half
+    return float(x * size[0]), float(y * size[1])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-
 from common.bumpy import unit
+
 from dicedesign.concave.hull.design import design_hull
 from dicedesign.concave.hull.draft import HullDraft
 from dicedesign.concave.hull.outcome_directions import outcome_choices

@@ -12,8 +12,8 @@ from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
-
 from common.exact_vectors import cross, dot, minus
+
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.runtime.arrays import Floats
 

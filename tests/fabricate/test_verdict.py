@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dicedesign.bench.bodies import solids
 from dicedesign.fabricate.verdict import Verdict, judged
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.stl import stl_bytes
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.optimize.targets import Target, fair
 from dicedesign.results.status import Status
+from tests.reference import solids
 
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
 CUBE = 10.0 * np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.spatial import ConvexHull as Triangulation
 from scipy.spatial import QhullError
 
-from dicedesign.bench.bodies.problem import Problem
-from dicedesign.bench.bodies.solids import icosphere
 from dicedesign.runtime.arrays import Floats, Integers
+from tests.reference.problem import Problem
+from tests.reference.solids import icosphere
 
 ON: Final = ("facet", "edge", "corner")
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dicedesign.bench.bodies.problem import Problem
-from dicedesign.bench.reference.measurement import OK, measure, share_error, verdict
 from dicedesign.rest.basins import find_basins
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
+from tests.reference.measurement import OK, measure, share_error, verdict
+from tests.reference.problem import Problem
 
 CRAMPED = 1e-12
 """Depth of a center of mass over the body's extent below which its odds are known to few digits."""

@@ -9,7 +9,6 @@ from common.exact_vectors import cross, dot, minus
 from scipy.spatial import ConvexHull as Triangulation
 from scipy.spatial import QhullError
 
-from dicedesign.bench.bodies.problem import Problem
 from dicedesign.rest.basins import TIE_STEP
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import (
@@ -18,6 +17,7 @@ from dicedesign.tolerances import (
     COPLANAR_WIDENINGS,
     TIE_TOLERANCE,
 )
+from tests.reference.problem import Problem
 
 MARGIN = 4.0
 """Bodies within so many tolerances of being refused may be."""

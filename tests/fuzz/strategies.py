@@ -25,9 +25,9 @@ from bodies import (
 )
 from hypothesis import strategies as st
 
-from dicedesign.bench.bodies import extremes, monostatic, solids, stiff
-from dicedesign.bench.bodies.problem import Problem, turned
-from dicedesign.bench.bodies.solids import ARCHIMEDEAN, PLATONIC
+from tests.reference import extremes, monostatic, solids, stiff
+from tests.reference.problem import Problem, turned
+from tests.reference.solids import ARCHIMEDEAN, PLATONIC
 
 Problems = st.SearchStrategy[Problem]
 

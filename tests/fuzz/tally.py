@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from dicedesign.bench.reference.measurement import Measurement
+from tests.reference.measurement import Measurement
 
 
 @dataclass

@@ -34,17 +34,17 @@ from strategies import (
 )
 from tally import TALLY
 
-from dicedesign.bench.bodies.problem import Problem
-from dicedesign.bench.reference.measurement import (
+from dicedesign.errors import DegenerateBodyError, OutsideHullError
+from dicedesign.rest.poses import UNEVEN, RestPoses, rest_poses
+from tests.reference.measurement import (
     OK,
     Measurement,
     facet_planes,
     measure,
     verdict,
 )
-from dicedesign.bench.reference.sixty_digits import OracleError
-from dicedesign.errors import DegenerateBodyError, OutsideHullError
-from dicedesign.rest.poses import UNEVEN, RestPoses, rest_poses
+from tests.reference.problem import Problem
+from tests.reference.sixty_digits import OracleError
 
 FUZZ = settings.get_profile("fuzz")
 

@@ -17,9 +17,9 @@ from strategies import (
 )
 
 import dicedesign as dd
-from dicedesign.bench.bodies.problem import Problem
 from dicedesign.errors import DegenerateBodyError, OutsideHullError
 from dicedesign.runtime.arrays import Floats
+from tests.reference.problem import Problem
 
 FUZZ = settings.get_profile("fuzz")
 

@@ -15,8 +15,6 @@ from common.blade import blade
 from common.corner_formula import corner_formula
 from common.kernels import compiled_only, without_kernels
 
-from dicedesign.bench.bodies import solids
-from dicedesign.bench.bodies.extremes import large
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.differentiable_rest import differentiable_rest
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
@@ -29,6 +27,8 @@ from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.optimize.starts.kinds.prism import prism
 from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.rest.equilibria import classify
+from tests.reference import solids
+from tests.reference.extremes import large
 
 REGULARIZERS = {
     "coplanar": 0.3,

@@ -13,11 +13,11 @@ import torch
 from common.kernels import compiled_only, without_kernels
 from torch import Tensor
 
-from dicedesign.bench.bodies import solids
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
 from dicedesign.gradient.differentiable_rest import differentiable_rest
 from dicedesign.gradient.rest_batch import differentiable_rest_batch
 from dicedesign.kernels import ops
+from tests.reference import solids
 
 WAYS = {"kernels": nullcontext, "without kernels": without_kernels}
 

@@ -14,7 +14,6 @@ from common.kernels import without_kernels
 from torch import Tensor
 from torch.func import functional_call, grad, hessian, jacfwd, jacrev, jvp, vmap
 
-from dicedesign.bench.bodies import solids
 from dicedesign.errors import InputError, OutsideHullError
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.gradient.differentiable_rest import differentiable_rest
@@ -23,6 +22,7 @@ from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.coordinates.shape import Coordinates
 from dicedesign.optimize.coordinates.symmetric import SymmetricCoordinates
 from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from tests.reference import solids
 
 # Torch itself warns where it is first asked for tangents.
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated")

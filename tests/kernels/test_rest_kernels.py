@@ -186,7 +186,7 @@ def test_a_border_through_the_antipode_of_its_rest_costs_no_digits() -> None:
     # A prism over a spiral: its left side rolls all the way down to the bottom, so that the ridge
     # on top, opposite to the bottom's normal, is on the border of the bottom's basin. Triangles
     # between such directions have no area to speak of.
-    oracle = pytest.importorskip("dicedesign.bench.reference.oracle")
+    oracle = pytest.importorskip("tests.reference.oracle")
     angles = np.radians(np.linspace(90.0, 240.0, 16))
     spiral = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     spiral *= 1.6 * 0.98 ** np.arange(16)[:, None]

@@ -9,7 +9,6 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from dicedesign.bench.bodies.monostatic import conway_guy
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import angle_between, unit_vectors
 from dicedesign.rest.asymmetry import asymmetry, basin_moments, border_margins
@@ -17,6 +16,7 @@ from dicedesign.rest.equilibria import classify
 from dicedesign.rest.morse import separatrices, separatrix_points
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import roll_steps
+from tests.reference.monostatic import conway_guy
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 BOX = (1.0, 2.0, 3.5)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from dicedesign.bench.bodies.problem import Problem
-from dicedesign.bench.reference.measurement import OK, measure, verdict
 from dicedesign.errors import OutsideHullError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest import basins as probabilities
 from dicedesign.rest.basins import find_basins
 from dicedesign.rest.poses import UNEVEN, rest_poses
+from tests.reference.measurement import OK, measure, verdict
+from tests.reference.problem import Problem
 
 TIED = [(25, 20, 1e-12), (94, 20, 1e-12), (96, 20, 1e-12), (106, 20, 1e-12), (1, 40, 1e-13)]
 """Seed, points and noise of bodies that balance to within the unevenness of their facets, and in

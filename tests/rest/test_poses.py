@@ -9,9 +9,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from dicedesign.bench.bodies.extremes import weighted_sphere
-from dicedesign.bench.bodies.monostatic import conway_guy
-from dicedesign.bench.bodies.problem import Problem
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
@@ -21,6 +18,9 @@ from dicedesign.rest.equilibria import Tie, classify
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import roll_steps
 from dicedesign.rest.tracing import destined_facets
+from tests.reference.extremes import weighted_sphere
+from tests.reference.monostatic import conway_guy
+from tests.reference.problem import Problem
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 

@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import binomtest, kstest
 
 from dicedesign import rest_poses
-from dicedesign.bench.bodies.monostatic import conway_guy
 from dicedesign.errors import InputError
 from dicedesign.rest.poses import RestPoses
+from tests.reference.monostatic import conway_guy
 
 DRAWS = 4000
 

@@ -11,7 +11,6 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from dicedesign import read_body, rest_poses
-from dicedesign.bench.bodies import solids
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.stl import stl_bytes
 from dicedesign.optimize.options import ExactOptions
@@ -21,6 +20,7 @@ from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.rest.poses import RestPoses
+from tests.reference import solids
 
 TOLERANCE = 1e-5
 

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from common.browser import PATIENCE, OpenedPage
+from common.browser import PATIENCE, OpenedPage, gizmo_place
 from common.paths import public_data
 
 import dicedesign as dd
-from dicedesign.bench.measures.page_drags import gizmo_place
 
 SHOWN = 6e-6
 """Half of the last digit of odds that the page tells, and a little."""

@@ -136,8 +136,8 @@ def _target(text: str) -> dict[str, Any]:
 
 def _models(run: Run) -> dict[str, Path | None]:
     """The models that were asked for, see `concave_cases`."""
+    from benchmarks.random_models import model_names
     from dicedesign.batch.folder import list_folder
-    from dicedesign.bench.bodies.models.random_models import model_names
 
     options, found = run.options, dict[str, Path | None]()
     for path in options.meshes:

@@ -16,7 +16,7 @@ from dicedesign.bench.rows import Row, column
 from dicedesign.errors import InputError
 
 if TYPE_CHECKING:
-    from dicedesign.learning.random_throws import Deviation
+    from benchmarks.training.random_throws import Deviation
     from dicedesign.report.charts.paper import Paper
     from dicedesign.throws.counts.throw_counts import CountedDie
 
@@ -76,13 +76,13 @@ class DieRow(Row):
 
 
 def _rows(run: Run) -> Items:
+    from benchmarks.training.random_throws import deviation
     from dicedesign.bench.measures.throws.momentum_judging import (
         judge_printed_die,
         model_times,
         throw_unseen_dice,
     )
     from dicedesign.gradient.thrown_odds import ThrownOdds
-    from dicedesign.learning.random_throws import deviation
     from dicedesign.throws.momentum.momentum_model import momentum_model
     from dicedesign.throws.simulation.simulation import check_throws
     from dicedesign.throws.tables import table_named
@@ -156,8 +156,8 @@ def _printed(throws: Path | None, names: str | None) -> tuple[CountedDie, ...]:
 
 def by_kind(deviations: Sequence[Deviation]) -> Iterator[KindRow]:
     """All dice, and those of each kind that there are."""
-    from dicedesign.learning.random_dice import DICE_KINDS
-    from dicedesign.learning.random_throws import mean_deviations
+    from benchmarks.training.random_dice import DICE_KINDS
+    from benchmarks.training.random_throws import mean_deviations
 
     yield KindRow("all", **vars(mean_deviations(deviations)))
     for kind in DICE_KINDS:

@@ -11,8 +11,8 @@ from dicedesign.bench.options import Amount
 from dicedesign.bench.rows import Row, column, hidden
 
 if TYPE_CHECKING:
-    from dicedesign.bench.bodies.problem import DesignProblem, Problem
-    from dicedesign.bench.reference.measurement import Measurement
+    from tests.reference.measurement import Measurement
+    from tests.reference.problem import DesignProblem, Problem
 
 __all__ = ["CaseRow", "Extent", "run_case", "run_stability"]
 
@@ -48,7 +48,7 @@ class CaseRow(Row):
     name: of the case; size: facets of the hull; rests: how many.
     excess: sum of the probabilities less 1.
     error: largest error of a probability by any of `measures`; None where there is none.
-    condition: see `dicedesign.bench.reference.condition`; None where no error asks for it.
+    condition: see `tests.reference.condition`; None where no error asks for it.
     seconds: wall-clock time of the query or design.
     verdict: "ok", or what went wrong.
     tied: whether the center of mass was moved to both sides of a balance.
@@ -81,8 +81,8 @@ def _rows(run: Run) -> Items:
 
 def run_stability(run: Run) -> Iterator[CaseRow]:
     """Rows of the suite, as they come."""
-    from dicedesign.bench.bodies.stability_suite import stability_cases
     from dicedesign.bench.measures.processes import CrashError, HangError, Watchdog
+    from tests.reference.stability_suite import stability_cases
 
     extent: Extent = run.extent
     with Watchdog(run_case) as dog:
@@ -104,8 +104,8 @@ def run_stability(run: Run) -> Iterator[CaseRow]:
 
 def run_case(task: tuple[str, int]) -> CaseRow:
     """One case by its name: as it stands for 0 turns, else in so many random orientations."""
-    from dicedesign.bench.bodies.problem import DesignProblem
-    from dicedesign.bench.bodies.stability_suite import stability_cases
+    from tests.reference.problem import DesignProblem
+    from tests.reference.stability_suite import stability_cases
 
     name, turns = task
     (case,) = (case for case in stability_cases() if case.name == name)
@@ -118,8 +118,8 @@ def run_case(task: tuple[str, int]) -> CaseRow:
 def _measured(problem: Problem, turns: int) -> list[Measurement]:
     import numpy as np
 
-    from dicedesign.bench.bodies.problem import turned
-    from dicedesign.bench.reference.measurement import measure
+    from tests.reference.measurement import measure
+    from tests.reference.problem import turned
 
     if turns == 0:
         return [measure(problem)]
@@ -130,7 +130,7 @@ def _measured(problem: Problem, turns: int) -> list[Measurement]:
 
 
 def _design_row(name: str, problem: DesignProblem) -> CaseRow:
-    from dicedesign.bench.measures.designs.watched_design import watch_design
+    from tests.reference.watched_design import watch_design
 
     watched = watch_design(problem)
     row = CaseRow(name)
@@ -141,7 +141,7 @@ def _design_row(name: str, problem: DesignProblem) -> CaseRow:
 
 
 def _row(name: str, all_turns: list[Measurement], rests: int | None, facets: int | None) -> CaseRow:
-    from dicedesign.bench.reference.measurement import ERROR_LIMIT, OK, verdict
+    from tests.reference.measurement import ERROR_LIMIT, OK, verdict
 
     verdicts = [verdict(one, rests, facets) for one in all_turns]
     asking = [one for one in all_turns if max(one.errors.values(), default=0.0) > ERROR_LIMIT]

@@ -12,13 +12,13 @@ import numpy as np
 from manifold3d import Manifold
 from scipy.spatial.distance import pdist
 
-from dicedesign.bench.bodies.gear import gear
 from dicedesign.concave.shapes.shapes import SHAPES
 from dicedesign.geometry.manifold import mesh_of, solid
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats
+from tests.reference.gear import gear
 
 __all__ = [
     "LEAST_THICKNESS",

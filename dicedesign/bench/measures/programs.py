@@ -20,10 +20,10 @@ import numpy as np
 
 from dicedesign.batch.file_batches import FEWEST_TASKS_PER_JOB
 from dicedesign.bench.measures.processes import in_new_process
-from dicedesign.bench.reference.sampled import random_directions
 from dicedesign.bench.rows import Row, column, hidden, percent
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.stl import stl_bytes
+from tests.reference.sampled import random_directions
 
 __all__ = [
     "FolderRow",
@@ -53,7 +53,7 @@ _COLD: Final = {
 _POINTS: Final = """
 from scipy.spatial import ConvexHull
 from dicedesign import rest_poses
-from dicedesign.bench.reference.sampled import random_directions
+from tests.reference.sampled import random_directions
 rest_poses(random_directions(20, 0))
 points = random_directions({count}, 0)
 """

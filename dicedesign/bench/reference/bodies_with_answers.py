@@ -10,12 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dicedesign.bench.bodies.extremes import large
-from dicedesign.bench.bodies.stiff import random_body
-from dicedesign.bench.reference.measurement import ORACLE_FACETS
-from dicedesign.bench.reference.oracle import hull_probabilities
 from dicedesign.bench.reference.precision import evaluated_probabilities
-from dicedesign.bench.reference.sixty_digits import OracleError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.meshes.center_of_mass import resolve_center_of_mass
@@ -23,6 +18,11 @@ from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.rest.basins import find_basins
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.runtime.arrays import Floats
+from tests.reference.extremes import large
+from tests.reference.measurement import ORACLE_FACETS
+from tests.reference.oracle import hull_probabilities
+from tests.reference.sixty_digits import OracleError
+from tests.reference.stiff import random_body
 
 __all__ = ["Subject", "built_in_bodies", "make_subject"]
 

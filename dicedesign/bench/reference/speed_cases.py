@@ -8,11 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.bench.bodies.extremes import large
-from dicedesign.bench.reference.sampled import lattice_directions, random_directions
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.runtime.arrays import Floats
+from tests.reference.extremes import large
+from tests.reference.sampled import lattice_directions, random_directions
 
 __all__ = ["DIE_CORNERS", "Case", "Ratios", "built_in_cases", "goals", "mesh_case", "sphere_case"]
 

@@ -39,7 +39,7 @@ def add_parser(commands: Any) -> None:
         "--table",
         metavar="NAME|FILE.json",
         help="of a mesh: also the odds when it is thrown onto a table, by the momentum model: "
-        "board-game, hard-wood, paper, carpet, or a file that `dicedesign table learn` made; with "
+        "board-game, hard-wood, paper, carpet, or the file of a table; with "
         "another way to throw after a colon, as in board-game:cup",
     )
     parser.add_argument(

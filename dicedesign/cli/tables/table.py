@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dicedesign.cli.tables import table_fit, table_learn, table_probe
+from dicedesign.cli.tables import table_fit, table_probe
 
 __all__ = ["add_parser"]
 
@@ -18,5 +18,4 @@ def add_parser(commands: Any) -> None:
     )
     actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
     table_fit.add_action(actions)
-    table_learn.add_action(actions)
     table_probe.add_action(actions)

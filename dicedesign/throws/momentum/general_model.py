@@ -79,7 +79,7 @@ def general_model_of(plain: Any) -> GeneralModel:
     if not isinstance(plain, dict):
         raise InputError(
             f"momentum: expected an object with the numbers of a model, got {plain!r:.40}; "
-            "make one with `dicedesign table learn`"
+            "train one with `python -m benchmarks train` in a checkout"
         )
     return GeneralModel(
         _range(plain),
@@ -168,5 +168,5 @@ def _array(plain: dict[str, Any], path: str, shape: tuple[int, ...] | None) -> F
 def _wrong(path: str, expected: str, got: str) -> InputError:
     return InputError(
         f"momentum model: {path}: expected {expected}, got {got}; make the table's model again "
-        "with `dicedesign table learn`"
+        "with `python -m benchmarks train` in a checkout"
     )

@@ -74,7 +74,9 @@ class MomentumModel(kernels.Handled):
     @classmethod
     def of(cls, general: GeneralModel, table: Table) -> MomentumModel:
         """That of a table. Raises InputError: the table is not in the model's range."""
-        general.range.require(table, "make a model of its own with `dicedesign table learn`")
+        general.range.require(
+            table, "make a model of its own with `python -m benchmarks train` in a checkout"
+        )
         terms = table_terms(table)
         hot, cooling, carry_barrier = np.clip(terms @ general.numbers, *NUMBERS.T)
         transitions, carries = (

@@ -7,9 +7,9 @@ import pytest
 from common.boxes import box
 
 from dicedesign.balance.center.rests_at import counted_for, pose_odds, rests_at, top_directions
-from dicedesign.bench.bodies.gear import gear
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.poses import rest_poses
+from tests.reference.gear import gear
 
 
 def solid_angle(a: float, b: float, height: float) -> float:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from common.dented_cube import dented_cube
 
-from dicedesign.bench.bodies.gear import gear
 from dicedesign.concave.hollow.cavity import balancing_cavity, least_wall
 from dicedesign.errors import InputError
 from dicedesign.geometry.surfaces.distances import distances_from_surface
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.surfaces.surface import Surface, joined
+from tests.reference.gear import gear
 
 
 def hollow(surface: Surface, cavity: Surface) -> Surface:

@@ -7,13 +7,13 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from dicedesign.bench.bodies.solids import PLATONIC
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.labels.layout import place_labels
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.fabricate.labels.reading import Reading, die_readings
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.runtime.arrays import Floats
+from tests.reference.solids import PLATONIC
 
 LETTERS = "abcdefghijklmnopqrst"
 

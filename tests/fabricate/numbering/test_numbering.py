@@ -8,7 +8,6 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from dicedesign.bench.bodies.solids import PLATONIC, catalan
 from dicedesign.fabricate.numbering import even_sums
 from dicedesign.fabricate.numbering.even_sums import EvenSums
 from dicedesign.fabricate.numbering.numbering import Numbering, numbered
@@ -16,6 +15,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.runtime.arrays import Floats
+from tests.reference.solids import PLATONIC, catalan
 
 
 def fair(hull: ConvexHull, style: str) -> Numbering:

@@ -7,7 +7,6 @@ import pytest
 from common.made_up_die import SIDES, box
 from scipy import stats
 
-from dicedesign.bench.measures.designs.perturbed_dice import PrintedDie
 from dicedesign.fabricate.print_odds.odds_slopes import OddsSlopes
 from dicedesign.fabricate.print_odds.off_prints import OffPrints
 from dicedesign.fabricate.print_odds.tolerances import ROLLS, OddsSpread, print_tolerances
@@ -16,6 +15,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
+from tests.reference.perturbed_dice import PrintedDie
 
 HOUSE = np.concatenate([box(20.0, 20.0, 20.0), [[0.0, 0.0, 21.0]]])
 """A cube with a roof, on whose sides it only just rests."""

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from common.made_up_die import SIDES, box
 
-from dicedesign.bench.measures.designs.perturbed_dice import PrintedDie, only
 from dicedesign.fabricate.print_odds.odds_slopes import OddsSlopes
 from dicedesign.fabricate.print_odds.tolerances import (
     NOTICED,
@@ -25,6 +24,7 @@ from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.statistics.chi_square_power import chance_noticed
+from tests.reference.perturbed_dice import PrintedDie, only
 
 PRINTS = 600
 ERRORS = PrintErrors(0.05, 0.01, 0.1, 200.0)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from common.dented_cube import dented_cube
 
-from dicedesign.bench.bodies.gear import gear
 from dicedesign.geometry.surfaces.depth_grid import depth_grid
 from dicedesign.geometry.triangles import winding_number
+from tests.reference.gear import gear
 
 
 def test_depths_of_a_cube_are_those_of_its_nearest_side() -> None:

@@ -12,8 +12,6 @@ import pytest
 import torch
 from common.slow_machine import slow_machine
 
-from dicedesign.bench.bodies.problem import Problem
-from dicedesign.bench.reference.measurement import OK, measure, verdict
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.options import ExactOptions, SobolevOptions
@@ -29,6 +27,8 @@ from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.optimize.targets import binomial, sum_of_dice
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.status import Status
+from tests.reference.measurement import OK, measure, verdict
+from tests.reference.problem import Problem
 
 torch.set_num_threads(1)
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from common.made_up_die import SIDES, box, designed
 
-from dicedesign.bench.bodies.solids import PLATONIC
 from dicedesign.fabricate.labels.layout import Placement
 from dicedesign.fabricate.labels.reading import LabelPlace
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -19,6 +18,7 @@ from dicedesign.report.figures.figure import FIGURES
 from dicedesign.report.figures.reading import painted, reading_figure
 from dicedesign.report.render.renderer import Surface
 from dicedesign.runtime.arrays import Floats
+from tests.reference.solids import PLATONIC
 
 
 def engraved(points: Floats, directions: Floats, read: str, style: str = "engraved") -> Work:

@@ -8,13 +8,13 @@ from scipy import integrate
 from scipy.spatial.transform import Rotation
 
 import dicedesign as dd
-from dicedesign.bench.bodies.extremes import (
+from dicedesign.runtime.arrays import Floats
+from tests.reference.extremes import (
     ANTIPODE_SEEDS,
     lens,
     lopsided_needle,
     weighted_sphere,
 )
-from dicedesign.runtime.arrays import Floats
 
 CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 AXES = np.random.default_rng(0).normal(size=(3, 3))

@@ -11,7 +11,6 @@ import torch
 from common.kernels import compiled_only, without_kernels
 from numpy.typing import NDArray
 
-from dicedesign.bench.bodies import solids
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.solid import solid_inertia
@@ -25,6 +24,7 @@ from dicedesign.throws.momentum.momentum_odds import hull_odds, landing_odds, mo
 from dicedesign.throws.momentum.transition_features import body_features
 from dicedesign.throws.momentum.transitions import Transitions
 from dicedesign.throws.rigid_body import rigid_body
+from tests.reference import solids
 
 Floats = NDArray[np.float64]
 

@@ -26,8 +26,6 @@ from typing import ClassVar, Final
 import numpy as np
 import torch
 
-from dicedesign.bench.bodies.random_hulls import random_hull
-from dicedesign.bench.reference.oracle_derivatives import oracle_derivative
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.gradient.rest_odds import RestEvaluation
@@ -35,6 +33,8 @@ from dicedesign.rest.equilibria import classify
 from dicedesign.rest.morse import separatrices
 from dicedesign.rest.tracing import destined_facets
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
+from tests.reference.oracle_derivatives import oracle_derivative
+from tests.reference.random_hulls import random_hull
 
 __all__ = ["BODIES", "DISCONTINUOUS", "EVENTS", "Event", "find_events"]
 

@@ -11,7 +11,6 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from dicedesign.bench.bodies.extremes import large
 from dicedesign.bench.measures.processes import in_turn
 from dicedesign.bench.measures.queries.query_speed import PAPER, ROW, Effort
 from dicedesign.bench.rows import Row, column, hidden, milliseconds
@@ -24,6 +23,7 @@ from dicedesign.optimize.solvers.candidate import CandidateMaker
 from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.runtime.arrays import Floats
+from tests.reference.extremes import large
 
 __all__ = ["PartRow", "part_works", "speed_parts"]
 

@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.bench.measures.designs.perturbed_dice import PrintedDie, only
 from dicedesign.bench.measures.recipes import Work
 from dicedesign.fabricate.print_odds.odds_slopes import OddsSlopes
 from dicedesign.fabricate.print_odds.off_prints import OffPrints
@@ -22,6 +21,7 @@ from dicedesign.fabricate.printing.print_errors import PrintErrors
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.statistics.chi_square_power import LEVEL, chance_noticed
 from dicedesign.throws.statistics.goodness_of_fit import chi_square
+from tests.reference.perturbed_dice import PrintedDie, only
 
 __all__ = ["answer", "by_error", "of_facets"]
 

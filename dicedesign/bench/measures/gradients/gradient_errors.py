@@ -27,17 +27,17 @@ from typing import ClassVar, Final
 import numpy as np
 import torch
 
-from dicedesign.bench.bodies.problem import Problem, turned
-from dicedesign.bench.bodies.random_hulls import random_hull
-from dicedesign.bench.bodies.stiff import glancing
 from dicedesign.bench.measures.gradients.path_angles import smallest_growth_and_slant
-from dicedesign.bench.reference.condition import derivative_condition, probability_condition
-from dicedesign.bench.reference.oracle_derivatives import oracle_derivative
 from dicedesign.bench.rows import Row, column, hidden
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.runtime.arrays import Floats
+from tests.reference.condition import derivative_condition, probability_condition
+from tests.reference.oracle_derivatives import oracle_derivative
+from tests.reference.problem import Problem, turned
+from tests.reference.random_hulls import random_hull
+from tests.reference.stiff import glancing
 
 __all__ = [
     "GROWTHS",
@@ -84,7 +84,7 @@ class GradientRow(Row):
         gradients one by one; jacobian_error: with those in the corners by
         `RestEvaluation.jacobian`.
     limit: what the errors may be.
-    condition: of the probabilities, see `dicedesign.bench.reference.condition`; NaN if not asked.
+    condition: of the probabilities, see `tests.reference.condition`; NaN if not asked.
     growth, slant: see `dicedesign.bench.measures.gradients.path_angles`.
     """
 

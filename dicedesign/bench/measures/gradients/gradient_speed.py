@@ -8,8 +8,6 @@ from typing import Any, ClassVar
 
 import torch
 
-from dicedesign.bench.bodies.extremes import large
-from dicedesign.bench.bodies.solids import platonic
 from dicedesign.bench.measures.processes import in_turn
 from dicedesign.bench.rows import Row, column, milliseconds
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -18,6 +16,8 @@ from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.runtime.arrays import Floats
+from tests.reference.extremes import large
+from tests.reference.solids import platonic
 
 __all__ = ["GradientTimesRow", "gradient_times"]
 

@@ -2,7 +2,7 @@
 half-spaces, against differences of the 60-digit oracle.
 
 What the derivative is where corners leave a facet's plane says
-`dicedesign.bench.reference.oracle_derivatives`. So where the center of mass is given all corners
+`tests.reference.oracle_derivatives`. So where the center of mass is given all corners
 move at random, and the body of the oracle breaks. Those of a uniform solid are moved by a linear
 map, which keeps facets flat. Half-spaces move at random where three facets meet in each corner;
 where more do, a motion that splits none is a linear map too.
@@ -17,17 +17,7 @@ from typing import ClassVar, Final
 import numpy as np
 import torch
 
-from dicedesign.bench.bodies import solids
-from dicedesign.bench.bodies.problem import Problem, turned
 from dicedesign.bench.measures.gradients.gradient_errors import error_limit
-from dicedesign.bench.reference.condition import derivative_condition
-from dicedesign.bench.reference.oracle_derivatives import (
-    as_floats,
-    broken_derivative,
-    corner_motion,
-    derivative,
-    half_space_motion,
-)
 from dicedesign.bench.rows import Row, column
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
@@ -38,6 +28,16 @@ from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.optimize.starts.kinds.prism import prism
 from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.runtime.arrays import Floats
+from tests.reference import solids
+from tests.reference.condition import derivative_condition
+from tests.reference.oracle_derivatives import (
+    as_floats,
+    broken_derivative,
+    corner_motion,
+    derivative,
+    half_space_motion,
+)
+from tests.reference.problem import Problem, turned
 
 __all__ = ["PolygonRow", "polygon_bodies", "polygon_row", "random_polyhedron"]
 

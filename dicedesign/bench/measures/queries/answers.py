@@ -19,15 +19,15 @@ from dicedesign.bench.measures.queries.other_methods import (
 )
 from dicedesign.bench.reference.bodies_with_answers import Subject
 from dicedesign.bench.reference.precision import evaluated_probabilities
-from dicedesign.bench.reference.sampled import (
-    lattice_directions,
-    random_directions,
-    sampled_probabilities,
-)
 from dicedesign.bench.rows import Row, column
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats
+from tests.reference.sampled import (
+    lattice_directions,
+    random_directions,
+    sampled_probabilities,
+)
 
 __all__ = [
     "FLOAT32",

@@ -12,12 +12,12 @@ from typing import ClassVar, Final
 import numpy as np
 import torch
 
+from benchmarks.training.random_dice import RandomDie
+from benchmarks.training.random_throws import ThrownRandomDie, throw_random_dice
 from dicedesign.bench.measures.processes import in_turn
 from dicedesign.bench.rows import Row, column, hidden
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.gradient.thrown_odds import ThrownOdds
-from dicedesign.learning.random_dice import RandomDie
-from dicedesign.learning.random_throws import ThrownRandomDie, throw_random_dice
 from dicedesign.throws.counts.throw_counts import CountedDie
 from dicedesign.throws.momentum.momentum_model import MomentumModel
 from dicedesign.throws.momentum.momentum_odds import momentum_odds

@@ -15,10 +15,10 @@ from typing import Final
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from benchmarks.training.random_dice import DICE_KINDS, random_die
 from dicedesign.bench.measures.recipes import begun, designed
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.learning.random_dice import DICE_KINDS, random_die
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Integers

@@ -1,0 +1,266 @@
+"""One body: its probabilities, how wrong they are by every measure there is, and the verdict."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.geometry.meshes.orientation import consistent_winding
+from dicedesign.geometry.sphere import norms
+from dicedesign.rest.basins import Basins, find_basins
+from dicedesign.rest.poses import UNEVEN, RestPoses, rest_poses
+from dicedesign.runtime.arrays import Floats
+from tests.reference.condition import probability_condition
+from tests.reference.oracle import hull_probabilities
+from tests.reference.problem import Problem
+from tests.reference.sixty_digits import DIGITS, multiprecision, solid_centroid, vector
+
+__all__ = [
+    "CONDITION_FACTOR",
+    "ERROR_LIMIT",
+    "OK",
+    "ORACLE_FACETS",
+    "Measurement",
+    "facet_planes",
+    "measure",
+    "share_error",
+    "verdict",
+]
+
+OK: Final = "ok"
+
+ERROR_LIMIT: Final = 1e-12
+"""Largest error of a probability, and largest difference of their sum from 1."""
+
+CONDITION_FACTOR: Final = 100.0
+"""A larger error may be so many times the condition times machine epsilon."""
+
+OUTSIDE_LIMIT: Final = 1e-10
+"""How far a point may lie outside of the hull, over half its extent."""
+
+COARSER_OUTSIDE_LIMIT: Final = 1e-7
+"""The same of a hull that was made again: at up to 1000 times the unevenness of its facets, which
+is up to 1e-11 or a few times as much."""
+
+ORACLE_FACETS: Final = 2000
+"""Hulls of up to so many facets are held against the oracle."""
+
+ULPS: Final = 32.0
+"""Centers of mass that differ by so many roundings of the largest coordinate are the same."""
+
+FAR: Final = 10.0
+"""Distance from the origin over the body's extent from which on coordinates have lost digits."""
+
+SIDES: Final = 4
+"""Of a tied body, so many of the bodies beside it are held against the oracle and have their
+condition taken."""
+
+HULL_CHECK_PAIRS: Final = 4_000_000
+"""Up to so many pairs of a point and a facet it is checked that the hull contains the points."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """How a body came out.
+
+    Attributes
+    ----------
+    facets: of the hull.
+    rests: how many.
+    probabilities: (k,) in descending order.
+    excess: their sum less 1.
+    errors: largest error of a probability by measure: "oracle", "closed form", "symmetry".
+    outside: how far a point lies beyond a facet's plane, more than rounding far from the origin
+        explains, over half the body's extent; NaN where that was too much to look at.
+    seconds: wall-clock time of the query.
+    tied: whether its center of mass was moved to both sides of a balance.
+    made_again: whether its hull was, at a coarser coplanar tolerance (see `find_basins`).
+    hull, centers: what its condition is taken of.
+    """
+
+    facets: int
+    rests: int
+    probabilities: tuple[float, ...]
+    excess: float
+    errors: dict[str, float]
+    outside: float
+    seconds: float
+    tied: bool
+    made_again: bool
+    hull: ConvexHull
+    centers: tuple[Floats, ...]
+
+    @cached_property
+    def condition(self) -> float:
+        """See `tests.reference.condition`; 0 for hulls that are too large for the
+        oracle."""
+        if self.facets > ORACLE_FACETS:
+            return 0.0
+        return max(probability_condition(self.hull, center) for center in self.centers)
+
+    def limit(self, error: float, least: float = ERROR_LIMIT) -> float:
+        """How large an error may be that is due to rounding, at least some number; the condition
+        is only taken for a larger one."""
+        if error <= least:
+            return least
+        return max(least, CONDITION_FACTOR * self.condition * float(np.finfo(np.float64).eps))
+
+
+def measure(
+    problem: Problem, *, oracle: bool = True, query: Callable[..., RestPoses] = rest_poses
+) -> Measurement:
+    """Ask the product for a problem's rests and compare. Raises as `rest_poses`.
+
+    The oracle is given the center of mass of a uniform solid from 60 digits. Only of a tied body
+    it takes the centers to which the product moved that, for there the odds are what they are
+    defined to be: the mean over bodies beside it.
+
+    oracle: whether a small hull is held against the oracle. query: `rest_poses`, or what is to be
+    compared in its place.
+    """
+    body = make_body(problem.points, problem.triangles)
+    started = time.perf_counter()
+    poses = query(body, problem.center, coplanar_tolerance=problem.coplanar_tolerance)
+    seconds = time.perf_counter() - started
+    hull = poses.hull
+    sides = find_basins(hull, poses.center_of_mass)
+    errors = {}
+    if problem.shares is not None:
+        errors["closed form"] = share_error(problem.shares, poses.probabilities)
+    if problem.symmetries:
+        errors["symmetry"] = max(_asymmetry(poses, matrix) for matrix in problem.symmetries)
+    if oracle and len(hull.normals) <= ORACLE_FACETS:
+        centers = [side.equilibria.center_of_mass for side in sides[:SIDES]]
+        if problem.center is None and len(sides) == 1:
+            centers = [_uniform_center(problem, body, poses)]
+        errors["oracle"] = max(
+            _difference_from_mean(poses, sides),
+            *(_oracle_error(hull, *s) for s in zip(sides[:SIDES], centers, strict=True)),
+        )
+    return Measurement(
+        facets=len(hull.normals),
+        rests=len(poses.probabilities),
+        probabilities=tuple(poses.probabilities.tolist()),
+        excess=float(poses.probabilities.sum()) - 1.0,
+        errors=errors,
+        outside=_outside(hull, body.points, poses.center_of_mass),
+        seconds=seconds,
+        tied=len(sides) > 1,
+        made_again=UNEVEN in poses.notes,
+        hull=hull,
+        centers=tuple(side.equilibria.center_of_mass for side in sides[:SIDES]),
+    )
+
+
+def verdict(found: Measurement, rests: int | None = None, facets: int | None = None) -> str:
+    """`OK`, or what is wrong with a measurement whose number of rests or facets may be known."""
+    if rests is not None and found.rests != rests:
+        return f"{found.rests} rests instead of {rests}"
+    if facets is not None and found.facets != facets:
+        return f"{found.facets} facets instead of {facets}"
+    if not abs(found.excess) <= ERROR_LIMIT:
+        return f"sum of probabilities off by {found.excess:.1e}"
+    if found.outside > (COARSER_OUTSIDE_LIMIT if found.made_again else OUTSIDE_LIMIT):
+        return f"point outside of the hull by {found.outside:.1e}"
+    for name, error in found.errors.items():
+        limit = found.limit(error)
+        if not error <= limit:
+            return f"error {error:.1e} ({name}) above {limit:.1e}"
+    return OK
+
+
+def share_error(expected: Floats, found: Floats) -> float:
+    """Largest difference of probabilities (k,) and (l,) in order of size; missing ones are 0."""
+    both = np.zeros((2, max(len(expected), len(found))))
+    for row, values in zip(both, (expected, found), strict=True):
+        row[: len(values)] = np.sort(values)[::-1]
+    return float(np.abs(both[0] - both[1]).max())
+
+
+def _oracle_error(hull: ConvexHull, side: Basins, center: Floats) -> float:
+    """Largest error of a probability on one side, whose center of mass should be (3,)."""
+    exact = hull_probabilities(hull, [center])
+    found = np.zeros(len(exact))
+    found[side.paths.rests] = side.areas / (4.0 * np.pi)
+    return max(abs(float(p - q)) for p, q in zip(exact, found.tolist(), strict=True))
+
+
+def _difference_from_mean(poses: RestPoses, sides: tuple[Basins, ...]) -> float:
+    """Largest difference of the probabilities returned from the mean over all sides."""
+    difference = np.zeros(len(poses.hull.normals))
+    difference[poses.facets] = poses.probabilities
+    for side in sides:
+        difference[side.paths.rests] -= side.areas / (4.0 * np.pi * len(sides))
+    return float(np.abs(difference).max())
+
+
+def _uniform_center(problem: Problem, body: Body, poses: RestPoses) -> Floats:
+    """Center of mass (3,) of the uniform mesh or hull, computed in 60 digits and rounded; or that
+    of the poses where it differs by rounding of the body's coordinates only: far from the origin no
+    center can be told better.
+
+    The hull is that before others of its facets are made, see `find_basins`.
+    """
+    hull = convex_hull(
+        body.points, problem.coplanar_tolerance, single_precision=body.single_precision
+    )
+    points, triangles = hull.vertices, hull.triangles
+    if body.triangles is not None and poses.center_of_mass_source == "uniform solid":
+        oriented = consistent_winding(body.triangles)
+        assert oriented is not None
+        points, triangles = body.points, oriented
+    with multiprecision().workdps(DIGITS):
+        center = solid_centroid([vector(x) for x in points.tolist()], triangles.tolist())
+        exact = np.array([float(x) for x in center])
+    rounding = ULPS * float(np.finfo(np.float64).eps) * _reach(hull.vertices)
+    told = poses.center_of_mass
+    return told if np.abs(told - exact).max() <= rounding else exact
+
+
+def _reach(points: Floats) -> float:
+    """Largest coordinate of points (n, 3); far from the origin at least their extent times how many
+    times it is their thickness, as their sums then round that much."""
+    far = float(np.abs(points).max())
+    extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if far < FAR * float(extents[0]):
+        return far
+    return max(far, float(extents[0] ** 2 / extents[-1]))
+
+
+def _asymmetry(poses: RestPoses, matrix: Floats) -> float:
+    image = cKDTree(poses.normals).query(poses.normals @ matrix.T)[1]
+    return float(np.abs(poses.probabilities - poses.probabilities[image]).max())
+
+
+def _outside(hull: ConvexHull, points: Floats, center: Floats) -> float:
+    if len(points) * len(hull.normals) > HULL_CHECK_PAIRS:
+        return float("nan")
+    local, corners = points - center, hull.vertices - center
+    normals, areas, heights = facet_planes(hull, corners)
+    scale = float(np.ptp(corners, axis=0).max()) / 2.0
+    beyond = (local @ normals.T - heights[1]).max(axis=0)
+    # A facet's plane is known the less the more slender the facet is.
+    rounding = 4.0 * float(np.finfo(np.float64).eps * np.abs(points).max())
+    return float((beyond - rounding * (1.0 + scale * scale / areas)).max()) / scale
+
+
+def facet_planes(hull: ConvexHull, corners: Floats) -> tuple[Floats, Floats, Floats]:
+    """Unit normals (m, 3) and areas (m,) of the facets with corners (n, 3), and the least and the
+    largest height of the corners of each (2, m), from these alone."""
+    start = hull.facet_start[:-1]
+    anchor = corners[hull.tail[start]][hull.facet]
+    swept = np.linalg.cross(corners[hull.tail] - anchor, corners[hull.head] - anchor)
+    vectors = np.add.reduceat(swept, start)
+    doubled = norms(vectors)
+    normals = vectors / doubled[:, None]
+    heights = (corners[hull.tail] * normals[hull.facet]).sum(axis=1)
+    least, largest = np.minimum.reduceat(heights, start), np.maximum.reduceat(heights, start)
+    return normals, doubled / 2.0, np.stack([least, largest])

@@ -1,0 +1,94 @@
+"""Bodies that carry their answers, and designs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from dicedesign.optimize.starts.start import Start
+from dicedesign.runtime.arrays import Floats
+
+__all__ = ["Case", "DesignProblem", "Problem", "turned"]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A body and what is known about its rests.
+
+    Attributes
+    ----------
+    points: (n, 3) in any length unit.
+    center: (3,) center of mass, or None for that of the uniform solid.
+    triangles: (t, 3) corners of a mesh, or None for a point cloud.
+    coplanar_tolerance: see `dicedesign.geometry.hulls.hull.convex_hull`.
+    shares: (k,) exact probabilities in any order, where a closed form is known.
+    rests, facets: how many there are, where it is known.
+    symmetries: matrices (3, 3) that map body and center of mass to themselves without rounding.
+    """
+
+    points: Floats
+    center: Floats | None = None
+    triangles: NDArray[np.int64] | None = None
+    coplanar_tolerance: float | None = None
+    shares: Floats | None = None
+    rests: int | None = None
+    facets: int | None = None
+    symmetries: tuple[Floats, ...] = ()
+
+
+@dataclass(frozen=True)
+class DesignProblem:
+    """A design that is hard on the method, and how many steps it may take.
+
+    Attributes
+    ----------
+    start: shape and outcome directions.
+    target: (k,) wanted probability of each direction.
+    method: one of `tests.reference.watched_methods.METHODS`.
+    coordinates: what it varies; those of the paper are vertices.
+    center_of_mass: (3,) in the coordinates of `start.points`, or None for the uniform solid.
+    tolerance: largest |p - q| wanted.
+    perturbation: of the start of a descent; 0 keeps what is stiff about it.
+    steps: most accepted steps of a descent, or dice tried by the exact method.
+    """
+
+    start: Start
+    target: Floats
+    method: Literal["exact", "line search", "paper", "paper with finish"] = "line search"
+    coordinates: Literal["facets", "vertices"] = "facets"
+    center_of_mass: Floats | None = None
+    tolerance: float = 1e-3
+    perturbation: float = 1e-3
+    steps: int = 400
+
+
+@dataclass(frozen=True)
+class Case:
+    """A row of a suite.
+
+    Attributes
+    ----------
+    name: unique in its suite.
+    build: makes the problem.
+    turns: under how many random rotations it is tried as well.
+    points: rough number of points of a large problem, 0 for small ones.
+    quick: whether it belongs to the short suite too.
+    """
+
+    name: str
+    build: Callable[[], Problem | DesignProblem]
+    turns: int = 0
+    points: int = 0
+    quick: bool = True
+
+
+def turned(problem: Problem, seed: int) -> Problem:
+    """The problem in a random orientation, rounded to float64."""
+    matrix = Rotation.random(random_state=seed).as_matrix()
+    center = None if problem.center is None else matrix @ problem.center
+    return replace(problem, points=problem.points @ matrix.T, center=center, symmetries=())

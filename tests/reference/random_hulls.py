@@ -1,0 +1,78 @@
+"""Random hulls of several kinds, each from its number alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.rest.equilibria import classify
+from dicedesign.runtime.arrays import Floats
+from tests.reference.problem import Problem
+
+__all__ = ["KINDS", "random_hull"]
+
+POINTS: Final = (4, 20)
+"""Fewest and most points of a hull."""
+
+SEED: Final = 20
+"""Of all random hulls."""
+
+
+def random_hull(number: int) -> tuple[str, Problem]:
+    """What kind of hull, and a body with triangles only and at least two rests.
+
+    Kinds take turns; of each kind every other body is uniform, the rest have a given center of mass
+    somewhere in the middle.
+    """
+    rng = np.random.default_rng([SEED, number])
+    kind = tuple(KINDS)[number % len(KINDS)]
+    uniform = (number // len(KINDS)) % 2 == 0
+    while True:
+        points = KINDS[kind](rng)
+        hull = convex_hull(points)
+        inside = rng.dirichlet(np.ones(len(points))) @ points
+        center = hull.centroid if uniform else 0.5 * hull.centroid + 0.5 * inside
+        triangular = len(hull.triangles) == len(hull.normals)
+        if triangular and np.count_nonzero(classify(hull, center).stable) > 1:
+            return kind, Problem(hull.vertices, None if uniform else center)
+
+
+def _cloud(rng: np.random.Generator) -> Floats:
+    return rng.normal(size=(_count(rng), 3))
+
+
+def _ellipsoid(rng: np.random.Generator) -> Floats:
+    directions = rng.normal(size=(_count(rng), 3))
+    return unit_vectors(directions) * rng.uniform(0.4, 1.0, size=3)
+
+
+def _needle(rng: np.random.Generator) -> Floats:
+    """As long as 3 to 300 times its width."""
+    return _cloud(rng) * np.array([1.0, 1.0, 10.0 ** rng.uniform(0.5, 2.5)])
+
+
+def _prism(rng: np.random.Generator) -> Floats:
+    """A regular prism whose corners are off by a tenth to a ten-thousandth of its radius."""
+    sides = int(rng.integers(3, POINTS[1] // 2 + 1))
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    height = rng.uniform(0.3, 1.5)
+    points = np.concatenate(
+        [np.column_stack([np.cos(angles), np.sin(angles), np.full(sides, z)]) for z in (0, height)]
+    )
+    return points + 10.0 ** rng.uniform(-4.0, -1.0) * rng.uniform(-1.0, 1.0, size=points.shape)
+
+
+def _count(rng: np.random.Generator) -> int:
+    return int(rng.integers(POINTS[0], POINTS[1] + 1))
+
+
+KINDS: Final[dict[str, Callable[[np.random.Generator], Floats]]] = {
+    "normal cloud": _cloud,
+    "ellipsoid": _ellipsoid,
+    "needle": _needle,
+    "perturbed prism": _prism,
+}

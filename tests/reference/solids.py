@@ -1,0 +1,267 @@
+"""Symmetric solids whose resting probabilities have a closed form.
+
+Where all corners lie on a sphere around the center of mass and all facets are stable, a facet's
+probability is its share of the solid angle. Where symmetry maps any facet to any other one, all
+probabilities are equal.
+
+Coordinates of the Platonic and the Archimedean solids.
+"""
+
+from __future__ import annotations
+
+from itertools import permutations, product
+from typing import Final
+
+import numpy as np
+from scipy.optimize import root
+from scipy.spatial import ConvexHull as Triangulation
+from scipy.spatial.transform import Rotation
+
+from dicedesign.runtime.arrays import Floats
+from tests.reference.problem import Problem
+
+__all__ = [
+    "ARCHIMEDEAN",
+    "ARCHIMEDEAN_FACETS",
+    "PLATONIC",
+    "PLATONIC_FACETS",
+    "antiprism",
+    "archimedean",
+    "bipyramid",
+    "box",
+    "catalan",
+    "icosphere",
+    "platonic",
+    "prism",
+]
+
+HALF_TURNS = tuple(np.diag(s) for s in ([1.0, -1, -1], [-1.0, 1, -1], [-1.0, -1, 1]))
+
+CYCLES = (np.eye(3)[[1, 2, 0]], np.eye(3)[[2, 0, 1]])
+
+
+def platonic(name: str) -> Problem:
+    """A Platonic solid, all of whose facets are alike."""
+    return _alike(PLATONIC[name], PLATONIC_FACETS[name])
+
+
+def archimedean(name: str) -> Problem:
+    """An Archimedean solid: regular facets with corners on a sphere."""
+    points, facets = ARCHIMEDEAN[name], ARCHIMEDEAN_FACETS[name]
+    distances = np.sqrt(((points[1:] - points[0]) ** 2).sum(-1))
+    edge = float(distances.min() / np.sqrt((points[0] ** 2).sum()))
+    shares = [np.full(count, regular_share(k, edge)) for k, count in facets.items()]
+    return _known(points, np.concatenate(shares))
+
+
+def catalan(name: str) -> Problem:
+    """The dual of an Archimedean solid, all of whose facets are alike."""
+    points = ARCHIMEDEAN[name]
+    planes = Triangulation(points).equations
+    corners = -planes[:, :3] / planes[:, 3:]
+    return _alike(corners, len(points))
+
+
+def prism(sides: int, height: float = 1.0) -> Problem:
+    """An upright prism over a regular polygon of circumradius 1."""
+    points = _stacked(_ring(sides), _ring(sides), height)
+    edge = 2.0 * np.sin(np.pi / sides) / np.sqrt(1.0 + height * height / 4.0)
+    base = regular_share(sides, edge)
+    return _known(points, np.array([base, base, *[(0.5 - base) * 2.0 / sides] * sides]))
+
+
+def antiprism(sides: int) -> Problem:
+    """The antiprism with regular facets, over a polygon of circumradius 1."""
+    edge = 2.0 * np.sin(np.pi / sides)
+    height = np.sqrt(edge * edge - 4.0 * np.sin(np.pi / (2.0 * sides)) ** 2)
+    points = _stacked(_ring(sides), _ring(sides, 0.5), height)
+    base = regular_share(sides, edge / np.sqrt(1.0 + height * height / 4.0))
+    return _known(points, np.array([base, base, *[(0.5 - base) / sides] * (2 * sides)]))
+
+
+def bipyramid(sides: int, height: float = 1.0) -> Problem:
+    """Two pyramids of a height on a regular polygon of circumradius 1."""
+    return _alike(
+        np.concatenate([_ring(sides), [[0.0, 0.0, height], [0.0, 0.0, -height]]]), 2 * sides
+    )
+
+
+def box(a: float, b: float, c: float) -> Problem:
+    """A box with edges a, b, c along the axes."""
+    points = np.array(list(product([-0.5, 0.5], repeat=3))) * [a, b, c]
+    shares = []
+    for x, y, z in ((a, b, c), (b, c, a), (c, a, b)):
+        shares += [float(np.arctan2(x * y, z * np.sqrt(x * x + y * y + z * z)) / np.pi)] * 2
+    return _known(points, np.array(shares))
+
+
+def icosphere(subdivisions: int) -> Problem:
+    """An icosahedron whose triangles are split into four, with all corners put on the sphere,
+    several times. Its coordinates keep the symmetry of a tetrahedron without rounding."""
+    points = PLATONIC["icosahedron"] / np.sqrt((PLATONIC["icosahedron"] ** 2).sum(-1))[:, None]
+    for _ in range(subdivisions):
+        triangles = Triangulation(points).simplices
+        edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+        ends = points[np.unique(np.sort(edges, axis=1), axis=0)].transpose(1, 0, 2)
+        middle = ends[0] + ends[1]
+        # Summed in the order of size, so that permuted coordinates have permuted sums.
+        squared = np.sort(middle * middle, axis=1).sum(-1)
+        points = np.concatenate([points, middle / np.sqrt(squared)[:, None]])
+    shares = np.full(20, 0.05) if subdivisions == 0 else None
+    return Problem(
+        points,
+        np.zeros(3),
+        shares=shares,
+        rests=20 * 4**subdivisions,
+        symmetries=(*HALF_TURNS, *CYCLES),
+    )
+
+
+def regular_share(corners: int, edge: float) -> float:
+    """Part of the sphere that a regular polygon covers whose corners lie on it.
+
+    corners: how many; edge: its edge over the sphere's radius. The polygon falls into right-angled
+    triangles with legs x, y and the area 2 atan(tan(x / 2) tan(y / 2)).
+    """
+    y = np.arcsin(edge / 2.0)
+    to_corner = np.arcsin(np.sin(y) / np.sin(np.pi / corners))
+    x = np.arctan(np.tan(to_corner) * np.cos(np.pi / corners))
+    return float(corners * np.arctan(np.tan(x / 2.0) * np.tan(y / 2.0)) / np.pi)
+
+
+def _ring(sides: int, offset: float = 0.0) -> Floats:
+    """(sides, 3) corners of a regular polygon in the plane z = 0, turned by parts of a side."""
+    angles = 2.0 * np.pi * (np.arange(sides) + offset) / sides
+    return np.column_stack([np.cos(angles), np.sin(angles), np.zeros(sides)])
+
+
+def _stacked(lower: Floats, upper: Floats, height: float) -> Floats:
+    shift = np.array([0.0, 0.0, height / 2.0])
+    return np.concatenate([lower - shift, upper + shift])
+
+
+def _known(points: Floats, shares: Floats) -> Problem:
+    return Problem(points, np.zeros(3), shares=shares, rests=len(shares))
+
+
+def _alike(points: Floats, facets: int) -> Problem:
+    return _known(points, np.full(facets, 1.0 / facets))
+
+
+GOLDEN: Final = (1.0 + np.sqrt(5.0)) / 2.0
+
+TRIBONACCI: Final = 1.8392867552141612
+"""Root of x^3 = x^2 + x + 1."""
+
+EVEN: Final = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+"""Permutations of three coordinates that keep their cyclic order."""
+
+ANY: Final = tuple(permutations(range(3)))
+
+
+def _spread(*corners: tuple[float, float, float], orders: tuple[tuple[int, ...], ...]) -> Floats:
+    """All sign changes and the given permutations of some points, each once."""
+    signs = np.array(list(product([-1.0, 1.0], repeat=3)))
+    rows = [s * np.array(corner)[list(o)] for corner in corners for o in orders for s in signs]
+    return np.unique(np.array(rows) + 0.0, axis=0)
+
+
+def _snub_cube() -> Floats:
+    signs = [np.array(s) for s in product([-1.0, 1.0], repeat=3)]
+    corner = np.array([1.0, 1.0 / TRIBONACCI, TRIBONACCI])
+    odd = [order for order in ANY if order not in EVEN]
+    rows = [s * corner[list(o)] for o in EVEN for s in signs if s.prod() > 0]
+    rows += [s * corner[list(o)] for o in odd for s in signs if s.prod() < 0]
+    return np.array(rows)
+
+
+def _snub_dodecahedron() -> Floats:
+    """The orbit of a point, under the rotations of the icosahedron, that lies as far from its image
+    by a fifth of a turn as from those by a third and by a half."""
+    group = Rotation.create_group("I")
+    vectors = group.as_rotvec()
+    angles = np.sqrt((vectors**2).sum(-1))
+    start, turns = np.zeros(3), []
+    for fold in (5, 3, 2):
+        axes = vectors[np.isclose(angles, 2.0 * np.pi / fold)]
+        axes = np.concatenate([axes, -axes]) if fold == 2 else axes
+        axis = axes[np.argmax(axes @ start)]
+        start = start + axis / np.sqrt((axis**2).sum())
+        turns.append(Rotation.from_rotvec(axis).as_matrix())
+
+    def gaps(point: Floats) -> Floats:
+        d5, d3, d2 = (float(((turn @ point - point) ** 2).sum()) for turn in turns)
+        return np.array([d5 - d3, d3 - d2, point @ point - 1.0])
+
+    corner = root(gaps, start / np.sqrt((start**2).sum()), tol=1e-15).x
+    return group.as_matrix() @ (corner / np.sqrt((corner**2).sum()))
+
+
+_G2, _R2 = GOLDEN * GOLDEN, np.sqrt(2.0)
+
+PLATONIC: Final[dict[str, Floats]] = {
+    "tetrahedron": np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]),
+    "cube": _spread((1, 1, 1), orders=EVEN),
+    "octahedron": _spread((1, 0, 0), orders=EVEN),
+    "dodecahedron": np.concatenate(
+        [_spread((1, 1, 1), orders=EVEN), _spread((0, 1 / GOLDEN, GOLDEN), orders=EVEN)]
+    ),
+    "icosahedron": _spread((0, 1, GOLDEN), orders=EVEN),
+}
+
+ARCHIMEDEAN: Final[dict[str, Floats]] = {
+    "truncated tetrahedron": np.array(
+        [p for p in _spread((1, 1, 3), orders=ANY).tolist() if np.prod(p) > 0]
+    ),
+    "cuboctahedron": _spread((1, 1, 0), orders=EVEN),
+    "truncated cube": _spread((1, 1, _R2 - 1), orders=EVEN),
+    "truncated octahedron": _spread((0, 1, 2), orders=ANY),
+    "rhombicuboctahedron": _spread((1, 1, 1 + _R2), orders=EVEN),
+    "truncated cuboctahedron": _spread((1, 1 + _R2, 1 + 2 * _R2), orders=ANY),
+    "snub cube": _snub_cube(),
+    "icosidodecahedron": _spread((0, 0, 2 * GOLDEN), (1, GOLDEN, _G2), orders=EVEN),
+    "truncated dodecahedron": _spread(
+        (0, 1 / GOLDEN, 2 + GOLDEN), (1 / GOLDEN, GOLDEN, 2 * GOLDEN), (GOLDEN, 2, _G2), orders=EVEN
+    ),
+    "truncated icosahedron": _spread(
+        (0, 1, 3 * GOLDEN), (1, 2 + GOLDEN, 2 * GOLDEN), (GOLDEN, 2, _G2 * GOLDEN), orders=EVEN
+    ),
+    "rhombicosidodecahedron": _spread(
+        (1, 1, _G2 * GOLDEN), (_G2, GOLDEN, 2 * GOLDEN), (2 + GOLDEN, 0, _G2), orders=EVEN
+    ),
+    "truncated icosidodecahedron": _spread(
+        (1 / GOLDEN, 1 / GOLDEN, 3 + GOLDEN),
+        (2 / GOLDEN, GOLDEN, 1 + 2 * GOLDEN),
+        (1 / GOLDEN, _G2, 3 * GOLDEN - 1),
+        (2 * GOLDEN - 1, 2, 2 + GOLDEN),
+        (GOLDEN, 3, 2 * GOLDEN),
+        orders=EVEN,
+    ),
+    "snub dodecahedron": _snub_dodecahedron(),
+}
+
+PLATONIC_FACETS: Final = {
+    "tetrahedron": 4,
+    "cube": 6,
+    "octahedron": 8,
+    "dodecahedron": 12,
+    "icosahedron": 20,
+}
+"""How many facets each has."""
+
+ARCHIMEDEAN_FACETS: Final[dict[str, dict[int, int]]] = {
+    "truncated tetrahedron": {3: 4, 6: 4},
+    "cuboctahedron": {3: 8, 4: 6},
+    "truncated cube": {3: 8, 8: 6},
+    "truncated octahedron": {4: 6, 6: 8},
+    "rhombicuboctahedron": {3: 8, 4: 18},
+    "truncated cuboctahedron": {4: 12, 6: 8, 8: 6},
+    "snub cube": {3: 32, 4: 6},
+    "icosidodecahedron": {3: 20, 5: 12},
+    "truncated dodecahedron": {3: 20, 10: 12},
+    "truncated icosahedron": {5: 12, 6: 20},
+    "rhombicosidodecahedron": {3: 20, 4: 30, 5: 12},
+    "truncated icosidodecahedron": {4: 30, 6: 20, 10: 12},
+    "snub dodecahedron": {3: 80, 5: 12},
+}
+"""How many facets of 3, 4, ... corners each has."""

@@ -1,0 +1,148 @@
+"""Bodies close to a change of what they do: nearly flat, nearly coplanar, nearly balanced."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+from scipy.spatial import ConvexHull as Triangulation
+
+from dicedesign.geometry.sphere import norms, unit_vectors
+from tests.reference.problem import Problem
+
+__all__ = [
+    "bulging_cube",
+    "dented_cube",
+    "glancing",
+    "hidden_center",
+    "lattice_body",
+    "off_balance",
+    "opposed",
+    "placed",
+    "random_body",
+    "roof",
+    "stretched",
+]
+
+CUBE = np.array(list(product([-0.5, 0.5], repeat=3)))
+
+OFF_CENTER = np.array([0.11, 0.07, -0.03])
+"""A center of mass in no plane of symmetry of the cube."""
+
+GLANCING_SEED = 3
+"""A random body in which a separatrix ends at the corner that `glancing` opens."""
+
+
+def roof(angle: float, *, centered: bool, tolerance: float | None = None) -> Problem:
+    """A cube whose upper facet is split in two by a bend of an angle in radians."""
+    points = np.concatenate([CUBE, [[0.0, -0.5, 0.5], [0.0, 0.5, 0.5]]])
+    points[:8, 2] -= np.where(points[:8, 2] > 0.0, 0.5 * np.tan(angle / 2.0), 0.0)
+    center, rests = (np.zeros(3), 7) if centered else (OFF_CENTER, 6)
+    return _bent(Problem(points, center, coplanar_tolerance=tolerance, rests=rests, facets=7))
+
+
+def bulging_cube(height: float, tolerance: float | None = None) -> Problem:
+    """A cube with a point above its upper facet, off the middle."""
+    points = np.concatenate([CUBE, [[0.05, 0.12, 0.5 + height]]])
+    return _bent(Problem(points, OFF_CENTER, coplanar_tolerance=tolerance, rests=6, facets=9))
+
+
+def dented_cube(depth: float, tolerance: float | None = None) -> Problem:
+    """A cube with one corner below the plane of its upper facet."""
+    points = CUBE.copy()
+    points[-1, 2] -= depth
+    return _bent(Problem(points, OFF_CENTER, coplanar_tolerance=tolerance, rests=6, facets=7))
+
+
+def _bent(problem: Problem) -> Problem:
+    """A problem whose bend a coplanar tolerance other than 0 may leave unseen."""
+    exact = problem.coplanar_tolerance == 0.0
+    return problem if exact else replace(problem, rests=None, facets=None)
+
+
+def random_body(seed: int, points: int = 14) -> Problem:
+    """The hull of normally distributed points, uniform."""
+    return Problem(np.random.default_rng(seed).normal(size=(points, 3)))
+
+
+def stretched(seed: int, factors: tuple[float, float, float]) -> Problem:
+    """A random body stretched along the axes."""
+    return Problem(random_body(seed).points * factors)
+
+
+def hidden_center(depth: float, near: int) -> Problem:
+    """A cube with its center of mass at a depth below a facet (near = 1), or below as many facets
+    as meet in an edge (2) or a corner (3)."""
+    center = OFF_CENTER.copy()
+    center[:near] = 0.5 - depth
+    return Problem(CUBE, center)
+
+
+def off_balance(distance: float, *, corner: bool) -> Problem:
+    """A body that overhangs its small bottom, with the center of mass above a point at a distance
+    from an edge or a corner of it, inside for positive ones. The saddle at that edge is as far from
+    the bottom's normal."""
+    bottom = np.array([[1.0, 1.1], [-1.05, 0.9], [-0.9, -1.0], [1.1, -0.95]])
+    points = np.concatenate(
+        [np.column_stack([scale * bottom, np.full(4, z)]) for scale, z in ((1.0, 0.0), (2.0, 2.0))]
+    )
+    along = unit_vectors(bottom[1] - bottom[0])
+    inward = np.array([-along[1], along[0]])
+    foot = bottom[0] + distance * (inward + (0.3 * along if corner else 0.0))
+    if not corner:
+        foot += 0.45 * (bottom[1] - bottom[0])
+    return Problem(points, np.array([*foot, 0.9]))
+
+
+def glancing(growth: float) -> Problem:
+    """A random body in which a separatrix leaves a cell where distance from the center hardly
+    grows: r_p . v = growth |r_p| |v| for the crossed edge. The corner p is a maximum otherwise."""
+    points = random_body(GLANCING_SEED).points
+    hull = Triangulation(points)
+    center = points[hull.vertices].mean(axis=0)
+    tail = hull.simplices[:, [0, 1, 2, 1, 2, 0]].ravel()
+    head = hull.simplices[:, [1, 2, 0, 0, 1, 2]].ravel()
+    r, v = points[tail] - center, points[head] - points[tail]
+    v = unit_vectors(v)
+    rise = (r * v).sum(-1)
+    opened = np.isin(tail, tail[rise >= 0.0], invert=True)
+    edge = int(np.argmax(np.where(opened, rise, -np.inf)))
+    distance = float(norms(r[edge]))
+    return Problem(points, center + v[edge] * (rise[edge] - growth * distance))
+
+
+def opposed(distance: float) -> Problem:
+    """A body in which the line from a corner through the center of mass is a facet's normal, and
+    that corner is on the border of that facet's basin: exactly so for 0, else with the center of
+    mass about that distance away."""
+    points = [
+        [-1, 2, 2],
+        [-2, 1, 1],
+        [0, -2, -2],
+        [-2, 2, -1],
+        [1, 1, 2],
+        [0, -1, 1],
+        [-1, -2, 1],
+        [1, -2, -2],
+    ]
+    center = np.array([0.5, 0.0, 0.5]) - distance * np.array([0.73, 0.58, -0.36])
+    return Problem(np.array(points, dtype=np.float64), center)
+
+
+def lattice_body(seed: int) -> Problem:
+    """Corners and a center of mass with small integer coordinates: balanced in many ways."""
+    rng = np.random.default_rng(seed)
+    while True:
+        points = rng.integers(-2, 3, size=(8, 3)).astype(np.float64)
+        if np.linalg.matrix_rank(points - points[0]) == 3:
+            hull = Triangulation(points)
+            if (hull.equations[:, 3] < 0.0).all():
+                return Problem(points, np.zeros(3))
+
+
+def placed(problem: Problem, size: float, distance: float) -> Problem:
+    """A problem scaled by a size, and moved away from the origin by so many times its size."""
+    shift = size * distance * np.array([0.6, -0.48, 0.64])
+    center = None if problem.center is None else problem.center * size + shift
+    return replace(problem, points=problem.points * size + shift, center=center, symmetries=())

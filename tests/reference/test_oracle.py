@@ -1,0 +1,96 @@
+"""The oracle against closed forms and reference values, and the product against the oracle."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import numpy as np
+import pytest
+from common.paths import public_data
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.reading import read_body
+from tests.reference import monostatic, solids
+from tests.reference.measurement import measure
+from tests.reference.oracle import hull_probabilities, oracle_probabilities
+from tests.reference.problem import Problem
+from tests.reference.sixty_digits import OracleError
+
+TETRAHEDRON = [[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]
+TETRAHEDRON_FACETS = [[1, 3, 2], [0, 2, 3], [0, 3, 1], [0, 1, 2]]
+
+
+def ask(hull: ConvexHull, *centers: np.ndarray) -> np.ndarray:
+    return np.array([float(p) for p in hull_probabilities(hull, centers)])
+
+
+def test_a_tetrahedron_to_fifty_digits() -> None:
+    exact = oracle_probabilities(TETRAHEDRON, TETRAHEDRON_FACETS, [[0, 0, 0]])
+    assert all(abs(4 * p - 1) < 1e-50 for p in exact)
+
+
+@pytest.mark.parametrize("edges", [(1.0, 1.0, 1.0), (1.0, 2.0, 3.0), (5.0, 4.0, 0.1)])
+def test_a_box_has_its_solid_angles(edges: tuple[float, float, float]) -> None:
+    problem = solids.box(*edges)
+    found = ask(convex_hull(problem.points), np.zeros(3))
+    np.testing.assert_allclose(np.sort(found), np.sort(problem.shares), rtol=0, atol=1e-15)
+
+
+def test_one_rest_takes_all() -> None:
+    hull = convex_hull(monostatic.conway_guy().points)
+    found = ask(hull, hull.centroid)
+    assert np.count_nonzero(found) == 1
+    assert found.sum() == 1.0
+
+
+def test_two_centers_are_averaged() -> None:
+    hull = convex_hull(solids.box(1.0, 2.0, 3.0).points)
+    left, right = np.array([0.1, 0.2, 0.3]), np.array([-0.2, 0.1, 0.2])
+    both = (ask(hull, left) + ask(hull, right)) / 2.0
+    np.testing.assert_allclose(ask(hull, left, right), both, rtol=0, atol=1e-15)
+
+
+def test_an_exact_balance_has_no_answer() -> None:
+    """A frustum that overhangs its bottom, with the center of mass above an edge of that."""
+    square = np.array([[1.0, 1], [-1, 1], [-1, -1], [1, -1]])
+    points = np.concatenate([np.c_[square, np.zeros(4)], np.c_[2.0 * square, np.full(4, 2.0)]])
+    with pytest.raises(OracleError, match="expected a sign, got zero"):
+        ask(convex_hull(points), np.array([1.0, 0.25, 1.0]))
+
+
+def test_facets_that_are_no_convex_body_are_noticed() -> None:
+    inside_out = [facet[::-1] for facet in TETRAHEDRON_FACETS]
+    with pytest.raises(OracleError):
+        oracle_probabilities(TETRAHEDRON, inside_out, [[0.1, 0.2, 0.05]])
+
+
+def test_a_published_mesh() -> None:
+    bodies = {}
+    for name, expected in json.loads(public_data("reference_rest.json").read_text()).items():
+        body = read_body(public_data(name))
+        bodies[len(convex_hull(body.points, single_precision=body.single_precision).normals)] = (
+            body,
+            expected,
+        )
+    body, expected = bodies[min(bodies)]
+    hull = convex_hull(body.points, single_precision=body.single_precision)
+    found = ask(hull, np.array(expected["center_of_mass"]))
+    assert np.count_nonzero(found) == len(expected["rests"])
+    for rest in expected["rests"]:
+        facet = int(np.argmax(hull.normals @ rest["normal"]))
+        assert found[facet] == pytest.approx(rest["probability"], abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_product_agrees_on_random_hulls(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    found = measure(Problem(rng.normal(size=(4 + seed % 11, 3)) * rng.uniform(0.3, 1.5, size=3)))
+    assert found.errors["oracle"] <= 1e-12
+
+
+def test_without_mpmath_the_message_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mpmath", None)
+    with pytest.raises(InputError, match=r"pip install 'dicedesign\[bench\]'"):
+        oracle_probabilities(TETRAHEDRON, TETRAHEDRON_FACETS, [[0, 0, 0]])

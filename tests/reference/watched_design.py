@@ -1,0 +1,166 @@
+"""A design by any method with every accepted step looked at, and its end measured in 60-digit
+arithmetic."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from dicedesign.errors import NoStartError
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.optimize.energy.clusters import cluster
+from dicedesign.optimize.result import DesignResult, DesignStep
+from dicedesign.rest.poses import rest_poses
+from dicedesign.results.status import Status
+from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.threads import one_tensor_thread
+from tests.reference.measurement import Measurement, measure
+from tests.reference.outcome_error import exact_outcome_error
+from tests.reference.problem import DesignProblem, Problem
+from tests.reference.watched_methods import METHODS
+
+__all__ = ["WatchedDesign", "step_faults", "watch_design"]
+
+SUM_LIMIT: Final = 1e-12
+"""By how much the probabilities of a step may miss 1."""
+
+ERROR_LIMIT: Final = 1e-14
+"""By how much the recorded error may differ from that of the designed hull, read back or in 60
+digits; more where its probabilities magnify the rounding of its coordinates."""
+
+
+@dataclass(frozen=True)
+class WatchedDesign:
+    """What became of a design.
+
+    Attributes
+    ----------
+    result: of the method, or None where it found no shape to begin with.
+    measurement: of the designed hull, against the oracle; None without one.
+    error: largest |p - q| of the designed hull in 60 digits, each rest counted for the nearest
+        outcome; NaN without one.
+    faults: what must not happen and did, with the step at which it did first.
+    steps: how many were accepted, the start included.
+    largest_derivative: largest entry of a gradient or Jacobian on the way.
+    seconds: wall-clock time of the design.
+    ending: how it ended, in a few words with the error.
+    """
+
+    result: DesignResult | None
+    measurement: Measurement | None
+    error: float
+    faults: tuple[str, ...]
+    steps: int
+    largest_derivative: float
+    seconds: float
+    ending: str
+
+
+def watch_design(design: DesignProblem) -> WatchedDesign:
+    """Run a design by its method. Raises as that, but for NoStartError."""
+    watch, result, refusal = _Watch(), None, ""
+    started = time.perf_counter()
+    with one_tensor_thread():
+        try:
+            result = METHODS[design.method](design, watch.on_die, watch.on_step)
+        except NoStartError as refused:
+            refusal = str(refused).partition(";")[0]
+    seconds = time.perf_counter() - started
+    measurement, error, ending = None, float("nan"), refusal
+    if result is not None:
+        measurement = measure(Problem(result.hull.vertices, design.center_of_mass))
+        error = _end(design, result, measurement, watch.faults)
+        converged = result.status is Status.CONVERGED
+        words = "converged" if converged else result.status.value.partition(";")[0]
+        ending = f"{words}, max |p - q| {error:.0e}"
+    return WatchedDesign(
+        result,
+        measurement,
+        error,
+        tuple(watch.faults),
+        watch.steps,
+        watch.largest_derivative,
+        seconds,
+        ending,
+    )
+
+
+def _end(
+    design: DesignProblem, result: DesignResult, measurement: Measurement, faults: list[str]
+) -> float:
+    """The error of a result in 60 digits; what is wrong with it is added to the faults."""
+    center = design.center_of_mass
+    poses = rest_poses(result.hull.vertices, center)
+    of_rest = cluster(poses.normals, result.directions).of_rest
+    sums = np.bincount(of_rest, poses.probabilities, len(design.target))
+    read = float(np.abs(sums - design.target).max())
+    # A tied body's center of mass is moved, and its odds are not those of one body.
+    exact = read
+    if not measurement.tied:
+        hull = convex_hull(result.hull.vertices)
+        exact = exact_outcome_error(hull, center, result.directions, design.target)
+    for name, error in (("read back", read), ("in 60 digits", exact)):
+        difference = abs(error - result.error)
+        limit = measurement.limit(difference, ERROR_LIMIT)
+        if not difference <= limit:
+            faults.append(f"error recorded as {result.error:.3e} is {error:.3e} {name}")
+        if result.status is Status.CONVERGED and not error <= design.tolerance + limit:
+            faults.append(f"converged with an error of {error:.1e} {name}")
+    return exact
+
+
+def step_faults(
+    rests: RestEvaluation, derivatives: Floats, terms: Mapping[str, float]
+) -> list[str]:
+    """What is wrong with an accepted step, each in a few words.
+
+    rests: the die; derivatives: what the next direction is made of, of any shape; terms: of the
+    energy, by name.
+    """
+    hull = rests.hull
+    faults = [f"{name} energy {value}" for name, value in terms.items() if not np.isfinite(value)]
+    if not np.isfinite(derivatives).all():
+        faults.append("derivatives not finite")
+    volume = solid_properties(hull.vertices, hull.triangles)[0]
+    if not volume > 0.0:
+        faults.append(f"volume {volume:.1e}")
+    if not (hull.heights(rests.center.detach().numpy()) > 0.0).all():
+        faults.append("center of mass lost")
+    probabilities = rests.probabilities.detach().numpy()
+    excess = float(probabilities.sum()) - 1.0
+    if not abs(excess) <= SUM_LIMIT:
+        faults.append(f"probabilities sum to 1 + {excess:.1e}")
+    if (probabilities < 0.0).any():
+        faults.append(f"probability {probabilities.min():.1e}")
+    return faults
+
+
+@dataclass
+class _Watch:
+    """Called with every accepted step."""
+
+    faults: list[str] = field(default_factory=list)
+    largest_derivative: float = 0.0
+    steps: int = 0
+    _last: tuple[RestEvaluation, Floats] | None = None
+
+    def on_die(self, rests: RestEvaluation, derivatives: Floats) -> None:
+        self._last = rests, derivatives
+
+    def on_step(self, step: DesignStep) -> None:
+        assert self._last is not None
+        rests, derivatives = self._last
+        found = step_faults(rests, derivatives, {**step.terms, "whole": step.energy})
+        if not np.isfinite(step.error):
+            found.append(f"error {step.error}")
+        if found and not self.faults:
+            self.faults = [f"{fault} at step {self.steps}" for fault in found]
+        largest = float(np.abs(derivatives).max())
+        self.largest_derivative = max(self.largest_derivative, largest)
+        self.steps += 1
