@@ -20,7 +20,7 @@ from benchmarks.model_parts import (
     turned,
     without,
 )
-from dicedesign.concave.shapes.distance_functions import (
+from dicedesign.concave.distance_functions import (
     Distance,
     Vector,
     ellipsoid,

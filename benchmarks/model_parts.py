@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dicedesign.concave.shapes.distance_functions import Distance, Vector, blend
+from dicedesign.concave.distance_functions import Distance, Vector, blend
 from dicedesign.runtime.arrays import Floats
 
 __all__ = [

@@ -7,8 +7,7 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import gaussian_filter, label, map_coordinates
 
-from dicedesign.concave.shapes.distance_functions import Distance
-from dicedesign.concave.shapes.level_set import level_set
+from dicedesign.concave.distance_functions import Distance, level_set
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Booleans, Floats
 

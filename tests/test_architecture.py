@@ -115,4 +115,4 @@ def test_nothing_loose_at_the_top(repository: Path) -> None:
 
 def test_modules_are_small_enough_to_read_in_one_go(repository: Path) -> None:
     for name, path in modules(repository).items():
-        assert len(path.read_text().splitlines()) <= 340, name
+        assert len(path.read_text().splitlines()) <= 500, name

@@ -365,11 +365,8 @@ def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -
     concave = {name for name in own if name.startswith("dicedesign.concave")}
     assert concave == {
         "dicedesign.concave",
-        "dicedesign.concave.fill",
-        "dicedesign.concave.fill.paper_options",
         "dicedesign.concave.options",
-        "dicedesign.concave.shapes",
-        "dicedesign.concave.shapes.start",
+        "dicedesign.concave.shape_start",
     }
     assert not any(name.startswith("dicedesign.bench") for name in own)
     engravers = {"labels.fonts", "labels.layout", "labels.label_art", "solids.engraving"}
@@ -395,7 +392,7 @@ def test_a_plain_concave_recipe_loads_no_engraver_no_solver_and_no_remesher(tmp_
     write_cube(tmp_path / "cube.obj")
     (tmp_path / "cube.yaml").write_text(CONCAVE)
     loaded = modules_after(["run", "cube.yaml", "--out", "cube"], tmp_path)
-    assert {"dicedesign.concave.search", "dicedesign.concave.hull.design"} <= loaded
+    assert {"dicedesign.concave.search", "dicedesign.concave.hull_design"} <= loaded
     assert {"dicedesign.recipe.methods.concave", "manifold3d"} <= loaded
     others = {"fast_simplification", "trimesh", "fontTools", "uharfbuzz", "matplotlib"}
     engravers = {"labels.fonts", "labels.layout", "labels.label_art", "solids.marks"}

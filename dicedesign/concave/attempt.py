@@ -6,29 +6,32 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 
-from dicedesign.concave.criteria import MOST_EASED, doubts, missing, rank
-from dicedesign.concave.fill.correspondence import fill_by_correspondence
-from dicedesign.concave.fill.paper_options import ConcavePaperOptions
-from dicedesign.concave.fill.result import FillResult, FillStatus
-from dicedesign.concave.fill.space_elasticity import point_masses
-from dicedesign.concave.hull.design import design_hull
-from dicedesign.concave.hull.draft import HullDraft, designed_hull
-from dicedesign.concave.hull.easing import (
+from dicedesign.concave.correspondence import fill_by_correspondence
+from dicedesign.concave.easing import (
     NEAREST,
     UNCROSSED,
     eased_hull,
     nearer_draft,
     settled_draft,
 )
-from dicedesign.concave.hull.outcome_directions import outcome_choices
-from dicedesign.concave.hull.problem import DesignedHull, HullProblem
-from dicedesign.concave.hull.slopes import SlopeOptions
-from dicedesign.concave.options import ConcaveOptions
-from dicedesign.concave.result import FilledHull
+from dicedesign.concave.hull_design import HullDraft, design_hull, designed_hull
+from dicedesign.concave.hull_problem import DesignedHull, HullProblem
+from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions
+from dicedesign.concave.outcome_directions import outcome_choices
+from dicedesign.concave.result import (
+    MOST_EASED,
+    FilledHull,
+    FillResult,
+    FillStatus,
+    doubts,
+    missing,
+    rank,
+)
+from dicedesign.concave.slopes import SlopeOptions
+from dicedesign.concave.space_elasticity import point_masses
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.procrustes import best_similarity
 from dicedesign.geometry.sphere import norms
@@ -39,38 +42,36 @@ from dicedesign.rest.outcomes import outcome_margins, outcome_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["Attempts"]
-
-ROOM: Final = 0.8
+ROOM = 0.8
 """Part of the tolerance that the hull's design may use: the file is rounded afterwards."""
 
-EASINGS: Final = 6
+EASINGS = 6
 """Times that the hull is eased where the surface meets itself."""
 
-WIDTH: Final = 0.08
+WIDTH = 0.08
 """Distance from such a place within which it is eased the first time, over the circumscribed
 radius."""
 
-WIDENING: Final = 1.3
+WIDENING = 1.3
 """Factor of that distance each further time."""
 
-HELPED: Final = 0.8
+HELPED = 0.8
 """Part of the pairs of triangles that meet that may be left for easing to go on."""
 
-SLOPES: Final = SlopeOptions(fall=3e-3, rise=4e-3, circle=math.radians(3.0))
+SLOPES = SlopeOptions(fall=3e-3, rise=4e-3, circle=math.radians(3.0))
 """Of the first designs, where no larger circle is needed for the margin."""
 
-CIRCLE: Final = 0.75
+CIRCLE = 0.75
 """Least circle about the outcomes over the margin: slopes rise on it and on one half as large
 again."""
 
-SHAKEN: Final = 1.5
+SHAKEN = 1.5
 """Factor by which the slopes of later attempts differ at most, once all choices were tried."""
 
-BEYOND: Final = math.radians(20.0)
+BEYOND = math.radians(20.0)
 """Angle between outcomes beyond the least one that is wanted, at first: it shrinks on the way."""
 
-FARTHEST: Final = math.radians(80.0)
+FARTHEST = math.radians(80.0)
 """Angle that is not asked for at first if a smaller one is wanted."""
 
 
@@ -196,7 +197,7 @@ class Attempts:
 
     def _designed_as_paper(self, number: int) -> DesignedHull:
         # Imported late: the usual way does without.
-        from dicedesign.concave.hull.paper_hull import searched_hull
+        from dicedesign.concave.paper_hull import searched_hull
 
         return searched_hull(
             self.problem,
@@ -253,7 +254,7 @@ class Attempts:
     def _filled_as_paper(self, number: int, design: DesignedHull) -> FilledHull | None:
         """The same by quadratic programs and a balance, as near as these come."""
         # Imported late: the usual way does without.
-        from dicedesign.concave.fill.paper_fill import fill_as_paper
+        from dicedesign.concave.paper_fill import fill_as_paper
 
         filled = fill_as_paper(
             self.problem.surface,

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from dicedesign.concave.attempt import Attempts
-from dicedesign.concave.criteria import is_shifted, rank
+from dicedesign.concave.easing import nearer_draft
 from dicedesign.concave.hollow.cavity import balancing_cavity
 from dicedesign.concave.hollow.reach import reach
-from dicedesign.concave.hull.draft import HullDraft
-from dicedesign.concave.hull.easing import nearer_draft
-from dicedesign.concave.hull.problem import HullProblem
-from dicedesign.concave.hull.slopes import SlopeOptions
-from dicedesign.concave.result import FilledHull
+from dicedesign.concave.hull_design import HullDraft
+from dicedesign.concave.hull_problem import HullProblem
+from dicedesign.concave.result import FilledHull, is_shifted, rank
+from dicedesign.concave.slopes import SlopeOptions
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.surfaces.surface import Surface

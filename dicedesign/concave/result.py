@@ -1,15 +1,61 @@
-"""The result of a search for a concave die, and its state, from which it goes on later."""
+"""Results of a hull fill, of an attempt and of a search for a concave die, and what is missing from
+them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
+from typing import TypeAlias
 
+from dicedesign.concave.options import ConcaveOptions
 from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.results.trade_off import Draft
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["ConcaveDie", "ConcaveProgress", "ConcaveStep", "FilledHull", "Hollow"]
+OnEnergy: TypeAlias = Callable[[float], None]
+"""Called with the energy at the start and after every accepted step."""
+
+
+class FillStatus(Enum):
+    """Reasons why a fill stopped; the value is the message."""
+
+    FITTED = "reached what was wanted"
+    NO_PROGRESS = "no step comes any nearer; design the hull nearer to that of the surface"
+    STEP_LIMIT = "reached the number of steps; allow more steps"
+    UNSOLVED = (
+        "a quadratic program was not solved; remesh the surface without slivers, or design the "
+        "hull nearer to that of the surface"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FillResult:
+    """The end of a fill.
+
+    Attributes
+    ----------
+    points: (n, 3) of the surface, in the order of those it was made from.
+    energy: there; those of different ways to fill do not compare.
+    status: why it stopped.
+    """
+
+    points: Floats
+    energy: float
+    status: FillStatus
+
+    @property
+    def converged(self) -> bool:
+        """True if the hull, and the center of mass where one was asked for, are as wanted."""
+        return self.status is FillStatus.FITTED
+
+    @property
+    def message(self) -> str:
+        """The status in words."""
+        return self.status.value
 
 
 @dataclass(frozen=True)
@@ -131,3 +177,69 @@ class ConcaveDie:
     hull_corners: tuple[int, int]
     progress: ConcaveProgress
     hollow: Hollow | None = None
+
+
+def shortfall(error: float, tolerance: float, *angles: tuple[float, float]) -> float:
+    """What is missing over what will do, summed; 0 where nothing is.
+
+    error: largest |p - q|, which may be as large as the tolerance; angles: each with the least that
+    will do, in one unit.
+    """
+    missing = max(error / tolerance - 1.0, 0.0)
+    return missing + sum(1.0 - angle / least for angle, least in angles if angle < least)
+
+
+MOST_EASED = 400
+"""Pairs of triangles that meet, beyond which there is no hope to part them."""
+
+MEETING = 0.5
+"""What is missing from a die that meets itself, beside its odds and angles; each pair of triangles
+adds its part of `MOST_EASED`."""
+
+PREFERRED_APART = 1.5
+"""Angle between outcomes, in units of the least one that is wanted, beyond which more is worth
+nothing."""
+
+PREFERRED_MARGIN = 2.0
+"""The same of the angle of tipping."""
+
+UNSHIFTED = 1e-6
+"""Distance of the center of mass from that of the uniform solid, over the diagonal, for which no
+cavity is made: in the single precision of a file it would be none."""
+
+
+def missing(die: FilledHull | Draft, options: ConcaveOptions) -> float:
+    """How far odds, angles and surface are from what will do, over what will do, summed; 0 for a
+    die as wanted."""
+    apart = die.apart_deg, options.apart_deg
+    margin = die.margin_deg, options.margin_deg
+    missing = shortfall(die.error, options.tolerance, apart, margin)
+    if die.self_intersections > 0:
+        missing += MEETING + die.self_intersections / MOST_EASED
+    return missing
+
+
+def rank(die: FilledHull, options: ConcaveOptions) -> tuple[float, float]:
+    """Sort key, best first: what is missing, then the displacement, which counts for more in a die
+    that is hard to read (`doubts`)."""
+    dearer = 1.0 + doubts(die.apart_deg, die.margin_deg, options)
+    return missing(die, options), dearer * die.displacement
+
+
+def doubts(apart: float, margin: float, options: ConcaveOptions) -> float:
+    """From 0, for angles in degrees at which outcomes are easily told apart and hardly left, to 1
+    for each of them that is as small as will do."""
+    total = 0.0
+    for angle, least, preferred in (
+        (apart, options.apart_deg, PREFERRED_APART),
+        (margin, options.margin_deg, PREFERRED_MARGIN),
+    ):
+        if least > 0.0:
+            total += min(max((preferred - angle / least) / (preferred - 1.0), 0.0), 1.0)
+    return total
+
+
+def is_shifted(surface: Surface, center_of_mass: Floats) -> bool:
+    """Whether a center of mass (3,) is another than that of the uniform solid in a surface."""
+    shift = float(norms(center_of_mass - surface.centroid))
+    return shift > UNSHIFTED * surface.diagonal

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from common.bumpy import unit
 
-from dicedesign.concave.hull.design import design_hull
-from dicedesign.concave.hull.draft import HullDraft
-from dicedesign.concave.hull.outcome_directions import outcome_choices
-from dicedesign.concave.hull.problem import HullProblem
-from dicedesign.concave.hull.slopes import SlopeOptions
+from dicedesign.concave.hull_design import HullDraft, design_hull
+from dicedesign.concave.hull_problem import HullProblem
+from dicedesign.concave.outcome_directions import outcome_choices
+from dicedesign.concave.slopes import SlopeOptions
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats
 

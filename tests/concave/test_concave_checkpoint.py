@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dicedesign.concave.checkpoint import checkpoint_bytes, read_checkpoint
 from dicedesign.concave.result import ConcaveProgress, ConcaveStep, FilledHull
+from dicedesign.concave.search import checkpoint_bytes, read_checkpoint
 from dicedesign.errors import InputError
 from dicedesign.results.trade_off import Draft
 

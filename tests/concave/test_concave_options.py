@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from dicedesign.concave.fill.paper_options import ConcavePaperOptions
-from dicedesign.concave.options import ConcaveOptions, HollowOptions
+from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions, HollowOptions
 from dicedesign.errors import InputError, RecipeError
 from dicedesign.recipe.schema.reading import checked_recipe
 

@@ -17,14 +17,18 @@ from threadpoolctl import threadpool_limits
 
 from dicedesign import rest_poses
 from dicedesign.concave import attempt
-from dicedesign.concave.checkpoint import checkpoint_bytes
-from dicedesign.concave.criteria import missing, rank
-from dicedesign.concave.fill.paper_options import ConcavePaperOptions
-from dicedesign.concave.fill.result import FillResult, FillStatus
-from dicedesign.concave.fill.space_elasticity import Elasticity
-from dicedesign.concave.options import ConcaveOptions
-from dicedesign.concave.result import ConcaveDie, ConcaveProgress, ConcaveStep
-from dicedesign.concave.search import make_concave_die
+from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions
+from dicedesign.concave.result import (
+    ConcaveDie,
+    ConcaveProgress,
+    ConcaveStep,
+    FillResult,
+    FillStatus,
+    missing,
+    rank,
+)
+from dicedesign.concave.search import checkpoint_bytes, make_concave_die
+from dicedesign.concave.space_elasticity import Elasticity
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.reading import read_body

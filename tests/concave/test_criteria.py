@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dicedesign.concave.criteria import doubts, missing, rank
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.concave.result import FilledHull
+from dicedesign.concave.result import FilledHull, doubts, missing, rank
 
 OPTIONS = ConcaveOptions(tolerance=0.01, apart_deg=40.0, margin_deg=10.0)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from dicedesign.concave.shapes.shapes import SHAPES
+from dicedesign.concave.shapes import SHAPES
 from dicedesign.errors import RecipeError
 from dicedesign.fabricate.labels.options import EngravingOptions
 from dicedesign.recipe.design_die import design_recipe

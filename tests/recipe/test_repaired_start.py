@@ -10,7 +10,7 @@ import pytest
 from common.bumpy import bumpy_sphere
 from PIL import Image
 
-from dicedesign.concave.shapes.shapes import shape
+from dicedesign.concave.shapes import shape
 from dicedesign.errors import InputError
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.recipe import run as pipeline

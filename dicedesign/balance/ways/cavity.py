@@ -9,8 +9,8 @@ from manifold3d import Manifold, OpType
 from dicedesign.balance.ways.drain import Hole, drain_hole
 from dicedesign.balance.ways.material import Material
 from dicedesign.balance.ways.way import Made, Way, reach_inside, stl_file
-from dicedesign.concave.criteria import is_shifted
 from dicedesign.concave.hollow.cavity import beyond_plane, least_wall, within_walls
+from dicedesign.concave.result import is_shifted
 from dicedesign.errors import InputError
 from dicedesign.fabricate.solids.hollow import measured_cavities, with_cavity
 from dicedesign.geometry.hulls.hull import ConvexHull

@@ -9,8 +9,8 @@ from manifold3d import Manifold
 
 from dicedesign.balance.ways.material import Material
 from dicedesign.balance.ways.way import Made, Way, reach_inside, read_back, stl_file
-from dicedesign.concave.criteria import is_shifted
 from dicedesign.concave.hollow.cavity import beyond_plane, within_walls
+from dicedesign.concave.result import is_shifted
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.manifold import mesh_of, solid

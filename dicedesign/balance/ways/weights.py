@@ -15,8 +15,8 @@ from manifold3d import CrossSection, Manifold, OpType
 
 from dicedesign.balance.ways.material import Material
 from dicedesign.balance.ways.way import Made, Way, stl_file
-from dicedesign.concave.criteria import is_shifted
 from dicedesign.concave.hollow.cavity import least_wall
+from dicedesign.concave.result import is_shifted
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.fabricate.solids.hollow import measured_cavities
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull

@@ -12,7 +12,7 @@ import numpy as np
 from manifold3d import Manifold
 from scipy.spatial.distance import pdist
 
-from dicedesign.concave.shapes.shapes import SHAPES
+from dicedesign.concave.shapes import SHAPES
 from dicedesign.geometry.manifold import mesh_of, solid
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.sphere import unit_vectors

@@ -10,11 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.concave.checkpoint import checkpoint_bytes, read_checkpoint
-from dicedesign.concave.fill.paper_options import HullWeights
-from dicedesign.concave.options import ConcaveOptions
+from dicedesign.concave.options import ConcaveOptions, HullWeights
 from dicedesign.concave.result import ConcaveDie, ConcaveProgress, ConcaveStep
-from dicedesign.concave.search import make_concave_die
+from dicedesign.concave.search import checkpoint_bytes, make_concave_die, read_checkpoint
 from dicedesign.errors import NoStartError
 from dicedesign.fabricate.designed_die import DesignedDie
 from dicedesign.geometry.meshes.body import make_body

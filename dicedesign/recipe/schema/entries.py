@@ -19,7 +19,7 @@ from pydantic import (
 from pydantic_core import core_schema
 
 # Registers the surfaces that the package builds.
-import dicedesign.concave.shapes.start  # noqa: F401
+import dicedesign.concave.shape_start  # noqa: F401
 from dicedesign.optimize.starts.start import STARTS, Start, StartKind, Task, made_start
 from dicedesign.optimize.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from common.bumpy import ball, bent_capsule, bumpy_sphere
 
-from dicedesign.concave.fill.balance import balance, centering_gradient, hull_keeping_moves
-from dicedesign.concave.fill.paper_options import ConcavePaperOptions
-from dicedesign.concave.fill.result import FillStatus
+from dicedesign.concave.options import ConcavePaperOptions
+from dicedesign.concave.paper_balance import balance, centering_gradient, hull_keeping_moves
+from dicedesign.concave.result import FillStatus
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.optimize.options import SobolevOptions

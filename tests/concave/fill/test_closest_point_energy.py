@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from common.bumpy import bumpy_sphere, nearby_hull
 
-from dicedesign.concave.fill.closest_point_energy import ClosestPointEnergy
+from dicedesign.concave.paper_fill import ClosestPointEnergy
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats
 

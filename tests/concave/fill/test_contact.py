@@ -9,8 +9,8 @@ import pytest
 from common.bumpy import bent_capsule
 from scipy.optimize import minimize
 
-from dicedesign.concave.fill.contact import Contacts
-from dicedesign.concave.fill.space_elasticity import Elasticity, HeldCorners
+from dicedesign.concave.correspondence import Contacts
+from dicedesign.concave.space_elasticity import Elasticity, HeldCorners
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.runtime.arrays import Floats, Integers
 

@@ -7,9 +7,9 @@ import pytest
 from common.bumpy import ball, bent_capsule, bumpy_sphere, nearby_hull, unit
 from common.dented_cube import dented_cube
 
-from dicedesign.concave.fill.correspondence import MOST_ROUNDS, fill_by_correspondence
-from dicedesign.concave.fill.result import FillResult, FillStatus
-from dicedesign.concave.fill.space_elasticity import Elasticity
+from dicedesign.concave.correspondence import MOST_ROUNDS, fill_by_correspondence
+from dicedesign.concave.result import FillResult, FillStatus
+from dicedesign.concave.space_elasticity import Elasticity
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.surfaces.remeshing import refined
 from dicedesign.geometry.surfaces.surface import Surface

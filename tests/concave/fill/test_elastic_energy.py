@@ -10,13 +10,13 @@ import torch
 from common.bumpy import bent_capsule, bumpy_sphere
 from torch import Tensor
 
-from dicedesign.concave.fill.elastic_elements import (
+from dicedesign.concave.elastic_energy import (
+    ElasticEnergy,
     bending_energy,
     hinge_angles,
     membrane_energy,
     positive_semidefinite,
 )
-from dicedesign.concave.fill.elastic_energy import ElasticEnergy
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import rotation_between
 from dicedesign.geometry.surfaces.surface import Surface

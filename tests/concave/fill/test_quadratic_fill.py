@@ -11,9 +11,9 @@ import trimesh
 from common.bumpy import bent_capsule, bumpy_sphere, nearby_hull
 from scipy import spatial
 
-from dicedesign.concave.fill.paper_options import ConcavePaperOptions
-from dicedesign.concave.fill.quadratic_fill import fill_by_quadratic_programs
-from dicedesign.concave.fill.result import FillResult, FillStatus
+from dicedesign.concave.options import ConcavePaperOptions
+from dicedesign.concave.paper_fill import fill_by_quadratic_programs
+from dicedesign.concave.result import FillResult, FillStatus
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.surfaces.surface import Surface

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.sparse import csc_array
 
-from dicedesign.concave.fill.quadratic_program import PointsInside, solve_quadratic_program
+from dicedesign.concave.paper_fill import PointsInside, solve_quadratic_program
 from dicedesign.geometry.hulls.hull import convex_hull
 
 pytest.importorskip("clarabel", reason="the optional extra 'concave' is not installed")

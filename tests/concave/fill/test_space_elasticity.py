@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from common.bumpy import ball, bent_capsule, bumpy_sphere, unit
 
-from dicedesign.concave.fill.space_elasticity import (
+from dicedesign.concave.space_elasticity import (
     FREE,
     HANDLES,
     Elasticity,

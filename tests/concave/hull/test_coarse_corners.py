@@ -7,8 +7,7 @@ import pytest
 from common.bumpy import ball, bumpy_sphere, unit
 from scipy.spatial import ConvexHull as OtherHull
 
-from dicedesign.concave.hull.coarse_corners import CLOSE, MOST_CORNERS, SPREAD, coarse_corners
-from dicedesign.concave.hull.problem import HullProblem
+from dicedesign.concave.hull_problem import CLOSE, MOST_CORNERS, SPREAD, HullProblem, coarse_corners
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats

@@ -11,8 +11,8 @@ from common.bumpy import bumpy_sphere
 from common.hull_problems import designed, original_draft, problem_of
 
 from dicedesign import rest_poses
-from dicedesign.concave.hull.draft import HullDraft, exact_draft
-from dicedesign.concave.hull.problem import HullProblem
+from dicedesign.concave.hull_design import HullDraft, exact_draft
+from dicedesign.concave.hull_problem import HullProblem
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.outcomes import outcome_margins, outcome_odds
 

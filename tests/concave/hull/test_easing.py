@@ -10,10 +10,10 @@ from common.bumpy import bent_capsule, bumpy_sphere
 from common.hull_problems import SLOPES, designed, problem_of
 
 from dicedesign import rest_poses
-from dicedesign.concave.fill.space_elasticity import HeldCorners
-from dicedesign.concave.hull.draft import HullDraft, designed_hull
-from dicedesign.concave.hull.easing import eased_hull, nearer_draft, settled_draft
-from dicedesign.concave.hull.problem import DesignedHull, HullProblem
+from dicedesign.concave.easing import eased_hull, nearer_draft, settled_draft
+from dicedesign.concave.hull_design import HullDraft, designed_hull
+from dicedesign.concave.hull_problem import DesignedHull, HullProblem
+from dicedesign.concave.space_elasticity import HeldCorners
 from dicedesign.rest.outcomes import outcome_margins, outcome_odds
 
 

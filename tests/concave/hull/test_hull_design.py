@@ -10,10 +10,9 @@ from common.bumpy import bent_capsule, bumpy_sphere
 from common.hull_problems import SLOPES, choices_of, designed, original_draft, problem_of
 
 from dicedesign import rest_poses
-from dicedesign.concave.hull.design import design_hull
-from dicedesign.concave.hull.draft import HullDraft, designed_hull
-from dicedesign.concave.hull.easing import settled_draft
-from dicedesign.concave.hull.problem import DesignedHull, HullMetric, HullProblem
+from dicedesign.concave.easing import settled_draft
+from dicedesign.concave.hull_design import HullDraft, design_hull, designed_hull
+from dicedesign.concave.hull_problem import DesignedHull, HullMetric, HullProblem
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.outcomes import outcome_margins, outcome_odds
 from dicedesign.runtime.arrays import Floats

@@ -7,8 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from dicedesign.concave.hull.least_displacement import REGULAR, SOFTNESS, least_displacement
-from dicedesign.concave.hull.slopes import SlopeConditions
+from dicedesign.concave.slopes import REGULAR, SOFTNESS, SlopeConditions, least_displacement
 from dicedesign.runtime.arrays import Floats
 
 CORNERS = 7

@@ -11,7 +11,7 @@ from common.dented_cube import CORNERS
 from scipy.optimize import linprog
 
 from dicedesign import rest_poses
-from dicedesign.concave.hull.outcome_directions import outcome_choices
+from dicedesign.concave.outcome_directions import outcome_choices
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.runtime.arrays import Floats

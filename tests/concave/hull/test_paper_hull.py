@@ -10,9 +10,9 @@ from common.bumpy import bumpy_sphere
 from common.hull_problems import choices_of, problem_of
 
 from dicedesign import rest_poses
-from dicedesign.concave.fill.paper_options import ConcavePaperOptions
-from dicedesign.concave.hull.paper_hull import descend_hull, searched_hull
-from dicedesign.concave.hull.problem import DesignedHull, HullProblem
+from dicedesign.concave.hull_problem import DesignedHull, HullProblem
+from dicedesign.concave.options import ConcavePaperOptions
+from dicedesign.concave.paper_hull import descend_hull, searched_hull
 from dicedesign.rest.outcomes import outcome_odds
 
 

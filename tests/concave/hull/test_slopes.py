@@ -10,7 +10,7 @@ import torch
 from common.bumpy import bumpy_sphere, unit
 from common.dented_cube import CORNERS, NORMALS
 
-from dicedesign.concave.hull.slopes import (
+from dicedesign.concave.slopes import (
     LIFETIME,
     NEARLY_LOWEST,
     SlopeMemory,

@@ -9,8 +9,8 @@ import pytest
 from common.bumpy import bumpy_sphere, unit
 from scipy.spatial.distance import cdist
 
-from dicedesign.concave.fill.space_elasticity import FREE
-from dicedesign.concave.hull.problem import HullProblem
+from dicedesign.concave.hull_problem import HullProblem
+from dicedesign.concave.space_elasticity import FREE
 from dicedesign.geometry.procrustes import best_similarity
 from dicedesign.runtime.arrays import Floats
 

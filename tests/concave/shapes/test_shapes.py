@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from dicedesign.concave.shapes.distance_functions import (
+from dicedesign.concave.distance_functions import (
     blend,
     ellipsoid,
+    level_set,
     mirrored,
     round_cone,
     stretched,
     tube,
 )
-from dicedesign.concave.shapes.level_set import level_set
-from dicedesign.concave.shapes.shapes import SHAPES, shape
+from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.errors import InputError
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.surfaces.surface import Surface

@@ -8,7 +8,7 @@ import trimesh
 from common.bumpy import ball, bent_capsule, bumpy_sphere, surface_of
 from common.paths import public_data
 
-from dicedesign.concave.shapes.shapes import SHAPES, shape
+from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.surfaces.closed_surface import make_surface

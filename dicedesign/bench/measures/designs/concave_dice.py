@@ -158,7 +158,7 @@ class ConcaveRow(Row):
 def built_in(name: str) -> bool:
     """Whether a model of this name is made by the package."""
     from benchmarks.random_models import is_model
-    from dicedesign.concave.shapes.shapes import SHAPES
+    from dicedesign.concave.shapes import SHAPES
 
     return name in SHAPES or is_model(name)
 
@@ -172,7 +172,7 @@ def attempt_concave(case: ConcaveCase) -> ConcaveRow:
 def _written(name: str, folder: Path) -> Path:
     """The file of a model that the package makes."""
     from benchmarks.random_models import random_model
-    from dicedesign.concave.shapes.shapes import SHAPES
+    from dicedesign.concave.shapes import SHAPES
     from dicedesign.geometry.meshes.stl import stl_bytes
 
     surface = SHAPES[name]() if name in SHAPES else random_model(name)

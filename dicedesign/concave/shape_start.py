@@ -6,11 +6,9 @@ from typing import Literal
 
 from dicedesign.optimize.starts.start import STARTS, StartKind, StartSurface
 
-__all__: list[str] = []
-
 
 def _surface(name: str, _: int) -> StartSurface:
-    from dicedesign.concave.shapes.shapes import shape
+    from dicedesign.concave.shapes import shape
 
     return StartSurface(shape(name))
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cholesky
@@ -25,13 +24,11 @@ from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 
-__all__ = ["Elasticity", "HeldCorners", "point_masses", "positive_inverse", "spread_points"]
-
-FREE: Final = 100.0
+FREE = 100.0
 """The constant that is added to the kernel, for a body of circumscribed radius 1: to move it as a
 whole costs next to nothing, and the kernel is positive definite on it."""
 
-HANDLES: Final = 600
+HANDLES = 600
 """Points on which forces act that move the center of mass: the true ones, lumped."""
 
 

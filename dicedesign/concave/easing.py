@@ -2,53 +2,49 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from dicedesign.concave.fill.space_elasticity import HeldCorners, spread_points
-from dicedesign.concave.hull.draft import (
+from dicedesign.concave.hull_design import (
     HullDraft,
     change_of_least_work,
     designed_hull,
     exact_draft,
 )
-from dicedesign.concave.hull.problem import DesignedHull, HullMetric, HullProblem
-from dicedesign.concave.hull.slopes import SlopeMemory, SlopeOptions
+from dicedesign.concave.hull_problem import DesignedHull, HullMetric, HullProblem
+from dicedesign.concave.slopes import SlopeMemory, SlopeOptions
+from dicedesign.concave.space_elasticity import HeldCorners, spread_points
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["NEAREST", "UNCROSSED", "eased_hull", "nearer_draft", "settled_draft"]
-
-ROUNDS: Final = 5
+ROUNDS = 5
 """Most rounds back toward the original."""
 
-WORTH: Final = 0.98
+WORTH = 0.98
 """Part of the displacement that may be left by a round with another after it."""
 
-SWEEPS: Final = 4
+SWEEPS = 4
 """Sweeps over the hull in each."""
 
-PLACES: Final = 40
+PLACES = 40
 """Places in each sweep, spread over the hull."""
 
-PLACE_WIDTH: Final = 1.0
+PLACE_WIDTH = 1.0
 """Width of a place, times the root of their number, over the circumscribed radius."""
 
-HALVINGS: Final = 3
+HALVINGS = 3
 """Tries of half the length each."""
 
-CORRECTIONS: Final = 6
+CORRECTIONS = 6
 """Newton steps to the odds, at the end."""
 
-EASED: Final = 16
+EASED = 16
 """Most groups of corners that are eased at a time."""
 
-NEAREST: Final = HullMetric(tether=0.1, smoothing=0.2, elastic=0.01, displaced=1.0)
+NEAREST = HullMetric(tether=0.1, smoothing=0.2, elastic=0.01, displaced=1.0)
 """Metric of the steps: the displacement of the surface, above all."""
 
-UNCROSSED: Final = HullMetric(tether=0.1, smoothing=0.3, elastic=1.0, displaced=0.1)
+UNCROSSED = HullMetric(tether=0.1, smoothing=0.3, elastic=1.0, displaced=0.1)
 """Metric where the surface meets itself: the work that it takes, above all."""
 
 

@@ -6,13 +6,12 @@ Source: appendix B.2.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
-from dicedesign.concave.fill.elastic_energy import ElasticEnergy
-from dicedesign.concave.fill.paper_options import ConcavePaperOptions
-from dicedesign.concave.fill.result import FillResult, FillStatus, OnEnergy
+from dicedesign.concave.elastic_energy import ElasticEnergy
+from dicedesign.concave.options import ConcavePaperOptions
+from dicedesign.concave.result import FillResult, FillStatus, OnEnergy
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface
@@ -20,40 +19,38 @@ from dicedesign.optimize.options import SobolevOptions
 from dicedesign.optimize.solvers.sobolev import SobolevSolver, edge_laplacian
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["balance", "centering_gradient", "hull_keeping_moves"]
-
-DEPTH: Final = 1e-7
+DEPTH = 1e-7
 """Depth inside the hull, over the diagonal, at which points do not move any more. The corners do
 not move at all."""
 
-BOLDEST: Final = 0.5
+BOLDEST = 0.5
 """Part of its distance from the hull that no point moves farther than in one step."""
 
-SHORTEST: Final = 1e-6
+SHORTEST = 1e-6
 """Part of the boldest step below which none is taken."""
 
-NEAR: Final = 1e-3
+NEAR = 1e-3
 """Distance of the center of mass, over the diagonal, from which on Newton's method takes over."""
 
-HEAVIEST: Final = 1e6
+HEAVIEST = 1e6
 """lambda_CoM, in units of that of the first steps, beyond which it does not grow."""
 
-STEPS: Final = 20
+STEPS = 20
 """Most steps at each weight."""
 
-DECREASE: Final = 1e-4
+DECREASE = 1e-4
 """Part of the decrease that the slope promises which a step must achieve."""
 
-EXACT: Final = 1e-13
+EXACT = 1e-13
 """Distance of the center of mass, over the diagonal, at which Newton's method ends."""
 
-CONTENT: Final = 1e-9
+CONTENT = 1e-9
 """The same with which the balance is content."""
 
-REFINED: Final = 100
+REFINED = 100
 """Most steps of Newton's method."""
 
-USEFUL: Final = 0.999
+USEFUL = 0.999
 """Part of the distance of the center of mass that may be left by a step with another after it."""
 
 

@@ -1,26 +1,30 @@
-"""Animals made of round parts; they look along x, with z upward."""
+"""Closed surfaces that the package builds itself, to be made into dice.
+
+Each has between 1,000 and 3,500 points, evenly spread, is one piece, does not meet itself, and is 2
+to 3 units of length large. Animals look along x, with z upward.
+"""
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Callable
 
 import numpy as np
 
-from dicedesign.concave.shapes.distance_functions import (
+from dicedesign.concave.distance_functions import (
     Distance,
     blend,
     ellipsoid,
+    level_set,
     mirrored,
     round_cone,
     stretched,
     tube,
 )
-from dicedesign.concave.shapes.level_set import level_set
+from dicedesign.errors import InputError
 from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.runtime.arrays import Floats
 
-__all__ = ["dragon", "duck", "kitten"]
-
-LENGTHENING: Final = np.array([1.25, 1.0, 1.0])
+LENGTHENING = np.array([1.25, 1.0, 1.0])
 """Of the duck, from bill to tail: rounder, it rests on everything a little."""
 
 
@@ -104,3 +108,60 @@ def _blended(first: Distance, *others: tuple[Distance, float]) -> Distance:
     for part, width in others:
         first = blend(first, part, width)
     return first
+
+
+def knot() -> Surface:
+    """A tube along a trefoil knot; genus 1."""
+    around, rings, radius = 16, 156, 0.24
+    # Rings at even steps of the line's length, each turned by half a step against the one before.
+    fine = np.linspace(0.0, 2.0 * np.pi, 64 * rings + 1)
+    line, _ = _trefoil(fine)
+    length = np.append(0.0, np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum())
+    t = np.interp(np.arange(rings) * length[-1] / rings, length, fine)
+    line, tangent = _trefoil(t)
+    # Across the line and as nearly upward as can be; the trefoil is nowhere vertical.
+    side = np.cross([0.0, 0.0, 1.0], tangent)
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    top = np.cross(tangent, side)
+    top /= np.linalg.norm(top, axis=1, keepdims=True)
+    ring, step = np.arange(rings)[:, None], np.arange(around)
+    angle = 2.0 * np.pi * (step + 0.5 * (ring % 2)) / around
+    points = line[:, None] + radius * (
+        np.cos(angle)[..., None] * side[:, None] + np.sin(angle)[..., None] * top[:, None]
+    )
+
+    after, turned, odd = (ring + 1) % rings * around, (step + 1) % around, ring % 2
+    this, beside = ring * around + step, ring * around + turned
+    ahead, across = after + step + 0 * ring, after + turned
+    # In even rings the ring ahead is half a step ahead, in odd ones half a step behind.
+    lower = np.stack([this, beside, np.where(odd, across, ahead)], axis=-1)
+    upper = np.stack([np.where(odd, this, beside), across, ahead], axis=-1)
+    triangles = np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)])
+    return Surface(points.reshape(-1, 3), triangles)
+
+
+def _trefoil(t: Floats) -> tuple[Floats, Floats]:
+    """Points (n, 3) on a trefoil knot at parameters (n,), and its derivatives there."""
+    x, y = np.sin(t) + 2.0 * np.sin(2.0 * t), np.cos(t) - 2.0 * np.cos(2.0 * t)
+    u, v = np.cos(t) + 4.0 * np.cos(2.0 * t), 4.0 * np.sin(2.0 * t) - np.sin(t)
+    z, w = -1.5 * np.sin(3.0 * t), -4.5 * np.cos(3.0 * t)
+    return 0.4 * np.stack([x, y, z], axis=-1), 0.4 * np.stack([u, v, w], axis=-1)
+
+
+SHAPES: dict[str, Callable[[], Surface]] = {
+    "dragon": dragon,
+    "duck": duck,
+    "kitten": kitten,
+    "knot": knot,
+}
+"""Builders by name."""
+
+
+def shape(name: str) -> Surface:
+    """The surface of a name in `SHAPES`, built anew, the same each time.
+
+    Raises InputError for another name.
+    """
+    if name not in SHAPES:
+        raise InputError(f"shape: expected one of {', '.join(SHAPES)}, got {name!r}; use one")
+    return SHAPES[name]()

@@ -1,26 +1,112 @@
-"""A surface whose hull is to have wanted odds, and the hull that has them."""
+"""A surface whose hull is to have wanted probabilities, and the hull that has them.
+
+The probabilities are a matter of the whole hull, and so is its design: a few hundred corners that
+are moved smoothly do as well as thousands. The surface follows them at its full resolution.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from dicedesign.concave.fill.space_elasticity import Elasticity, HeldCorners, positive_inverse
 from dicedesign.concave.hollow.least_within import least_within
-from dicedesign.concave.hull.coarse_corners import coarse_corners
-from dicedesign.concave.hull.surface_displacement import squared_displacement
+from dicedesign.concave.space_elasticity import (
+    Elasticity,
+    HeldCorners,
+    positive_inverse,
+    spread_points,
+)
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.optimize.solvers.sobolev import graph_laplacian
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["DesignedHull", "HullMetric", "HullProblem"]
+SPREAD = 60
+"""Corners that are taken first, as far from each other as can be."""
+
+MOST_CORNERS = 300
+"""Corners beyond which none is added."""
+
+CLOSE = 1e-3
+"""Distance of the corners that are left out from the hull of the others, over the circumscribed
+radius, at which it is near enough."""
 
 
-GIVING: Final = 3.0
+def coarse_corners(hull: ConvexHull) -> Integers:
+    """The rising numbers (c,) of corners of a hull whose own hull is near to it.
+
+    hull: of circumscribed radius about 1. Those that stick out farthest from the hull of the others
+    are taken in turn, one above each facet at a time.
+    """
+    corners = hull.vertices
+    if len(corners) <= SPREAD:
+        return np.arange(len(corners))
+    chosen = spread_points(corners, SPREAD)
+    while True:
+        coarse = convex_hull(corners[chosen])
+        middle = coarse.vertices.mean(axis=0)
+        above = (corners - middle) @ coarse.normals.T - coarse.heights(middle)
+        facet = above.argmax(axis=1)
+        height = above[np.arange(len(corners)), facet]
+        height[chosen] = 0.0
+        farthest = _farthest_of_each(facet, height)[: MOST_CORNERS - len(chosen)]
+        if len(farthest) == 0:
+            return np.sort(chosen)
+        chosen = np.concatenate([chosen, farthest])
+
+
+def _farthest_of_each(facet: Integers, height: Floats) -> Integers:
+    """Of the points (n,) above each facet the highest, the highest of all first."""
+    order = np.argsort(-height, kind="stable")
+    order = order[height[order] > CLOSE]
+    first = np.sort(np.unique(facet[order], return_index=True)[1])
+    return order[first]
+
+
+SAMPLES = 600
+"""Points of the surface that stand for those around them."""
+
+
+def squared_displacement(held: HeldCorners, forces: Floats) -> Floats:
+    """(c, 3, c, 3) the quadratic form that is the mean squared displacement of the points of a
+    surface, laid onto the original as well as a similarity can, for displacements of some of them.
+
+    Parameters
+    ----------
+    held: those points, the corners.
+    forces: (c, 3, c, 3) on them, for displacements relative to the center of mass, on which they
+        act back (`HeldCorners.relative`).
+    """
+    points = held.elasticity.surface.points
+    samples = spread_points(points, SAMPLES)
+    nearest = cKDTree(points[samples]).query(points)[1]
+    weights = np.sqrt(np.bincount(nearest, minlength=len(samples)) / len(points))
+    gradient = np.moveaxis(held.elasticity.surface.centroid_derivatives(), 0, -1)
+    by_center = held.elasticity.center_responses(gradient)[samples]
+    moved = np.tensordot(held.by_corner[samples], forces, (1, 0))
+    moved -= np.tensordot(by_center, forces.sum(axis=0), (2, 0))
+    moved *= weights[:, None, None, None]
+    flat = moved.reshape(3 * len(samples), -1)
+    similar = _similarities(points[samples], weights)
+    flat -= similar @ (similar.T @ flat)
+    return np.asarray((flat.T @ flat).reshape(forces.shape))
+
+
+def _similarities(points: Floats, weights: Floats) -> Floats:
+    """(3 n, 7) orthonormal displacements, times their weights (n,), by which points (n, 3) are
+    shifted, turned and scaled."""
+    about = points - (weights**2) @ points
+    axes = np.eye(3)
+    moves = [np.broadcast_to(axis, points.shape) for axis in axes]
+    moves += [np.cross(axis, about) for axis in axes]
+    columns = np.stack([*moves, about], axis=-1) * weights[:, None, None]
+    return np.asarray(np.linalg.qr(columns.reshape(-1, 7))[0])
+
+
+GIVING = 3.0
 """How far a center of mass gives way that cavities can shift, over how far the surface does when it
 is displaced as a whole: the more, the bolder are the steps with it."""
 

@@ -1,4 +1,5 @@
-"""Slopes of the support function that a wanted set of rests asks for.
+"""Slopes of the support function that a wanted set of rests asks for, and the least displacement of
+a hull's corners that gives them.
 
 The height U(d) of the center of mass over the table has the slope r . t at the direction d along
 the tangent t, where r is the corner that the body stands on. If U falls along the great circle
@@ -11,52 +12,51 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Final
 
 import numpy as np
+from scipy.linalg import solve
+from scipy.sparse import csr_array
 
 from dicedesign.geometry.sphere import angle_between, norms, unit_vectors
 from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["SlopeConditions", "SlopeMemory", "SlopeOptions", "climbs"]
-
-STRIDE: Final = math.radians(1.0)
+STRIDE = math.radians(1.0)
 """Between directions of an arc at which slopes are asked for."""
 
-CLIMB_STRIDE: Final = math.radians(4.0)
+CLIMB_STRIDE = math.radians(4.0)
 """Between directions of an arc at which heights are compared."""
 
-MOST_HEIGHTS: Final = 500_000
+MOST_HEIGHTS = 500_000
 """Corners times arcs whose heights are held at a time."""
 
-CELL: Final = 0.03
+CELL = 0.03
 """Size of the cells of the sphere, of which each remembers one direction."""
 
-LIFETIME: Final = 12
+LIFETIME = 12
 """Steps for which a direction is remembered that no arc meets again."""
 
-NEARLY_LOWEST: Final = 0.01
+NEARLY_LOWEST = 0.01
 """Height over the corner that the body stands on, over the circumscribed radius, of others that it
 may soon stand on instead: slopes are asked of them too."""
 
-NEARLY_STABLE: Final = 0.04
+NEARLY_STABLE = 0.04
 """A facet is nearly a rest when the foot of the center of mass is no farther outside it, over the
 circumscribed radius."""
 
-RING: Final = 16
+RING = 16
 """Directions on each of the two circles around an outcome."""
 
-FARTHEST: Final = 0.05
+FARTHEST = 0.05
 """Slopes that are better than asked by more than this are left out."""
 
-ALIKE: Final = 0.3
+ALIKE = 0.3
 """Of conditions on one corner whose tangents differ by less than about this, one is kept."""
 
-ALIKE_PLACES: Final = 2 * math.ceil(1.0 / ALIKE) + 1
+ALIKE_PLACES = 2 * math.ceil(1.0 / ALIKE) + 1
 """Multiples of that in a coordinate of a unit vector."""
 
-OPPOSITE: Final = 1e-9
+OPPOSITE = 1e-9
 """Sine of the angle below which directions count as opposite, if they are not the same."""
 
 
@@ -226,3 +226,72 @@ def _arcs(starts: Floats, ends: Floats, stride: float) -> Floats:
     aside = _tangents(first, last)[:, None]
     arcs: Floats = np.cos(steps) * first[:, None] + np.sin(steps) * aside
     return arcs.reshape(*shape, len(parts), 3)
+
+
+SOFTNESS = 2e-3
+"""Compliance by which an inequality gives way, over the mean compliance of a corner: conditions may
+contradict each other, and none is worth every price."""
+
+REGULAR = 1e-9
+"""Part of the trace, and of that softness, that is added where equations may depend on each other
+or say nothing."""
+
+MOST_CHANGES = 4
+"""Changes of the set of inequalities that count; what is left is for the next step."""
+
+MET = 1e-9
+"""An inequality that fails by no more than this is met."""
+
+
+def least_displacement(
+    compliance: Floats,
+    displacement: Floats,
+    conditions: SlopeConditions,
+    excess: Floats,
+    jacobian: Floats,
+    misses: Floats,
+) -> Floats:
+    """(n, 3) the displacement from the original that takes least work, among those that meet the
+    linearised equations and, softly, the inequalities.
+
+    Parameters
+    ----------
+    compliance: (n, 3, n, 3) symmetric positive definite: displacement for force.
+    displacement: (n, 3) the present one.
+    conditions, excess: (s,) inequalities and how much they fail at present.
+    jacobian: (k, n, 3) of the equations; misses: (k,) what their values are to gain.
+
+    Solved for the forces: k of the equations, and one for each inequality that would else fail.
+    """
+    tangents, corners = conditions.tangents, conditions.corners
+    bound = (tangents * displacement[corners]).sum(-1) - excess
+    wanted = misses + np.einsum("knc,nc->k", jacobian, displacement)
+    size = displacement.size
+    flat = compliance.reshape(size, size)
+    along = _rows(tangents, corners, size)
+    raised = jacobian.reshape(len(jacobian), size) @ flat
+    own = raised @ jacobian.reshape(len(jacobian), size).T
+    softness = SOFTNESS * float(np.trace(flat)) / size
+    own += REGULAR * (np.trace(own) + softness) * np.eye(len(own))
+    mixed = along @ raised.T
+    by_condition = along @ flat
+    pairs = along @ by_condition.T
+    active = excess > 0.0
+    for _ in range(MOST_CHANGES):
+        kept = np.flatnonzero(active)
+        between = pairs[np.ix_(kept, kept)] + softness * np.eye(len(kept))
+        system = np.block([[between, mixed[kept]], [mixed[kept].T, own]])
+        forces = solve(system, np.concatenate([bound[kept], wanted]), assume_a="pos")
+        moved = forces[: len(kept)] @ by_condition[kept] + forces[len(kept) :] @ raised
+        failing = along @ moved - bound > MET
+        if np.array_equal(failing, active):
+            break
+        active = failing
+    return np.asarray(moved.reshape(displacement.shape), dtype=np.float64)
+
+
+def _rows(tangents: Floats, corners: Integers, size: int) -> csr_array:
+    """(s, 3 n) of the inequalities, for displacements as one vector."""
+    columns = 3 * corners[:, None] + np.arange(3)
+    starts = np.arange(0, columns.size + 1, 3)
+    return csr_array((tangents.ravel(), columns.ravel(), starts), shape=(len(corners), size))

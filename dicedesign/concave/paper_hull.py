@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from dicedesign.concave.fill.paper_options import ConcavePaperOptions, HullWeights
-from dicedesign.concave.hull.draft import HullDraft, exact_draft
-from dicedesign.concave.hull.problem import DesignedHull, HullProblem
+from dicedesign.concave.hull_design import HullDraft, exact_draft
+from dicedesign.concave.hull_problem import DesignedHull, HullProblem
+from dicedesign.concave.options import ConcavePaperOptions, HullWeights
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms
@@ -24,21 +23,19 @@ from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["descend_hull", "searched_hull"]
-
-TRIALS: Final = 10
+TRIALS = 10
 """Hulls that are designed for one to be filled: section 5.2 asks for a careful search."""
 
-SPREAD: Final = 4.0
+SPREAD = 4.0
 """Largest factor on a weight, or part of it, in that search."""
 
-SHAKES: Final = 8
+SHAKES = 8
 """Times that a hull is shaken to see whether its odds stand what a fill leaves open."""
 
-SHAKE: Final = 1e-3
+SHAKE = 1e-3
 """Standard deviation of that in each coordinate, over the circumscribed radius."""
 
-CHOICE_SCALE: Final = 1.0
+CHOICE_SCALE = 1.0
 """Mean place, among the choices, of the one that a trial is made with."""
 
 

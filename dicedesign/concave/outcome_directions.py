@@ -10,72 +10,69 @@ from __future__ import annotations
 
 import math
 from itertools import combinations, permutations
-from typing import Final
 
 import numpy as np
 
-from dicedesign.concave.hull.slopes import largest_rise
+from dicedesign.concave.slopes import largest_rise
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import even_directions, unit_vectors
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["outcome_choices"]
-
-SPREAD: Final = 60
+SPREAD = 60
 """Candidates that are spread over the sphere, or a few for each outcome, beside the rests."""
 
-SPREAD_EACH: Final = 8
+SPREAD_EACH = 8
 """Of them for each outcome, at least."""
 
-DISTINCT: Final = math.radians(10.0)
+DISTINCT = math.radians(10.0)
 """Angle between candidates, at least; half of that between the spread ones where those are many."""
 
-SAMPLES: Final = 300
+SAMPLES = 300
 """Directions that the body is set down with."""
 
-HEIGHTS: Final = (120, 240)
+HEIGHTS = (120, 240)
 """Heights of the body that are kept, by latitude and longitude: every degree and a half."""
 
-OPPOSITE: Final = 1e-9
+OPPOSITE = 1e-9
 """Sine of the angle below which directions count as opposite, or as the same."""
 
-ARC: Final = 24
+ARC = 24
 """Places on each great arc."""
 
-SOFTNESS: Final = 0.01
+SOFTNESS = 0.01
 """Climb, over the circumscribed radius, by which an assignment may be dearer than the cheapest."""
 
-BALANCINGS: Final = 30
+BALANCINGS = 30
 """Times that the shares are balanced in turn."""
 
-MOST_SETS: Final = 100_000
+MOST_SETS = 100_000
 """Sets of candidates that are looked at; where there are more, so many at random, and fewer for
 more than `FEW` outcomes."""
 
-FEW: Final = 4
+FEW = 4
 """Outcomes for which so many sets fit into memory at a time."""
 
-MOST_ASSIGNED: Final = 3_000
+MOST_ASSIGNED = 3_000
 """Of them, whose assignments are computed: those that would cost least with any shares."""
 
-MOST_ORDERED: Final = 200
+MOST_ORDERED = 200
 """Of those, whose candidates are assigned to the outcomes in every order."""
 
-MOST_ORDERS: Final = 24
+MOST_ORDERS = 24
 """Orders that are tried; with more outcomes, the one by natural shares alone."""
 
-IMPROVED: Final = 2
+IMPROVED = 2
 """Times that one candidate is exchanged in each of the best of sets drawn at random."""
 
-LOOSENED: Final = 0.85
+LOOSENED = 0.85
 """Factor of the wanted angle where no set of candidates is as far apart."""
 
-MOST_CHOICES: Final = 60
+MOST_CHOICES = 60
 """Choices that are given."""
 
-DIFFERENT: Final = math.cos(math.radians(18.0))
+DIFFERENT = math.cos(math.radians(18.0))
 """Cosine, at most, between the directions of two choices in the outcome where they differ most."""
 
 

@@ -1,0 +1,331 @@
+"""Hull fill as in the paper (appendix B): a surface grows inside a wanted hull until it spans it
+(B.1, by quadratic programs), and then its center of mass is brought to its place (B.2).
+
+The corners of the hull draw on the points of the surface that are closest to them, more and more
+strongly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import csc_array, csc_matrix, csr_array, eye_array, kron, triu
+
+from dicedesign.concave.elastic_energy import ElasticEnergy
+from dicedesign.concave.options import ConcavePaperOptions
+from dicedesign.concave.paper_balance import balance
+from dicedesign.concave.result import FillResult, FillStatus, OnEnergy
+from dicedesign.errors import missing_extra
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.surfaces.distances import closest_points
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.runtime.arrays import Booleans, Floats
+
+
+@dataclass(frozen=True, eq=False)
+class ClosestPointEnergy:
+    """`E_CP = sum_p |p - CP(p)|^2` over the corners p of a hull (eq. 28).
+
+    CP(p) lies on a face, an edge or a corner of the surface, where it was closest; there it stays
+    as the points move, so that the energy is quadratic in them.
+
+    Attributes
+    ----------
+    corners: (v, 3) of the hull.
+    blend: (v, n) sparse weights of the surface's points, of which CP(p) is the mean.
+    """
+
+    corners: Floats
+    blend: csr_array
+
+    @classmethod
+    def of(cls, surface: Surface, corners: Floats) -> ClosestPointEnergy:
+        """The energy with the closest points of a surface as it is."""
+        triangles, weights = closest_points(surface, corners)
+        rows = np.repeat(np.arange(len(corners)), 3)
+        columns = surface.triangles[triangles].ravel()
+        shape = (len(corners), len(surface.points))
+        return cls(corners, csr_array((weights.ravel(), (rows, columns)), shape=shape))
+
+    def offsets(self, points: Floats) -> Floats:
+        """(v, 3) from p to CP(p), for points (n, 3) of the surface."""
+        return np.asarray(self.blend @ points - self.corners)
+
+    def value(self, points: Floats) -> float:
+        """E_CP."""
+        offsets = self.offsets(points)
+        return float((offsets * offsets).sum())
+
+    def gradient(self, points: Floats) -> Floats:
+        """(n, 3) of E_CP."""
+        return np.asarray(2.0 * (self.blend.T @ self.offsets(points)))
+
+    @property
+    def hessian(self) -> csc_array:
+        """(3n, 3n) of E_CP, the same everywhere."""
+        return csc_array(2.0 * kron(self.blend.T @ self.blend, eye_array(3)))
+
+
+ALMOST = 0.999
+"""Part of the largest size inside that points get which are put there."""
+
+NEAR = 0.05
+"""Half-spaces nearer to a point than this, in units of length of the program, are among the first
+that it is kept in."""
+
+NEAREST = 4
+"""Most half-spaces of each point among the first."""
+
+WORST = 2
+"""Most half-spaces of each point that are added at a time."""
+
+ROUNDS = 6
+"""Most programs for one step."""
+
+OUTSIDE = 5e-4
+"""Distance beyond a half-space, in the same units, from which on it is added. What is less is
+mended when the step is done, and kept to from the next one on."""
+
+
+def solve_quadratic_program(
+    hessian: csc_array, gradient: Floats, rows: csc_array, bounds: Floats
+) -> Floats | None:
+    """The x that minimises `x . H x / 2 + g . x` where `A x <= b`, or None where none was found.
+
+    Parameters
+    ----------
+    hessian: (n, n) H, symmetric positive semidefinite.
+    gradient: (n,) g.
+    rows: (m, n) A.
+    bounds: (m,) b.
+
+    Raises
+    ------
+    InputError: Clarabel is not installed.
+    """
+    try:
+        import clarabel
+    except ImportError as error:
+        raise missing_extra("concave", "hull fill by quadratic programs", error) from error
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    cones = [clarabel.NonnegativeConeT(len(bounds))]
+    solution = clarabel.DefaultSolver(
+        csc_matrix(triu(hessian, format="csc")), gradient, csc_matrix(rows), bounds, cones, settings
+    ).solve()
+    minimum = np.array(solution.x)
+    solved = (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
+    return minimum if solution.status in solved and bool(np.isfinite(minimum).all()) else None
+
+
+class PointsInside:
+    """Points that move inside a polyhedron about the origin, `normals . x <= heights`.
+
+    A program has constraints only for half-spaces near each point; those that its solution violates
+    are added until there are none. The ones that held a point back at the end of a step are among
+    the first of the next.
+    """
+
+    def __init__(self, normals: Floats, heights: Floats) -> None:
+        """normals: (m, 3) unit; heights: (m,) above 0."""
+        self.normals = normals
+        self.heights = heights
+        self.held: Booleans | bool = False
+
+    def slacks(self, points: Floats) -> Floats:
+        """(n, m) distances of points (n, 3) from the planes, positive inside."""
+        return self.heights - points @ self.normals.T
+
+    def largest(self, points: Floats) -> Floats:
+        """Points (n, 3) moved, and scaled down where they have to be, to the largest size that is
+        inside."""
+        reaches = (points @ self.normals.T).max(axis=0)
+        # Of the size s and the shift t, the largest s with s * reach + normal . t <= height.
+        best = linprog(
+            [-1.0, 0.0, 0.0, 0.0],
+            np.column_stack([reaches, self.normals]),
+            self.heights,
+            bounds=[(0.0, 1.0), *[(None, None)] * 3],
+        ).x
+        return ALMOST * (best[0] * points + best[1:])
+
+    def mended(self, points: Floats) -> Floats:
+        """Points (n, 3), those outside drawn toward the origin until they are not."""
+        excess = (points @ self.normals.T / self.heights).max(axis=1)
+        return points / np.maximum(excess, 1.0)[:, None]
+
+    def step(self, points: Floats, hessian: csc_array, gradient: Floats) -> Floats | None:
+        """Moves d (n, 3) that minimise `d . H d / 2 + g . d` with all points inside; None where the
+        program cannot be solved.
+
+        points: (n, 3), inside; hessian: (3n, 3n) H, symmetric positive semidefinite; gradient:
+        (n, 3) g.
+        """
+        slacks = self.slacks(points)
+        pairs = np.full(slacks.shape, self.held)
+        _add_least(pairs, slacks, NEAREST, NEAR)
+        for _ in range(ROUNDS):
+            point, plane = np.nonzero(pairs)
+            entries = (3 * point[:, None] + np.arange(3)).ravel()
+            rows = csc_array(
+                (self.normals[plane].ravel(), (np.repeat(np.arange(len(point)), 3), entries)),
+                shape=(len(point), points.size),
+            )
+            minimum = solve_quadratic_program(hessian, gradient.ravel(), rows, slacks[point, plane])
+            if minimum is None:
+                return None
+            moves = minimum.reshape(-1, 3)
+            left = slacks - moves @ self.normals.T
+            if not _add_least(pairs, left, WORST, -OUTSIDE):
+                break
+        self.held = pairs & (left < OUTSIDE)
+        return moves
+
+
+def _add_least(pairs: Booleans, slacks: Floats, count: int, limit: float) -> bool:
+    """Mark the least of each row of slacks (n, m), at most `count` and only those below a limit, in
+    pairs (n, m); whether there were any."""
+    count = min(count, slacks.shape[1] - 1)
+    least = np.argpartition(slacks, count, axis=1)[:, :count]
+    rows, columns = np.nonzero(np.take_along_axis(slacks, least, axis=1) < limit)
+    pairs[rows, least[rows, columns]] = True
+    return len(rows) > 0
+
+
+MARGIN = 1e-6
+"""Depth inside the hull, over the diagonal of the surface, that all points keep."""
+
+PROXIMAL = 1e-6
+"""Weight of squared moves: the elastic energy leaves some free."""
+
+SHORTEST = 1e-3
+"""Part of a step below which none is taken."""
+
+CLOSE = 1e-3
+"""Mean distance of the hull's corners from the surface, over its diagonal, that will do: nearer
+corners than the surface has points for share one, and are never all met."""
+
+MOST_STEPS = 40
+"""Most programs."""
+
+
+def fill_by_quadratic_programs(
+    surface: Surface, hull: ConvexHull, options: ConcavePaperOptions, on_step: OnEnergy
+) -> FillResult:
+    """Deform a surface as little as may be until its convex hull is a wanted one (eq. 26, 27).
+
+    Parameters
+    ----------
+    surface: the reference of the elastic energy, and the start.
+    hull: wanted.
+    options: lambda_CP, lambda_m, lambda_b and the growth of the first.
+    on_step: see `OnEnergy`.
+
+    Returns
+    -------
+    FITTED with the corners of the hull close to the surface, on the mean; STEP_LIMIT with a surface
+    that is not as close, UNSOLVED with the one of which no program was solved.
+
+    Raises
+    ------
+    InputError: a triangle without area; Clarabel is not installed.
+    """
+    return _Fill(surface, hull, options, on_step).run()
+
+
+@dataclass(eq=False)
+class _Fill:
+    """One fill, in units of the surface's diagonal about the hull's centroid."""
+
+    surface: Surface
+    hull: ConvexHull
+    options: ConcavePaperOptions
+    on_step: OnEnergy
+
+    def __post_init__(self) -> None:
+        self.unit, self.middle = self.surface.diagonal, self.hull.centroid
+        self.scaled = self.surface.moved((self.surface.points - self.middle) / self.unit)
+        self.targets = (self.hull.vertices - self.middle) / self.unit
+        heights = self.hull.heights(self.middle) / self.unit
+        self.inside = PointsInside(self.hull.normals, heights - MARGIN)
+        self.elastic = ElasticEnergy.of(self.scaled, self.options.membrane, self.options.bending)
+        self.points = self.inside.largest(self.scaled.points)
+        self.energy = 0.0
+
+    def run(self) -> FillResult:
+        """Steps of eq. 29 and 30, with a weight that grows, until the surface is close to all
+        corners."""
+        options, weight = self.options, self.options.closest_point
+        status = FillStatus.STEP_LIMIT
+        for number in range(MOST_STEPS + 1):
+            closest = ClosestPointEnergy.of(self.scaled.moved(self.points), self.targets)
+            if number == 0:
+                self.energy = self.energy_of(self.points, weight, closest)
+                self.on_step(self.energy)
+            if norms(closest.offsets(self.points)).mean() <= CLOSE:
+                status = FillStatus.FITTED
+                break
+            if number == MOST_STEPS:
+                break
+            gradient, hessian = self.elastic.model(self.points)
+            gradient = gradient + weight * closest.gradient(self.points)
+            hessian = hessian + weight * closest.hessian + PROXIMAL * eye_array(3 * len(gradient))
+            move = self.inside.step(self.points, csc_array(hessian), gradient)
+            if move is None:
+                status = FillStatus.UNSOLVED
+                break
+            if self.descend(self.inside.mended(self.points + move), weight, closest):
+                weight *= options.growth
+        return FillResult(self.points * self.unit + self.middle, self.energy, status)
+
+    def energy_of(self, points: Floats, weight: float, closest: ClosestPointEnergy) -> float:
+        """Of eq. 26, at points (n, 3)."""
+        return sum(self.elastic.terms(points), weight * closest.value(points))
+
+    def descend(self, trial: Floats, weight: float, closest: ClosestPointEnergy) -> bool:
+        """Go on to a trial, or as much of the way as lowers the energy; whether all of it does."""
+        before = self.energy = self.energy_of(self.points, weight, closest)
+        part = 1.0
+        while part >= SHORTEST:
+            points = trial if part == 1.0 else self.points + part * (trial - self.points)
+            energy = self.energy_of(points, weight, closest)
+            if energy < before:
+                self.points, self.energy = points, energy
+                break
+            part *= 0.5
+        self.on_step(self.energy)
+        return part == 1.0 or part < SHORTEST
+
+
+def fill_as_paper(
+    surface: Surface,
+    hull: ConvexHull,
+    center_of_mass: Floats,
+    options: ConcavePaperOptions,
+    on_step: Callable[[str, float], None],
+) -> FillResult:
+    """The surface grown in a wanted hull, and its center of mass brought to where it is wanted (3,)
+    while the hull that it has then stays.
+
+    on_step: called with "fill" or "balance" and the energy of every step. The status is that of the
+    balance, or UNSOLVED where there is nothing to balance.
+
+    Raises InputError where Clarabel is not installed or a triangle has no area.
+    """
+    filled = fill_by_quadratic_programs(
+        surface, hull, options, lambda energy: on_step("fill", energy)
+    )
+    if filled.status is FillStatus.UNSOLVED:
+        return filled
+    return balance(
+        surface,
+        surface.moved(filled.points),
+        convex_hull(filled.points),
+        center_of_mass,
+        options,
+        lambda energy: on_step("balance", energy),
+    )
