@@ -15,7 +15,7 @@ import torch
 from benchmarks.training.momentum_training import TrainingDie
 from benchmarks.training.random_dice import RESTS, RandomDie, random_die
 from dicedesign.runtime.arrays import Integers
-from dicedesign.runtime.executors import in_order
+from dicedesign.runtime.workers import in_order
 from dicedesign.throws.momentum.momentum_model import MomentumModel
 from dicedesign.throws.momentum.momentum_odds import momentum_odds
 from dicedesign.throws.momentum.table_terms import table_terms

@@ -8,7 +8,7 @@ from typing import Final
 
 from dicedesign.batch.analyse import Center, analyse_files
 from dicedesign.batch.rows import Entry, Stamp, broken_entry
-from dicedesign.runtime.executors import as_ended, is_lost_worker
+from dicedesign.runtime.workers import as_ended, is_lost_worker
 
 __all__ = ["run_batch"]
 

@@ -11,8 +11,8 @@ from types import TracebackType
 from dicedesign.batch.formats import table_format
 from dicedesign.batch.rows import COLUMNS, Entry, csv_line, entries_of
 from dicedesign.errors import InputError
+from dicedesign.runtime.checkpoint import KeptFile
 from dicedesign.runtime.files import read_file
-from dicedesign.runtime.kept_file import KeptFile
 
 __all__ = ["RestTable"]
 

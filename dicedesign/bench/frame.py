@@ -22,7 +22,7 @@ from dicedesign.bench.rows import Row, plain
 from dicedesign.errors import InputError
 from dicedesign.runtime.folder_registry import FolderRegistry
 from dicedesign.runtime.registry import Extension
-from dicedesign.runtime.threads import one_tensor_thread
+from dicedesign.runtime.workers import one_tensor_thread
 
 if TYPE_CHECKING:
     from dicedesign.report.charts.paper import Paper

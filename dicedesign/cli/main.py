@@ -17,7 +17,7 @@ from importlib import import_module
 from typing import Any, Final
 
 from dicedesign.errors import DiceError
-from dicedesign.runtime.printable import printable
+from dicedesign.runtime.text import printable
 
 __all__ = ["main"]
 

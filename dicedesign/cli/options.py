@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, Final
 from dicedesign.errors import InputError
 from dicedesign.runtime.checks import check_whole
 from dicedesign.runtime.files import atomic_write, json_text
-from dicedesign.runtime.printable import printable
-from dicedesign.runtime.workers import Workers, open_workers
+from dicedesign.runtime.text import printable
 
 if TYPE_CHECKING:
     from dicedesign.runtime.checkpoint import Checkpoint
+    from dicedesign.runtime.workers import Workers
 
 __all__ = [
     "MISSING_KERNELS",
@@ -87,6 +87,8 @@ def workers_of(
 ) -> AbstractContextManager[Workers]:
     """The workers that the options ask for; unit, total, done: as of `open_workers`. Says whether
     those of this machine are slow."""
+    from dicedesign.runtime.workers import open_workers
+
     if options.scheduler is None:
         note_missing_kernels()
     return open_workers(unit, total, done, jobs=options.jobs, scheduler=options.scheduler)

@@ -30,7 +30,7 @@ from dicedesign.results.trade_off import Draft
 from dicedesign.runtime import checkpoint
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.checkpoint import Arrays
-from dicedesign.runtime.threads import one_thread
+from dicedesign.runtime.workers import one_thread
 
 _ARRAYS = ("points", "hull_points", "center_of_mass", "directions")
 """Of `FilledHull`; all else is text in JSON."""

@@ -11,9 +11,13 @@ from typing import Final
 
 from dicedesign.errors import OutputError
 from dicedesign.results.record import RESULT, Result
-from dicedesign.runtime.files import atomic_write, make_writable_folder, remove_partial_files
-from dicedesign.runtime.folder_lock import locked_folder
-from dicedesign.runtime.interrupts import interrupts_held
+from dicedesign.runtime.files import (
+    atomic_write,
+    interrupts_held,
+    locked_folder,
+    make_writable_folder,
+    remove_partial_files,
+)
 
 __all__ = [
     "CHECKPOINT",

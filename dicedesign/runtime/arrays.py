@@ -8,8 +8,6 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Booleans", "Floats", "Integers", "ragged_ranges", "sums_by_index"]
-
 Floats: TypeAlias = NDArray[np.float64]
 """Array of real numbers."""
 

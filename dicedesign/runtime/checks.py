@@ -8,8 +8,6 @@ from typing import Final, TypeGuard
 
 from dicedesign.errors import InputError
 
-__all__ = ["MOST_SEED", "check_whole", "is_finite_number"]
-
 MOST: Final = 10**9
 """More of anything takes longer than anybody waits."""
 

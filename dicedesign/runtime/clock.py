@@ -10,8 +10,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-__all__ = ["Clock", "peak_megabytes", "restart_peak"]
-
 
 @dataclass
 class Clock:

@@ -1,4 +1,5 @@
-"""Files that are read whole, files that are written whole or not at all, and JSON."""
+"""Files that are read whole, files that are written whole or not at all, JSON, and folders that one
+process alone writes into."""
 
 from __future__ import annotations
 
@@ -7,20 +8,15 @@ import json
 import os
 import re
 import secrets
+import signal
 import stat
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 from dicedesign.errors import InputError, OutputError
-
-__all__ = [
-    "atomic_write",
-    "json_text",
-    "make_writable_folder",
-    "read_file",
-    "read_text",
-    "remove_partial_files",
-]
 
 MOST_TEXT: Final = 1 << 24
 """Bytes of a file that people write: 16 MiB."""
@@ -201,3 +197,89 @@ def make_writable_folder(folder: Path) -> None:
             f"{folder}: expected a folder that can be written, got {_reason(error)!r}; choose "
             "another with --out"
         ) from error
+
+
+LOCK: Final = ".lock"
+"""There while somebody writes into the folder; says who. Beyond the end of its holder, however that
+came, it locks nothing."""
+
+
+@contextmanager
+def locked_folder(folder: Path) -> Iterator[None]:
+    """Nobody else comes in here with the same folder, an existing one, meanwhile.
+
+    Raises
+    ------
+    InputError: somebody is here already; the message says which process on which machine.
+    OutputError: the lock cannot be written.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        # Windows.
+        yield
+        return
+    path = folder / LOCK
+    handle = _opened(path)
+    try:
+        while True:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                holder = os.read(handle, 100).decode("utf-8", "replace") or "another process"
+                raise InputError(
+                    f"{folder}: expected a folder that nobody else writes into, but {holder} does; "
+                    "wait for it, or choose another folder with --out"
+                ) from error
+            if _is_at(handle, path):
+                break
+            # Its last holder has removed it meanwhile.
+            os.close(handle)
+            handle = _opened(path)
+        os.truncate(handle, 0)
+        os.write(handle, f"process {os.getpid()} on {os.uname().nodename}".encode())
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)
+    finally:
+        os.close(handle)
+
+
+def _opened(path: Path) -> int:
+    try:
+        return os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    except OSError as error:
+        raise OutputError(
+            f"{path}: expected a file that can be written, got {error.strerror!r}; choose another "
+            "folder with --out"
+        ) from error
+
+
+def _is_at(handle: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(handle), os.stat(path))
+    except FileNotFoundError:
+        return False
+
+
+@contextmanager
+def interrupts_held(said: str) -> Iterator[None]:
+    """An interrupt that comes in here is raised at the end of it, for something short.
+
+    said: the message of that KeyboardInterrupt. Where somebody else handles interrupts, and in
+    threads that get none, nothing is held.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    main_thread = threading.current_thread() is threading.main_thread()
+    if before is not signal.default_int_handler or not main_thread:
+        yield
+        return
+    arrived: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: arrived.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if arrived:
+        raise KeyboardInterrupt(said)

@@ -20,8 +20,6 @@ from typing import Final, Generic, TypeVar
 from dicedesign.errors import InputError
 from dicedesign.runtime.registry import Extension
 
-__all__ = ["FolderRegistry"]
-
 ENTRY_POINTS: Final = "dicedesign.extensions"
 """Group of entry points of installed packages; each names a module that registers extensions."""
 

@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike
 
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["exact_intervals"]
-
 
 def exact_intervals(counts: ArrayLike, throws: float, confidence: float) -> Floats:
     """Lower and upper limits (..., 2) of the probabilities of what came up `counts` (...) times.

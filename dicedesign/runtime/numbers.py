@@ -9,8 +9,6 @@ from typing import Any, ClassVar, TypeVar
 
 from dicedesign.errors import InputError
 
-__all__ = ["Number", "Numbers"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Number:

@@ -14,8 +14,6 @@ from dicedesign.errors import InputError
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoints
 
-__all__ = ["STRICT", "Extension", "Registry"]
-
 STRICT: Final = {"extra": "forbid", "strict": True}
 """Class attribute `__pydantic_config__` of every option dataclass: when a recipe is read into it,
 unknown keys and wrong types are errors. Nothing else in those classes knows of pydantic."""

@@ -17,8 +17,8 @@ from dicedesign.geometry.meshes.formats import without_solids
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
-from dicedesign.runtime.executors import as_ended, is_lost_worker
 from dicedesign.runtime.files import atomic_write
+from dicedesign.runtime.workers import as_ended, is_lost_worker
 from dicedesign.scenes.posed_file import Y_UP, posed_bytes
 
 __all__ = ["Job", "PoseChoice", "Stood", "stand", "stand_all", "stand_many"]

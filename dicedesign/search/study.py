@@ -15,8 +15,12 @@ import numpy as np
 from dicedesign.errors import DiceError, InputError, OutputError, missing_extra
 from dicedesign.recipe.schema.reading import read_recipe, recipe_text
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.runtime.files import atomic_write, make_writable_folder, remove_partial_files
-from dicedesign.runtime.folder_lock import locked_folder
+from dicedesign.runtime.files import (
+    atomic_write,
+    locked_folder,
+    make_writable_folder,
+    remove_partial_files,
+)
 from dicedesign.search.space import search_space, varied_recipe
 
 if TYPE_CHECKING:

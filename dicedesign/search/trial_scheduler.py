@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dicedesign.errors import DiceError
-from dicedesign.runtime.executors import MOST_LOSSES, as_ended, is_lost_worker
+from dicedesign.runtime.workers import MOST_LOSSES, as_ended, is_lost_worker
 from dicedesign.search.study import SearchStudy
 from dicedesign.search.trial import run_trial
 

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.runtime.printable import printable
+from dicedesign.runtime.text import printable
 from dicedesign.view.bodies.opened import Source, Tell, source_of
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.page.page import Page, Panel

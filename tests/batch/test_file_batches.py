@@ -13,7 +13,7 @@ from common.inline_executor import Inline, Lossy
 from dicedesign.batch import file_batches as running
 from dicedesign.batch.file_batches import run_batch
 from dicedesign.batch.rows import Entry, Stamp, broken_entry
-from dicedesign.runtime.executors import local_workers
+from dicedesign.runtime.workers import local_workers
 
 
 def made_up(_: str, stamps: dict[str, Stamp], *__: Any) -> dict[str, Entry]:

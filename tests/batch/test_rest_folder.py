@@ -24,7 +24,7 @@ from dicedesign.batch import file_batches as running
 from dicedesign.batch.analyse import analyse_files
 from dicedesign.batch.rest_table import RestTable
 from dicedesign.cli.main import main
-from dicedesign.runtime import executors
+from dicedesign.runtime import workers
 
 Count = list[str]
 
@@ -44,7 +44,7 @@ def done(monkeypatch: pytest.MonkeyPatch) -> Count:
         yield Inline()
 
     monkeypatch.setattr(running, "analyse_files", counted)
-    monkeypatch.setattr(executors, "local_workers", local_workers)
+    monkeypatch.setattr(workers, "local_workers", local_workers)
     return files
 
 

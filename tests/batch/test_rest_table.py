@@ -18,7 +18,7 @@ from dicedesign.errors import InputError, OutputError
 from dicedesign.geometry.meshes import reading as mesh_file
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import rest_poses
-from dicedesign.runtime.kept_file import INTERVAL
+from dicedesign.runtime.checkpoint import INTERVAL
 
 FILES = ["a.stl", "b.xyz", "b/box.obj", "b/hull.PLY", "c.off", "open, as it is.obj"]
 

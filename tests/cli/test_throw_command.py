@@ -273,8 +273,8 @@ def test_a_missing_extra(box: Path, engine: str, extra: str, module: str) -> Non
     script = (
         f"import sys; sys.modules[{module!r}] = None;"
         "from common.inline_executor import Inline; from contextlib import nullcontext;"
-        "from dicedesign.runtime import executors;"
-        "executors.local_workers = lambda jobs: nullcontext(Inline());"
+        "from dicedesign.runtime import workers;"
+        "workers.local_workers = lambda jobs: nullcontext(Inline());"
         "from dicedesign.cli.main import main; sys.exit(main(sys.argv[1:]))"
     )
     command = [sys.executable, "-c", script, "throw", str(box), "--engine", engine, "--drops", "1"]

@@ -11,10 +11,10 @@ import os, signal, sys
 from contextlib import nullcontext
 from common.inline_executor import Inline
 from dicedesign.cli.main import main
-from dicedesign.runtime import executors, kept_file
+from dicedesign.runtime import checkpoint, workers
 
-executors.local_workers = lambda jobs: nullcontext(Inline())
-kept_file.KeptFile.is_due = True
+workers.local_workers = lambda jobs: nullcontext(Inline())
+checkpoint.KeptFile.is_due = True
 replace, left = os.replace, int(sys.argv[1])
 
 def replaced(*arguments):

@@ -14,8 +14,8 @@ FILES = 3000
 """How many the run has beside those of the folder, named by four digits."""
 
 SCRIPT = (
-    "import sys; from dicedesign.runtime import kept_file;"
-    "kept_file.INTERVAL = 0.1; kept_file.SHARE = 1.0;"
+    "import sys; from dicedesign.runtime import checkpoint;"
+    "checkpoint.INTERVAL = 0.1; checkpoint.SHARE = 1.0;"
     "from dicedesign.cli.main import main; sys.exit(main(sys.argv[1:]))"
 )
 """The command line, with tables that are written often."""

@@ -19,7 +19,7 @@ from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats
-from dicedesign.runtime.threads import one_tensor_thread
+from dicedesign.runtime.workers import one_tensor_thread
 from tests.reference.measurement import Measurement, measure
 from tests.reference.outcome_error import exact_outcome_error
 from tests.reference.problem import DesignProblem, Problem

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError, OutputError
-from dicedesign.runtime.checkpoint import Checkpoint, checkpoint_bytes
-from dicedesign.runtime.kept_file import INTERVAL
+from dicedesign.runtime.checkpoint import INTERVAL, Checkpoint, checkpoint_bytes
 
 WORK = {"seed": "3", "table": "felt"}
 

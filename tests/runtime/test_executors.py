@@ -14,14 +14,14 @@ import pytest
 from common.inline_executor import Inline, Late, Lossy
 
 from dicedesign.errors import DiceError
-from dicedesign.runtime import executors
-from dicedesign.runtime.executors import as_ended, in_order, is_lost_worker, local_workers
+from dicedesign.runtime import workers
+from dicedesign.runtime.workers import as_ended, in_order, is_lost_worker, local_workers
 
 
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Waits are long after a moment."""
-    monkeypatch.setattr(executors, "QUIET", 1e-3)
+    monkeypatch.setattr(workers, "QUIET", 1e-3)
 
 
 @pytest.mark.usefixtures("impatient")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dicedesign.runtime.text_table import text_table
+from dicedesign.runtime.text import text_table
 
 
 def test_texts_begin_at_the_left_and_numbers_end_at_the_right() -> None:

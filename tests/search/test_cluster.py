@@ -24,8 +24,8 @@ from dicedesign import __version__
 from dicedesign.cli.main import main
 from dicedesign.errors import DiceError, InputError
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.runtime import executors
-from dicedesign.runtime.executors import cluster_workers, no_worker_left
+from dicedesign.runtime import workers
+from dicedesign.runtime.workers import cluster_workers, no_worker_left
 from dicedesign.search.study import open_study
 from dicedesign.search.trial_scheduler import run_search
 
@@ -142,8 +142,8 @@ def test_a_scheduler_that_goes_leaves_what_is_finished(
 ) -> None:
     """The workers go first, and the scheduler once they are missed."""
     address, processes = cluster
-    monkeypatch.setattr(executors, "PATIENCE", 2.0)
-    monkeypatch.setattr(executors, "QUIET", 0.1)
+    monkeypatch.setattr(workers, "PATIENCE", 2.0)
+    monkeypatch.setattr(workers, "QUIET", 0.1)
 
     def on_trial(_: dict[str, Any]) -> None:
         for worker in processes[:-1]:
@@ -171,7 +171,7 @@ def test_nobody_at_the_address(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(executors, "PATIENCE", 0.5)
+    monkeypatch.setattr(workers, "PATIENCE", 0.5)
     search = ["search", str(recipe_path), "--trials", "1", "--out", str(tmp_path / "out")]
     assert main([*search, "--scheduler", "tcp://127.0.0.1:1"]) == 2
     captured = capsys.readouterr()
@@ -206,7 +206,7 @@ def test_an_encrypted_cluster(
         with dask.config.set(configured):
             assert main([*search, "--scheduler", address]) == 0
         assert (tmp_path / "out" / "best.yaml").exists()
-        monkeypatch.setattr(executors, "PATIENCE", 0.5)
+        monkeypatch.setattr(workers, "PATIENCE", 0.5)
         with (
             pytest.raises(InputError, match="expected a Dask scheduler that answers"),
             cluster_workers(address.replace("tls:", "tcp:")),

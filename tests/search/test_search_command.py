@@ -16,7 +16,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.stl import stl_bytes
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.runtime import executors
+from dicedesign.runtime import workers
 from dicedesign.search.study import open_study
 
 
@@ -57,7 +57,7 @@ def test_search_go_on_and_run_the_best(
 def test_no_die_in_reach(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(executors, "local_workers", lambda jobs: Inline())
+    monkeypatch.setattr(workers, "local_workers", lambda jobs: Inline())
     path = tmp_path / "far.yaml"
     path.write_text(
         "name: far\ntarget: {binomial: 2}\nstart: {prism: {}}\n"

@@ -176,7 +176,7 @@ def _rows(run: Run) -> Items:
 
 def _attempted(run: Run, cases: Sequence[ConcaveCase]) -> Iterator[ConcaveRow]:
     """The cases in their order, each in a process with one thread."""
-    from dicedesign.runtime.executors import in_order
+    from dicedesign.runtime.workers import in_order
 
     tasks = [partial(attempt_concave, case) for case in cases]
     with _one_thread_each(), run.workers("dice", len(tasks)) as workers:

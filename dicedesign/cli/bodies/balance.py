@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from dicedesign.cli.options import direction, print_json, vector
 from dicedesign.errors import InputError
 from dicedesign.runtime.files import atomic_write, json_text, make_writable_folder
-from dicedesign.runtime.printable import printable
-from dicedesign.runtime.text_table import text_table
+from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
     from dicedesign.balance.center.goals import Goal

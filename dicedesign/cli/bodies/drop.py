@@ -11,7 +11,7 @@ from dicedesign.cli.bodies.body import add_body_options, center_of_mass, read_po
 from dicedesign.cli.options import direction, print_json, vector
 from dicedesign.errors import InputError
 from dicedesign.runtime.files import atomic_write
-from dicedesign.runtime.text_table import text_table
+from dicedesign.runtime.text import text_table
 
 if TYPE_CHECKING:
     from dicedesign.rest.roll import RollStep

@@ -11,7 +11,7 @@ from dicedesign.cli.options import vector
 from dicedesign.errors import InputError
 from dicedesign.runtime.checks import check_whole
 from dicedesign.runtime.files import atomic_write
-from dicedesign.runtime.printable import printable
+from dicedesign.runtime.text import printable
 from dicedesign.runtime.workers import progress_bar
 
 __all__ = ["add_parser"]

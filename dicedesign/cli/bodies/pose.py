@@ -18,8 +18,7 @@ from dicedesign.cli.options import (
 from dicedesign.errors import InputError
 from dicedesign.runtime.checks import MOST_SEED, check_whole
 from dicedesign.runtime.files import make_writable_folder
-from dicedesign.runtime.printable import printable
-from dicedesign.runtime.text_table import text_table
+from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -14,8 +14,7 @@ from dicedesign.cli.bodies.rest_folder import add_folder_options, refuse_folder_
 from dicedesign.cli.options import direction, print_json
 from dicedesign.errors import InputError, named
 from dicedesign.runtime.files import atomic_write
-from dicedesign.runtime.printable import printable
-from dicedesign.runtime.text_table import text_table
+from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
     from dicedesign.rest.poses import RestPoses

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from dicedesign.cli.options import add_worker_options, check_worker_options, workers_of
 from dicedesign.errors import InputError
-from dicedesign.runtime.printable import printable
+from dicedesign.runtime.text import printable
 
 if TYPE_CHECKING:
     from dicedesign.batch.analyse import Center

@@ -11,8 +11,7 @@ from dicedesign.cli.options import numbers, print_json
 from dicedesign.errors import InputError
 from dicedesign.runtime.checks import MOST_SEED, check_whole
 from dicedesign.runtime.files import atomic_write
-from dicedesign.runtime.printable import printable
-from dicedesign.runtime.text_table import text_table
+from dicedesign.runtime.text import printable, text_table
 from dicedesign.runtime.workers import progress_bar
 from dicedesign.tolerances import SMALLEST_EXTENT
 

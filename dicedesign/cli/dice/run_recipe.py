@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from dicedesign.cli.options import note_missing_kernels
 from dicedesign.errors import named
-from dicedesign.runtime.printable import printable
-from dicedesign.runtime.text_table import text_table
+from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 from dicedesign.cli.options import add_worker_options, check_worker_options, workers_of
 from dicedesign.errors import InputError
 from dicedesign.runtime.checks import check_whole
-from dicedesign.runtime.printable import printable
-from dicedesign.runtime.text_table import text_table
+from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
     from dicedesign.recipe.schema.recipe import Recipe

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.runtime.text_table import text_table
+from dicedesign.runtime.text import text_table
 from dicedesign.throws.fitting.fitted_table import BELIEF, MORE, DieFit, TableFit
 from dicedesign.throws.fitting.predictive import Prediction
 from dicedesign.throws.fitting.table_check import DieCheck

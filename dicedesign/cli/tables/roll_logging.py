@@ -8,8 +8,8 @@ from typing import Final
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Integers
-from dicedesign.runtime.interrupts import interrupts_held
-from dicedesign.runtime.printable import printable
+from dicedesign.runtime.files import interrupts_held
+from dicedesign.runtime.text import printable
 from dicedesign.throws.counts.roll_log import RollLog
 from dicedesign.throws.counts.roll_verdict import RollVerdict
 

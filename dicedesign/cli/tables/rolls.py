@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 from dicedesign.cli.bodies.body import read_poses
 from dicedesign.cli.options import percent_interval, print_json
 from dicedesign.errors import InputError
-from dicedesign.runtime.printable import printable
-from dicedesign.runtime.text_table import text_table
+from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
     from dicedesign.throws.counts.roll_verdict import RollVerdict

@@ -16,7 +16,7 @@ from dicedesign.cli.options import (
     write_table,
 )
 from dicedesign.errors import InputError
-from dicedesign.runtime.printable import printable
+from dicedesign.runtime.text import printable
 
 if TYPE_CHECKING:
     from dicedesign.throws.counts.throw_counts import CountedDie

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.cli.options import print_json
 from dicedesign.runtime.checks import MOST_SEED, check_whole
-from dicedesign.runtime.printable import printable
-from dicedesign.runtime.text_table import text_table
+from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
     from dicedesign.throws.fitting.table_information import Errors, TableInformation

@@ -23,8 +23,7 @@ from dicedesign.cli.options import (
     workers_of,
 )
 from dicedesign.errors import InputError, named
-from dicedesign.runtime.printable import printable
-from dicedesign.runtime.text_table import text_table
+from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
     from dicedesign.geometry.meshes.body import Body

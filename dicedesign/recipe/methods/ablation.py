@@ -14,7 +14,7 @@ from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.report.body_figures.body_figure import Ablation
 from dicedesign.rest.poses import analyse
-from dicedesign.runtime.threads import one_tensor_thread
+from dicedesign.runtime.workers import one_tensor_thread
 
 __all__ = ["ablated"]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
-from dicedesign.runtime.threads import one_tensor_thread
+from dicedesign.runtime.workers import one_tensor_thread
 
 __all__ = ["run_method"]
 

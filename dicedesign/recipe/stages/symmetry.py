@@ -27,7 +27,7 @@ def choose_symmetry(work: Work) -> None:
     """Give the recipe the most helpful point group (`fitting_groups`) that the start has and that
     leads to the odds, or none."""
     from dicedesign.optimize.starts.fitting_groups import fitting_groups
-    from dicedesign.runtime.threads import one_tensor_thread
+    from dicedesign.runtime.workers import one_tensor_thread
 
     target, recipe = work.target, work.recipe
     with one_tensor_thread():

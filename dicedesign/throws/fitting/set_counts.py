@@ -12,7 +12,7 @@ import numpy as np
 
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checkpoint import Checkpoint
-from dicedesign.runtime.executors import in_order
+from dicedesign.runtime.workers import in_order
 from dicedesign.throws.counts.throw_counts import CountedDie
 from dicedesign.throws.fitting.sessions import simulated_table
 from dicedesign.throws.simulation.simulation import simulate

@@ -13,7 +13,7 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checks import MOST_SEED, check_whole
-from dicedesign.runtime.executors import in_order
+from dicedesign.runtime.workers import in_order
 from dicedesign.throws.engines.engine import ENGINES
 from dicedesign.throws.release import (
     ORIENTATIONS,

@@ -19,7 +19,7 @@ from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import analyse
 from dicedesign.results.reading import read_result
 from dicedesign.results.record import RESULT
-from dicedesign.runtime.printable import printable
+from dicedesign.runtime.text import printable
 from dicedesign.view.bodies.thinning import MOST_POINTS, farthest_points
 from dicedesign.view.bodies.viewed_body import Outcomes, ViewedBody
 

@@ -10,7 +10,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from dicedesign.errors import DiceError
-from dicedesign.runtime.printable import printable
+from dicedesign.runtime.text import printable
 from dicedesign.view.page.job import Job
 from dicedesign.view.page.newest_first import Changes
 from dicedesign.view.serving.gate import Gate

@@ -12,7 +12,7 @@ from common.kernels import compiled_only
 from common.thrown import random_body
 
 from dicedesign.errors import InputError
-from dicedesign.runtime.executors import local_workers
+from dicedesign.runtime.workers import local_workers
 from dicedesign.throws.release import PAPER_DIRECTIONS
 from dicedesign.throws.simulation.simulation import DROPS_PER_TASK, Throws, simulate
 from dicedesign.throws.tables import table_named

@@ -185,7 +185,7 @@ def _attempted(case: ConcaveCase, path: Path) -> ConcaveRow:
     from dicedesign.bench.measures.recipes import begun, checked, designed
     from dicedesign.geometry.surfaces.remeshing import decimated
     from dicedesign.runtime.clock import peak_megabytes, restart_peak
-    from dicedesign.runtime.threads import one_tensor_thread
+    from dicedesign.runtime.workers import one_tensor_thread
 
     # Its imports are no part of the search.
     import_module("dicedesign.recipe.methods.concave")

@@ -22,7 +22,7 @@ from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Integers
-from dicedesign.runtime.executors import in_order
+from dicedesign.runtime.workers import in_order
 from dicedesign.throws.engines import bullet_engine, mujoco_engine, native
 from dicedesign.throws.engines.engine import ThrowStates
 from dicedesign.throws.release import released

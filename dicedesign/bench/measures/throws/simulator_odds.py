@@ -16,7 +16,7 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.rest.asymmetry import asymmetry
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.runtime.executors import in_order
+from dicedesign.runtime.workers import in_order
 from dicedesign.throws.engines.engine import ENGINES, require_engine
 from dicedesign.throws.release import PAPER_DIRECTIONS
 from dicedesign.throws.rigid_body import rigid_body

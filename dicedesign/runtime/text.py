@@ -1,10 +1,14 @@
-"""Tables of aligned columns, as commands print them."""
+"""Texts for people: names from outside in one line, and tables of aligned columns."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-__all__ = ["text_table"]
+
+def printable(text: object) -> str:
+    """A text, or the text of a path, in one line of UTF-8: whatever cannot be printed, such as a
+    line feed or a byte of a file's name that is not UTF-8, as an escape of Python's."""
+    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in str(text))
 
 
 def text_table(columns: Sequence[tuple[str, str]], rows: Iterable[Sequence[object]]) -> list[str]:
