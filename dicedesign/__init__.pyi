@@ -20,9 +20,9 @@ from dicedesign.errors import NoStartError as NoStartError
 from dicedesign.errors import OutputError as OutputError
 from dicedesign.errors import OutsideHullError as OutsideHullError
 from dicedesign.errors import RecipeError as RecipeError
-from dicedesign.fabricate.printing.options import PrintOptions as PrintOptions
-from dicedesign.fabricate.printing.printer import PRINTERS as PRINTERS
-from dicedesign.fabricate.printing.printer import Printer as Printer
+from dicedesign.fabricate.print_options import PrintOptions as PrintOptions
+from dicedesign.fabricate.printers import PRINTERS as PRINTERS
+from dicedesign.fabricate.printers import Printer as Printer
 from dicedesign.geometry.meshes.body import Body as Body
 from dicedesign.geometry.meshes.body import make_body as make_body
 from dicedesign.geometry.meshes.mass_properties import MassProperties as MassProperties

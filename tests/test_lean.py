@@ -369,7 +369,7 @@ def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -
         "dicedesign.concave.shape_start",
     }
     assert not any(name.startswith("dicedesign.bench") for name in own)
-    engravers = {"labels.fonts", "labels.layout", "labels.label_art", "solids.engraving"}
+    engravers = {"fonts", "label_layout", "label_art", "engraving"}
     assert own & {f"dicedesign.fabricate.{name}" for name in engravers} == set()
     stages = json.loads((tmp_path / "d4" / "result.json").read_text())["stages"]
     assert [stage["name"] for stage in stages] == [
@@ -395,7 +395,7 @@ def test_a_plain_concave_recipe_loads_no_engraver_no_solver_and_no_remesher(tmp_
     assert {"dicedesign.concave.search", "dicedesign.concave.hull_design"} <= loaded
     assert {"dicedesign.recipe.methods.concave", "manifold3d"} <= loaded
     others = {"fast_simplification", "trimesh", "fontTools", "uharfbuzz", "matplotlib"}
-    engravers = {"labels.fonts", "labels.layout", "labels.label_art", "solids.marks"}
+    engravers = {"fonts", "label_layout", "label_art", "marks"}
     others |= {f"dicedesign.fabricate.{name}" for name in engravers}
     assert loaded & (others | SOLVERS) == set()
 

@@ -108,7 +108,7 @@ def sized(die: DesignedDie, size_mm: float) -> SizedDie:
 
 def _sized_surface(die: DesignedDie, made: ConcaveDie, size_mm: float) -> SizedDie:
     # It brings a library of solids along, which no convex die needs.
-    from dicedesign.fabricate.solids.printable import printable_solid
+    from dicedesign.fabricate.printable_solid import printable_solid
     from dicedesign.geometry.surfaces.surface import Surface
 
     hollow = made.hollow

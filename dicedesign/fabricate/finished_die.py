@@ -11,8 +11,8 @@ from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
     from dicedesign.concave.result import ConcaveDie
-    from dicedesign.fabricate.labels.layout import Placement
-    from dicedesign.fabricate.labels.reading import Reading
+    from dicedesign.fabricate.label_layout import Placement
+    from dicedesign.fabricate.label_reading import Reading
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.repair.repair import RepairedMesh
     from dicedesign.geometry.surfaces.quality import SurfaceQuality

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.designed_die import SizedDie
-from dicedesign.fabricate.labels.options import EngravingOptions
-from dicedesign.fabricate.solids.edge_options import EdgeOptions, core_scale
+from dicedesign.fabricate.finish_options import EdgeOptions, EngravingOptions, core_scale
 from dicedesign.runtime.arrays import Integers
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.labels.layout import Placement
-    from dicedesign.fabricate.labels.reading import Reading
+    from dicedesign.fabricate.label_layout import Placement
+    from dicedesign.fabricate.label_reading import Reading
     from dicedesign.geometry.hulls.hull import ConvexHull
 
 __all__ = ["core_of", "place_on_facets", "require_rests"]
@@ -53,10 +52,9 @@ def place_on_facets(
     Raises EngravingError where an outcome has no facet to rest on, the die cannot be read as the
     options say, or a label does not fit.
     """
-    from dicedesign.fabricate.labels.edge_margins import edge_margins
-    from dicedesign.fabricate.labels.layout import place_labels
-    from dicedesign.fabricate.labels.reading import die_readings
-    from dicedesign.fabricate.solids.engraving import require_fields
+    from dicedesign.fabricate.engraving import require_fields
+    from dicedesign.fabricate.label_layout import edge_margins, place_labels
+    from dicedesign.fabricate.label_reading import die_readings
 
     main = solid.outcomes.main
     require_rests(labels, main, "a facet")

@@ -147,7 +147,7 @@ class Die:
         Raises InputError for another ending, or where a library that the format needs is missing,
         and OutputError where the file cannot be written.
         """
-        from dicedesign.fabricate.files.formats import save_contents
+        from dicedesign.fabricate.file_formats import save_contents
         from dicedesign.recipe.stages.files import die_contents
 
         save_contents(Path(path), die_contents(self._work))

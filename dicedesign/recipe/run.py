@@ -76,7 +76,7 @@ def run(
 
 def finish(work: Work) -> Result:
     """Write the files of a run whose stages are done. Raises OutputError."""
-    from dicedesign.fabricate.files.file_format import FILE_FORMATS
+    from dicedesign.fabricate.file_formats import FILE_FORMATS
     from dicedesign.report.figures.figure import FIGURES
     from dicedesign.results.folder import RECIPE, write_results
 

@@ -45,7 +45,6 @@ SOLIDS: Final = (
     "die_inlay.stl",
     "die_oriented.stl",
     "die_plain.stl",
-    "die_supports.stl",
 )
 """The die with its labels cut in, bodies that fill these, the die as it lies on a print bed,
 without labels, and pillars under the one on the bed."""

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, Final, cast
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.files.file_format import BODY_COLOR, FILE_FORMATS, Contents, Part
-from dicedesign.fabricate.files.formats import file_bytes
-from dicedesign.fabricate.files.rows import rows
+from dicedesign.fabricate.file_formats import BODY_COLOR, FILE_FORMATS, Contents, Part, file_bytes
+from dicedesign.fabricate.mesh_writers import rows
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.formats import OWN_ENDINGS
 from dicedesign.geometry.meshes.reading import quiet_trimesh

@@ -12,7 +12,7 @@ from common.boxes import box
 from PIL import Image
 
 from dicedesign.cli.main import main
-from dicedesign.fabricate.files.formats import save_mesh
+from dicedesign.fabricate.file_formats import save_mesh
 
 
 @pytest.fixture

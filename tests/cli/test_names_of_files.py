@@ -12,7 +12,7 @@ from common.parsed_html import parsed
 
 from dicedesign.cli.main import main
 from dicedesign.errors import RecipeError
-from dicedesign.fabricate.files.formats import save_mesh
+from dicedesign.fabricate.file_formats import save_mesh
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.recipe.schema.reading import checked_recipe, read_recipe
 from dicedesign.runtime.text import printable

@@ -29,15 +29,15 @@ from pydantic import BaseModel
 from pydantic_core import to_jsonable_python
 
 import dicedesign
-from dicedesign.fabricate.files.file_format import FILE_FORMATS
-from dicedesign.fabricate.printing.materials import MATERIALS
-from dicedesign.fabricate.printing.printer import PRINTERS, Printer
+from dicedesign.fabricate.file_formats import FILE_FORMATS
+from dicedesign.fabricate.printers import MATERIALS, PRINTERS, Printer
 from dicedesign.optimize.starts.start import STARTS
 from dicedesign.recipe.schema.entries import StartRecipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.rest.prior import PRIORS
 from dicedesign.results.status import Status
 from dicedesign.runtime.folder_registry import FolderRegistry
+from dicedesign.runtime.registry import Registry
 from dicedesign.throws.hand import HANDS
 from dicedesign.throws.spreads import least_of, most_of
 
@@ -48,7 +48,7 @@ REGISTRIES = {
     "energy terms": "dicedesign.optimize.energy.term:TERMS",
     "preferences": "dicedesign.optimize.preferences.preference:PREFERENCES",
     "engines": "dicedesign.throws.engines.engine:ENGINES",
-    "printers": "dicedesign.fabricate.printing.printer:PRINTERS",
+    "printers": "dicedesign.fabricate.printers:PRINTERS",
     "stages": "dicedesign.recipe.planning.stage:STAGES",
     "figures": "dicedesign.report.figures.figure:FIGURES",
     "kinds of figures": "dicedesign.report.body_figures.body_figure:BODY_FIGURES",
@@ -69,7 +69,7 @@ SUBJECTS = {
     "geometry.point_groups": "coordinates",
     "rest": "rests",
     "gradient": "gradients",
-    "fabricate.printing": "printing",
+    "fabricate": "printing",
     "optimize.starts": "starting shapes",
     "optimize.coordinates": "coordinates",
     "optimize.energy": "energies",
@@ -217,7 +217,7 @@ def names_table() -> str:
         value = getattr(dicedesign, name)
         meaning = (
             f"every {value.kind} that there is, by name; `register` adds one"
-            if isinstance(value, FolderRegistry)
+            if isinstance(value, FolderRegistry | Registry)
             else first_sentence(value)
         )
         by_subject[SUBJECTS[place]].append((f"`{name}`", meaning))

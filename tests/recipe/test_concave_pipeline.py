@@ -216,9 +216,9 @@ def test_a_die_that_is_off_in_many_ways_is_written_with_all_that_can_be_told(
     search: MadeUpSearch,
 ) -> None:
     """A dent that comes out on the other side, or two opposite corners in each other's place; with
-    all pictures and supports."""
+    all pictures."""
     search.change = change
-    changes = ["engrave=true", "print={printer: fdm, supports: true}"]
+    changes = ["engrave=true", "print={printer: fdm, oriented: true}"]
     result = run(recipe_path, tmp_path / "out", *changes)
     assert result.status == "off_target"
     assert result.file_self_intersections > 0
@@ -261,7 +261,7 @@ def test_a_surface_that_is_no_printable_solid_is_written_as_it_is(
     def refused(surface: object) -> None:
         raise InputError("printable solid: expected one piece of positive volume, got 2")
 
-    monkeypatch.setattr("dicedesign.fabricate.solids.printable.printable_solid", refused)
+    monkeypatch.setattr("dicedesign.fabricate.printable_solid.printable_solid", refused)
     result = run(recipe_path, tmp_path / "out")
     assert result.status == "unprintable"
     assert result.notes == ("printable solid: expected one piece of positive volume, got 2",)

@@ -12,7 +12,7 @@ import yaml
 
 from dicedesign.concave.shapes import SHAPES
 from dicedesign.errors import RecipeError
-from dicedesign.fabricate.labels.options import EngravingOptions
+from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.schema.reading import read_recipe, recipe_text
 from dicedesign.recipe.schema.recipe import Recipe

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from dicedesign.errors import DiceError
-from dicedesign.fabricate.printing.print_errors import PrintErrors
+from dicedesign.fabricate.print_options import PrintErrors
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.solid import second_moments, solid_properties

@@ -17,7 +17,7 @@ for _name in (
     "dicedesign.cli.bodies.rest",
     "dicedesign.cli.tables.rolls",
     "dicedesign.cli.dice.run",
-    "dicedesign.fabricate.solids.engraving",
+    "dicedesign.fabricate.engraving",
     "dicedesign.geometry.meshes.reading",
     "dicedesign.recipe.methods.paper",
     "dicedesign.recipe.methods.exact",

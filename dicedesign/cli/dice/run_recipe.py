@@ -15,7 +15,7 @@ from dicedesign.runtime.text import printable, text_table
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from dicedesign.fabricate.printing.options import PrintOptions
+    from dicedesign.fabricate.print_options import PrintOptions
     from dicedesign.optimize.refinement.rounds import Round
     from dicedesign.recipe.schema.recipe import Recipe
     from dicedesign.results.record import Result, Step
@@ -55,7 +55,7 @@ def add_result_options(parser: Any) -> None:
 
 def with_result_options(recipe: Recipe, options: argparse.Namespace) -> Recipe:
     """The recipe as the options change it. Raises InputError for an unknown format or printer."""
-    from dicedesign.fabricate.files.formats import with_stl
+    from dicedesign.fabricate.file_formats import with_stl
 
     changes: dict[str, Any] = {}
     if options.files:
@@ -75,7 +75,7 @@ def with_result_options(recipe: Recipe, options: argparse.Namespace) -> Recipe:
 def _with_printer(recipe: Recipe, name: str) -> PrintOptions:
     """The recipe's options of printing where they are for this printer, else its usual ones with
     the recipe's infill and errors."""
-    from dicedesign.fabricate.printing.options import PrintOptions
+    from dicedesign.fabricate.print_options import PrintOptions
 
     if recipe.print is not None and recipe.print.printer == name:
         return dataclasses.replace(recipe.print, oriented=True)

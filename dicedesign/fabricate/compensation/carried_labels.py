@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dicedesign.fabricate.labels.layout import Placement
+from dicedesign.fabricate.label_layout import Placement
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.hulls.polygons import centroid
 from dicedesign.geometry.sphere import rotation_between

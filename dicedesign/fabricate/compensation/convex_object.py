@@ -11,10 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dicedesign.fabricate.labels.layout import Placement
-from dicedesign.fabricate.labels.options import EngravingOptions
-from dicedesign.fabricate.solids.edge_options import EdgeOptions
-from dicedesign.fabricate.solids.rounded_edges import rounded
+from dicedesign.fabricate.finish_options import EdgeOptions, EngravingOptions
+from dicedesign.fabricate.label_layout import Placement
+from dicedesign.fabricate.rounded_edges import rounded
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.surfaces.surface import Surface
@@ -80,7 +79,7 @@ class ConvexObject:
 
     def _engraved(self, plain: Surface, placements: Sequence[Placement]) -> Surface:
         from dicedesign.fabricate.compensation.hidden_ball import hollowed
-        from dicedesign.fabricate.solids.engraving import engrave
+        from dicedesign.fabricate.engraving import engrave
 
         if self.labels is None:
             return plain
@@ -91,7 +90,7 @@ class ConvexObject:
 
     def inlay(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
         """The bodies that fill the labels."""
-        from dicedesign.fabricate.solids.engraving import inlay
+        from dicedesign.fabricate.engraving import inlay
 
         assert self.labels is not None
         plain = self.unlabelled(core)

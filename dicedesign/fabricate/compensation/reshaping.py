@@ -17,7 +17,7 @@ import torch
 from dicedesign.errors import DiceError
 from dicedesign.fabricate.compensation.carried_labels import carried
 from dicedesign.fabricate.compensation.convex_object import ConvexObject, Measured
-from dicedesign.fabricate.labels.layout import Placement
+from dicedesign.fabricate.label_layout import Placement
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.gradient.odds_model import OddsModel

@@ -18,7 +18,7 @@ from dicedesign.runtime.clock import Clock
 if TYPE_CHECKING:
     from dicedesign.fabricate.designed_die import DesignedDie, SizedDie
     from dicedesign.fabricate.finished_die import EngravedFile
-    from dicedesign.fabricate.labels.reading import Reading
+    from dicedesign.fabricate.label_reading import Reading
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.repair.repair import RepairedMesh

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from dicedesign.fabricate.labels.options import EngravingOptions
+from dicedesign.fabricate.finish_options import EngravingOptions
 
 __all__ = ["check_labels"]
 

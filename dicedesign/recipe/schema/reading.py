@@ -17,7 +17,7 @@ import yaml
 from pydantic import ValidationError
 
 from dicedesign.errors import RecipeError
-from dicedesign.fabricate.labels.options import is_font_file
+from dicedesign.fabricate.finish_options import is_font_file
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.runtime.files import read_text
 

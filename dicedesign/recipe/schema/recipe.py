@@ -12,10 +12,9 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from dicedesign.balance.ways.material import InsideOptions
-from dicedesign.fabricate.files.formats import with_stl
-from dicedesign.fabricate.labels.options import EngravingOptions
-from dicedesign.fabricate.printing.options import PrintOptions
-from dicedesign.fabricate.solids.edge_options import EdgeOptions, core_scale
+from dicedesign.fabricate.file_formats import with_stl
+from dicedesign.fabricate.finish_options import EdgeOptions, EngravingOptions, core_scale
+from dicedesign.fabricate.print_options import PrintOptions
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.geometry.sizes import LEAST_MM, MOST_MM
 from dicedesign.optimize.starts.kinds.search import SearchOptions

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from dicedesign.fabricate.compensation.convex_object import ConvexObject, Measured
-    from dicedesign.fabricate.labels.layout import Placement
+    from dicedesign.fabricate.label_layout import Placement
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.surfaces.surface import Surface
@@ -147,8 +147,8 @@ def _measure(
 
 def _mark_surface(work: Work) -> None:
     """The finished object of a die that keeps the shape of a surface."""
-    from dicedesign.fabricate.labels.reading import MARKED
-    from dicedesign.fabricate.solids.marks import engrave_marks
+    from dicedesign.fabricate.label_reading import MARKED
+    from dicedesign.fabricate.marks import engrave_marks
 
     options, solid, labels = work.recipe.engrave, work.solid, work.target.labels
     assert options is not None

@@ -18,7 +18,7 @@ from dicedesign.results.status import Status
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.files.file_format import Contents, FileFormat, Part
+    from dicedesign.fabricate.file_formats import Contents, FileFormat, Part
 
 __all__ = ["die_contents", "write_files"]
 
@@ -26,8 +26,7 @@ __all__ = ["die_contents", "write_files"]
 def write_files(work: Work) -> None:
     """Make the die's files beside the STL, and read each back. One that would not have the odds of
     the die, or whose format cannot hold it, is left out, and the die has not converged."""
-    from dicedesign.fabricate.files.file_format import FILE_FORMATS, joined
-    from dicedesign.fabricate.files.formats import file_bytes
+    from dicedesign.fabricate.file_formats import FILE_FORMATS, file_bytes, joined
 
     contents = die_contents(work)
     odds = _odds(work, *joined(contents.parts))
@@ -59,7 +58,7 @@ def die_contents(work: Work) -> Contents:
     """The printed die with all that files tell of it."""
     from importlib.metadata import version
 
-    from dicedesign.fabricate.files.file_format import Contents
+    from dicedesign.fabricate.file_formats import Contents
     from dicedesign.recipe.schema.reading import recipe_text
 
     verdict = work.plain if work.engraved is None else work.engraved.verdict
@@ -85,8 +84,8 @@ def _stem(work: Work) -> str:
 
 def _parts(work: Work) -> list[Part]:
     """The bodies of the printed die."""
-    from dicedesign.fabricate.files.file_format import BODY_COLOR, LABEL_COLOR, Part
-    from dicedesign.fabricate.files.label_triangles import labels_below_hull, labels_off_surface
+    from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Part
+    from dicedesign.fabricate.label_triangles import labels_below_hull, labels_off_surface
     from dicedesign.geometry.surfaces.surface import Surface
 
     solid, engraved, options = work.solid, work.engraved, work.recipe.engrave

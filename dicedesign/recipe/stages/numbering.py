@@ -15,7 +15,7 @@ __all__ = ["number"]
 def number(work: Work) -> None:
     """Number the designed die as the recipe says, where each outcome has a facet."""
     from dicedesign.fabricate.designed_die import sized
-    from dicedesign.fabricate.numbering.numbering import numbered
+    from dicedesign.fabricate.numbering import numbered
 
     die, target = work.die, work.target
     solid = sized(die, work.recipe.size_mm)

@@ -11,17 +11,15 @@ from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.printing.printability import PrintedDie
     from dicedesign.geometry.meshes.body import Body
     from dicedesign.geometry.surfaces.surface import Surface
-    from dicedesign.runtime.arrays import Floats
 
 __all__ = ["prepare_print"]
 
 
 def prepare_print(work: Work) -> None:
     """Judge the file that is printed, and make die_oriented.stl where it is wanted."""
-    from dicedesign.fabricate.printing.printability import PrintedDie, printability
+    from dicedesign.fabricate.printability import PrintedDie, printability
     from dicedesign.geometry.hulls.hull import convex_hull
     from dicedesign.geometry.meshes.stl import stl_bytes
     from dicedesign.rest.poses import rest_poses
@@ -55,29 +53,11 @@ def prepare_print(work: Work) -> None:
     found = printability(die, options)
     work.details["printability"] = found
     work.notes += found.warnings
-    if options.oriented or options.supports:
+    if options.oriented:
         assert body.triangles is not None
         placement = np.array(found.placement)
         points = body.points @ placement[:3, :3].T + placement[:3, 3]
         work.files["die_oriented.stl"] = stl_bytes(points, body.triangles)
-        if options.supports:
-            _support(work, die, points)
-
-
-def _support(work: Work, die: PrintedDie, points: Floats) -> None:
-    """Make die_supports.stl for a die whose points (n, 3) lie on the bed."""
-    from dicedesign.fabricate.printing.supports import pillars
-    from dicedesign.geometry.meshes.stl import stl_bytes
-
-    options, found = work.recipe.print, work.details["printability"]
-    assert options is not None
-    assert die.body.triangles is not None
-    hanging = die.solid.overhanging(np.array(found.best.normal)[None], options.chosen)[:, 0]
-    made = pillars(points, die.body.triangles, hanging)
-    if made is None:
-        work.notes.append("die_oriented.stl needs no supports: there is no die_supports.stl")
-    else:
-        work.files["die_supports.stl"] = stl_bytes(made.points, made.triangles)
 
 
 STAGES.register(

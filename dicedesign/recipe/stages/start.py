@@ -30,7 +30,7 @@ def make_start(work: Work) -> None:
     else:
         _make_shape(work)
     if recipe.engrave is not None:
-        from dicedesign.fabricate.labels.label_art import require_art
+        from dicedesign.fabricate.label_art import require_art
 
         require_art(work.target.labels, recipe.engrave)
 

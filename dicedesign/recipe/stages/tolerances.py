@@ -10,7 +10,7 @@ from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.printing.options import PrintOptions
+    from dicedesign.fabricate.print_options import PrintOptions
     from dicedesign.fabricate.verdict import Verdict
     from dicedesign.gradient.odds_model import OddsModel
     from dicedesign.results.printability import Printability
@@ -22,9 +22,12 @@ __all__ = ["find_tolerances"]
 def find_tolerances(work: Work) -> None:
     """Say how far the odds of prints are from those of the file, with labels if it has them, and
     what infill does to them if the recipe has some."""
-    from dicedesign.fabricate.print_odds.odds_slopes import OddsSlopes
-    from dicedesign.fabricate.print_odds.off_prints import OffPrints
-    from dicedesign.fabricate.print_odds.tolerances import OddsSpread, print_tolerances
+    from dicedesign.fabricate.print_tolerances import (
+        OddsSlopes,
+        OddsSpread,
+        OffPrints,
+        print_tolerances,
+    )
     from dicedesign.geometry.meshes.body import make_body
     from dicedesign.rest.outcomes import outcome_odds
     from dicedesign.rest.poses import analyse
@@ -97,9 +100,8 @@ def _axes(work: Work) -> Floats | None:
 
 
 def _find_infill(work: Work, options: PrintOptions, verdict: Verdict) -> None:
-    from dicedesign.fabricate.print_odds.infill import inside_walls, pocket_walls
-    from dicedesign.fabricate.print_odds.infill_odds import infill_odds
-    from dicedesign.fabricate.solids.engraving import cut_sections
+    from dicedesign.fabricate.engraving import cut_sections
+    from dicedesign.fabricate.infill import infill_odds, inside_walls, pocket_walls
     from dicedesign.geometry.solid import solid_properties
 
     engrave = work.recipe.engrave

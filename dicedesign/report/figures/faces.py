@@ -19,7 +19,7 @@ from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.finished_die import FinishedDie
-    from dicedesign.fabricate.labels.layout import Placement
+    from dicedesign.fabricate.label_layout import Placement
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.results.record import Result
 

@@ -62,8 +62,8 @@ def print_orientation_figure(
 
 
 def _draw(die: FinishedDie) -> bytes:
-    from dicedesign.fabricate.printing.orientation import ON_BED, PrintedSolid
-    from dicedesign.fabricate.printing.printer import PRINTERS
+    from dicedesign.fabricate.print_orientation import ON_BED, PrintedSolid
+    from dicedesign.fabricate.printers import PRINTERS
 
     found = die.result.printability
     assert found is not None

@@ -20,8 +20,8 @@ from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.finished_die import FinishedDie
-    from dicedesign.fabricate.labels.layout import Placement
-    from dicedesign.fabricate.labels.reading import LabelPlace
+    from dicedesign.fabricate.label_layout import Placement
+    from dicedesign.fabricate.label_reading import LabelPlace
 
 __all__ = ["painted", "reading_figure"]
 

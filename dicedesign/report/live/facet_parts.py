@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.fabricate.files.file_format import BODY_COLOR, Part
+from dicedesign.fabricate.file_formats import BODY_COLOR, Part
 from dicedesign.fabricate.finished_die import FinishedDie
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.report.charts.palette import BASINS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dicedesign.fabricate.printing.materials import MATERIALS
+from dicedesign.fabricate.printers import MATERIALS
 from dicedesign.report.pages.html_parts import number, table_section
 from dicedesign.results.printability import Printability, PrintPose
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.fabricate.printing.materials import MATERIALS
-from dicedesign.fabricate.printing.printer import PRINTERS
+from dicedesign.fabricate.printers import MATERIALS, PRINTERS
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.report.pages.throwing import throwing_advice
 

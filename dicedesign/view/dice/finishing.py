@@ -12,8 +12,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.designed_die import DesignedDie
-from dicedesign.fabricate.files.file_format import FILE_FORMATS, Contents
-from dicedesign.fabricate.files.formats import file_bytes, mesh_bytes
+from dicedesign.fabricate.file_formats import FILE_FORMATS, Contents, file_bytes, mesh_bytes
 from dicedesign.fabricate.verdict import Verdict
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import angle_between

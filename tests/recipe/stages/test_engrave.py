@@ -10,7 +10,7 @@ import pytest
 from common.made_up_die import SIDES, box, designed
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.labels.glyphs import text_section
+from dicedesign.fabricate.label_art import text_section
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.manifold import solid
 from dicedesign.geometry.meshes.stl import parsed_stl

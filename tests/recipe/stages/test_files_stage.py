@@ -15,8 +15,8 @@ import yaml
 from pygltflib import GLTF2
 
 from dicedesign.errors import RecipeError
-from dicedesign.fabricate.files.file_format import FILE_FORMATS, Contents
-from dicedesign.fabricate.files.kinds import obj
+from dicedesign.fabricate import mesh_writers
+from dicedesign.fabricate.file_formats import FILE_FORMATS, Contents
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.recipe.design_die import Die, design
 from dicedesign.recipe.run import run
@@ -92,7 +92,7 @@ def test_a_file_with_other_odds_is_left_out(
         (part,) = contents.parts
         points = part.points.copy()
         points[0] *= 1.0 + 1e-6
-        return obj.obj(replace(contents, parts=[replace(part, points=points)]))
+        return mesh_writers.obj(replace(contents, parts=[replace(part, points=points)]))
 
     known = FILE_FORMATS["obj"]
     FILE_FORMATS.unregister("obj")

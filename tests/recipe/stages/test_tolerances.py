@@ -11,7 +11,7 @@ from common.made_up_die import SIDES, box, designed
 from common.random_points import depths, drawn, in_pocket_walls
 from common.thrown import thrown
 
-from dicedesign.fabricate.print_odds.infill import inside_walls, weighed
+from dicedesign.fabricate.infill import inside_walls, weighed
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.recipe.planning.stage import plan

@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.labels.layout import place_labels
-from dicedesign.fabricate.labels.options import EngravingOptions
+from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.fabricate.label_layout import place_labels
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.polygons import signed_area
 from dicedesign.report.charts.palette import DARK

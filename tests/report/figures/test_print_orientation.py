@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dicedesign.fabricate.printing.orientation import PrintedSolid, placement_on_bed
-from dicedesign.fabricate.printing.printer import PRINTERS, Printer
+from dicedesign.fabricate.print_orientation import PrintedSolid, placement_on_bed
+from dicedesign.fabricate.printers import PRINTERS, Printer
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.report.figures.print_orientation import print_orientation_figure
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from common.made_up_die import SIDES, box, designed
 
-from dicedesign.fabricate.labels.layout import Placement
-from dicedesign.fabricate.labels.reading import LabelPlace
+from dicedesign.fabricate.label_layout import Placement
+from dicedesign.fabricate.label_reading import LabelPlace
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.recipe.planning.stage import plan

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dicedesign.fabricate.labels.layout import place_labels
-from dicedesign.fabricate.labels.options import EngravingOptions
-from dicedesign.fabricate.solids.engraving import engrave
+from dicedesign.fabricate.engraving import engrave
+from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.fabricate.label_layout import place_labels
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.report.figures.views import views_figure
 

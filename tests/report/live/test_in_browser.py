@@ -15,7 +15,7 @@ import pytest
 from common.finished import finished_box
 from PIL import Image
 
-from dicedesign.fabricate.files.file_format import Part
+from dicedesign.fabricate.file_formats import Part
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.report.figures.gauss_map import MAP_SIZE, placed_discs
 from dicedesign.report.live.live_die import live_die

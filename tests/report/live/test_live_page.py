@@ -19,7 +19,7 @@ from pygltflib import GLTF2
 from scipy.spatial import KDTree
 
 from dicedesign.cli.main import main
-from dicedesign.fabricate.files.file_format import Part
+from dicedesign.fabricate.file_formats import Part
 from dicedesign.report.live import live_die as live_module
 from dicedesign.report.live.live_die import live_die
 from dicedesign.report.pages.die_page import die_page

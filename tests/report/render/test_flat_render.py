@@ -9,9 +9,9 @@ import pytest
 import trimesh
 from common.kernels import without_kernels
 
-from dicedesign.fabricate.labels.layout import place_labels
-from dicedesign.fabricate.labels.options import EngravingOptions
-from dicedesign.fabricate.solids.engraving import engrave
+from dicedesign.fabricate.engraving import engrave
+from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.fabricate.label_layout import place_labels
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.report.render.raster import Camera, rasterize
 from dicedesign.report.render.renderer import Surface, render

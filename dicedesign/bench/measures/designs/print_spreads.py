@@ -9,15 +9,15 @@ from typing import Final
 import numpy as np
 
 from dicedesign.bench.measures.recipes import Work
-from dicedesign.fabricate.print_odds.odds_slopes import OddsSlopes
-from dicedesign.fabricate.print_odds.off_prints import OffPrints
-from dicedesign.fabricate.print_odds.tolerances import (
+from dicedesign.fabricate.print_options import PrintErrors
+from dicedesign.fabricate.print_tolerances import (
     ROLLS,
+    OddsSlopes,
     OddsSpread,
+    OffPrints,
     allowed_offset,
     print_tolerances,
 )
-from dicedesign.fabricate.printing.print_errors import PrintErrors
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.statistics.chi_square_power import LEVEL, chance_noticed
 from dicedesign.throws.statistics.goodness_of_fit import chi_square

@@ -1,0 +1,222 @@
+"""Labels cut into a solid as pockets, or left standing in sunk fields, and what fills them; with
+checks of what comes out.
+
+Lengths are in millimetres, volumes in cubic millimetres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+from manifold3d import CrossSection, Error, Manifold, OpType
+
+from dicedesign.errors import EngravingError
+from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.fabricate.label_layout import Placement, border_lines
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.manifold import mesh_of, solid
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
+
+JOINED: Final = 0.02
+"""Part of a raised label that may run into the border: facets that are moved a little afterwards
+take their border along."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """The material that a label takes away.
+
+    Attributes
+    ----------
+    where: the label, or labels, and what they are on, as messages call them.
+    cutter: solid to subtract.
+    volume: of that part of it that lies in the body, in mm3, where it is as it should be.
+    """
+
+    where: str
+    cutter: Manifold
+    volume: float
+
+
+def _pocket(section: CrossSection, placement: Placement, depth: float) -> Cut:
+    """The cut of a section into the plane of its label's facet."""
+    # It reaches as far above the facet as below, so that no face of it lies in the facet.
+    cutter = section.extrude(2 * depth).translate((0.0, 0.0, -depth))
+    return Cut(placement.where, cutter.transform(placement.frame[:3]), section.area() * depth)
+
+
+def _cuts(
+    hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
+) -> list[Cut]:
+    """What all labels take away from the solid with this hull."""
+    sections = cut_sections(hull, placements, options)
+    return [_pocket(section, placement, options.depth_mm) for placement, section in sections]
+
+
+def cut_sections(
+    hull: ConvexHull,
+    placements: Sequence[Placement],
+    options: EngravingOptions,
+    joined: float = JOINED,
+) -> list[tuple[Placement, CrossSection]]:
+    """The plane sections that are cut into the facets of a solid with this hull, in mm, each in the
+    frame of the placement beside it: labels, or fields without them where labels are raised.
+
+    joined: part of a raised label that may run into the border.
+
+    Raises EngravingError where more of it does, or where strokes cannot be as wide as asked for.
+    """
+    labels = [(placement, placement.section()) for placement in placements]
+    if options.style != "raised":
+        return labels
+    together: dict[int, list[tuple[Placement, CrossSection]]] = {}
+    for placement, section in labels:
+        facet = int(np.argmax(hull.normals @ placement.frame[:3, 2]))
+        together.setdefault(facet, []).append((placement, section))
+    return [_field(hull, facet, on_it, options, joined) for facet, on_it in together.items()]
+
+
+def _field(
+    hull: ConvexHull,
+    facet: int,
+    labels: Sequence[tuple[Placement, CrossSection]],
+    options: EngravingOptions,
+    joined: float,
+) -> tuple[Placement, CrossSection]:
+    """A facet within its border, without its labels, in the plane of the first of them."""
+    first, _ = labels[0]
+    frame = first.frame
+    corners = (hull.polygon(facet) - frame[:3, 3]) @ frame[:3, :2]
+    field = CrossSection([corners])
+    # All other planes, as a corner may be so sharp that one without a common edge is as near.
+    for distance, inward in zip(*border_lines(hull, facet, frame, options), strict=True):
+        field -= _half_plane(distance, inward, hull.diameter)
+    standing = CrossSection()
+    for placement, section in labels:
+        turn = frame[:3, :2].T @ placement.frame[:3, :2]
+        shift = (placement.frame[:3, 3] - frame[:3, 3]) @ frame[:3, :2]
+        label = section.transform(np.column_stack([turn, shift]))
+        if (label - field).area() > joined * label.area():
+            raise EngravingError(
+                f"label {placement.where}: expected room within a border of "
+                f"{options.border_mm:g} mm, got a label that reaches into it; reduce border_mm or "
+                "depth_mm, or increase margin_mm or size_mm"
+            )
+        standing += label
+    named = replace(first, text=", ".join(placement.text for placement, _ in labels))
+    return named, field - standing
+
+
+def _half_plane(distance: float, inward: Floats, size: float) -> CrossSection:
+    """What lies less than a distance from the origin along a unit direction (2,), as far as a facet
+    of a body of a size reaches."""
+    far, along = 4.0 * size, np.array([inward[1], -inward[0]])
+    near = distance * inward
+    corners = [near + far * along, near - far * along]
+    return CrossSection([np.stack([*corners, *(c - far * inward for c in corners[::-1])])])
+
+
+def engrave(
+    vertices: Floats,
+    triangles: Integers,
+    placements: Sequence[Placement],
+    options: EngravingOptions,
+) -> Surface:
+    """Cut labels into a solid, `options.depth_mm` deep below their facets, or what is around them.
+
+    Parameters
+    ----------
+    vertices, triangles: the plain convex solid, as `solid` takes it.
+    placements: labels on flat facets of it, from `place_labels`.
+    options: style and depth; sizes and places are those of the placements.
+
+    Returns
+    -------
+    Surface in mm that passed the checks: no boolean error, one piece, as many handles as the plain
+    solid, and the volume of the plain solid less the labels to `ENGRAVED_VOLUME_TOLERANCE`.
+
+    Raises
+    ------
+    InputError: the plain mesh is no solid.
+    EngravingError: a check failed; the message says which, and names the labels at fault.
+    """
+    cuts = _cuts(convex_hull(vertices), placements, options)
+    return cut_out(solid(vertices, triangles), cuts, options)
+
+
+def require_fields(
+    hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
+) -> None:
+    """Raise EngravingError where a label on a hull does not stand within the field that is to be
+    sunk around it."""
+    if options.style == "raised":
+        _cuts(hull, placements, options)
+
+
+def inlay(
+    vertices: Floats,
+    triangles: Integers,
+    placements: Sequence[Placement],
+    options: EngravingOptions,
+) -> Surface:
+    """The bodies that fill what `engrave` takes away, up to the facets of the plain solid.
+
+    The parameters are those of `engrave`, which is to be called first as it checks them.
+    """
+    cuts = _cuts(convex_hull(vertices), placements, options)
+    cutters = Manifold.batch_boolean([cut.cutter for cut in cuts], OpType.Add)
+    return Surface(*mesh_of(solid(vertices, triangles) ^ cutters))
+
+
+def cut_out(plain: Manifold, cuts: Sequence[Cut], options: EngravingOptions) -> Surface:
+    """Subtract cuts from a solid, all at once.
+
+    plain: the solid; cuts: of labels; options: named in the message of an error. Returns and raises
+    what `engrave` does.
+    """
+    body = Manifold.batch_boolean([plain, *(cut.cutter for cut in cuts)], OpType.Subtract)
+    failure = _failed_check(plain, body, sum(cut.volume for cut in cuts))
+    if failure:
+        raise EngravingError(
+            f"engraved solid: {failure}; {_culprits(plain, cuts)}: reduce depth_mm "
+            f"(now {options.depth_mm:g}) or increase size_mm or margin_mm"
+        )
+    return Surface(*mesh_of(body))
+
+
+def _failed_check(plain: Manifold, body: Manifold, expected: float) -> str | None:
+    """The first check that the engraved solid fails, in words, or None."""
+    if body.status() != Error.NoError:
+        return f"expected a boolean subtraction without error, got {body.status().name}"
+    # Cavities are closed surfaces of their own.
+    pieces, wanted = len(body.decompose()), len(plain.decompose())
+    if pieces != wanted:
+        return f"expected {'one piece' if wanted == 1 else f'{wanted} surfaces'}, got {pieces}"
+    if body.genus() != plain.genus():
+        return f"expected {plain.genus()} handles (genus), got {body.genus()}"
+    if not body.volume() > 0:
+        return f"expected a positive volume, got {body.volume():g} mm3"
+    removed = plain.volume() - body.volume()
+    if abs(removed - expected) > ENGRAVED_VOLUME_TOLERANCE * expected:
+        return f"expected pockets of {expected:.6g} mm3, got {removed:.6g} mm3"
+    return None
+
+
+def _culprits(plain: Manifold, cuts: Sequence[Cut]) -> str:
+    """Pockets that meet others or break through, in words."""
+    involved = {
+        index
+        for index, cut in enumerate(cuts)
+        if _failed_check(plain, plain - cut.cutter, cut.volume)
+    }
+    for (first, a), (second, b) in combinations(enumerate(cuts), 2):
+        if (a.cutter ^ b.cutter ^ plain).volume() > 0.0:
+            involved |= {first, second}
+    labels = ", ".join(cuts[index].where for index in sorted(involved)) or "some labels"
+    return f"pockets meet, or break through another facet, at {labels}"

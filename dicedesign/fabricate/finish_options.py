@@ -1,0 +1,205 @@
+"""Options of edges; apart from the rounding, so that a recipe loads no hulls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal, get_args
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.sizes import MOST_MM
+from dicedesign.optimize.options import require_choice
+from dicedesign.runtime.checks import is_finite_number
+from dicedesign.runtime.registry import STRICT
+
+BUNDLED_FONT: Final = "DejaVu Sans Bold"
+"""Name of the font that labels are set in unless another is asked for. It comes with matplotlib;
+its digits are all equally wide."""
+
+FONT_FILES: Final = (".ttf", ".otf", ".ttc")
+
+Content = Literal["text", "pips"]
+Ambiguous = Literal["bar", "dot", "none"]
+Style = Literal["engraved", "raised"]
+Read = Literal["auto", "up", "down", "both"]
+Balancing = Literal["shape", "opposite", "fill", "none"]
+
+_WORDS: Final = {
+    "content": Content,
+    "ambiguous": Ambiguous,
+    "style": Style,
+    "balance": Balancing,
+    "read": Read,
+}
+
+UPRIGHTS: Final = ("edge", "largest")
+
+
+def is_font_file(font: str) -> bool:
+    """Whether a font is given by the path of its file, and not by its name."""
+    return font.lower().endswith(FONT_FILES)
+
+
+@dataclass(frozen=True)
+class EngravingOptions:
+    """What labels look like, their sizes and their depth. No length is above `MOST_MM`.
+
+    Raises InputError for a value out of its range.
+    """
+
+    __pydantic_config__ = STRICT
+
+    depth_mm: float = 0.6
+    """Depth of the pockets below the facet, above 0, and at least a millionth of the die's size. It
+    does not scale with the die."""
+    margin_mm: float = 0.5
+    """Distance that labels keep from the edges of their facet, at least 0; pockets keep more from
+    sharp edges, so that they do not meet."""
+    min_height_mm: float = 2.5
+    """Smallest legible digit height, above 0."""
+    max_height_mm: float = 8.0
+    """Largest digit height, at least `min_height_mm`."""
+    stroke_mm: float = 0.0
+    """Width that all strokes have at least, such as that of the printer's line; outlines grow where
+    theirs are thinner. 0 leaves them as they are."""
+    content: Content = "text"
+    """"text", or "pips" for numbers from 1 to 20 as on ordinary dice."""
+    icons: dict[str, str] = field(default_factory=dict)
+    """SVG files by the labels that they are shown instead of; paths are relative to the recipe.
+    What is dark in them is cut, as tall as a digit."""
+    font: str = BUNDLED_FONT
+    """The bundled font, the family of an installed one, of which the bold face is taken, or the
+    path of a .ttf or .otf file, relative to the recipe."""
+    upright: str | list[float] | tuple[float, ...] = "edge"
+    """Up on the label: away from the longest edge of the facet ("edge"), from that edge which
+    leaves most room ("largest"), or toward a direction [x, y, z] in the coordinates of
+    die_plain.stl."""
+    ambiguous: Ambiguous = "bar"
+    """What marks numbers such as 6, 9 and 68 that are others upside down: a "bar" beneath, a "dot"
+    after them, or "none"."""
+    style: Style = "engraved"
+    """`engraved` cuts labels in; `raised` sinks the field around them and leaves them standing, as
+    high as the border of the facet, so that the die rests as without labels."""
+    border_mm: float = 1.0
+    """Width of the border around a sunk field, above 0."""
+    balance: Balancing = "shape"
+    """What makes up for the material that labels take away: `shape` moves the facets until the
+    finished die has the odds; `opposite` hollows a hidden ball opposite to them; `fill` makes
+    bodies that fill the labels in another color, equally dense; `none` leaves the odds as they
+    come out."""
+    read: Read = "auto"
+    """Where the label of an outcome lies: "down" on the facet that the die rests on; "up" on the
+    level facet on top then, or around the corner on top where there is one; "both" below and on
+    top; "auto" up where all facets on top are level or the die is a tetrahedron, as far as the
+    labels fit there, and down elsewhere."""
+
+    def __post_init__(self) -> None:
+        for name in (
+            "depth_mm",
+            "margin_mm",
+            "min_height_mm",
+            "max_height_mm",
+            "stroke_mm",
+            "border_mm",
+        ):
+            value = getattr(self, name)
+            if not is_finite_number(value):
+                raise InputError(f"{name}: expected a finite number, got {value!r}; correct it")
+            if value > MOST_MM:
+                raise InputError(
+                    f"{name}: expected at most {MOST_MM:g}, the largest size of a die, got "
+                    f"{value:g}; lower it"
+                )
+        for name in ("depth_mm", "min_height_mm", "border_mm"):
+            if getattr(self, name) <= 0:
+                raise InputError(
+                    f"{name}: expected a number above 0, got {getattr(self, name)}; enlarge it"
+                )
+        for name in ("margin_mm", "stroke_mm"):
+            if getattr(self, name) < 0:
+                raise InputError(
+                    f"{name}: expected a number of at least 0, got {getattr(self, name)}; enlarge "
+                    "it"
+                )
+        if self.max_height_mm < self.min_height_mm:
+            raise InputError(
+                f"max_height_mm: expected at least min_height_mm = {self.min_height_mm}, got "
+                f"{self.max_height_mm}; enlarge it or reduce min_height_mm"
+            )
+        for name, words in _WORDS.items():
+            require_choice(name, getattr(self, name), *get_args(words))
+        if not isinstance(self.font, str) or not self.font.strip():
+            raise InputError(f"font: expected a name or a path, got {self.font!r}; write one")
+        self._check_upright()
+
+    def _check_upright(self) -> None:
+        given: Any = self.upright
+        if isinstance(given, str):
+            fits = given in UPRIGHTS
+        else:
+            fits = isinstance(given, list | tuple) and len(given) == 3
+            fits = fits and all(map(is_finite_number, given)) and any(given)
+        if not fits:
+            raise InputError(
+                f"upright: expected {' or '.join(UPRIGHTS)}, or a direction of three "
+                f"finite numbers that are not all 0, got {given!r}; correct it"
+            )
+        if not isinstance(given, str):
+            object.__setattr__(self, "upright", tuple(map(float, given)))
+
+
+MOST_OF_SIZE: Final = 0.2
+"""Largest radius, over the size of the die."""
+
+LEAST_OF_SIZE: Final = 0.01
+"""Smallest radius of a fillet, over the same: the strips of a finer one are of the size of what
+files in single precision round."""
+
+ROUNDING: Final = 1e-9
+"""By how much a size that is measured may differ from the one that was asked for."""
+
+
+@dataclass(frozen=True)
+class EdgeOptions:
+    """Edges and corners of a convex die.
+
+    Raises InputError for a value out of its range.
+    """
+
+    __pydantic_config__ = STRICT
+
+    radius_mm: float = 1.0
+    """Radius of a fillet, or of the ball whose chords are the chamfers, above 0; at most a fifth of
+    the die's size, and of the smallest facet's circle; that of a fillet at least a hundredth of the
+    size."""
+    shape: Literal["fillet", "chamfer"] = "fillet"
+    """`fillet` rounds off, `chamfer` cuts flat."""
+
+    def __post_init__(self) -> None:
+        if not (is_finite_number(self.radius_mm) and self.radius_mm > 0.0):
+            raise InputError(
+                f"radius_mm: expected a finite number above 0, got {self.radius_mm!r}; enlarge it, "
+                "or leave edges out"
+            )
+        require_choice("shape", self.shape, "fillet", "chamfer")
+
+
+def core_scale(options: EdgeOptions | None, size_mm: float) -> float:
+    """Size of the core of a die over that of the die.
+
+    Raises InputError where the radius is too large or too small for the size.
+    """
+    if options is None:
+        return 1.0
+    part = options.radius_mm / size_mm
+    if part > MOST_OF_SIZE * (1.0 + ROUNDING):
+        raise InputError(
+            f"edges.radius_mm: expected at most {MOST_OF_SIZE * size_mm:.3g}, a fifth of size_mm, "
+            f"got {options.radius_mm:g}; lower it, or take a larger size_mm"
+        )
+    if options.shape == "fillet" and part < LEAST_OF_SIZE * (1.0 - ROUNDING):
+        raise InputError(
+            f"edges.radius_mm: expected at least {LEAST_OF_SIZE * size_mm:.3g} for a fillet, a "
+            f"hundredth of size_mm, got {options.radius_mm:g}; enlarge it, take shape: chamfer, or "
+            "leave edges out"
+        )
+    return 1.0 - 2.0 * part

@@ -1,0 +1,171 @@
+"""Fonts by name or file, and lines of text set in them.
+
+HarfBuzz reads the files, TrueType as well as OpenType, and sets the text: with kerning, ligatures
+and whatever else a script needs. Lengths are in digit heights: the height of the font's digit 1.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib.util
+import os
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from dicedesign.errors import EngravingError, InputError, named
+from dicedesign.fabricate.finish_options import BUNDLED_FONT, is_font_file
+from dicedesign.fabricate.sections import CHORD_TOLERANCE, PolylinePen
+from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.files import read_file
+
+BUNDLED_FILE: Final = Path("mpl-data", "fonts", "ttf", "DejaVuSans-Bold.ttf")
+"""Of the bundled font, in the folder of matplotlib."""
+
+MOST_BYTES: Final = 1 << 26
+"""Of a font file: 64 MiB."""
+
+OUTLINE_TABLES: Final = ("glyf", "CFF ", "CFF2")
+
+UNIT_LETTERS: Final = "1H"
+"""The first of these that a font has is a digit height tall."""
+
+LEAST_UNIT: Final = 0.1
+"""Smallest height of that letter, over the em; where it is smaller or there is none, a digit height
+is `USUAL_UNIT` of the em."""
+
+USUAL_UNIT: Final = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Font:
+    """A font.
+
+    Attributes
+    ----------
+    name: as options call it.
+    unit: digit height in units of the font.
+    """
+
+    name: str
+    unit: float
+    _shaped: Any
+
+    def line(self, text: str) -> tuple[list[Floats], float]:
+        """Outlines of one line of text that starts at x = 0, and its advance width.
+
+        Contours (n, 2) without a repeated last point, that wind about their inside in one sense or
+        the other.
+
+        Raises EngravingError: the font lacks a character.
+        """
+        import uharfbuzz
+
+        buffer = uharfbuzz.Buffer()
+        buffer.add_str(text)
+        buffer.guess_segment_properties()
+        uharfbuzz.shape(self._shaped, buffer)
+        contours, x, y = [], 0.0, 0.0
+        for glyph, place in zip(
+            buffer.glyph_infos or (), buffer.glyph_positions or (), strict=True
+        ):
+            if glyph.codepoint == 0:
+                character = text[min(glyph.cluster, len(text) - 1)]
+                raise EngravingError(
+                    f"label {text!r}: expected characters of the font {self.name}, got "
+                    f"{character!r} (U+{ord(character):04X}); use digits, letters or signs that "
+                    "it has, or another engrave.font"
+                )
+            pen = PolylinePen(CHORD_TOLERANCE * self.unit)
+            self._shaped.draw_glyph_with_pen(glyph.codepoint, pen)
+            start = np.array([x + place.x_offset, y + place.y_offset])
+            contours += [(contour + start) / self.unit for contour in pen.contours()]
+            x, y = x + place.x_advance, y + place.y_advance
+        return contours, x / self.unit
+
+
+def open_font(name: str) -> Font:
+    """A font by the name of its family or by the path of its file.
+
+    Parameters
+    ----------
+    name: "DejaVu Sans Bold", the bundled one; a family that the system or matplotlib has, which
+        gives its bold face where there is one; or a file that ends with .ttf, .otf or .ttc, of
+        which the first face is taken.
+
+    Raises
+    ------
+    InputError: there is no such font, or the file is none.
+    """
+    with named("engrave.font"):
+        if is_font_file(name):
+            path = Path(name)
+        else:
+            path = _bundled() if name == BUNDLED_FONT else _installed(name)
+        try:
+            status = os.stat(path)
+            stamp = (status.st_mtime_ns, status.st_size)
+        except (OSError, ValueError):
+            stamp = (0, 0)  # reading it says why
+        return _read(name, path, stamp)
+
+
+@cache
+def _bundled() -> Path:
+    spec = importlib.util.find_spec("matplotlib")
+    folders = spec.submodule_search_locations if spec else None
+    path = Path(folders[0], BUNDLED_FILE) if folders else BUNDLED_FILE
+    if not path.is_file():
+        raise InputError(
+            f"expected {path} in the installed package matplotlib, got no such file; "
+            "reinstall matplotlib from its wheel"
+        )
+    return path
+
+
+@cache
+def _installed(family: str) -> Path:
+    """File of the bold face of an installed family."""
+    # Imported where it is needed: it lists all fonts of the system.
+    from matplotlib import font_manager
+
+    # Generic names such as "serif" are read from settings of matplotlib; those of files are not.
+    known = {entry.name.lower(): entry.name for entry in font_manager.fontManager.ttflist}
+    if family.lower() not in known:
+        close = difflib.get_close_matches(family.lower(), list(known), n=3, cutoff=0.5)
+        like = f", such as {', '.join(known[name] for name in close)}" if close else ""
+        raise InputError(
+            f"expected the family of an installed font{like}, or the path of a .ttf "
+            f"or .otf file, got {family!r}; install it or name another, such as {BUNDLED_FONT!r}"
+        )
+    wanted = font_manager.FontProperties(family=[known[family.lower()]], weight="bold")
+    return Path(font_manager.findfont(wanted, fallback_to_default=False))
+
+
+@lru_cache(maxsize=8)
+def _read(name: str, path: Path, stamp: tuple[int, int]) -> Font:
+    """The font of a file that changes its stamp whenever it is written."""
+    import uharfbuzz
+
+    data = read_file(path, "a TTF or OTF font", most=MOST_BYTES)
+    face = uharfbuzz.Face(uharfbuzz.Blob(data), 0)
+    outlines = any(len(face.reference_table(tag)) > 0 for tag in OUTLINE_TABLES)
+    if face.glyph_count == 0 or face.upem == 0 or not outlines:
+        raise InputError(
+            f"{path}: expected a TTF or OTF font with outlines, got a file of {len(data)} bytes "
+            "with none that can be read; convert it, or name another font"
+        )
+    font = uharfbuzz.Font(face)
+    return Font(name, _digit_height(font, face.upem), font)
+
+
+def _digit_height(font: Any, upem: int) -> float:
+    for letter in UNIT_LETTERS:
+        glyph = font.get_nominal_glyph(ord(letter))
+        extents = font.get_glyph_extents(glyph) if glyph else None
+        if extents is not None and extents.y_bearing >= LEAST_UNIT * upem:
+            return float(extents.y_bearing)
+    return USUAL_UNIT * upem

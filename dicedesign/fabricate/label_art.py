@@ -1,0 +1,298 @@
+"""What a label looks like: text, pips or an icon, as a plane section.
+
+Lengths are in digit heights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+from typing import Final
+
+import numpy as np
+from manifold3d import CrossSection, OpType
+
+from dicedesign.errors import EngravingError
+from dicedesign.fabricate.finish_options import BUNDLED_FONT, EngravingOptions
+from dicedesign.fabricate.fonts import open_font
+from dicedesign.fabricate.icons import icon_section
+from dicedesign.fabricate.sections import (
+    CHORD_TOLERANCE,
+    grown,
+    holes_and_parts,
+    non_zero,
+    stroke_growth,
+)
+from dicedesign.runtime.arrays import Floats
+
+LINE_SPACING: Final = 1.45
+"""Distance between the baselines of two lines."""
+
+MOST_LINES: Final = 4
+"""That a text is broken into."""
+
+
+def text_contours(text: str, font: str = BUNDLED_FONT) -> list[Floats]:
+    """Outlines of a text.
+
+    Parameters
+    ----------
+    text: the characters to draw, in one or more lines.
+    font: as `open_font` takes it.
+
+    Returns
+    -------
+    list of (n, 2), in digit heights: closed contours without a repeated last point, which wind
+    about the inside of the letters in either sense; curves are flattened to within
+    `CHORD_TOLERANCE`. The widest line starts at x = 0.
+
+    Raises
+    ------
+    InputError: there is no such font.
+    EngravingError: the font lacks a character.
+    """
+    opened = open_font(font)
+    lines = [opened.line(line) for line in text.split("\n")]
+    widest = max((width for _, width in lines), default=0.0)
+    contours: list[Floats] = []
+    for number, (outlines, width) in enumerate(lines):
+        start = np.array([0.5 * (widest - width), LINE_SPACING * (len(lines) - 1 - number)])
+        contours += [outline + start for outline in outlines]
+    return contours
+
+
+def line_breaks(text: str, font: str = BUNDLED_FONT) -> Iterator[str]:
+    """A text in one line, in two and so on: broken at its spaces, so that the widest line is as
+    narrow as it can be.
+
+    Parameters and errors are those of `text_contours`.
+    """
+    words = text.split(" ")
+    opened = open_font(font)
+    widths = [opened.line(word)[1] for word in words] if len(words) > 1 else [0.0]
+    space = opened.line(" ")[1] if len(words) > 1 else 0.0
+    for lines in range(1, min(len(words), MOST_LINES) + 1):
+        breaks = min(
+            combinations(range(1, len(words)), lines - 1),
+            key=lambda inner: max(
+                sum(widths[i:j]) + space * (j - i - 1) for i, j in pairwise((0, *inner, len(words)))
+            ),
+        )
+        yield "\n".join(" ".join(words[i:j]) for i, j in pairwise((0, *breaks, len(words))))
+
+
+def text_section(text: str, font: str = BUNDLED_FONT) -> CrossSection:
+    """Plane section of a text, in digit heights.
+
+    Parameters and errors are those of `text_contours`; besides,
+
+    Raises
+    ------
+    EngravingError: the text draws nothing.
+    """
+    section = non_zero(text_contours(text, font))
+    if section.area() <= 0.0:
+        raise EngravingError(
+            f"label {text!r}: expected outlines of positive area, got {section.area():g}; use at "
+            "least one visible character"
+        )
+    return section
+
+
+BAR_GAP: Final = 0.16
+"""Distance from the baseline down to the bar of an ambiguous label, in digit heights."""
+
+BAR_THICKNESS: Final = 0.16
+"""Thickness of that bar, in digit heights."""
+
+DOT_GAP: Final = 0.14
+"""Distance from an ambiguous label to the dot after it, in digit heights."""
+
+DOT_DIAMETER: Final = 0.24
+"""Of that dot, in digit heights."""
+
+DOT_CORNERS: Final = 32
+
+TURNED: Final = {"0": "0", "1": "1", "6": "9", "8": "8", "9": "6"}
+"""Digits that are digits when they are turned by 180 degrees, and which."""
+
+
+def reads_upside_down(text: str) -> bool:
+    """True if the text, turned by 180 degrees, reads as a different number ("6", "16", "68").
+
+    Turned texts that start with a zero ("10" gives "01") are no numbers and do not count.
+    """
+    if not text or not set(text) <= set(TURNED):
+        return False
+    turned = "".join(TURNED[digit] for digit in reversed(text))
+    return turned != text and (len(turned) == 1 or turned[0] != "0")
+
+
+def marked(section: CrossSection, mark: str) -> CrossSection:
+    """A number with a bar beneath that is as wide ("bar"), or a dot on the baseline after it
+    ("dot"), or neither ("none").
+
+    section: of positive area, in digit heights, with the baseline at y = 0.
+    """
+    left, _, right, _ = section.bounds()
+    if mark == "bar":
+        bar = CrossSection.square((right - left, BAR_THICKNESS))
+        return section + bar.translate((left, -BAR_GAP - BAR_THICKNESS))
+    if mark == "dot":
+        radius = 0.5 * DOT_DIAMETER
+        dot = CrossSection.circle(radius, DOT_CORNERS)
+        return section + dot.translate((right + DOT_GAP + radius, radius))
+    return section
+
+
+FULLNESS: Final = 0.64
+"""Diameter of a pip over the distance to the next."""
+
+PATTERNS: Final = {
+    1: ("...", ".x.", "..."),
+    2: ("..x", "...", "x.."),
+    3: ("..x", ".x.", "x.."),
+    4: ("x.x", "...", "x.x"),
+    5: ("x.x", ".x.", "x.x"),
+    6: ("x.x", "x.x", "x.x"),
+    7: ("x.x", "xxx", "x.x"),
+    8: ("xxx", "x.x", "xxx"),
+    9: ("xxx", "xxx", "xxx"),
+}
+"""Rows of a square grid from the top, with a pip where there is an x."""
+
+ROWS: Final = {
+    10: (3, 4, 3),
+    11: (4, 3, 4),
+    12: (4, 4, 4),
+    13: (3, 2, 3, 2, 3),
+    14: (3, 4, 4, 3),
+    15: (3, 3, 3, 3, 3),
+    16: (4, 4, 4, 4),
+    17: (3, 4, 3, 4, 3),
+    18: (4, 3, 4, 3, 4),
+    19: (4, 4, 3, 4, 4),
+    20: (4, 4, 4, 4, 4),
+}
+"""Pips in each row, from the top, of numbers without a usual pattern; rows are centred."""
+
+MOST_PIPS: Final = max(ROWS)
+
+
+def pip_places(number: int) -> tuple[Floats, float]:
+    """Middles (n, 2) of the pips of a number from 1 to `MOST_PIPS`, in the unit square, and the
+    diameter of each."""
+    if number in PATTERNS:
+        places: list[tuple[float, float]] = [
+            (column, -row)
+            for row, signs in enumerate(PATTERNS[number])
+            for column, sign in enumerate(signs)
+            if sign == "x"
+        ]
+        steps, middle = 2, np.array([1.0, -1.0])
+    else:
+        counts = ROWS[number]
+        places = [
+            (column - 0.5 * (count - 1), -row)
+            for row, count in enumerate(counts)
+            for column in range(count)
+        ]
+        steps = max(len(counts), *counts) - 1
+        middle = np.array([0.0, -0.5 * (len(counts) - 1)])
+    spacing = 1.0 / (steps + FULLNESS)
+    return 0.5 + spacing * (np.array(places, dtype=np.float64) - middle), FULLNESS * spacing
+
+
+def pips_section(text: str) -> CrossSection:
+    """Plane section of a number as pips, in the unit square.
+
+    Raises EngravingError: the text is no whole number from 1 to `MOST_PIPS`.
+    """
+    number = int(text) if text.isascii() and text.isdigit() else 0
+    if not 1 <= number <= MOST_PIPS:
+        raise EngravingError(
+            f"label {text!r}: expected a whole number from 1 to {MOST_PIPS} to show as pips, got "
+            "another label; write engrave.content: text, or give it one of engrave.icons"
+        )
+    places, diameter = pip_places(number)
+    radius = 0.5 * diameter
+    # So many that the polygon is within the tolerance of the circle.
+    corners = int(np.ceil(np.pi / np.sqrt(2.0 * CHORD_TOLERANCE / radius)))
+    corners += -corners % 8
+    disc = CrossSection.circle(radius, corners)
+    return CrossSection.batch_boolean([disc.translate((x, y)) for x, y in places], OpType.Add)
+
+
+@dataclass(frozen=True, eq=False)
+class LabelArt:
+    """The art of a label, of digit height 1.
+
+    Attributes
+    ----------
+    section: of positive area; the baseline of text is y = 0.
+    box: left, bottom, right and top of the room that it takes: its bounds, or the square that the
+        pips of all numbers share.
+    """
+
+    section: CrossSection
+    box: tuple[float, float, float, float]
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of the box."""
+        left, bottom, right, top = self.box
+        return right - left, top - bottom
+
+    def growth(self, height: float, stroke: float) -> float:
+        """The distance, in mm, by which outlines of a digit height in mm have to move outward for
+        strokes of a width in mm; 0 where strokes are as wide."""
+        return height * stroke_growth(self.section, stroke / height) if stroke > 0.0 else 0.0
+
+    def cut(self, height: float, growth: float, where: str) -> CrossSection:
+        """The section in mm, of a digit height and with outlines moved outward, both in mm.
+
+        Raises EngravingError, which begins with `where`: that closes a hole or joins parts.
+        """
+        plain = self.section.scale((height, height))
+        wider = grown(plain, growth)
+        before, after = holes_and_parts(plain), holes_and_parts(wider)
+        if before != after:
+            raise EngravingError(
+                f"{where}: expected {before[0]} holes and {before[1]} parts to stay apart with "
+                f"strokes wider by {2.0 * growth:.2f} mm at a digit height of {height:.2f} mm, got "
+                f"{after[0]} and {after[1]}; reduce stroke_mm, increase size_mm, or take another "
+                "font or a shorter label"
+            )
+        return wider
+
+
+def label_arts(text: str, options: EngravingOptions) -> list[LabelArt]:
+    """The arts that a label may have by the options: its icon where it has one, else pips or text,
+    with a mark where it is another number upside down; text with spaces in one line, in two and so
+    on.
+
+    Raises
+    ------
+    InputError: the font or the icon cannot be read.
+    EngravingError: the label cannot be drawn.
+    """
+    if text in options.icons:
+        return [_within_bounds(icon_section(options.icons[text], text))]
+    if options.content == "pips":
+        return [LabelArt(pips_section(text), (0.0, 0.0, 1.0, 1.0))]
+    if reads_upside_down(text):
+        return [_within_bounds(marked(text_section(text, options.font), options.ambiguous))]
+    broken = line_breaks(text, options.font)
+    return [_within_bounds(text_section(lines, options.font)) for lines in broken]
+
+
+def _within_bounds(section: CrossSection) -> LabelArt:
+    left, bottom, right, top = section.bounds()
+    return LabelArt(section, (left, bottom, right, top))
+
+
+def require_art(labels: Iterable[str], options: EngravingOptions) -> None:
+    """Raise InputError where the art of a label cannot be made."""
+    for label in labels:
+        label_arts(label, options)

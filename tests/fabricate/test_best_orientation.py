@@ -1,0 +1,143 @@
+"""A solid on the print bed, against solids whose areas and volumes are known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dicedesign.fabricate.print_orientation import (
+    PrintedSolid,
+    beds,
+    best_pose,
+    placement_on_bed,
+)
+from dicedesign.fabricate.printers import PRINTERS, Printer
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.rest.poses import rest_poses
+
+GOLDEN = (1.0 + math.sqrt(5.0)) / 2.0
+
+
+def upto(degrees: float) -> Printer:
+    """A printer that needs supports up to an angle from level."""
+    return replace(PRINTERS["fdm"], overhang_deg=degrees)
+
+
+def icosahedron(edge: float) -> ConvexHull:
+    corners = [
+        np.roll((0.0, a, b * GOLDEN), shift)
+        for shift in range(3)
+        for a in (-1.0, 1.0)
+        for b in (-1.0, 1.0)
+    ]
+    return convex_hull(0.5 * edge * np.array(corners))
+
+
+def plain(hull: ConvexHull) -> PrintedSolid:
+    return PrintedSolid(hull.vertices, hull.triangles, hull, (), np.zeros((0, 3)))
+
+
+def test_a_box_hangs_over_nowhere() -> None:
+    hull = convex_hull(np.array([(x, y, z) for x in (0, 2) for y in (0, 3) for z in (0, 5)]))
+    poses = plain(hull).poses(hull.normals, upto(45.0))
+    assert [pose.overhang_mm2 for pose in poses] == [0.0] * 6
+    for pose in poses:
+        side = int(np.abs(pose.normal).argmax())
+        assert pose.height_mm == pytest.approx((2, 3, 5)[side])
+        assert pose.contact_mm2 == pytest.approx((15, 10, 6)[side])
+
+
+def test_an_icosahedron_hangs_over_by_three_faces() -> None:
+    """Its neighbors rise at 41.8 degrees: filament cannot, resin can."""
+    hull, face = icosahedron(10.0), math.sqrt(3.0) / 4.0 * 100.0
+    solid = plain(hull)
+    for pose in solid.poses(hull.normals, upto(45.0)):
+        assert pose.contact_mm2 == pytest.approx(face)
+        assert pose.overhang_mm2 == pytest.approx(3.0 * face)
+        # Beneath a face that rises from an edge on the bed is a prism: its height is a third of
+        # that of the tip, its base the face's shadow.
+        rise = math.acos(math.sqrt(5.0) / 3.0)
+        tip = math.sqrt(3.0) / 2.0 * 10.0 * math.sin(rise)
+        beneath = 3.0 * face * math.cos(rise) * tip / 3.0
+        assert pose.support_mm3 == pytest.approx(beneath)
+    for limit in (0.0, 19.0, 41.8):
+        poses = solid.poses(hull.normals, upto(limit))
+        assert [pose.overhang_mm2 for pose in poses] == [0.0] * 20
+    assert solid.overhanging(hull.normals, upto(45.0)).sum(axis=0).tolist() == [3] * 20
+
+
+def test_what_is_at_the_limit_needs_no_supports() -> None:
+    """The long side of half a cube, cut across, above one of its legs."""
+    corners = [(0, 0), (4, 0), (0, 4)]
+    hull = convex_hull(np.array([(x, y, z) for x, z in corners for y in (0, 6)], dtype=float))
+    down = np.array([[0.0, 0.0, 1.0]])
+    for turn in Rotation.random(8, rng=np.random.default_rng(3)):
+        turned = convex_hull(turn.apply(hull.vertices))
+        for limit, area in ((45.0, 0.0), (45.4, 0.0), (45.6, 4.0 * math.sqrt(2.0) * 6.0)):
+            (pose,) = plain(turned).poses(turn.apply(down), upto(limit))
+            assert pose.overhang_mm2 == pytest.approx(area, abs=1e-9)
+
+
+def test_of_dice_with_some_numbers_one_lies_on_a_bare_facet() -> None:
+    hull = convex_hull(np.array([(x, y, z) for x in (0, 9) for y in (0, 10) for z in (0, 11)]))
+    normals = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)], dtype=float)
+    solid = PrintedSolid(hull.vertices, hull.triangles, hull, ("1", "2", "3", "4", "5"), normals)
+    poses = solid.poses(hull.normals, upto(45.0))
+    assert {pose.label for pose in poses} == {"1", "2", "3", "4", "5", None}
+    assert all(pose.spoiled == (() if pose.label is None else (pose.label,)) for pose in poses)
+    best = best_pose(poses)
+    assert (best.label, best.normal) == (None, (0.0, 0.0, -1.0))
+
+
+def test_numbers_on_supports_are_spoiled_too() -> None:
+    """Each facet of an icosahedron has a number: its own and its neighbors' are spoiled where
+    filament needs supports, and with resin its own."""
+    hull = icosahedron(10.0)
+    labels = tuple(str(n) for n in range(1, 21))
+    solid = PrintedSolid(hull.vertices, hull.triangles, hull, labels, hull.normals)
+    for limit, count in ((45.0, 4), (19.0, 1), (0.0, 1)):
+        for n, pose in enumerate(solid.poses(hull.normals, upto(limit))):
+            assert pose.label == labels[n]
+            assert len(pose.spoiled) == count
+            assert pose.label in pose.spoiled
+
+
+def test_a_tip_is_no_bed_while_there_is_a_foot() -> None:
+    """A tall prism stands on a small facet only where there is no other."""
+    box = np.array([(x, y, z) for x in (0, 4) for y in (0, 4) for z in (0, 30)], dtype=float)
+    hull = convex_hull(box)
+    directions = beds(hull, rest_poses(box).facets, True)
+    assert sorted(np.abs(directions[:, 2]).round(9).tolist()) == [0.0] * 4
+    needle = convex_hull(box * (1.0, 0.05, 1.0))
+    directions = beds(needle, np.array([0, 3]), True)
+    # Slabs lie on their two wide sides.
+    assert np.abs(directions @ (0.0, 1.0, 0.0)).min() == pytest.approx(1.0)
+
+
+def test_a_round_die_has_no_foot_and_lies_on_a_rest() -> None:
+    points = np.random.default_rng(2).normal(size=(400, 3))
+    ball = convex_hull(points / np.linalg.norm(points, axis=1, keepdims=True))
+    rests = np.array([1, 2])
+    np.testing.assert_array_equal(beds(ball, rests, True), ball.normals[rests])
+
+
+def test_a_concave_die_lies_on_a_rest() -> None:
+    hull = icosahedron(5.0)
+    np.testing.assert_array_equal(beds(hull, np.array([3, 7]), False), hull.normals[[3, 7]])
+
+
+def test_on_the_bed_means_on_the_bed() -> None:
+    points = np.random.default_rng(1).normal(size=(40, 3)) * (1.0, 2.0, 3.0) + 5.0
+    hull = convex_hull(points)
+    for normal in hull.normals:
+        transform = placement_on_bed(points, normal)
+        turned = points @ transform[:3, :3].T + transform[:3, 3]
+        assert np.linalg.det(transform[:3, :3]) == pytest.approx(1.0)
+        assert turned[:, 2].min() == pytest.approx(0.0, abs=1e-12)
+        np.testing.assert_allclose(turned[:, :2].min(axis=0), -turned[:, :2].max(axis=0))
+        assert (turned[:, 2] < 1e-9).sum() >= 3
+        np.testing.assert_allclose(transform[:3, :3] @ normal, (0.0, 0.0, -1.0), atol=1e-12)

@@ -1,0 +1,190 @@
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+import trimesh
+from manifold3d import CrossSection
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from dicedesign.errors import EngravingError, InputError
+from dicedesign.fabricate.engraving import engrave
+from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.fabricate.label_art import BAR_THICKNESS, reads_upside_down, text_contours
+from dicedesign.fabricate.label_layout import place_labels
+from dicedesign.geometry.manifold import solid
+from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.solid import solid_properties
+
+OPTIONS = EngravingOptions()
+
+
+def engraved(body, texts, options=OPTIONS):
+    count = len(texts)
+    placements = place_labels(
+        texts, body.polygons[:count], body.normals[:count], range(count), options, body.size_mm
+    )
+    return engrave(body.vertices, body.triangles, placements, options), placements
+
+
+def outline_area(text: str) -> float:
+    contours = text_contours(text)
+    total = 0.0
+    for contour in contours:
+        following = np.roll(contour, -1, axis=0)
+        total += 0.5 * (contour[:, 0] @ following[:, 1] - contour[:, 1] @ following[:, 0])
+    bar = BAR_THICKNESS * np.ptp(np.concatenate(contours)[:, 0]) if reads_upside_down(text) else 0.0
+    return abs(total) + bar
+
+
+def engraved_volume(placements) -> float:
+    return sum(outline_area(p.text) * p.height**2 * OPTIONS.depth_mm for p in placements)
+
+
+def volume(die) -> float:
+    return solid_properties(die.points, die.triangles)[0]
+
+
+def test_a_cube_loses_outline_area_times_depth(box):
+    body = box(20.0, 20.0, 20.0)
+    die, placements = engraved(body, list("123456"))
+    removed = engraved_volume(placements)
+    assert volume(die) == pytest.approx(8000.0 - removed, rel=1e-9)
+    assert die.points.dtype == np.float64
+    assert die.triangles.dtype == np.int64
+
+
+def test_the_stl_is_one_watertight_piece_of_the_same_volume_and_hull(box):
+    body = box(20.0, 20.0, 20.0).moved(Rotation.from_rotvec((0.3, 1.1, -0.7)).as_matrix())
+    die, _ = engraved(body, list("123456"))
+    mesh = trimesh.load(io.BytesIO(stl_bytes(die.points, die.triangles)), file_type="stl")
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.body_count == 1
+    assert mesh.euler_number == 2
+    assert mesh.volume == pytest.approx(volume(die), rel=1e-5)
+    assert ConvexHull(die.points).volume == pytest.approx(8000.0, rel=1e-9)
+
+
+def level(die, z: float) -> CrossSection:
+    return solid(die.points, die.triangles).slice(z)
+
+
+def empty_at(section: CrossSection, x: float, y: float) -> bool:
+    probe = CrossSection.square((1e-4, 1e-4), center=True).translate((x, y))
+    return (section ^ probe).area() == 0.0
+
+
+def test_the_pocket_is_as_deep_as_asked_and_no_deeper(box):
+    die, placements = engraved(box(20.0, 12.0, 10.0), ["8"])
+    area = outline_area("8") * placements[0].height ** 2
+    for below, missing in ((0.001, area), (0.599, area), (0.601, 0.0)):
+        assert 240.0 - level(die, 5.0 - below).area() == pytest.approx(missing, abs=1e-6)
+
+
+def test_an_l_stands_upright_and_is_not_mirrored(box):
+    # Seen from +z with x to the right, the 20 mm edges run along x: up is +y or -y, and the frame
+    # of the first edge (its lower left corner first) makes it +y.
+    die, _ = engraved(box(20.0, 12.0, 10.0), ["L"])
+    section = level(die, 4.7)
+    cut = CrossSection.square((20.0, 12.0), center=True) - section
+    left, bottom, right, top = cut.bounds()
+    assert top - bottom > right - left
+    inset = 0.05 * (top - bottom)
+    assert empty_at(section, left + inset, bottom + inset)
+    assert empty_at(section, left + inset, top - inset)
+    assert empty_at(section, right - inset, bottom + inset)
+    assert not empty_at(section, right - inset, top - inset)
+    assert not empty_at(section, 0.5 * (left + right), 0.5 * (bottom + top))
+
+
+def test_the_bar_of_a_six_lies_on_the_side_of_the_longest_edge(box):
+    die, _ = engraved(box(20.0, 12.0, 10.0), ["6"])
+    section = level(die, 4.7)
+    cut = CrossSection.square((20.0, 12.0), center=True) - section
+    left, bottom, right, top = cut.bounds()
+    assert empty_at(section, left + 0.05, bottom + 0.05)
+    assert empty_at(section, right - 0.05, bottom + 0.05)
+    assert not empty_at(section, left + 0.05, top - 0.05)
+
+
+def test_engraving_turns_with_the_body(box):
+    body = box(20.0, 16.0, 12.0)
+    rotation = Rotation.from_rotvec((1.0, -0.4, 2.0)).as_matrix()
+    plain, _ = engraved(body, list("123456"))
+    turned, _ = engraved(body.moved(rotation), list("123456"))
+    assert len(plain.points) == len(turned.points)
+    back = turned.points @ rotation
+    distance = np.linalg.norm(back[:, None] - plain.points[None], axis=-1).min(axis=1)
+    assert distance.max() < 1e-6
+
+
+def test_coordinates_rounded_to_float32_are_engraved_too(box):
+    body = box(20.0, 16.0, 12.0).moved(Rotation.from_rotvec((1.0, -0.4, 2.0)).as_matrix())
+    body.vertices = body.vertices.astype(np.float32).astype(np.float64)
+    die, placements = engraved(body, list("123456"))
+    removed = ConvexHull(body.vertices).volume - volume(die)
+    assert removed == pytest.approx(engraved_volume(placements), rel=1e-4)
+
+
+def test_no_labels_leave_the_solid_as_it_is(box):
+    body = box(20.0, 16.0, 12.0)
+    die = engrave(body.vertices, body.triangles, [], OPTIONS)
+    assert volume(die) == pytest.approx(20.0 * 16.0 * 12.0, rel=1e-12)
+    assert len(die.triangles) == 12
+
+
+def test_the_same_input_gives_the_same_bytes(box):
+    first, second = (engraved(box(20.0, 20.0, 20.0), list("123456"))[0] for _ in range(2))
+    assert stl_bytes(first.points, first.triangles) == stl_bytes(second.points, second.triangles)
+
+
+@pytest.mark.parametrize("depth", [6.0, 9.0, 25.0])
+def test_pockets_that_meet_are_reported_with_the_remedy(box, depth):
+    with pytest.raises(EngravingError, match=r"^engraved solid: .* reduce depth_mm \(now"):
+        engraved(box(20.0, 20.0, 20.0), list("123456"), EngravingOptions(depth_mm=depth))
+
+
+@pytest.mark.parametrize("depth", [2.5, 4.5])
+def test_the_labels_at_fault_are_named(box, depth):
+    plate = box(20.0, 20.0, 4.0)
+    arguments = (plate.polygons[:3], plate.normals[:3], range(3), OPTIONS, plate.size_mm)
+    placements = place_labels(["8", "7", "1"], *arguments)
+    with pytest.raises(
+        EngravingError,
+        match="break through another facet, at '8' on facet 0, '7' on facet 1: reduce",
+    ):
+        engrave(plate.vertices, plate.triangles, placements, EngravingOptions(depth_mm=depth))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [("0", "one piece, got 2"), ("1", r"0 handles \(genus\), got 1")]
+)
+def test_labels_that_pierce_a_thin_plate_are_reported(box, text, expected):
+    with pytest.raises(EngravingError, match=expected):
+        engraved(box(20.0, 20.0, 0.5), [text])
+
+
+def test_pockets_that_overlap_are_reported(box):
+    body = box(20.0, 20.0, 20.0)
+    placements = 2 * engraved(body, ["8"])[1]
+    with pytest.raises(EngravingError, match=r"expected pockets of .* mm3, got .*meet"):
+        engrave(body.vertices, body.triangles, placements, OPTIONS)
+
+
+def test_a_solid_refuses_open_inward_and_malformed_meshes(box):
+    body = box(20.0, 20.0, 20.0)
+    with pytest.raises(InputError, match="got NotManifold for 11 triangles; repair"):
+        solid(body.vertices, body.triangles[1:])
+    with pytest.raises(InputError, match="reverse their corners"):
+        solid(body.vertices, body.triangles[:, ::-1])
+    with pytest.raises(InputError, match="NonFiniteVertex"):
+        solid(np.where(body.vertices > 0, np.nan, body.vertices), body.triangles)
+    with pytest.raises(InputError, match="indices from 1 to 8"):
+        solid(body.vertices, body.triangles + 1)
+    with pytest.raises(InputError, match=r"got \(8, 2\) and"):
+        solid(body.vertices[:, :2], body.triangles)
+    with pytest.raises(InputError, match="positive volume, got 0;"):
+        solid(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))

@@ -1,0 +1,281 @@
+"""Icons from SVG, against areas in closed form."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import random
+from pathlib import Path
+
+import pytest
+
+from dicedesign.errors import InputError
+from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.fabricate.icons import icon_section
+from dicedesign.fabricate.label_art import label_arts
+
+
+def written(folder: Path, content: str, before: str = "", root: str = "") -> str:
+    path = folder / "icon.svg"
+    space = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
+    path.write_text(f'{before}<svg {space} viewBox="0 0 100 100" {root}>{content}</svg>')
+    return str(path)
+
+
+# What is drawn, its width over its height, and its area over the square of its height.
+SHAPES = [
+    ('<circle cx="50" cy="40" r="20"/>', 1.0, math.pi / 4),
+    ('<ellipse cx="50" cy="40" rx="30" ry="10"/>', 3.0, math.pi * 3 / 4),
+    ('<rect x="-3" y="4" width="40" height="20"/>', 2.0, 2.0),
+    ('<rect width="40" height="20" rx="5"/>', 2.0, 2.0 - (4 - math.pi) / 16),
+    ('<rect width="40" height="20" ry="50"/>', 2.0, math.pi / 2),
+    ('<rect width="10" height="20" style="fill: #222; stroke:none"/>', 0.5, 0.5),
+    ('<polygon points="0,0 10,0 0,20"/>', 0.5, 0.25),
+    ('<polyline points="0 0 10 0 0 20"/>', 0.5, 0.25),
+    ('<path d="M0 0h10v20h-10z"/>', 0.5, 0.5),
+    ('<path d="M0 0 A10 10 0 0 1 20 0 z"/>', 2.0, math.pi / 2),
+    ('<path d="M0 0 C0 4 10 4 10 0 z"/>', 10 / 3, 0.6 * 40 / 9),
+    ('<path d="M0 0 Q10 20 20 0 z"/>', 2.0, 4 / 3),
+    ('<path d="m0 0 10 0 0 10-10 0zm2 2 0 6 6 0 0-6z"/>', 1.0, 0.64),
+    ('<path d="M0 0h10v10h-10z M2 2h6v6h-6z"/>', 1.0, 1.0),
+    ('<path fill-rule="evenodd" d="M0 0h10v10h-10z M2 2h6v6h-6z"/>', 1.0, 0.64),
+    ('<path fill-rule="evenodd" d="M0 0h9v9h-9z M1 1h7v7h-7z M2 2h5v5h-5z"/>', 1.0, 57 / 81),
+    ('<rect width="10" height="10"/><rect x="2" y="2" width="6" height="6" fill="#fff"/>', 1, 0.64),
+    ('<rect width="10" height="10"/><circle cx="5" cy="5" r="2" fill="none"/>', 1.0, 1.0),
+    ('<rect width="10" height="10"/><rect width="99" height="99" display="none"/>', 1.0, 1.0),
+    ('<rect width="10" height="10"/><g opacity="0"><circle r="50"/></g>', 1.0, 1.0),
+    (
+        '<g fill="none"><circle r="9"/><rect fill="currentColor" width="1" height="2"/></g>',
+        0.5,
+        0.5,
+    ),
+    ('<g transform="scale(2 1)"><circle transform="translate(5,5)" r="3"/></g>', 2.0, math.pi / 2),
+    ('<rect transform="rotate(90)" width="10" height="20"/>', 2.0, 2.0),
+    ('<rect transform="rotate(45 5 5)" width="10" height="10"/>', 1.0, 0.5),
+    ('<rect transform="matrix(0 1 -2 0 7 7)" width="10" height="10"/>', 2.0, 2.0),
+    ('<rect transform="skewX(45)" width="10" height="10"/>', 2.0, 1.0),
+    ('<rect transform=" translate( 5 ) , skewY(45)" width="10" height="10"/>', 0.5, 0.25),
+    ('<title>a</title><desc>b</desc><defs><circle r="99"/></defs><circle r="5"/>', 1, math.pi / 4),
+    ('<x:view xmlns:x="urn:editor" width="3"/><circle r="5"/><!-- note -->', 1.0, math.pi / 4),
+]
+
+
+@pytest.mark.parametrize(("content", "aspect", "area"), SHAPES, ids=[s[0][:50] for s in SHAPES])
+def test_areas_are_those_of_the_shapes(
+    tmp_path: Path, content: str, aspect: float, area: float
+) -> None:
+    section = icon_section(written(tmp_path, content), "x")
+    assert section.bounds() == pytest.approx((0.0, 0.0, aspect, 1.0), abs=2e-3)
+    assert section.area() == pytest.approx(area, rel=4e-3)
+
+
+def test_up_in_the_picture_is_up_on_the_label(tmp_path: Path) -> None:
+    """y runs downward in SVG: an L of a stem and a foot on its right has the foot below."""
+    section = icon_section(written(tmp_path, '<path d="M0 0h2v8h6v2h-8z"/>'), "L")
+    parts = section.to_polygons()
+    corner = max((point for part in parts for point in part), key=lambda p: p[0] - p[1])
+    assert tuple(corner) == pytest.approx((0.8, 0.0), abs=1e-6)
+    assert section.area() == pytest.approx(0.32)
+
+
+def test_an_editor_s_doctype_without_entities_is_taken(tmp_path: Path) -> None:
+    before = (
+        '<?xml version="1.0"?>\n<!DOCTYPE svg PUBLIC "-//W3C//DTD SVG 1.1//EN" '
+        '"http://www.w3.org/Graphics/SVG/1.1/DTD/svg11.dtd">\n'
+    )
+    section = icon_section(written(tmp_path, '<circle r="5"/>', before), "x")
+    assert section.area() == pytest.approx(math.pi / 4, rel=4e-3)
+
+
+def test_an_icon_takes_the_place_of_its_label_alone(tmp_path: Path) -> None:
+    path = written(tmp_path, '<rect width="5" height="5"/>')
+    options = EngravingOptions(icons={"6": path})
+    assert label_arts("6", options)[0].section.area() == pytest.approx(1.0)
+    (other,), (plain,) = (label_arts("9", each) for each in (options, EngravingOptions()))
+    assert other.section.area() == plain.section.area()
+
+
+@pytest.mark.parametrize(
+    "unseen",
+    [
+        *(f'opacity="{zero}"' for zero in ("0", "0.0", ".0", "0.00", "0%", "0.0%", "-1")),
+        'fill-opacity=".0"',
+        'style="opacity: 0.0"',
+        'fill="None"',
+        'fill="rgba(0, 0, 0, 0.0)"',
+        'fill="#0000"',
+    ],
+)
+def test_what_has_no_opacity_is_not_there(tmp_path: Path, unseen: str) -> None:
+    content = f'<rect width="10" height="10"/><rect width="99" height="20" {unseen}/>'
+    assert icon_section(written(tmp_path, content), "x").area() == pytest.approx(1.0)
+
+
+COLOURS = [
+    *((dark, 1.0) for dark in ("black", "#000", "#1a1A1a", "rgb(9,9,9)", "rgb(12.5%, 0%, 3%)")),
+    *(
+        (dark, 1.0)
+        for dark in ("currentColor", "currentcolor", "RebeccaPurple", "rgb(0 0 99 / .5)")
+    ),
+    *(
+        (light, 0.75)
+        for light in ("white", "#fff", "#EEEEEE", "rgb(255,255,255)", "rgb(99.9%,90%,80%)")
+    ),
+    *((light, 0.75) for light in ("LightGray", "rgb(300 300 300)", "rgba(255,255,255,1)")),
+]
+
+
+@pytest.mark.parametrize(("colour", "area"), COLOURS)
+def test_dark_colours_are_cut_and_light_ones_are_not(
+    tmp_path: Path, colour: str, area: float
+) -> None:
+    content = f'<rect width="10" height="10"/><rect width="5" height="5" fill="{colour}"/>'
+    assert icon_section(written(tmp_path, content), "x").area() == pytest.approx(area)
+
+
+BAD = [
+    ("<script>alert(1)</script><circle r='5'/>", "no scripts"),
+    ("<defs><script href='x.js'/></defs><circle r='5'/>", "no scripts"),
+    ("<circle r='5' onclick='x()'/>", "no scripts"),
+    ("<style>.a{fill:none}</style><circle r='5'/>", "no style sheets"),
+    ("<image href='http://example.org/a.png'/>", "paths and shapes only, got <image>"),
+    ("<use xlink:href='#a'/>", "paths and shapes only, got <use>"),
+    ("<text>6</text>", "got <text>; convert everything to paths"),
+    ("<foreignObject/>", "got <foreignObject>"),
+    ("<svg><circle r='5'/></svg>", "got <svg>"),
+    ("<circle r='5' clip-path='url(#a)'/>", "plain shapes, got clip-path"),
+    ("<circle r='5' style='filter:url(#a)'/>", "plain shapes, got filter"),
+    ("<circle r='5' fill='none' stroke='black'/>", "got a stroke without a fill .*convert strokes"),
+    ("", "at least one filled path or shape, got none"),
+    ("<circle r='5' fill='none'/>", "at least one filled path or shape, got none"),
+    ("<circle r='5' fill='white'/>", "a dark shape with an area, got none"),
+    ("<path d='M0 0 L5 5'/>", "area, got none"),
+    ("<circle r='0'/>", "area, got none"),
+    ("<path/>", "area, got none"),
+    ("<path d='M0 0 L5'/>", "an outline of <path>"),
+    ("<path d='M 0 0 what'/>", "an outline of <path>|area"),
+    ("<circle r='five'/>", "an outline of <circle>"),
+    ("<circle r='nan'/>", "an outline of <circle>"),
+    ("<circle r='1e9'/>", "coordinates below"),
+    ("<circle r='5' transform='rotate(x)'/>", "a transform such as"),
+    ("<circle r='5' transform='spin(3)'/>", "a transform such as"),
+    ("<circle r='5' transform='scale(inf)'/>", "a transform such as"),
+    ("<circle r='5' transform='translate(3'/>", "a transform such as"),
+    (f"<circle r='5' transform='{'scale(1)' * 240}'/>", "got more than 100 in a row"),
+    (f"<path d='M0 0A{'0' * 9000} 1 0 0 0 1 1'/>", "an outline of <path>, .* in a row"),
+    ("<circle r='5' fill='url(#g)'/>", r"a plain colour .* as fill of <circle>, got 'url\(#g\)'"),
+    ("<g style='fill: url(#g) black'><circle r='5'/></g>", r"got 'url\(#g\) black'"),
+    ("<circle r='5' fill='context-fill'/>", "got 'context-fill'"),
+    ("<circle r='5' fill='#12'/>", "got '#12'"),
+    ("<circle r='5' fill='rgb(1, 2)'/>", "a plain colour"),
+    ("<circle r='5' fill='rgb(1, 2, nan)'/>", "a plain colour"),
+    ("<circle r='5' opacity='some'/>", "a number as opacity of <circle>, got 'some'"),
+    ("<circle r='5' fill-opacity='nan'/>", "a number as fill-opacity of <circle>, got 'nan'"),
+    (f"<path d='M0 0L{'1 2 3 1 ' * 8000}z'/>", "at most 10000 corners, got 160[0-9]+; simplify"),
+    (
+        "<circle r='9e5' fill='white'/><circle r='9e5' fill='white'/><circle r='1'/>",
+        "at most 10000 corners, got [0-9]+; simplify",
+    ),
+    ("<g>" * 150 + "<circle r='5'/>" + "</g>" * 150, "groups within each other"),
+    ("<circle r='5'/>" * 1001, "at most 1000 shapes"),
+    ("<circle r='5'>", "got no XML"),
+]
+
+
+@pytest.mark.parametrize(("content", "message"), BAD, ids=[content[:40] for content, _ in BAD])
+def test_what_is_no_plain_picture_is_refused_by_name(
+    tmp_path: Path, content: str, message: str
+) -> None:
+    with pytest.raises(InputError, match=f"engrave.icons: label 'x': .*{message}"):
+        icon_section(written(tmp_path, content), "x")
+
+
+@pytest.mark.parametrize("text", ["a" * 10**6, "rotate(0)" + " " * 10**6 + "x", "a(" * 10**5])
+def test_long_transforms_are_refused_unread(tmp_path: Path, text: str) -> None:
+    """A search for calls in them would take minutes to hours."""
+    with pytest.raises(InputError, match=r"a transform .* got more than 2000 characters"):
+        icon_section(written(tmp_path, f'<circle r="5" transform="{text}"/>'), "x")
+
+
+def test_transforms_apply_the_last_one_first(tmp_path: Path) -> None:
+    """A hundred moves of a square, by 1 each, then a stretch of what they leave."""
+    moves = "translate(1 0)" * 99
+    still = '<rect width="1" height="9"/>'
+    content = f'{still}<rect transform="{moves} scale(2 1)" width="1" height="1"/>'
+    section = icon_section(written(tmp_path, content), "x")
+    assert section.bounds() == pytest.approx((0.0, 0.0, 101 / 9, 1.0), abs=1e-5)
+    assert section.area() == pytest.approx(11 / 81, rel=1e-6)
+
+
+def test_entities_are_neither_replaced_nor_looked_up(tmp_path: Path) -> None:
+    (tmp_path / "secret").write_text("M0 0h9v9z")
+    laughs = "".join(f'<!ENTITY l{n} "&l{n - 1};&l{n - 1};&l{n - 1};">' for n in range(1, 20))
+    for entity in (
+        f'<!ENTITY a SYSTEM "file://{tmp_path}/secret">',
+        f'<!ENTITY l0 "ha">{laughs}<!ENTITY a "&l19;">',
+    ):
+        content = '<desc>&a;</desc><circle r="5"/>'
+        path = written(tmp_path, content, before=f"<!DOCTYPE svg [{entity}]>")
+        with pytest.raises(InputError, match=r"no entities|no XML"):
+            icon_section(path, "x")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "no XML"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(99), "no XML"),
+        (b"<html/>", "an element <html>"),
+        (
+            b"<svg xmlns='http://www.w3.org/2000/svg'>" + b" " * (1 << 20) + b"</svg>",
+            "at most 1 MiB",
+        ),
+    ],
+)
+def test_a_file_that_is_no_svg_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
+    path = tmp_path / "icon.svg"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        icon_section(str(path), "x")
+
+
+def test_an_icon_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        icon_section(str(tmp_path / "none.svg"), "x")
+
+
+PICTURE = (
+    '<g transform="translate(0 2) rotate(9 3 3)"><path d="M32 2C17 2 8 12 8 26q3 4 9 17v9a5 5 0 0 1'
+    ' 5 5h20zm3 9l4 4-9 2z" fill-rule="evenodd"/><circle cx="22" cy="27" r="6" fill="#fff"/>'
+    '<rect x="1" y="2" width="9" height="9" rx="2" style="fill:black"/></g>'
+)
+
+PIECES = [b"1e308", b"-", b"nan", b"a0 0 0 0 0 0 0", b"z", b"M", b"<g>", b"99999999", b"\xff"]
+PIECES += [
+    b'transform="scale(0)"',
+    b'transform="matrix(1e5 0 0 1e5 0 0)"',
+    b"1e-320",
+    b"Q",
+    b"&#0;",
+]
+
+
+def test_damaged_files_give_an_icon_or_an_error_of_ours(tmp_path: Path) -> None:
+    path, chance = Path(written(tmp_path, PICTURE)), random.Random(0)
+    data, made = path.read_bytes(), 0
+    for _ in range(400):
+        damaged = bytearray(data)
+        for _ in range(chance.randrange(1, 4)):
+            place = chance.randrange(100, len(damaged))
+            kind = chance.randrange(3)
+            if kind == 0:
+                damaged[place] = chance.randrange(32, 128)
+            elif kind == 1:
+                del damaged[place : place + chance.randrange(1, 9)]
+            else:
+                damaged[place:place] = chance.choice(PIECES)
+        path.write_bytes(damaged)
+        with contextlib.suppress(InputError):
+            assert icon_section(str(path), "x").area() > 0.0
+            made += 1
+    assert 20 < made < 380

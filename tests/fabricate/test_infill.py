@@ -1,0 +1,145 @@
+"""Bodies of two densities: closed forms, symmetry, and points drawn at random."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from common.made_up_die import SIDES, box, checked
+from common.random_points import depths, drawn, in_pocket_walls
+
+from dicedesign.fabricate.engraving import cut_sections, engrave
+from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.fabricate.infill import Inside, infill_odds, inside_walls, pocket_walls, weighed
+from dicedesign.fabricate.label_layout import edge_margins, place_labels
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.solid import solid_properties
+
+TETRAHEDRON = 10.0 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float)
+PYRAMID = np.array([[12.0, 0, 0], [0, 12, 0], [-12, 0, 0], [0, -12, 0], [3.0, 2.0, 70.0]])
+
+
+def printed(hull: ConvexHull, infill: float, walls: float) -> tuple[float, np.ndarray]:
+    """Mass over that of the solid body, and center of mass."""
+    volume, centroid = solid_properties(hull.vertices, hull.triangles)
+    return weighed(volume, centroid, inside_walls(hull, walls), infill)
+
+
+def test_a_box_within_its_walls() -> None:
+    hull = convex_hull(box(20.0, 24.0, 30.0) + np.array([1.0, 2.0, 3.0]))
+    inside = inside_walls(hull, 1.5)
+    assert inside.volume == pytest.approx(17.0 * 21.0 * 27.0)
+    mass, center = printed(hull, 0.2, 1.5)
+    assert mass == pytest.approx(1.0 - 0.8 * 17.0 * 21.0 * 27.0 / (20.0 * 24.0 * 30.0))
+    np.testing.assert_allclose(center, [1.0, 2.0, 3.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("infill", [0.0, 0.15, 0.9])
+def test_a_regular_body_stays_balanced(infill: float) -> None:
+    hull = convex_hull(TETRAHEDRON)
+    np.testing.assert_allclose(printed(hull, infill, 1.2)[1], 0.0, atol=1e-12)
+    # What is left inside is as regular, and smaller by three times the walls at each corner.
+    height = 20.0 / np.sqrt(3.0)
+    whole = solid_properties(hull.vertices, hull.triangles)[0]
+    ratio = 1.0 - 1.2 / (height / 2.0)
+    assert inside_walls(hull, 1.2).volume == pytest.approx(whole * ratio**3)
+
+
+def test_a_solid_print_is_the_uniform_one() -> None:
+    hull = convex_hull(PYRAMID)
+    mass, center = printed(hull, 1.0, 1.2)
+    assert mass == 1.0
+    np.testing.assert_allclose(center, hull.centroid, atol=1e-12)
+
+
+@pytest.mark.parametrize("walls", [0.8, 3.0])
+def test_a_pyramid_against_points_at_random(walls: float) -> None:
+    hull, infill = convex_hull(PYRAMID), 0.2
+    mass, center = printed(hull, infill, walls)
+    points = drawn(hull, 400_000)
+    depth = depths(hull, points).min(axis=1)
+    density = np.where(depth > walls, infill, 1.0)
+    assert mass == pytest.approx(density.mean(), abs=4.0 * density.std() / np.sqrt(len(points)))
+    expected = (density[:, None] * points).sum(axis=0) / density.sum()
+    error = np.sqrt((np.square(density[:, None] * (points - expected))).mean(axis=0))
+    error = error / density.mean() / np.sqrt(len(points))
+    np.testing.assert_array_less(np.abs(center - expected), 4.0 * error)
+    # More than that, so that it is seen at all.
+    assert np.linalg.norm(center - hull.centroid) > 5.0 * error.max()
+
+
+def test_walls_that_meet_leave_nothing() -> None:
+    flat = convex_hull(box(20.0, 20.0, 2.0))
+    assert inside_walls(flat, 1.0).volume == 0.0
+    assert inside_walls(flat, 0.9).volume > 0.0
+    assert weighed(1.0, np.ones(3), Inside(0.0, np.zeros(3)), 0.0)[0] == 1.0
+
+
+def test_the_centroid_may_lie_within_a_wall() -> None:
+    """Of a needle with a thin tip, which is hollow at its thick end alone."""
+    hull = convex_hull(np.array([[6.0, 6, 0], [6, -6, 0], [-6, 6, 0], [-6, -6, 0], [0, 0, 60.0]]))
+    walls = float(hull.heights(hull.centroid).min()) + 0.05
+    inside = inside_walls(hull, walls)
+    points = drawn(hull, 400_000)
+    depth = depths(hull, points).min(axis=1)
+    part = (depth > walls).mean()
+    volume = solid_properties(hull.vertices, hull.triangles)[0]
+    noise = 4.0 * np.sqrt(part / len(points))
+    assert inside.volume / volume == pytest.approx(part, abs=noise)
+
+
+ICON = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100">
+<path d="M 10 10 H 90 V 90 H 60 V 30 H 10 Z"/></svg>"""
+
+
+@pytest.mark.parametrize(
+    ("text", "looks"),
+    [
+        ("8", {}),
+        ("5", {"content": "pips"}),
+        ("9", {"ambiguous": "bar"}),
+        ("9", {"ambiguous": "dot"}),
+        ("one two", {}),
+        ("1", {"stroke_mm": 1.6}),
+        ("\U0001f3b2", {"icons": {"\U0001f3b2": "icon.svg"}}),
+        ("8", {"style": "raised"}),
+        ("5", {"style": "raised", "content": "pips"}),
+    ],
+    ids=["text", "pips", "bar", "dot", "lines", "strokes", "icon", "raised", "raised pips"],
+)
+def test_pockets_have_walls_too(text: str, looks: dict[str, Any], tmp_path: Path) -> None:
+    (tmp_path / "icon.svg").write_text(ICON)
+    if "icons" in looks:
+        looks = {"icons": {text: str(tmp_path / "icon.svg")}}
+    hull = convex_hull(box(14.0, 15.0, 16.0))
+    options, walls = EngravingOptions(depth_mm=1.5, max_height_mm=7.0, **looks), 0.7
+    facet = int(np.argmax(hull.normals[:, 2]))
+    polygon, normal = hull.polygon(facet), hull.normals[facet]
+    margins = [edge_margins(hull, facet, options)]
+    placements = place_labels([text], [polygon], [normal], [facet], options, hull.diameter, margins)
+    surface = engrave(hull.vertices, hull.triangles, placements, options)
+    sections = cut_sections(hull, placements, options)
+    inside = inside_walls(hull, walls, pocket_walls(sections, options.depth_mm, walls))
+    plain = inside_walls(hull, walls)
+    points = drawn(hull, 200_000)
+    volume = 14.0 * 15.0 * 16.0 / len(points)
+    deep = points[depths(hull, points).min(axis=1) > walls]
+    lost = deep[in_pocket_walls(surface, hull, deep, options.depth_mm, walls)]
+    found = plain.volume - inside.volume
+    assert found == pytest.approx(volume * len(lost), rel=4.0 / np.sqrt(len(lost)))
+    center = (plain.volume * plain.centroid - inside.volume * inside.centroid) / found
+    error = lost.std(axis=0) / np.sqrt(len(lost))
+    np.testing.assert_array_less(np.abs(center - lost.mean(axis=0)), 4.0 * error)
+    # The noise is small beside the effect.
+    assert 4.0 / np.sqrt(len(lost)) < 0.08
+
+
+def test_least_infill_is_sought_among_prints_that_weigh_something() -> None:
+    """Walls as thin as nothing leave a center of mass that is nowhere when all inside is gone."""
+    verdict = checked(box(4.0, 5.0, 6.0)).plain
+    volume, centroid = solid_properties(verdict.body.points, verdict.body.triangles)
+    inside = Inside((1.0 - 1e-9) * volume, centroid + 1e-6)
+    found = infill_odds(verdict, SIDES, volume, inside, 0.5, 1e-9)
+    assert found.least_infill == pytest.approx(0.05)

@@ -1,0 +1,160 @@
+"""Where labels lie, and how a die is read."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from dicedesign.errors import EngravingError
+from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.fabricate.label_layout import place_labels
+from dicedesign.fabricate.label_reading import Reading, die_readings
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.runtime.arrays import Floats
+from tests.reference.solids import PLATONIC
+
+LETTERS = "abcdefghijklmnopqrst"
+
+
+def read_as(hull: ConvexHull, read: str, facets: list[int] | None = None) -> Reading:
+    """The reading of a hull whose facets, or some of them, bear letters."""
+    chosen = np.arange(len(hull.normals)) if facets is None else np.array(facets)
+    return die_readings(hull, chosen, LETTERS[: len(chosen)], read)[0]
+
+
+def prism(sides: int, top: float = 1.0, height: float = 3.0) -> ConvexHull:
+    """A regular prism along z, or a frustum."""
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    low, high = np.full((sides, 1), 0.0), np.full((sides, 1), height)
+    return convex_hull(np.concatenate([np.hstack([ring, low]), np.hstack([top * ring, high])]))
+
+
+def disjoint(one: Floats, other: Floats, normal: Floats) -> bool:
+    """Whether an edge of one of two coplanar convex polygons has them on either side."""
+    for a, b in ((one, other), (other, one)):
+        for start, end in zip(a, np.roll(a, -1, axis=0), strict=True):
+            if ((b - start) @ np.cross(normal, end - start) <= 1e-12).all():
+                return True
+    return False
+
+
+@pytest.mark.parametrize("name", ["cube", "octahedron", "dodecahedron", "icosahedron"])
+def test_opposite_sides_are_read_from_above(name: str) -> None:
+    hull = convex_hull(PLATONIC[name])
+    for read in ("auto", "up"):
+        reading = read_as(hull, read)
+        assert reading.way == "up"
+        for place in reading.places:
+            assert place.text == LETTERS[place.outcome]
+            np.testing.assert_allclose(place.normal, -hull.normals[place.outcome], atol=1e-12)
+            heights = place.region @ -hull.normals[place.outcome]
+            np.testing.assert_allclose(heights, (hull.vertices @ place.normal).max())
+    below = read_as(hull, "down")
+    assert [place.facet for place in below.places] == list(range(len(hull.normals)))
+
+
+def test_a_tetrahedron_is_read_around_the_corner_on_top() -> None:
+    """Also one that is stretched, whose facets have corners of all kinds."""
+    for stretch in ([1.0, 1.0, 1.0], [1.0, 1.1, 1.2]):
+        hull = convex_hull(PLATONIC["tetrahedron"] * stretch)
+        reading = read_as(hull, "auto")
+        assert reading.way == "corner"
+        for outcome in range(4):
+            top = hull.vertices[(hull.vertices @ -hull.normals[outcome]).argmax()]
+            mine = [place for place in reading.places if place.outcome == outcome]
+            assert sorted(place.facet for place in mine) == [f for f in range(4) if f != outcome]
+            for place in mine:
+                corners = hull.polygon(place.facet)
+                # Each point of its part is nearer to that corner than to any other one.
+                near = np.linalg.norm(place.region - top, axis=1)
+                for corner in corners[np.linalg.norm(corners - top, axis=1) > 1e-9]:
+                    assert (np.linalg.norm(place.region - corner, axis=1) >= near - 1e-9).all()
+        for one, other in combinations(reading.places, 2):
+            if one.facet == other.facet:
+                assert disjoint(one.region, other.region, one.normal)
+
+
+@pytest.mark.parametrize("stretch", [[1.0, 1.0, 1.0], [1.0, 1.1, 1.2]])
+def test_around_a_corner_labels_stand_upright_toward_it(stretch: list[float]) -> None:
+    hull = convex_hull(20.0 * PLATONIC["tetrahedron"] * stretch)
+    places = read_as(hull, "up").places
+    placements = place_labels(
+        [place.text for place in places],
+        [place.region for place in places],
+        [place.normal for place in places],
+        [place.facet for place in places],
+        EngravingOptions(),
+        hull.diameter,
+    )
+    for place, placement in zip(places, placements, strict=True):
+        top = hull.vertices[(hull.vertices @ -hull.normals[place.outcome]).argmax()]
+        towards = top - placement.frame[:3, 3]
+        assert towards @ placement.frame[:3, 1] > 0.8 * np.linalg.norm(towards)
+
+
+def test_what_cannot_be_read_from_above_is_read_from_below() -> None:
+    """Around an odd prism there is an edge on top of each side."""
+    hull = prism(5)
+    sides = np.flatnonzero(np.abs(hull.normals[:, 2]) < 0.5).tolist()
+    assert read_as(hull, "auto", sides).way == "down"
+    with pytest.raises(EngravingError, match="'a'; write read: down") as caught:
+        read_as(hull, "up", sides)
+    assert "an edge, the nearest facet leaning by 36 degrees" in str(caught.value)
+    assert read_as(prism(6), "auto").way == "up"
+
+
+def test_a_facet_that_leans_a_little_is_level_to_the_eye() -> None:
+    cube = PLATONIC["cube"]
+    for degrees, way in ((4.0, "up"), (6.0, "down")):
+        bent = cube.copy()
+        bent[:, 2] += np.tan(np.radians(degrees)) * cube[:, 0] * (cube[:, 2] > 0.0)
+        assert read_as(convex_hull(bent), "auto").way == way
+
+
+def test_both_sides_bear_the_label_where_they_say_the_same() -> None:
+    hull = prism(4, 0.7)
+    base, top = int(hull.normals[:, 2].argmin()), int(hull.normals[:, 2].argmax())
+    reading = read_as(hull, "both", [base])
+    assert [place.facet for place in reading.places] == [base, top]
+    assert {place.text for place in reading.places} == {"a"}
+    with pytest.raises(EngravingError, match="'b' too on top of 'a'"):
+        read_as(hull, "both", [base, top])
+    with pytest.raises(EngravingError, match=r"an edge, .* on top of 'a'"):
+        read_as(prism(5), "both", [int(np.abs(prism(5).normals[:, 2]).argmin())])
+
+
+def test_corners_count_only_where_they_are_seen_from_above() -> None:
+    """On its base a pyramid has its tip on top, unless that leans over the base's edge."""
+    square = np.array([(1.0, 1.0, 0.0), (-1.0, 1.0, 0.0), (-1.0, -1.0, 0.0), (1.0, -1.0, 0.0)])
+    for x, way in ((0.3, "corner"), (1.2, None)):
+        hull = convex_hull(np.concatenate([square, [[x, 0.0, 2.0]]]))
+        base = [int(hull.normals[:, 2].argmin())]
+        assert read_as(hull, "auto", base).way == "down"
+        if way is None:
+            with pytest.raises(EngravingError, match="not seen from above"):
+                read_as(hull, "up", base)
+        else:
+            reading = read_as(hull, "up", base)
+            assert reading.way == way
+            assert len(reading.places) == 4
+
+
+def test_two_outcomes_cannot_share_what_is_on_top() -> None:
+    """Of a roof turned over, whose two slopes lie under the same level facet."""
+    slope = np.tan(np.radians(4.0))
+    body = np.array(
+        [
+            (x, y, z)
+            for y in (-5.0, 5.0)
+            for x, z in ((-9, 3), (9, 3), (-9, 9 * slope), (9, 9 * slope), (0, 0))
+        ]
+    )
+    hull = convex_hull(body)
+    slopes = np.flatnonzero(hull.normals[:, 2] < -0.9).tolist()
+    assert len(slopes) == 2
+    assert read_as(hull, "auto", slopes).way == "down"
+    with pytest.raises(EngravingError, match="the level facet that is on top of 'b' too"):
+        read_as(hull, "up", slopes)

@@ -1,0 +1,229 @@
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from dicedesign.errors import EngravingError, InputError, LabelRoomError
+from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.fabricate.marks import engrave_marks, relief
+from dicedesign.geometry.manifold import solid
+from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.solid import solid_properties
+
+OPTIONS = EngravingOptions()
+DOWNS = np.array([(0, 0, -1), (0, 0, 1), (1, 0, 0), (-0.3, -1, 0.2)], dtype=float)
+
+
+def sphere(diameter: float):
+    mesh = trimesh.creation.icosphere(subdivisions=4, radius=0.5 * diameter)
+    return np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
+
+
+def ellipsoid(x: float, y: float, z: float):
+    points, triangles = sphere(1.0)
+    return points * (x, y, z), triangles
+
+
+def torus(outer: float, tube: float):
+    mesh = trimesh.creation.torus(0.5 * outer - 0.5 * tube, 0.5 * tube, 96, 40)
+    return np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
+
+
+BODIES = {
+    "sphere": (sphere(25.0), 0),
+    "ellipsoid": (ellipsoid(40.0, 25.0, 16.0), 0),
+    "torus": (torus(45.0, 15.0), 1),
+}
+
+
+@pytest.fixture(scope="module", params=sorted(BODIES))
+def marked(request):
+    (points, triangles), genus = BODIES[request.param]
+    die, marks = engrave_marks(points, triangles, DOWNS, list("1269"), OPTIONS)
+    return points, triangles, genus, die, marks
+
+
+def test_marks_come_in_the_order_of_their_labels(marked):
+    marks = marked[-1]
+    assert [mark.text for mark in marks] == list("1269")
+    assert all(OPTIONS.min_height_mm <= mark.height <= OPTIONS.max_height_mm for mark in marks)
+
+
+def test_each_mark_faces_up_on_the_upper_side_of_the_body(marked):
+    points, _, _, _, marks = marked
+    for mark, down in zip(marks, DOWNS, strict=True):
+        up = -down / np.linalg.norm(down)
+        assert mark.frame[:3, 2] == pytest.approx(up, abs=1e-12)
+        assert mark.frame[:3, :3].T @ mark.frame[:3, :3] == pytest.approx(np.eye(3), abs=1e-12)
+        assert np.linalg.det(mark.frame[:3, :3]) == pytest.approx(1.0)
+        heights = points @ up
+        assert mark.frame[:3, 3] @ up > 0.5 * (heights.min() + heights.max())
+
+
+def test_nothing_of_the_body_hides_a_mark_from_above(marked):
+    points, triangles, _, _, marks = marked
+    body = solid(points, triangles)
+    for mark in marks:
+        start = mark.frame[:3, 3] + 1e-3 * mark.frame[:3, 2]
+        assert not body.ray_cast(start, start + 100.0 * mark.frame[:3, 2])
+
+
+def test_outline_area_times_depth_is_removed(marked):
+    points, triangles, _, die, marks = marked
+    expected = sum(mark.art.section.area() * mark.height**2 * OPTIONS.depth_mm for mark in marks)
+    plain, _ = solid_properties(points, triangles)
+    engraved, _ = solid_properties(die.points, die.triangles)
+    assert plain - engraved == pytest.approx(expected, rel=1e-4)
+
+
+def test_the_stl_is_one_watertight_piece(marked):
+    *_, genus, die, _ = marked
+    mesh = trimesh.load(io.BytesIO(stl_bytes(die.points, die.triangles)), file_type="stl")
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.body_count == 1
+    assert mesh.euler_number == 2 - 2 * genus
+
+
+def test_a_mark_is_cut_straight_down_by_the_depth_all_over():
+    points, triangles = sphere(25.0)
+    die, (mark,) = engrave_marks(points, triangles, DOWNS[:1], ["8"], OPTIONS)
+    # Seen from above, the surface is lower by the depth within the outlines and as it was beside.
+    before, after = relief(points, triangles), relief(die.points, die.triangles)
+    inside = np.isfinite(before.height)
+    assert np.array_equal(inside, np.isfinite(after.height))
+    fall = before.height[inside] - after.height[inside]
+    cut = fall > 0.5 * OPTIONS.depth_mm
+    assert fall[cut] == pytest.approx(OPTIONS.depth_mm, abs=1e-9)
+    assert fall[~cut] == pytest.approx(0.0, abs=1e-9)
+    area = mark.art.section.area() * mark.height**2
+    assert cut.sum() * before.spacing**2 == pytest.approx(area, rel=0.05)
+
+
+def test_pips_icons_and_wide_strokes_are_cut_as_on_flat_faces(tmp_path):
+    icon = tmp_path / "ring.svg"
+    ring = '<path fill-rule="evenodd" d="M0 0h10v10h-10zM2 2h6v6h-6z"/>'
+    icon.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{ring}</svg>')
+    options = EngravingOptions(content="pips", icons={"x": str(icon)}, stroke_mm=2.0)
+    points, triangles = ellipsoid(40.0, 38.0, 36.0)
+    die, marks = engrave_marks(points, triangles, DOWNS[:2], ["5", "x"], options)
+    dots, square = marks
+    assert len(dots.art.section.decompose()) == 5
+    assert square.art.section.area() == pytest.approx(0.64)
+    # The sides of the square are a fifth of its height wide, and grow by half of what they lack.
+    lacking = 2.0 - 0.2 * square.height
+    assert square.growth == pytest.approx(0.5 * lacking, abs=0.15)
+    expected = sum(mark.art.cut(mark.height, mark.growth, "").area() for mark in marks)
+    removed = solid_properties(points, triangles)[0] - solid_properties(*_arrays(die))[0]
+    assert removed == pytest.approx(expected * options.depth_mm, rel=1e-4)
+
+
+def test_an_l_reads_upright_and_is_not_mirrored():
+    points, triangles = ellipsoid(40.0, 25.0, 16.0)
+    die, (mark,) = engrave_marks(points, triangles, DOWNS[:1], ["L"], OPTIONS)
+    to_mark = np.linalg.inv(mark.frame)
+    cut = relief(die.points @ to_mark[:3, :3].T + to_mark[:3, 3], die.triangles)
+    plain = relief(points @ to_mark[:3, :3].T + to_mark[:3, 3], triangles)
+    inside = np.argwhere(np.isfinite(plain.height))
+    fall = plain.height[tuple(inside.T)] - cut.height[tuple(inside.T)]
+    x, y = (cut.corner + cut.spacing * inside[fall > 0.5 * OPTIONS.depth_mm]).T
+    # The stem is on the left and the foot below: its right half is only at the bottom.
+    assert np.ptp(y) > np.ptp(x)
+    assert y[x > x.mean() + 0.25 * np.ptp(x)].max() < y.mean()
+    assert y[x < x.min() + 0.2 * np.ptp(x)].max() == y.max()
+
+
+def test_a_mark_takes_the_even_top_rather_than_the_flank():
+    points, triangles = sphere(30.0)
+    _, (mark,) = engrave_marks(points, triangles, DOWNS[:1], ["3"], OPTIONS)
+    assert np.linalg.norm(mark.frame[:2, 3]) < 0.5
+
+
+def test_marks_of_one_direction_lie_beside_each_other():
+    points, triangles = ellipsoid(60.0, 60.0, 20.0)
+    downs = np.tile(DOWNS[:1], (3, 1))
+    _, marks = engrave_marks(points, triangles, downs, ["1", "2", "3"], OPTIONS)
+    places = np.array([mark.frame[:3, 3] for mark in marks])
+    apart = np.linalg.norm(places[:, None] - places, axis=-1)[np.triu_indices(3, 1)]
+    assert apart.min() > max(mark.height for mark in marks)
+
+
+def test_a_part_that_hangs_over_is_not_looked_through():
+    # A lid over one half of a block: there is room on top of the lid and on the uncovered half.
+    block = trimesh.creation.box((30, 30, 10))
+    post = trimesh.creation.box((4, 30, 20), trimesh.transformations.translation_matrix((13, 0, 5)))
+    lid = trimesh.creation.box((18, 30, 4), trimesh.transformations.translation_matrix((6, 0, 13)))
+    pieces = [solid(np.array(m.vertices), np.array(m.faces)) for m in (block, post, lid)]
+    whole = (pieces[0] + pieces[1] + pieces[2]).to_mesh64()
+    points = np.array(whole.vert_properties[:, :3])
+    triangles = np.array(whole.tri_verts, dtype=np.int64)
+    _, marks = engrave_marks(points, triangles, np.tile(DOWNS[:1], (3, 1)), list("123"), OPTIONS)
+    for mark in marks:
+        x, _, z = mark.frame[:3, 3]
+        assert z == pytest.approx(15.0 if x > -3.0 else 5.0)
+
+
+def test_turned_and_noisy_bodies_with_many_triangles_are_marked():
+    mesh = trimesh.creation.icosphere(subdivisions=5, radius=1.0).subdivide()
+    turn = Rotation.from_rotvec((0.4, -1.0, 2.0)).as_matrix()
+    points = np.array(mesh.vertices) * (20.0, 14.0, 10.0) @ turn.T + (100.0, -50.0, 30.0)
+    points += np.random.default_rng(0).normal(scale=1e-6, size=points.shape)
+    triangles = np.array(mesh.faces[:], dtype=np.int64)
+    die, marks = engrave_marks(points, triangles, DOWNS, ["1", "2", "●", "16"], OPTIONS)
+    expected = sum(mark.art.section.area() * mark.height**2 * OPTIONS.depth_mm for mark in marks)
+    removed = solid_properties(points, triangles)[0] - solid_properties(*_arrays(die))[0]
+    assert removed == pytest.approx(expected, rel=1e-4)
+
+
+def _arrays(die):
+    return die.points, die.triangles
+
+
+def test_the_same_input_gives_the_same_bytes():
+    points, triangles = torus(45.0, 15.0)
+    first, second = (
+        engrave_marks(points, triangles, DOWNS, list("1234"), OPTIONS)[0] for _ in range(2)
+    )
+    assert stl_bytes(*_arrays(first)) == stl_bytes(*_arrays(second))
+
+
+def test_a_body_too_small_is_refused_with_the_size_that_does():
+    points, triangles = torus(12.0, 4.0)
+    with pytest.raises(LabelRoomError, match=r"mark '16': .* min_height_mm = 2.5, got") as caught:
+        engrave_marks(points, triangles, DOWNS[2:], ["7", "16"], OPTIONS)
+    assert f"use size_mm = {caught.value.size_mm:.1f} or more" in str(caught.value)
+    grown = points * caught.value.size_mm / 12.0
+    _, marks = engrave_marks(grown, triangles, DOWNS[2:], ["7", "16"], OPTIONS)
+    assert len(marks) == 2
+
+
+def test_a_sheet_too_thin_to_cut_is_refused():
+    points, triangles = ellipsoid(20.0, 20.0, 1.0)
+    with pytest.raises(EngravingError, match=r"mark '1': .* solid to 1.2 mm, got none"):
+        engrave_marks(points, triangles, DOWNS[:1], ["1"], OPTIONS)
+
+
+@pytest.mark.parametrize(
+    "downs", [DOWNS[:1], np.zeros((2, 3)), np.ones(2), np.array([[0, 0, 1], [np.nan, 0, 1]])]
+)
+def test_directions_that_do_not_fit_the_labels_are_refused(downs):
+    with pytest.raises(InputError, match=r"marks: .* for each of 2 labels"):
+        engrave_marks(*sphere(25.0), downs, ["1", "2"], OPTIONS)
+
+
+def test_heights_and_thickness_of_a_torus_are_those_of_its_equation():
+    points, triangles = torus(45.0, 15.0)
+    seen = relief(points, triangles)
+    nodes = np.stack(np.indices(seen.height.shape), axis=-1)
+    radius = np.linalg.norm(seen.corner + seen.spacing * nodes, axis=-1)
+    half = np.sqrt((7.5**2 - (radius - 15.0) ** 2).clip(0.0))
+    on = half > 2.0
+    assert seen.height[on] == pytest.approx(half[on], abs=0.15)
+    assert seen.thickness[on] == pytest.approx(2.0 * half[on], abs=0.3)
+    off = np.abs(radius - 15.0) > 7.6
+    assert np.all(seen.height[off] == -np.inf)
+    assert np.all(seen.thickness[off] == 0.0)

@@ -1,0 +1,183 @@
+"""Numbers among equally probable outcomes, held against all permutations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+
+from dicedesign.fabricate import even_sums
+from dicedesign.fabricate.even_sums import EvenSums
+from dicedesign.fabricate.numbering import Numbering, numbered
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.optimize.targets import sum_of_dice
+from dicedesign.runtime.arrays import Floats
+from tests.reference.solids import PLATONIC, catalan
+
+
+def fair(hull: ConvexHull, style: str) -> Numbering:
+    count = len(hull.normals)
+    labels = [str(k + 1) for k in range(count)]
+    return numbered(hull, np.arange(count), labels, np.full(count, 1.0 / count), style)
+
+
+def placed(hull: ConvexHull, style: str) -> Floats:
+    """The numbers on the facets."""
+    return 1.0 + fair(hull, style).order
+
+
+def groups(hull: ConvexHull) -> Floats:
+    """(g, m) opposite facets and facets around corners, by where the corners lie."""
+    rows = []
+    normals, extent = hull.normals, np.ptp(hull.vertices)
+    for one in range(len(normals)):
+        for other in range(one):
+            if normals[one] @ normals[other] < -1.0 + 1e-9:
+                rows.append(np.isin(np.arange(len(normals)), [one, other]))
+    tops = (hull.vertices @ normals.T).max(axis=0)
+    rows += [np.abs(vertex @ normals.T - tops) < 1e-9 * extent for vertex in hull.vertices]
+    return np.array(rows, dtype=float)
+
+
+def evenness(sums: Floats, size: Floats, mean: float) -> tuple[Floats, Floats]:
+    """Largest and total absolute deviations of sums (..., g) over so many numbers each."""
+    off = np.abs(sums - size * mean)
+    return off.max(axis=-1), off.sum(axis=-1)
+
+
+@pytest.mark.parametrize(
+    ("name", "total"), [("cube", 7), ("octahedron", 9), ("dodecahedron", 13), ("icosahedron", 21)]
+)
+def test_opposite_sides_have_one_sum(name: str, total: int) -> None:
+    hull = convex_hull(PLATONIC[name])
+    numbers = placed(hull, "standard")
+    assert sorted(numbers) == list(range(1, len(numbers) + 1))
+    across = (hull.normals @ hull.normals.T).argmin(axis=1)
+    np.testing.assert_array_equal(numbers + numbers[across], total)
+    assert fair(hull, "standard").note.endswith(f"sum to {total}")
+
+
+@pytest.mark.parametrize("name", ["tetrahedron", "cube", "octahedron"])
+def test_balanced_numbers_are_the_best_of_all_permutations(name: str) -> None:
+    hull = convex_hull(PLATONIC[name])
+    member, count = groups(hull), len(hull.normals)
+    everything = np.array(list(permutations(np.arange(1.0, count + 1.0))))
+    size, mean = member.sum(axis=1), (count + 1.0) / 2.0
+    largest, total = evenness(everything @ member.T, size, mean)
+    best = largest.min()
+    found = evenness(member @ placed(hull, "balanced"), size, mean)
+    assert found[0] == pytest.approx(best)
+    assert found[1] == pytest.approx(total[largest < best + 1e-9].min())
+
+
+def test_a_balanced_icosahedron_is_as_even_as_whole_numbers_can_be() -> None:
+    hull = convex_hull(PLATONIC["icosahedron"])
+    sums = groups(hull) @ placed(hull, "balanced")
+    assert sorted(sums[:10]) == [21.0] * 10
+    assert set(sums[10:]) == {52.0, 53.0}
+
+
+def task(name: str) -> EvenSums:
+    hull = convex_hull(PLATONIC[name])
+    count = len(hull.normals)
+    return EvenSums(np.arange(1.0, count + 1.0), np.zeros(count, dtype=int), groups(hull))
+
+
+@pytest.mark.parametrize("name", ["tetrahedron", "cube", "octahedron"])
+def test_the_integer_program_alone_finds_what_the_search_does(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = [np.arange(len(task(name).numbers))]
+    searched = task(name).best(start)
+    monkeypatch.setattr(even_sums, "TRIES", 0)
+    programmed = task(name).best(start)
+    assert searched.is_best
+    assert programmed.is_best
+    assert programmed.largest == pytest.approx(searched.largest)
+    assert programmed.total == pytest.approx(searched.total)
+
+
+def test_where_a_limit_is_met_the_best_found_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(even_sums, "NODES", 1)
+    hull = convex_hull(catalan("cuboctahedron").points)
+    numbering = fair(hull, "balanced")
+    assert sorted(numbering.order) == list(range(12))
+    assert "there may be better ones" in numbering.note
+    member = groups(hull)
+    size = member.sum(axis=1)
+    found, given = (evenness(member @ n, size, 6.5) for n in (1.0 + numbering.order, np.r_[1:13.0]))
+    assert found[0] <= given[0]
+
+
+def swaps_of_two_dice() -> Iterator[tuple[int, ...]]:
+    """The orders of 2 to 12 in which only equally probable totals change places."""
+    for turned in product((False, True), repeat=5):
+        order = list(range(11))
+        for k, turn in enumerate(turned):
+            if turn:
+                order[k], order[10 - k] = 10 - k, k
+        yield tuple(order)
+
+
+@pytest.mark.parametrize("style", ["standard", "balanced"])
+def test_of_unequal_odds_only_equal_ones_change_places(style: str) -> None:
+    start = hendecahedron("bisymmetric")
+    hull = convex_hull(start.points)
+    facets = (start.directions @ hull.normals.T).argmax(axis=1)
+    target = sum_of_dice([6, 6])
+    member = groups(hull)[:, facets]
+    member = member[member.sum(axis=1) >= 2]
+    if style == "standard":
+        member = member[member.sum(axis=1) == 2]
+        opposite = hull.normals[facets] @ hull.normals[facets].T < -1.0 + 1e-9
+        member = np.array([row for row in member if opposite[tuple(np.flatnonzero(row))]])
+        if not len(member):
+            assert "stay" in numbered(hull, facets, target.labels, target.probabilities, style).note
+            return
+    orders = np.array(list(swaps_of_two_dice()))
+    size = member.sum(axis=1)
+    largest, total = evenness((2.0 + orders) @ member.T, size, 7.0)
+    numbering = numbered(hull, facets, target.labels, target.probabilities, style)
+    np.testing.assert_allclose(
+        target.probabilities[numbering.order], target.probabilities, rtol=1e-12
+    )
+    found = evenness(member @ (2.0 + numbering.order), size, 7.0)
+    assert found[0] == pytest.approx(largest.min())
+    assert found[1] == pytest.approx(total[largest < largest.min() + 1e-9].min())
+
+
+def test_labels_that_are_no_numbers_stay() -> None:
+    hull = convex_hull(PLATONIC["cube"])
+    across = (hull.normals @ hull.normals.T).argmin(axis=1)
+    labels = ["10", "star", "-2", "0.5", "1", "6.5"]
+    numbering = numbered(hull, np.arange(6), labels, np.full(6, 1.0 / 6.0), "standard")
+    assert numbering.order[1] == 1
+    assert sorted(numbering.order) == list(range(6))
+    kept = hull.normals @ hull.normals[1] > -1.0 + 1e-9
+    pairs = {frozenset((p, int(q))) for p, q in enumerate(across) if kept[p] and kept[q]}
+    sums = [
+        sum(float(labels[numbering.order[p]]) for p in pair)
+        for pair in pairs - {frozenset((1, int(across[1])))}
+    ]
+    # Of all choices of two pairs of -2, 0.5, 1, 6.5 and 10 these are the nearest to twice the mean.
+    mean = np.mean([10.0, -2.0, 0.5, 1.0, 6.5])
+    ways = [
+        max(abs(a + b - 2.0 * mean), abs(c + d - 2.0 * mean))
+        for a, b, c, d in permutations([10.0, -2.0, 0.5, 1.0, 6.5], 4)
+    ]
+    assert max(abs(s - 2.0 * mean) for s in sums) == pytest.approx(min(ways))
+
+
+def test_where_nothing_can_be_done_numbers_stay() -> None:
+    tetrahedron = convex_hull(PLATONIC["tetrahedron"])
+    kept = fair(tetrahedron, "standard")
+    assert list(kept.order) == [0, 1, 2, 3]
+    assert "opposite" in kept.note
+    odds = np.array([0.1, 0.2, 0.3, 0.4])
+    for labels in (["1", "2", "3", "4"], ["a", "b", "c", "d"]):
+        numbering = numbered(tetrahedron, np.arange(4), labels, odds, "balanced")
+        assert list(numbering.order) == [0, 1, 2, 3]
+        assert "equally probable" in numbering.note

@@ -1,0 +1,285 @@
+"""The printability of dice whose measures are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from common.made_up_die import SIDES, box, checked
+from scipy.spatial import cKDTree
+
+from dicedesign.fabricate.fine_parts import walls_under
+from dicedesign.fabricate.print_options import PrintOptions
+from dicedesign.fabricate.printability import checked_file
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.meshes.stl import parsed_stl
+from dicedesign.recipe.planning.stage import plan
+from dicedesign.recipe.planning.work import Work
+from dicedesign.results.printability import Printability
+
+
+def printed(
+    points: np.ndarray, directions: np.ndarray, target: object = None, **entries: object
+) -> Work:
+    given = {"engrave": True, "size_mm": 30.0, **entries}
+    work = checked(points, directions, target=target, entries=given)
+    plan(work, after="check", last="printing")
+    return work
+
+
+def found(work: Work) -> Printability:
+    measured = work.result().printability
+    assert measured is not None
+    return measured
+
+
+@pytest.fixture(scope="module")
+def cube() -> Work:
+    """With a diagonal of 30 mm."""
+    engrave = {"depth_mm": 0.75, "balance": "none"}
+    return printed(box(1.0, 1.0, 1.0), SIDES, engrave=engrave, print={"oriented": True})
+
+
+SIDE = 30.0 / np.sqrt(3.0)
+
+
+def test_one_number_alone_has_the_whole_side_under_it() -> None:
+    work = printed(box(1.0, 1.0, 1.0), SIDES, engrave={"depth_mm": 0.75, "balance": "none"})
+    assert work.engraved is not None
+    assert work.engraved.verdict is not None
+    hull = work.engraved.verdict.poses.hull
+    (wall,) = walls_under(work.engraved.placements[:1], 0.75, hull)
+    assert wall == pytest.approx(SIDE - 0.75, rel=1e-6)
+
+
+TETRAHEDRON = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], dtype=float)
+
+
+@pytest.mark.parametrize(
+    ("points", "downs", "options"),
+    [
+        (box(1.0, 1.0, 1.0), SIDES, {"depth_mm": 0.75}),
+        (box(1.0, 1.0, 0.2), SIDES[[2, 5]], {"depth_mm": 0.9, "max_height_mm": 15.0}),
+    ],
+    ids=["cube", "tile"],
+)
+def test_walls_are_those_of_dense_samples(
+    points: np.ndarray, downs: np.ndarray, options: dict
+) -> None:
+    """Of the engraved file: the least distance between points on two pockets, or on a floor and on
+    a facet that looks the other way."""
+    work = printed(points, downs, engrave=options)
+    assert work.engraved is not None
+    mesh = trimesh.Trimesh(work.engraved.points, work.engraved.triangles, process=False)
+    frames = [placement.frame for placement in work.engraved.placements]
+    depths = [-(mesh.triangles - frame[:3, 3]) @ frame[:3, 2] for frame in frames]
+    deep = options["depth_mm"]
+    inside = [
+        (d.max(axis=1) > 1e-4) & (d.max(axis=1) < deep + 1e-4) & (d.min(axis=1) > -1e-4)
+        for d in depths
+    ]
+    floors = [d.min(axis=1) > deep - 1e-4 for d in depths]
+    skin = ~np.any(inside, axis=0)
+
+    def sampled(chosen: np.ndarray) -> np.ndarray:
+        part = mesh.submesh([np.flatnonzero(chosen)], append=True)
+        return trimesh.sample.sample_surface(part, 60000, seed=1)[0]
+
+    for n, label in enumerate(found(work).labels):
+        beneath = skin & (mesh.face_normals @ frames[n][:3, 2] < -0.01)
+        others = sampled(np.any(inside[:n] + inside[n + 1 :], axis=0))
+        distances = [cKDTree(others).query(sampled(inside[n]))[0].min()]
+        if beneath.any():
+            floor = sampled(inside[n] & floors[n])
+            distances.append(cKDTree(sampled(beneath)).query(floor)[0].min())
+        assert min(distances) - 0.1 < label.wall_mm < min(distances) + 1e-6
+
+
+def test_a_cube_needs_no_supports_and_weighs_its_volume(cube: Work) -> None:
+    measured = found(cube)
+    mesh = trimesh.load(trimesh.util.wrap_as_stream(cube.files["die.stl"]), file_type="stl")
+    assert mesh.is_watertight
+    assert measured.file.volume_mm3 == pytest.approx(mesh.volume, rel=1e-6)
+    assert measured.weight_g == pytest.approx(1.24e-3 * mesh.volume, rel=1e-6)
+    np.testing.assert_allclose(measured.bounding_box_mm, mesh.extents, rtol=1e-6)
+    assert measured.file.is_solid
+    assert measured.smallest_facet is not None
+    assert measured.smallest_facet.area_mm2 == pytest.approx(SIDE**2)
+    assert measured.smallest_facet.inradius_mm == pytest.approx(SIDE / 2.0)
+    assert len(measured.poses) == 6
+    for pose in (*measured.poses, measured.best):
+        assert pose.overhang_mm2 == 0.0
+        assert pose.height_mm == pytest.approx(SIDE, rel=1e-6)
+        pocket = SIDE**2 - pose.contact_mm2
+        assert 5.0 < pocket < 60.0
+        assert pose.spoiled == (pose.label,)
+    assert measured.warnings == ()
+    assert cube.notes == []
+
+
+def test_the_oriented_file_is_the_die_on_the_bed(cube: Work) -> None:
+    plain, laid = (
+        parsed_stl(cube.files[name], Path(name)) for name in ("die.stl", "die_oriented.stl")
+    )
+    placement = np.array(found(cube).placement)
+    moved = plain[0] @ placement[:3, :3].T + placement[:3, 3]
+    np.testing.assert_allclose(laid[0], moved, atol=1e-5)
+    np.testing.assert_array_equal(laid[1], plain[1])
+    assert laid[0][:, 2].min() == pytest.approx(0.0, abs=1e-6)
+    areas = trimesh.Trimesh(*laid, process=False).area_faces
+    on_bed = (laid[0][laid[1]][:, :, 2] < 1e-4).all(axis=1)
+    assert areas[on_bed].sum() == pytest.approx(found(cube).best.contact_mm2, rel=1e-5)
+
+
+def test_it_is_not_written_unless_asked_for() -> None:
+    assert "die_oriented.stl" not in printed(box(1.0, 1.0, 1.0), SIDES).files
+    assert printed(box(1.0, 1.0, 1.0), SIDES, print=False).result().printability is None
+
+
+def test_bare_facets_come_first() -> None:
+    """Of a prism of five sides, whose ends bear nothing."""
+    angles = 2.0 * np.pi * np.arange(5) / 5.0
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    points = np.array([(x, y, z) for x, y in ring for z in (-0.9, 0.9)])
+    downs = np.column_stack([np.cos(angles + np.pi / 5), np.sin(angles + np.pi / 5), 0.0 * angles])
+    measured = found(printed(points, downs))
+    assert measured.best.label is None
+    assert abs(measured.best.normal[2]) == pytest.approx(1.0)
+    assert measured.best.spoiled == ()
+    assert {pose.label for pose in measured.poses} >= {"1", "2", "3", "4", "5"}
+
+
+@pytest.mark.parametrize(
+    ("entries", "told"),
+    [
+        ({"print": {"nozzle_mm": 2.0}}, "strokes"),
+        ({"print": "sls", "engrave": {"depth_mm": 0.3}}, "labels are 0.3 mm deep"),
+        ({"engrave": {"min_height_mm": 0.5, "max_height_mm": 1.0}}, "strokes"),
+        ({"engrave": {"depth_mm": 1.2, "margin_mm": 0.3, "max_height_mm": 20.0}}, "walls"),
+    ],
+)
+def test_what_cannot_be_made_is_said_with_a_remedy(entries: dict, told: str) -> None:
+    work = printed(box(1.0, 1.0, 1.0), SIDES, **entries)
+    assert any(told in note and ":" in note for note in work.notes)
+    assert tuple(work.notes[-len(found(work).warnings) :]) == found(work).warnings
+
+
+def test_a_plain_die_is_judged_by_its_plain_file() -> None:
+    work = printed(box(1.0, 1.0, 1.0), SIDES, engrave=False, print="sls")
+    measured = found(work)
+    assert measured.labels == ()
+    assert measured.best.label is None
+    assert measured.weight_g == pytest.approx(0.93e-3 * SIDE**3, rel=1e-6)
+    assert measured.best.contact_mm2 == pytest.approx(SIDE**2, rel=1e-6)
+
+
+def test_a_die_with_a_given_center_of_mass_is_judged_too() -> None:
+    points = box(1.0, 1.0, 1.0)
+    work = checked(
+        points,
+        SIDES,
+        target={"fair": 6},
+        entries={
+            "engrave": True,
+            "center_of_mass": [0.0, 0.0, 0.0],
+            "start": {"prism": {"sides": 6}},
+        },
+        center_of_mass=np.zeros(3),
+    )
+    plan(work, after="check", last="printing")
+    assert work.engraved is not None
+    assert work.engraved.verdict is None
+    assert found(work).file.is_solid
+
+
+def test_flaws_of_a_file_are_counted() -> None:
+    hull = convex_hull(box(2.0, 2.0, 2.0))
+    whole = checked_file(make_body(hull.vertices, hull.triangles))
+    assert (whole.is_solid, whole.pieces) == (True, 1)
+    open_box = checked_file(make_body(hull.vertices, hull.triangles[1:]))
+    assert (open_box.open_edges, open_box.is_solid) == (3, False)
+    inward = checked_file(make_body(hull.vertices, hull.triangles[:, ::-1]))
+    assert inward.volume_mm3 == pytest.approx(-8.0)
+    assert (inward.pieces, inward.cavities) == (0, 1)
+    assert not inward.is_solid
+    both = np.concatenate([hull.vertices, hull.vertices + 1.0])
+    crossed = checked_file(make_body(both, np.concatenate([hull.triangles, hull.triangles + 8])))
+    assert crossed.pieces == 2
+    assert crossed.self_intersections > 0
+    apart = np.concatenate([hull.vertices, hull.vertices + 3.0])
+    two = checked_file(make_body(apart, np.concatenate([hull.triangles, hull.triangles + 8])))
+    assert (two.pieces, two.self_intersections, two.is_solid) == (2, 0, False)
+    nested = np.concatenate([hull.vertices, 0.5 * hull.vertices])
+    triangles = np.concatenate([hull.triangles, hull.triangles[:, ::-1] + 8])
+    hollow = checked_file(make_body(nested, triangles))
+    assert (hollow.pieces, hollow.cavities, hollow.is_solid) == (1, 1, True)
+    assert hollow.volume_mm3 == pytest.approx(7.0)
+
+
+def test_raised_labels_have_no_walls_and_wider_strokes(cube: Work) -> None:
+    from dicedesign.fabricate.printability import PrintedDie, printability
+
+    assert cube.engraved is not None
+    assert cube.engraved.verdict is not None
+    placements = cube.engraved.placements
+    die = PrintedDie(
+        body=cube.engraved.verdict.body,
+        poses=cube.plain.poses,
+        designed=convex_hull(cube.solid.hull_points),
+        shape=None,
+        labels=tuple(placement.text for placement in placements),
+        normals=np.array([placement.frame[:3, 2] for placement in placements]),
+        placements=placements,
+        depth=0.75,
+        raised=True,
+    )
+    options = PrintOptions(nozzle_mm=0.8)
+    raised = printability(die, options)
+    assert all(label.wall_mm is None for label in raised.labels)
+    assert any("strokes" in warning for warning in raised.warnings)
+    assert printability(replace(die, raised=False), options).warnings == ()
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"edges": {"radius_mm": 1.0}},
+        {"engrave": {"style": "raised", "balance": "none"}},
+        {"engrave": {"balance": "fill"}, "edges": True},
+        {"engrave": {"balance": "opposite"}},
+        {"engrave": False, "edges": True},
+    ],
+    ids=["fillets", "raised", "inlaid", "hollow", "plain fillets"],
+)
+def test_finished_cubes_of_all_kinds_lie_on_a_side(entries: dict) -> None:
+    """Rounded edges need no supports, nor do sunk fields."""
+    work = printed(box(1.0, 1.0, 1.0), SIDES, target={"fair": 6}, **entries)
+    measured = found(work)
+    assert (measured.file.open_edges, measured.file.pieces) == (0, 1)
+    for pose in (*measured.poses, measured.best):
+        assert pose.overhang_mm2 < 1e-6
+        assert np.abs(pose.normal).max() == pytest.approx(1.0, abs=1e-3)
+        assert 0.3 * SIDE**2 < pose.contact_mm2 < SIDE**2
+    labels = {label.text for label in measured.labels}
+    assert {pose.label for pose in measured.poses} == (labels or {None})
+    assert work.engraved is not None
+    bodies = (
+        [work.engraved] if work.engraved.inlay is None else [work.engraved, work.engraved.inlay]
+    )
+    volume = sum(trimesh.Trimesh(b.points, b.triangles, process=False).volume for b in bodies)
+    assert measured.weight_g == pytest.approx(1.24e-3 * volume, rel=1e-5)
+
+
+def test_a_hollow_that_keeps_its_powder_is_told() -> None:
+    entries = {"engrave": {"balance": "opposite"}}
+    corners = TETRAHEDRON * (1.0, 1.1, 1.3)
+    downs = convex_hull(corners).normals
+    for printer, told in (("fdm", False), ("sls", True)):
+        work = printed(corners, downs, print=printer, **entries)
+        measured = found(work)
+        assert measured.file.cavities == 1
+        assert any("hollow" in warning for warning in measured.warnings) is told

@@ -1,0 +1,111 @@
+"""What manifold3d makes of good, dirty and broken surfaces."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import trimesh
+from common.bumpy import ball, pushed_through, surface_of
+
+from dicedesign.errors import InputError
+from dicedesign.fabricate.printable_solid import printable_solid
+from dicedesign.geometry.sphere import signed_solid_angle
+from dicedesign.geometry.surfaces.quality import surface_quality
+from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
+from dicedesign.geometry.surfaces.surface import Surface
+
+
+def test_a_good_surface_comes_through_as_it_was() -> None:
+    before = surface_of(trimesh.creation.torus(2.0, 0.5))
+    points, triangles, notes = printable_solid(before)
+    assert notes == ()
+    assert len(triangles) == len(before.triangles)
+    assert Surface(points, triangles).volume == pytest.approx(before.volume, rel=1e-12)
+
+
+def test_slivers_are_collapsed_and_counted() -> None:
+    before = ball(4)
+    points = before.points.copy()
+    a, b = before.triangles[0, :2]
+    points[a] = points[b] + 1e-9 * (points[a] - points[b])
+    assert len(surface_quality(before.moved(points)).slivers) == 2
+    found, triangles, notes = printable_solid(before.moved(points))
+    after = Surface(found, triangles)
+    assert len(surface_quality(after).slivers) == 0
+    assert len(triangles) == len(before.triangles) - 2
+    assert len(notes) == 1
+    assert re.match(
+        r"edges and slivers were taken out: 5118 triangles are left of 5120, volume [+-]\d.* %$",
+        notes[0],
+    )
+    assert after.volume == pytest.approx(before.moved(points).volume, rel=1e-8)
+
+
+def test_points_of_flat_parts_may_go_but_the_shape_stays() -> None:
+    box = surface_of(trimesh.creation.box((1, 2, 3)).subdivide().subdivide())
+    points, triangles, notes = printable_solid(box)
+    assert len(triangles) == 12
+    assert len(notes) == 1
+    assert Surface(points, triangles).volume == pytest.approx(6.0, rel=1e-12)
+
+
+def test_where_the_solid_meets_itself_is_left_and_said() -> None:
+    points, triangles, notes = printable_solid(pushed_through())
+    pairs = intersecting_triangles(points, triangles)
+    assert len(pairs) > 0
+    assert notes[-1].startswith(f"the solid still meets itself in {len(pairs)} pairs of triangles")
+
+
+def ring_with_overlap(x: float) -> Surface:
+    """A sphere bent into a ring about the z axis whose ends overlap, stretched along x."""
+    along, across, up = ball(3).points.T
+    angle, radius = 1.06 * np.pi * along, 1.0 + 0.3 * across
+    height = 0.3 * up + 0.05 * along
+    points = np.column_stack((x * radius * np.cos(angle), radius * np.sin(angle), height))
+    return Surface(points, ball(3).triangles[:, ::-1].copy())
+
+
+@pytest.mark.parametrize("x", [1.0, 1.7])
+def test_parts_that_overlap_are_joined(x: float) -> None:
+    before = ring_with_overlap(x)
+    assert len(intersecting_triangles(before.points, before.triangles)) > 20
+    points, triangles, notes = printable_solid(before)
+    after = Surface(points, triangles)
+    assert len(intersecting_triangles(points, triangles)) == 0
+    assert surface_quality(after).genus == 1
+    assert notes[0].startswith("parts that overlap were joined: ")
+    assert notes[0].endswith("0 handles before and 1 after")
+    # What is lost is what winds twice: counted at random places.
+    places = np.random.default_rng(0).uniform(-1, 1, (2000, 3)) * [0.2, 0.25, 0.2] - [x, 0, 0]
+    corners = before.points[before.triangles]
+    twice = 0
+    for place in places:
+        a, b, c = (corners - place).transpose(1, 0, 2)
+        twice += signed_solid_angle(a, b, c, np).sum() > 6 * np.pi
+    lost = twice / len(places) * 0.4 * 0.5 * 0.4
+    assert lost > 0.001
+    assert before.volume - after.volume == pytest.approx(lost, rel=0.25)
+
+
+def test_what_is_no_solid_is_refused() -> None:
+    before = ball(4)
+    with pytest.raises(InputError, match="NotManifold for 5119 triangles; repair"):
+        printable_solid(Surface(before.points, before.triangles[1:]))
+    with pytest.raises(InputError, match="reverse their corners"):
+        printable_solid(Surface(before.points, before.triangles[:, ::-1]))
+
+
+def test_a_solid_that_is_gone_when_it_is_cleaned_is_refused() -> None:
+    flat = ball(4).moved(ball(4).points * [1, 1, 1e-9])
+    with pytest.raises(InputError, match="printable solid: expected one piece of positive volume"):
+        printable_solid(flat)
+
+
+def test_two_pieces_are_refused() -> None:
+    both = trimesh.util.concatenate(
+        [trimesh.creation.icosphere(), trimesh.creation.icosphere().apply_translation((3, 0, 0))]
+    )
+    with pytest.raises(InputError, match="got 2 of"):
+        printable_solid(surface_of(both))

@@ -1,0 +1,100 @@
+"""Rounded edges by the laws of parallel bodies: odds of the core, volume by Steiner's formula."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dicedesign.errors import InputError
+from dicedesign.fabricate.finish_options import EdgeOptions, core_scale
+from dicedesign.fabricate.rounded_edges import rounded
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.rest.poses import analyse
+
+CUBE = convex_hull(np.array(np.meshgrid([-5.0, 5.0], [-5.0, 5.0], [-5.0, 5.0])).reshape(3, -1).T)
+
+
+def random_hull(seed: int) -> ConvexHull:
+    random = np.random.default_rng(seed)
+    points = random.standard_normal((14, 3))
+    return convex_hull(10.0 * points / np.linalg.norm(points, axis=1)[:, None])
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    radius=st.floats(0.05, 3.0),
+    shape=st.sampled_from(["fillet", "chamfer"]),
+)
+def test_a_rounded_body_has_the_odds_of_its_core(seed: int, radius: float, shape: str) -> None:
+    """Its height over the table is that of the core and the radius, whatever is down; so there are
+    no rests on edges and corners either. The center of mass is the same."""
+    core = random_hull(seed)
+    body = rounded(core, core.centroid, EdgeOptions(radius, shape))
+    before, after = analyse(core, core.centroid), analyse(body, core.centroid)
+    assert len(after.normals) == len(before.normals)
+    pairs = np.argmax(before.normals @ after.normals.T, axis=1)
+    np.testing.assert_allclose(after.normals[pairs], before.normals, atol=1e-9)
+    # Strips are flat, so that paths leave the round ones a little.
+    rough = {"fillet": 5e-4, "chamfer": 5e-3}[shape] * radius
+    np.testing.assert_allclose(after.probabilities[pairs], before.probabilities, atol=rough)
+
+
+def test_a_cube_keeps_its_faces_and_steiners_volume() -> None:
+    radius = 2.0
+    body = rounded(CUBE, np.zeros(3), EdgeOptions(radius))
+    poses = analyse(body, np.zeros(3))
+    np.testing.assert_allclose(poses.probabilities, np.full(6, 1 / 6), atol=1e-12)
+    np.testing.assert_allclose(poses.areas, np.full(6, 100.0), rtol=1e-9)
+    np.testing.assert_allclose(np.ptp(body.vertices, axis=0), np.full(3, 14.0), rtol=1e-12)
+    steiner = 1000.0 + 600.0 * radius + 3 * 10.0 * math.pi * radius**2 + 4 / 3 * math.pi * radius**3
+    sharp = 14.0**3
+    # Flat strips lie inside the round ones.
+    assert (
+        steiner - 0.02 * (sharp - steiner)
+        < solid_properties(body.vertices, body.triangles)[0]
+        < steiner
+    )
+
+
+def test_chamfers_are_two_strips_over_a_saddle() -> None:
+    """Each edge of a cube is one, and its chamfer would be a place to rest on."""
+    body = rounded(CUBE, np.zeros(3), EdgeOptions(1.0, "chamfer"))
+    slopes = np.sort(np.abs(body.normals), axis=1)[:, 1:]
+    edges = body.normals[(np.abs(body.normals).min(axis=1) < 1e-9) & (slopes[:, 0] > 1e-9)]
+    assert len(edges) == 24
+    np.testing.assert_allclose(edges.max(axis=1) ** 2 + edges.min(axis=1) ** 2 <= 1.0 + 1e-9, True)
+    assert len(analyse(body, np.zeros(3)).normals) == 6
+
+
+@pytest.mark.parametrize("radius", [0.0, -1.0, math.inf, math.nan])
+def test_a_radius_that_is_none(radius: float) -> None:
+    with pytest.raises(InputError, match="radius_mm"):
+        EdgeOptions(radius)
+
+
+def test_a_shape_that_is_unknown() -> None:
+    with pytest.raises(InputError, match="fillet or chamfer"):
+        EdgeOptions(1.0, "round")
+
+
+def test_radii_that_suit_no_size() -> None:
+    """Within a hundredth and a fifth of the size; chamfers may be finer."""
+    for part in (0.01, 0.2):
+        assert 0.0 < core_scale(EdgeOptions(part * 30.0), 30.0) < 1.0
+    for radius in (0.299, 6.001):
+        with pytest.raises(InputError, match=r"edges\.radius_mm: expected at (least 0\.3|most 6)"):
+            core_scale(EdgeOptions(radius), 30.0)
+    assert core_scale(EdgeOptions(0.03, "chamfer"), 30.0) == pytest.approx(0.998)
+
+
+def test_the_core_leaves_room_for_the_ball() -> None:
+    assert core_scale(None, 30.0) == 1.0
+    assert core_scale(EdgeOptions(3.0), 30.0) == pytest.approx(0.8)
+    with pytest.raises(InputError, match="at most 6"):
+        core_scale(EdgeOptions(7.0), 30.0)

@@ -1,0 +1,135 @@
+"""STEP files, read by Open CASCADE."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dicedesign.errors import InputError, MeshFileError
+from dicedesign.fabricate.file_formats import (
+    FILE_FORMATS,
+    Contents,
+    Part,
+    file_bytes,
+    save_mesh,
+    with_stl,
+)
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.rest.poses import rest_poses
+
+STEP = FILE_FORMATS["step"]
+
+
+@pytest.fixture
+def occ():
+    return pytest.importorskip("OCP")
+
+
+def volume_and_center(path: Path) -> tuple[float, list[float]]:
+    """By integrals over the faces of the solid in a file."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+    from OCP.STEPControl import STEPControl_Reader
+
+    reader = STEPControl_Reader()
+    reader.ReadFile(str(path))
+    reader.TransferRoots()
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(reader.OneShape(), properties)
+    center = properties.CentreOfMass()
+    return properties.Mass(), [center.X(), center.Y(), center.Z()]
+
+
+def faces(data: bytes) -> int:
+    return len(re.findall(rb"\bADVANCED_FACE\b", data))
+
+
+def test_a_convex_die_has_a_face_for_each_facet(occ, tmp_path: Path) -> None:
+    hull = convex_hull(10.0 * np.random.default_rng(3).normal(size=(12, 3)))
+    path = tmp_path / "die.step"
+    save_mesh(path, hull.vertices, hull.triangles)
+    assert faces(path.read_bytes()) == len(hull.normals)
+    volume, center = volume_and_center(path)
+    expected, _ = solid_properties(hull.vertices, hull.triangles)
+    assert volume == pytest.approx(expected, rel=1e-9)
+    np.testing.assert_allclose(center, hull.centroid, atol=1e-9)
+    points, _ = STEP.read_back(path)
+    np.testing.assert_allclose(
+        np.sort(rest_poses(points).probabilities),
+        np.sort(rest_poses(hull.vertices).probabilities),
+        atol=1e-9,
+    )
+
+
+def test_labels_are_cut_into_the_faces(occ, contents, tmp_path: Path) -> None:
+    path = tmp_path / "box.step"
+    data = file_bytes(contents, STEP)
+    assert data == file_bytes(contents, STEP)
+    path.write_bytes(data)
+    (part,) = contents.parts
+    expected, center = solid_properties(part.points, part.triangles)
+    for volume, middle in (volume_and_center(path), solid_properties(*STEP.read_back(path))):
+        assert volume == pytest.approx(expected, rel=1e-9)
+        np.testing.assert_allclose(middle, center, atol=1e-9)
+    assert faces(data) < len(part.triangles) / 2
+
+
+def test_parts_are_solids(occ, inlaid, tmp_path: Path) -> None:
+    data = file_bytes(inlaid, STEP)
+    assert len(re.findall(rb"\bMANIFOLD_SOLID_BREP\b", data)) == 2
+    assert faces(data) == 11 + 6
+    path = tmp_path / "inlaid.step"
+    path.write_bytes(data)
+    assert volume_and_center(path)[0] == pytest.approx(1000.0)
+    assert solid_properties(*STEP.read_back(path))[0] == pytest.approx(1000.0)
+
+
+def test_a_hollow_is_a_hollow(occ, box, tmp_path: Path) -> None:
+    outer, inner = box(10.0, 10.0, 10.0), box(2.0, 4.0, 6.0)
+    points = np.concatenate([outer.vertices, inner.vertices + np.array([1.0, 0.0, 0.0])])
+    triangles = np.concatenate([outer.triangles, inner.triangles[:, ::-1] + 8])
+    path = tmp_path / "hollow.step"
+    save_mesh(path, points, triangles)
+    assert len(re.findall(rb"\bBREP_WITH_VOIDS\b", path.read_bytes())) == 1
+    assert faces(path.read_bytes()) == 12
+    expected = (1000.0 - 48.0, [-48.0 / 952.0, 0.0, 0.0])
+    for volume, center in (volume_and_center(path), solid_properties(*STEP.read_back(path))):
+        assert volume == pytest.approx(expected[0])
+        np.testing.assert_allclose(center, expected[1], atol=1e-9)
+    both = [outer.triangles, outer.triangles + 16, inner.triangles[:, ::-1] + 8]
+    points = np.concatenate([points, outer.vertices + np.array([20.0, 0.0, 0.0])])
+    with pytest.raises(InputError, match="expected a solid of one outer shell about its"):
+        save_mesh(path, points, np.concatenate(both))
+
+
+def test_what_is_no_solid_of_flat_faces_is_refused(occ, box, monkeypatch) -> None:
+    body = box(1.0, 1.0, 1.0)
+    points, triangles = body.vertices.astype(float), body.triangles
+    opened = Contents("box", [Part("box", "#ffffff", points, triangles[1:])])
+    with pytest.raises(InputError, match="expected closed surfaces, got one of 1 shells with 3 op"):
+        file_bytes(opened, STEP)
+    monkeypatch.setattr("dicedesign.fabricate.step_file.MOST_TRIANGLES", 11)
+    whole = Contents("box", [Part("box", "#ffffff", points, triangles)])
+    with pytest.raises(InputError, match="expected a solid of at most 11 triangles, got 12; take"):
+        file_bytes(whole, STEP)
+
+
+def test_another_file_is_refused(occ, tmp_path: Path) -> None:
+    path = tmp_path / "die.step"
+    path.write_text("solid box\n")
+    with pytest.raises(MeshFileError, match="expected a STEP file, got another"):
+        STEP.read_back(path)
+
+
+def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, *more: None if name == "OCP" else found(name)
+    )
+    with pytest.raises(InputError, match=r"pip install 'dicedesign\[step\]', or take another"):
+        with_stl(["obj", "step"])
