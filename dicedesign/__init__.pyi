@@ -31,8 +31,10 @@ from dicedesign.geometry.meshes.voxels import voxel_body as voxel_body
 from dicedesign.geometry.meshes.weighted_body import weighted_body as weighted_body
 from dicedesign.geometry.point_groups import point_group as point_group
 from dicedesign.gradient.differentiable_rest import differentiable_rest as differentiable_rest
+from dicedesign.gradient.differentiable_rest import (
+    differentiable_rest_batch as differentiable_rest_batch,
+)
 from dicedesign.gradient.height import height as height
-from dicedesign.gradient.rest_batch import differentiable_rest_batch as differentiable_rest_batch
 from dicedesign.gradient.rest_odds import RestEvaluation as RestEvaluation
 from dicedesign.gradient.rest_odds import evaluate_rests as evaluate_rests
 from dicedesign.optimize.coordinates.facets import FacetCoordinates as FacetCoordinates
@@ -86,18 +88,18 @@ from dicedesign.report.body_figures.body_figure import BODY_FIGURES as BODY_FIGU
 from dicedesign.report.body_figures.body_figure import BodyFigure as BodyFigure
 from dicedesign.report.figures.figure import FIGURES as FIGURES
 from dicedesign.report.figures.figure import Figure as Figure
+from dicedesign.rest.axial_priors import SphericalCap as SphericalCap
+from dicedesign.rest.axial_priors import VonMisesFisher as VonMisesFisher
+from dicedesign.rest.density_function import DensityFunction as DensityFunction
 from dicedesign.rest.poses import RestPoses as RestPoses
+from dicedesign.rest.poses import SampledPoses as SampledPoses
 from dicedesign.rest.poses import rest_poses as rest_poses
 from dicedesign.rest.prior import PRIORS as PRIORS
 from dicedesign.rest.prior import Prior as Prior
 from dicedesign.rest.prior import PriorKind as PriorKind
-from dicedesign.rest.priors.cap import SphericalCap as SphericalCap
-from dicedesign.rest.priors.density_function import DensityFunction as DensityFunction
-from dicedesign.rest.priors.samples import SampledDirections as SampledDirections
-from dicedesign.rest.priors.von_mises_fisher import VonMisesFisher as VonMisesFisher
 from dicedesign.rest.roll import RollStep as RollStep
 from dicedesign.rest.roll import roll as roll
-from dicedesign.rest.sampling import SampledPoses as SampledPoses
+from dicedesign.rest.sampled_directions import SampledDirections as SampledDirections
 from dicedesign.results.reading import read_result as read_result
 from dicedesign.results.record import FacetOfDie as FacetOfDie
 from dicedesign.results.record import Result as Result

@@ -57,8 +57,7 @@ def compute_stable_poses(
     InputError: another argument is not as described.
     """
     # Imported here, as the package's other floors are imported on first use.
-    from dicedesign.rest.poses import analyse, rest_poses
-    from dicedesign.rest.sampling import generator_of
+    from dicedesign.rest.poses import analyse, generator_of, rest_poses
 
     if not (is_finite_number(sigma) and sigma >= 0.0):
         raise InputError(f"sigma: expected a finite number of at least 0, got {sigma!r}; change it")

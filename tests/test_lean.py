@@ -36,8 +36,7 @@ from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.rest import morse, poses
-from dicedesign.rest.equilibria import Equilibria, classify
-from dicedesign.rest.exact import ExactSigns
+from dicedesign.rest.equilibria import Equilibria, ExactSigns, classify
 from dicedesign.rest.morse import separatrices
 from dicedesign.rest.roll import roll_steps
 from tests.reference.extremes import large, weighted_sphere

@@ -20,7 +20,7 @@ from dicedesign.balance.ways.ways import WAYS
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.repair.input_surface import FINEST, input_surface
+from dicedesign.geometry.repair.repair import FINEST, input_surface
 from dicedesign.geometry.sizes import LEAST_MM, MOST_MM
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.poses import RestPoses, rest_poses

@@ -10,8 +10,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dicedesign.geometry.repair.evening import evened
-from dicedesign.geometry.repair.surface_nets import surface_nets
+from dicedesign.geometry.repair.grid_surface import evened, surface_nets
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.meshes.stl import parsed_stl
+from dicedesign.geometry.meshes.formats import parsed_stl
 from dicedesign.optimize.targets import Target
 from dicedesign.rest.asymmetry import border_margins
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_margins, outcome_odds

@@ -11,8 +11,6 @@ from manifold3d import Error, Manifold, Mesh64
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["mesh_of", "solid"]
-
 
 def solid(vertices: Floats, triangles: Integers) -> Manifold:
     """A closed triangle mesh as a solid, in double precision.

@@ -17,8 +17,6 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["HIGHEST_ORDER", "fixed_space", "mirrors", "point_group", "pole_orbits"]
-
 HIGHEST_ORDER: Final = 12
 """Largest n of the main axis in Cn, Cnv, Cnh, Dn, Dnh and Dnd; S2n goes up to twice that."""
 

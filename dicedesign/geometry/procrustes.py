@@ -8,8 +8,6 @@ import numpy as np
 
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["Similarity", "best_similarity"]
-
 
 @dataclass(frozen=True)
 class Similarity:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["LEAST_MM", "MOST_MM"]
-
 LEAST_MM: Final = 1e-3
 
 MOST_MM: Final = 1000.0

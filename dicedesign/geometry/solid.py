@@ -16,16 +16,6 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 from dicedesign.tolerances import THIN_VOLUME
 
-__all__ = [
-    "centroid_derivatives",
-    "is_closed",
-    "second_moments",
-    "solid_inertia",
-    "solid_properties",
-    "stretch_matrix",
-    "volume_and_centroid",
-]
-
 
 def solid_properties(points: Floats, triangles: Integers) -> tuple[float, Floats]:
     """Signed volume and centroid of the uniform solid a closed surface bounds.

@@ -14,17 +14,6 @@ from numpy.typing import NDArray
 
 from dicedesign.runtime.arrays import Floats
 
-__all__ = [
-    "angle_between",
-    "even_directions",
-    "foot_on_line",
-    "norms",
-    "oblique_projection",
-    "rotation_between",
-    "signed_solid_angle",
-    "unit_vectors",
-]
-
 
 def oblique_projection(u: Any, along: Any, normal: Any) -> Any:
     """Direction of `u` moved parallel to `along` until it is perpendicular to `normal`.

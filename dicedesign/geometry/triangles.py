@@ -7,14 +7,6 @@ import numpy as np
 from dicedesign.geometry.sphere import signed_solid_angle
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = [
-    "connected_parts",
-    "doubled_area_vectors",
-    "edge_keys",
-    "edge_neighbors",
-    "winding_number",
-]
-
 
 def doubled_area_vectors(points: Floats, triangles: Integers) -> Floats:
     """Normals of triangles, of length twice their areas.

@@ -17,8 +17,6 @@ from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["offset_derivatives", "offset_secants"]
-
 
 def offset_derivatives(rests: RestEvaluation, rows: Floats) -> Floats:
     """(k, m) derivatives of functions in the offsets of the facets for those (k, 3 n) in the

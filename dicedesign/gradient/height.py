@@ -19,8 +19,6 @@ from dicedesign.runtime.arrays import Floats
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["height"]
-
 
 @overload
 def height(
@@ -86,8 +84,8 @@ def height(points: Any, directions: Any, center_of_mass: Any = None) -> tuple[An
 def _of_tensors(points: Any, directions: Any, center_of_mass: Any) -> tuple[Tensor, Tensor]:
     import torch
 
+    from dicedesign.gradient.body_function import double_tensor
     from dicedesign.gradient.rest_odds import evaluate_rests
-    from dicedesign.gradient.tensors import double_tensor
 
     corners = double_tensor(points, "points", "n", 3)
     before = [f"d{place}" for place in range(getattr(directions, "ndim", 1) - 1)]

@@ -3,8 +3,7 @@
 The integers (which facets are stable, which edges each separatrix crosses) come from the forward
 model in `dicedesign.rest`, and so do the values. Gradients are exact, those of the combinatorial
 cell the vertices lie in: compiled kernels sweep back along each separatrix, or torch evaluates the
-coordinates again with the forward model's formulas.
-"""
+coordinates again with the forward model's formulas."""
 
 from __future__ import annotations
 
@@ -20,17 +19,19 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hulls.reuse import HullMaker
 from dicedesign.geometry.sphere import foot_on_line
-from dicedesign.gradient.body_function import adjoint_function, seen
-from dicedesign.gradient.rest_formulas import facet_depths, facet_normals, rest_probabilities
+from dicedesign.gradient.body_function import adjoint_function, double_tensor, seen
 from dicedesign.gradient.solid_moments import centroid_gradient, hull_centroid
-from dicedesign.gradient.tensors import double_tensor
 from dicedesign.kernels import ops as kernels
-from dicedesign.rest.basins import Basins, basin_areas, tie_distance
+from dicedesign.rest.basins import Basins, basin_areas, closed_areas, tie_distance
 from dicedesign.rest.equilibria import Equilibria, classify
-from dicedesign.rest.morse import Separatrices, separatrices
-from dicedesign.runtime.arrays import Floats, Integers
-
-__all__ = ["RestEvaluation", "evaluate_rests"]
+from dicedesign.rest.morse import (
+    Separatrices,
+    basin_references,
+    border_areas,
+    separatrices,
+    separatrix_points,
+)
+from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
 
 
 @dataclass(frozen=True)
@@ -281,3 +282,51 @@ def evaluate_rests(
     if len(hull.source) < len(given):
         given = given[torch.as_tensor(hull.source)]
     return RestEvaluation(found[0], given, center, offset=offset)
+
+
+def rest_probabilities(
+    hull: ConvexHull, paths: Separatrices, vertices: Tensor, center: Tensor
+) -> Tensor:
+    """(k,) probabilities of the rests, with the formulas of the forward model (eq. 9, 10).
+
+    paths: the separatrices that divide basins; vertices: (n, 3); center: (3,) center of mass.
+    """
+    count = len(paths.rests)
+    if count == 1:
+        return torch.ones(1, dtype=torch.float64) + 0.0 * (vertices.sum() + center.sum())
+    points = separatrix_points(paths, vertices, center, torch)
+    # A closed loop's area does not depend on the reference direction: no gradient there.
+    normals = hull.normals[paths.rests]
+    reference = torch.as_tensor(basin_references(paths, points.detach().numpy(), normals))
+    border = border_areas(paths, points, reference, torch)
+    basins = torch.as_tensor(paths.basins.ravel())
+    areas = torch.zeros(count, dtype=torch.float64).index_add(0, basins, border.reshape(-1))
+    signed = areas.detach().numpy()
+    areas = areas + torch.as_tensor(closed_areas(signed) - signed)
+    return areas / (4.0 * torch.pi)
+
+
+def facet_normals(hull: ConvexHull, facets: Integers, vertices: Tensor) -> Tensor:
+    """(len(facets), 3) unit normals of facets, from the area vectors of their polygons."""
+    start = hull.facet_start[facets]
+    owner, half_edges = ragged_ranges(start, hull.facet_start[facets + 1] - start)
+    anchor = vertices[hull.tail[start]][owner]
+    a = vertices[hull.tail[half_edges]] - anchor
+    b = vertices[hull.head[half_edges]] - anchor
+    vectors = torch.zeros((len(facets), 3), dtype=torch.float64)
+    vectors = vectors.index_add(0, torch.as_tensor(owner), torch.linalg.cross(a, b))
+    return vectors / torch.linalg.vector_norm(vectors, dim=1, keepdim=True)
+
+
+def facet_depths(hull: ConvexHull, vertices: Tensor, center: Tensor) -> Tensor:
+    """(m,) signed distances of the center's foot from the nearest edge's line of each facet, over
+    the circumscribed radius, edge by edge."""
+    normals = facet_normals(hull, np.arange(len(hull.normals)), vertices)
+    edges = vertices[hull.head] - vertices[hull.tail]
+    radii = vertices - center
+    circumscribed = torch.linalg.vector_norm(radii, dim=1).max()
+    across = torch.linalg.cross(edges, normals[hull.facet])
+    length = torch.linalg.vector_norm(edges, dim=1)
+    distance = (radii[hull.tail] * across).sum(-1) / (length * circumscribed)
+    far = torch.full((len(hull.normals),), torch.inf, dtype=torch.float64)
+    return far.scatter_reduce(0, torch.as_tensor(hull.facet), distance, "amin")

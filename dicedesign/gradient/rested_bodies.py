@@ -25,8 +25,6 @@ from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.equilibria import classify
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["rested"]
-
 
 def rested(
     points: Tensor,

@@ -11,8 +11,6 @@ from dicedesign.gradient.body_function import adjoint_function
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["centroid_gradient", "hull_centroid", "hull_inertia"]
-
 
 def hull_centroid(vertices: Tensor, hull: ConvexHull) -> Tensor:
     """Center of mass (3,) of the uniform solid hull, whose vertices (n, 3) the tensor has."""

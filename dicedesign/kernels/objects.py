@@ -7,8 +7,6 @@ from typing import Any, Protocol
 
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["Bodies", "Energies", "Handled", "Tie"]
-
 
 class Handled:
     """Base of a hull, of its separatrices and of a momentum model: what kernels take by a `handle`,

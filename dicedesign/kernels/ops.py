@@ -151,7 +151,7 @@ def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Intege
 
 @_kernel
 def surroundings(hull: Handled, center: Floats) -> tuple[int, float, float, float, float]:
-    """See `dicedesign.rest.center_clearance.Surroundings`."""
+    """See `dicedesign.rest.equilibria.Surroundings`."""
     return compiled.surroundings(hull.handle, center)
 
 

@@ -16,8 +16,6 @@ from dicedesign.rest.morse import Separatrices
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["asymmetry", "basin_moments", "border_margins"]
-
 SHORT_ARC: Final = 1e-24
 """Squared sine of an arc below which its chord takes its place."""
 

@@ -11,8 +11,6 @@ from dicedesign.rest.basins import Basins
 from dicedesign.rest.morse import Separatrices
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
-__all__ = ["Arcs", "Borders"]
-
 
 @dataclass(frozen=True, eq=False)
 class Arcs:

@@ -26,16 +26,6 @@ from dicedesign.rest.tracing import ascend, destined_facets
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import NEAR_ANTIPODE
 
-__all__ = [
-    "Separatrices",
-    "basin_references",
-    "border_areas",
-    "separatrices",
-    "separatrix_points",
-    "signed_areas",
-    "wraps",
-]
-
 
 @dataclass(frozen=True)
 class Separatrices(kernels.Handled):

@@ -21,18 +21,6 @@ from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import EQUAL_ODDS, MATCHED_ODDS, SAME_REST_ANGLE
 
-__all__ = [
-    "OutcomeGroups",
-    "OutcomeOdds",
-    "facet_of_rest",
-    "gathered",
-    "match_by_normals",
-    "match_by_odds",
-    "outcome_margins",
-    "outcome_odds",
-    "sums_by_outcome",
-]
-
 
 @dataclass(frozen=True)
 class OutcomeOdds:

@@ -15,24 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
-from dicedesign.runtime.folder_registry import FolderRegistry
-from dicedesign.runtime.registry import Extension
+from dicedesign.runtime.registry import Extension, Registry
 
 if TYPE_CHECKING:
     from dicedesign.rest.basins import Basins
     from dicedesign.rest.border_arcs import Arcs
     from dicedesign.runtime.arrays import Floats
-
-__all__ = [
-    "PRIORS",
-    "DensityPrior",
-    "Prior",
-    "PriorKind",
-    "PriorOdds",
-    "axis_of",
-    "prior_of",
-    "read_prior",
-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +76,17 @@ class PriorKind(Extension):
     read: Callable[[str], Prior]
 
 
-PRIORS: Final = FolderRegistry[PriorKind]("prior", "dicedesign.rest.priors", PriorKind)
+PRIORS: Final = Registry(
+    "prior",
+    PriorKind,
+    (
+        "dicedesign.rest.axial_priors:VON_MISES_FISHER",
+        "dicedesign.rest.axial_priors:HALF",
+        "dicedesign.rest.axial_priors:CAP",
+        "dicedesign.rest.sampled_directions:SAMPLES",
+    ),
+    "dicedesign.priors",
+)
 
 
 def read_prior(text: str) -> Prior:

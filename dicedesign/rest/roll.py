@@ -19,8 +19,6 @@ from dicedesign.rest.tracing import crossing, exit_half_edges, hinge_facets
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import ROUNDING
 
-__all__ = ["SMALLEST_ANGLE", "RollStep", "roll", "roll_steps"]
-
 SMALLEST_ANGLE = 1e-4
 """Smallest largest rotation per step, in radians: some 30,000 steps for a half turn."""
 

@@ -19,17 +19,6 @@ from dicedesign.rest.equilibria import Equilibria
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, ragged_ranges
 from dicedesign.tolerances import ROUNDING
 
-__all__ = [
-    "Branches",
-    "ascend",
-    "crossing",
-    "descend",
-    "destined_facets",
-    "exit_half_edges",
-    "hinge_facets",
-    "slide",
-]
-
 
 @dataclass(frozen=True)
 class Branches:

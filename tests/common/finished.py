@@ -10,7 +10,7 @@ import numpy as np
 from dicedesign.fabricate.finished_die import EngravedFile, FinishedDie
 from dicedesign.fabricate.verdict import judged
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.optimize.targets import Target
 from dicedesign.results.record import Result, StageTime, Step
 

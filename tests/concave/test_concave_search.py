@@ -31,8 +31,8 @@ from dicedesign.concave.search import checkpoint_bytes, make_concave_die
 from dicedesign.concave.space_elasticity import Elasticity
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.meshes.stl import stl_bytes
 from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.surfaces.surface import Surface

@@ -15,7 +15,7 @@ from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_art import BAR_THICKNESS, reads_upside_down, text_contours
 from dicedesign.fabricate.label_layout import place_labels
 from dicedesign.geometry.manifold import solid
-from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.geometry.solid import solid_properties
 
 OPTIONS = EngravingOptions()

@@ -156,7 +156,7 @@ def test_a_label_that_draws_nothing_is_refused(text: str) -> None:
 def test_fabricating_loads_no_matplotlib_and_no_torch() -> None:
     code = (
         "import sys\n"
-        "import dicedesign.fabricate.engraving, dicedesign.geometry.meshes.stl\n"
+        "import dicedesign.fabricate.engraving, dicedesign.geometry.meshes.formats\n"
         "from dicedesign.fabricate.label_art import text_section\n"
         "text_section('6')\n"
         "print([name for name in ('matplotlib', 'torch', 'lxml') if name in sys.modules])"

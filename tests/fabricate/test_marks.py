@@ -11,7 +11,7 @@ from dicedesign.errors import EngravingError, InputError, LabelRoomError
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.marks import engrave_marks, relief
 from dicedesign.geometry.manifold import solid
-from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.geometry.solid import solid_properties
 
 OPTIONS = EngravingOptions()

@@ -12,8 +12,8 @@ from common.bumpy import bumpy_sphere
 
 from dicedesign.errors import InputError, OutputError
 from dicedesign.fabricate.file_formats import FILE_FORMATS, mesh_bytes, save_mesh, with_stl
+from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.meshes.stl import stl_bytes
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.surfaces.surface import Surface
 

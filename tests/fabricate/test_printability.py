@@ -16,7 +16,7 @@ from dicedesign.fabricate.print_options import PrintOptions
 from dicedesign.fabricate.printability import checked_file
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.meshes.stl import parsed_stl
+from dicedesign.geometry.meshes.formats import parsed_stl
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
 from dicedesign.results.printability import Printability

@@ -9,8 +9,7 @@ import torch
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.differentiable_rest import differentiable_rest
-from dicedesign.gradient.table_sensitivity import TableSensitivity
-from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.gradient.thrown_odds import TableSensitivity, ThrownOdds
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.solvers.exact import solve_exactly

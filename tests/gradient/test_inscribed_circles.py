@@ -12,8 +12,7 @@ from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.polygons import inscribed_circle
 from dicedesign.geometry.sphere import rotation_between, unit_vectors
-from dicedesign.gradient.facet_edges import SOFTNESS
-from dicedesign.gradient.inscribed_circles import circle_radii, soft_circle_radii
+from dicedesign.gradient.inscribed_circles import SOFTNESS, circle_radii, soft_circle_radii
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.solvers.candidate import BARRIER_DEPTH, barrier_residuals

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 import dicedesign as dd
-from dicedesign.gradient.prior_odds import OddsUnderPrior
+from dicedesign.gradient.odds_model import OddsUnderPrior
 from dicedesign.runtime.arrays import Floats
 
 RNG = np.random.default_rng(5)

@@ -14,8 +14,7 @@ from common.kernels import compiled_only, without_kernels
 from torch import Tensor
 
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
-from dicedesign.gradient.differentiable_rest import differentiable_rest
-from dicedesign.gradient.rest_batch import differentiable_rest_batch
+from dicedesign.gradient.differentiable_rest import differentiable_rest, differentiable_rest_batch
 from dicedesign.kernels import ops
 from tests.reference import solids
 

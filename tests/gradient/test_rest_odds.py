@@ -13,7 +13,7 @@ from dicedesign import rest_poses
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.solid import solid_properties
-from dicedesign.gradient import rest_formulas
+from dicedesign.gradient import rest_odds
 from dicedesign.gradient.differentiable_rest import differentiable_rest
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.gradient.solid_moments import hull_centroid
@@ -270,12 +270,12 @@ def test_ties_of_a_symmetric_body_are_decided_as_in_the_forward_model(sides: int
 
 @without_kernels()
 def test_basins_that_do_not_close_are_an_error(monkeypatch) -> None:
-    original = rest_formulas.border_areas
+    original = rest_odds.border_areas
 
     def torn(*arguments):
         return original(*arguments) * (1.0 + 1e-6)
 
-    monkeypatch.setattr(rest_formulas, "border_areas", torn)
+    monkeypatch.setattr(rest_odds, "border_areas", torn)
     text = "body: expected basins that cover the sphere once, got a difference of "
     vertices = leaf(CUBE)
     with pytest.raises(DegenerateBodyError, match=text):

@@ -12,10 +12,10 @@ from common.kernels import compiled_only, without_kernels
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.kernels import ops as kernels
+from dicedesign.kernels.ops import Tie
 from dicedesign.rest import morse, tracing
 from dicedesign.rest.basins import basin_areas, find_basins, tie_distance
-from dicedesign.rest.center_clearance import surroundings
-from dicedesign.rest.equilibria import Equilibria, Tie, classify
+from dicedesign.rest.equilibria import Equilibria, classify, surroundings
 from dicedesign.rest.morse import Separatrices, separatrices
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats

@@ -10,8 +10,8 @@ import pytest
 from check_outputs import check
 from common.paths import ROOT
 
+from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.meshes.stl import stl_bytes
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.run import run

@@ -13,8 +13,7 @@ import torch
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.rest_odds import evaluate_rests
-from dicedesign.gradient.table_sensitivity import TableSensitivity
-from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.gradient.thrown_odds import TableSensitivity, ThrownOdds
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.refinement.rounds import Round

@@ -13,11 +13,10 @@ from common.rational_flow import Balanced, RationalFlow
 
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.kernels.ops import Tie
 from dicedesign.rest import equilibria as equilibria_module
 from dicedesign.rest import tracing as tracing_module
-from dicedesign.rest.center_clearance import surroundings
-from dicedesign.rest.equilibria import Equilibria, Tie, classify
-from dicedesign.rest.exact import ExactSigns
+from dicedesign.rest.equilibria import Equilibria, ExactSigns, classify, surroundings
 from dicedesign.rest.morse import separatrices
 from dicedesign.rest.tracing import destined_facets, slide
 from dicedesign.runtime.arrays import Floats

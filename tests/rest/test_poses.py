@@ -13,8 +13,9 @@ from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.sphere import angle_between
+from dicedesign.kernels.ops import Tie
 from dicedesign.report.figures.gauss_map import basin_of_directions
-from dicedesign.rest.equilibria import Tie, classify
+from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import roll_steps
 from dicedesign.rest.tracing import destined_facets

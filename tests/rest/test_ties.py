@@ -13,11 +13,10 @@ from scipy.spatial.transform import Rotation
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.rest import equilibria as equilibria_module
 from dicedesign.rest import tracing as tracing_module
-from dicedesign.rest.equilibria import classify
-from dicedesign.rest.exact import ExactSigns
+from dicedesign.rest.basins import MOST_FLAGS, aside_directions
+from dicedesign.rest.equilibria import ExactSigns, classify
 from dicedesign.rest.morse import separatrices
 from dicedesign.rest.poses import TIED, RestPoses, rest_poses
-from dicedesign.rest.ties import MOST_FLAGS, aside_directions
 
 HALVES = [
     [[3, 1, 3], [3, -2, -3], [2, 2, 0], [1, 2, 2], [1, -2, -1], [0, 3, 1]],

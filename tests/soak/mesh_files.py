@@ -7,7 +7,7 @@ from typing import Final, cast
 
 import numpy as np
 
-from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["BROKEN", "mesh_file"]

@@ -15,7 +15,7 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.manifold import mesh_of, solid
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats

@@ -17,7 +17,7 @@ from dicedesign.concave.hollow.reach import reach
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.meshes.stl import parsed_stl, stl_bytes
+from dicedesign.geometry.meshes.formats import parsed_stl, stl_bytes
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 

@@ -25,8 +25,7 @@ from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.orientation import shells_of
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.sphere import even_directions, norms
-from dicedesign.geometry.surfaces.depth_grid import depth_grid
-from dicedesign.geometry.surfaces.distances import distances_from_surface
+from dicedesign.geometry.surfaces.distances import depth_grid, distances_from_surface
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Booleans, Floats
 

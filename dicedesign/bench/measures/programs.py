@@ -22,7 +22,7 @@ from dicedesign.batch.file_batches import FEWEST_TASKS_PER_JOB
 from dicedesign.bench.measures.processes import in_new_process
 from dicedesign.bench.rows import Row, column, hidden, percent
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.meshes.formats import stl_bytes
 from tests.reference.sampled import random_directions
 
 __all__ = [

@@ -43,7 +43,7 @@ def _repair(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.fabricate.file_formats import format_of_ending, mesh_bytes
     from dicedesign.geometry.meshes.reading import read_body
-    from dicedesign.geometry.repair.input_surface import FINEST, input_surface
+    from dicedesign.geometry.repair.repair import FINEST, input_surface
     from dicedesign.report.figures.repair import repair_figure
     from dicedesign.report.render.cameras import upward_of
 

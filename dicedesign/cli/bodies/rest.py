@@ -112,9 +112,9 @@ def _rest(options: argparse.Namespace) -> int:
 
 def _under_prior(options: argparse.Namespace, poses: RestPoses) -> RestPoses:
     """The rests with the odds that `--prior` asks for."""
+    from dicedesign.rest.axial_priors import VonMisesFisher
     from dicedesign.rest.prior import read_prior
-    from dicedesign.rest.priors.samples import SampledDirections
-    from dicedesign.rest.priors.von_mises_fisher import VonMisesFisher
+    from dicedesign.rest.sampled_directions import SampledDirections
 
     if options.table is not None:
         raise InputError(

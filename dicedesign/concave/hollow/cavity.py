@@ -15,10 +15,10 @@ from manifold3d import Manifold, OpType
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.manifold import mesh_of, solid
-from dicedesign.geometry.repair.surface_nets import surface_nets, without_double_cuts
+from dicedesign.geometry.repair.grid_surface import surface_nets, without_double_cuts
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.surfaces.depth_grid import DepthGrid, depth_grid
+from dicedesign.geometry.surfaces.distances import DepthGrid, depth_grid
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 

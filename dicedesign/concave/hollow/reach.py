@@ -9,7 +9,7 @@ import numpy as np
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import even_directions
-from dicedesign.geometry.surfaces.depth_grid import depth_grid
+from dicedesign.geometry.surfaces.distances import depth_grid
 from dicedesign.geometry.surfaces.surface import Surface
 
 __all__ = ["reach"]

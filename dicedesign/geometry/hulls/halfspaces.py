@@ -10,8 +10,6 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import as_numbers
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["deepest_point", "polyhedron_corners"]
-
 
 def polyhedron_corners(normals: ArrayLike, offsets: ArrayLike) -> NDArray[np.float64]:
     """Corners of the intersection of half-spaces `normals[i] . x <= offsets[i]`.

@@ -16,16 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.integers import IntegerPoints
 from dicedesign.geometry.meshes.body import as_numbers
+from dicedesign.geometry.predicates import IntegerPoints
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32, ROUNDING, SLIVER
-
-__all__ = ["ConvexHull", "convex_hull", "hull_precision"]
 
 FLOAT32_EPS: Final = float(np.finfo(np.float32).eps)
 

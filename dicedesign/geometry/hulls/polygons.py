@@ -13,8 +13,6 @@ from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import rotation_between
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["facet_inradius", "inscribed_box", "inscribed_circle", "signed_area"]
-
 MOST_TRIPLED: Final = 24
 """Constraints up to which all triples of them are tried."""
 

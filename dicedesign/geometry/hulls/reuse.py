@@ -19,8 +19,6 @@ from dicedesign.tolerances import (
     REUSE_TURN,
 )
 
-__all__ = ["HullMaker", "HullMemory", "same_connectivity"]
-
 HullMaker = Callable[[Floats], ConvexHull]
 """`convex_hull`, or `HullMemory.hull`, which finds the same hulls."""
 

@@ -14,8 +14,6 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ROUNDED_DIGITS, SMALLEST_EXTENT
 
-__all__ = ["Body", "as_numbers", "body_of", "is_rounded", "make_body", "repeated_positions", "weld"]
-
 _POWERS_OF_TEN: Final = np.array([float(f"1e{k}") for k in range(23)])
 """Those that are float64 numbers, so that a quotient by them is the nearest to the decimal."""
 

@@ -14,8 +14,6 @@ from dicedesign.geometry.solid import solid_properties
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import VOLUME_TOLERANCE
 
-__all__ = ["resolve_center_of_mass", "solid_triangles"]
-
 
 def resolve_center_of_mass(
     body: Body,

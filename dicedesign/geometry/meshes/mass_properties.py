@@ -11,8 +11,6 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["MassProperties", "summed"]
-
 
 @dataclass(frozen=True, eq=False)
 class MassProperties:

@@ -18,15 +18,6 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 from dicedesign.tolerances import VOLUME_TOLERANCE
 
-__all__ = [
-    "closed_triangles",
-    "consistent_winding",
-    "distinct_triangles",
-    "oriented_shells",
-    "outward_patches",
-    "shells_of",
-]
-
 _CLEAR: Final = 0.25
 """A winding number that is nearer than this to an integer is that integer; for a point on a flat
 part of the surface it is a half."""

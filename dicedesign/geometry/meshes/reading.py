@@ -15,14 +15,16 @@ import numpy as np
 
 from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
 from dicedesign.geometry.meshes.body import Body, is_rounded, make_body
-from dicedesign.geometry.meshes.formats import mesh_endings
-from dicedesign.geometry.meshes.stl import parsed_stl
-from dicedesign.geometry.meshes.text_formats import EXPORT_AGAIN, TEXT_READERS, Geometry
+from dicedesign.geometry.meshes.formats import (
+    EXPORT_AGAIN,
+    TEXT_READERS,
+    Geometry,
+    mesh_endings,
+    parsed_stl,
+)
 from dicedesign.geometry.meshes.voxels import VOXEL_ENDINGS, parsed_voxels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.files import read_file
-
-__all__ = ["quiet_trimesh", "read_body"]
 
 OWN_READERS: Final[dict[str, Callable[[bytes, Path], Geometry]]] = {
     **TEXT_READERS,

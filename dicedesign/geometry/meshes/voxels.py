@@ -16,8 +16,6 @@ from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.meshes.mass_properties import summed
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["VOXEL_ENDINGS", "parsed_voxels", "voxel_body"]
-
 VOXEL_ENDINGS: Final = frozenset({".npy", ".npz"})
 
 SOURCE: Final = "densities of its cells"

@@ -19,7 +19,6 @@ from dicedesign.runtime.checks import is_finite_number
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-__all__ = ["weighted_body"]
 
 SOURCE: Final = "densities of its parts"
 

@@ -7,8 +7,10 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.orientation import closed_triangles, distinct_triangles, shells_of
+from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.surfaces.surface import Surface, surface_of
 from dicedesign.geometry.triangles import (
@@ -19,8 +21,6 @@ from dicedesign.geometry.triangles import (
 )
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import VOLUME_TOLERANCE
-
-__all__ = ["make_surface", "one_shell"]
 
 REPAIR: Final = (
     "write start: {mesh: {path: FILE, repair: true}} (dicedesign design: --repair), or repair the "
@@ -162,3 +162,31 @@ def _check_intersections(points: Floats, triangles: Integers, name: str) -> None
 
 def _place(point: Floats) -> str:
     return "(" + ", ".join(f"{x:.4g}" for x in point) + ")"
+
+
+CONVEX: Final = 1e-3
+"""Part of its hull's volume that a convex surface leaves empty at most."""
+
+ROUND: Final = 0.95
+"""A hull is nearly a sphere when its facets are as far from the center of mass as this part of the
+distance of its farthest corner: then it rests on nothing in particular."""
+
+
+def require_dents(surface: Surface) -> None:
+    """Raise InputError for a surface of which no concave die is made: one that is nearly convex, or
+    whose hull is nearly a sphere."""
+    hull = convex_hull(surface.points)
+    heights = ((hull.vertices[hull.tail] - surface.centroid) * hull.normals[hull.facet]).sum(axis=1)
+    radius = float(norms(hull.vertices - surface.centroid).max())
+    roundness = float(heights.min()) / radius
+    if roundness >= ROUND:
+        raise InputError(
+            f"start: expected a surface that rests on some sides rather than others, got nearly a "
+            f"sphere, whose hull is at least {roundness:.3g} of its radius away from its center of "
+            "mass: no fair die is near; take another model"
+        )
+    if surface.volume >= (1.0 - CONVEX) * Surface(hull.vertices, hull.triangles).volume:
+        raise InputError(
+            "start: expected a surface with dents for method concave, got a convex one; take "
+            "method: {exact: {}}, which makes convex dice"
+        )

@@ -18,8 +18,6 @@ from dicedesign.geometry.triangles import doubled_area_vectors, edge_neighbors
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
 from dicedesign.tolerances import SHARP_TURN, SLIVER_ANGLE
 
-__all__ = ["Distortion", "SurfaceQuality", "surface_distortion", "surface_quality"]
-
 LISTED: Final = 20
 """Triangles and places that the plain data name, at most; their number is always there."""
 

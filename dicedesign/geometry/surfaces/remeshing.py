@@ -12,8 +12,6 @@ from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["decimated", "refined", "thinned"]
-
 FEWEST: Final = 4
 """Points of the smallest closed surface, a tetrahedron."""
 

@@ -1,17 +1,14 @@
-"""Places where a triangle surface meets itself."""
+"""Places where a triangle surface meets itself: boxes that overlap, then what a plane clearly
+parts, then signs without rounding."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from dicedesign.geometry.predicates import Orientation
-from dicedesign.geometry.surfaces.box_tree import overlapping_boxes
-from dicedesign.geometry.surfaces.separating_planes import close_pairs
 from dicedesign.geometry.triangles import connected_parts
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
-from dicedesign.tolerances import FLAT_FOLD
-
-__all__ = ["intersecting_triangles", "intersection_groups"]
+from dicedesign.tolerances import FLAT_FOLD, ROUNDING, UNDERFLOW
 
 
 def intersecting_triangles(points: Floats, triangles: Integers) -> Integers:
@@ -188,3 +185,118 @@ def _overlap(
             beyond |= (sides == 0) & beyond[:, ::-1]
         apart |= beyond.all(axis=0).any(axis=0)
     return ~apart
+
+
+def overlapping_boxes(lower: Floats, upper: Floats) -> Integers:
+    """Pairs of boxes along the axes of coordinates that have a point in common.
+
+    The boxes are halved at the median of their middles along the longest axis, again and again,
+    into a complete binary tree; its nodes are met with each other level by level. Boxes of a
+    triangle surface take O(n log n) time, whatever their sizes.
+
+    lower, upper: (n, 3) the corners, lower <= upper. Returns (m, 2) pairs i < j, in order.
+    """
+    order, levels = _tree(lower, upper)
+    first = second = np.zeros(1, dtype=np.int64)
+    for low, high in levels[1:]:
+        apart = first != second
+        first, second = (
+            np.concatenate(
+                (2 * first, 2 * first + 1, 2 * first, 2 * first[apart] + 1),
+            ),
+            np.concatenate(
+                (2 * second, 2 * second + 1, 2 * second + 1, 2 * second[apart]),
+            ),
+        )
+        for axis in range(3):
+            meet = (low[first, axis] <= high[second, axis]) & (
+                low[second, axis] <= high[first, axis]
+            )
+            first, second = first[meet], second[meet]
+    first, second = first[first != second], second[first != second]
+    pairs = np.sort(np.stack((order[first], order[second]), axis=1), axis=1)
+    return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+
+
+def _tree(lower: Floats, upper: Floats) -> tuple[Integers, list[tuple[Floats, Floats]]]:
+    """The box at each leaf, and the corners of the nodes' boxes at each level from the root.
+
+    Leaves beyond the number of boxes are empty: their box overlaps none.
+    """
+    count = len(lower)
+    size = 1 << max(count - 1, 0).bit_length()
+    low = np.full((size, 3), np.inf)
+    high = np.full((size, 3), -np.inf)
+    low[:count], high[:count] = lower, upper
+    middles = np.full((size, 3), np.inf)
+    middles[:count] = lower + 0.5 * (upper - lower)
+    order = np.arange(size)
+    nodes = 1
+    while nodes < size:
+        inside = order.reshape(nodes, -1)
+        extent = high[inside].max(axis=1) - low[inside].min(axis=1)
+        keys = middles[inside, extent.argmax(axis=1)[:, None]]
+        order = np.take_along_axis(inside, keys.argsort(axis=1, kind="stable"), axis=1).ravel()
+        nodes *= 2
+    levels = [(low[order], high[order])]
+    while len(levels[0][0]) > 1:
+        below, above = levels[0]
+        levels.insert(0, (np.minimum(below[::2], below[1::2]), np.maximum(above[::2], above[1::2])))
+    return order, levels
+
+
+def close_pairs(first: Floats, second: Floats, common: int) -> Integers:
+    """The pairs of triangles of which rounding lets no plane say that they are apart.
+
+    Triangles are apart when all corners of one lie strictly above all of the other, or, where they
+    share their first corner, above that corner and the others of the other below it.
+
+    first, second: (m, 3, 3) corners of triangles with area; common: 1 if they share their first
+    corners, 0 if they share none. Returns indices of pairs, rising.
+    """
+    close = np.arange(len(first))
+    for part in range(8 if common == 0 else 1):
+        one, other = first[close], second[close]
+        axis = _between_nearest_edges(one, other) if common else _upright(one, other, part)
+        close = close[~_apart(axis, one, other, common)]
+    return close
+
+
+def _upright(first: Floats, second: Floats, part: int) -> Floats:
+    """(m, 3) the normal of the first or the second triangles, for part 0 or 1, or the direction in
+    the plane of one of them that is normal to one of its edges, for parts 2 to 7."""
+    corners = (first, second)[part % 2]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    if part < 2:
+        return normal
+    edge = part // 2 - 1
+    return np.cross(normal, corners[:, edge] - corners[:, edge - 1])
+
+
+def _between_nearest_edges(first: Floats, second: Floats) -> Floats:
+    """(m, 3) the difference of the directions of those two edges at the common corner, one of each
+    triangle, that are nearest to each other."""
+    one, other = (_directions(corners) for corners in (first, second))
+    nearest = (one[:, :, None] * other[:, None]).sum(axis=3).reshape(-1, 4).argmax(axis=1)
+    rows = np.arange(len(one))
+    return other[rows, nearest % 2] - one[rows, nearest // 2]
+
+
+def _directions(corners: Floats) -> Floats:
+    """(m, 2, 3) unit vectors from the first corner to the others."""
+    edges = corners[:, 1:] - corners[:, :1]
+    return edges / np.linalg.norm(edges, axis=2, keepdims=True)
+
+
+def _apart(axis: Floats, first: Floats, second: Floats, common: int) -> Booleans:
+    """True (m,) where the heights of corners along an axis part them beyond rounding."""
+    origin = first[:, :1]
+    one, other = ((corners - origin)[:, common:] * axis[:, None] for corners in (first, second))
+    size = np.maximum(np.abs(one).sum(axis=2).max(axis=1), np.abs(other).sum(axis=2).max(axis=1))
+    error = ROUNDING * size + UNDERFLOW
+    one, other = one.sum(axis=2), other.sum(axis=2)
+    if common:
+        return (one.max(axis=1) < -error) & (other.min(axis=1) > error)
+    return (other.min(axis=1) - one.max(axis=1) > 2 * error) | (
+        one.min(axis=1) - other.max(axis=1) > 2 * error
+    )

@@ -10,8 +10,6 @@ import numpy as np
 from dicedesign.geometry.solid import centroid_derivatives, solid_properties
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["Surface", "joined", "surface_of"]
-
 
 @dataclass(frozen=True, eq=False)
 class Surface:

@@ -7,7 +7,7 @@ namespace dicedesign {
 
 // The number and the height of the lowest facet above a point, the largest difference of a
 // coordinate from the vertices' mean, the largest coordinate of vertices and point, and the largest
-// extent; see dicedesign/rest/center_clearance.py.
+// extent; see dicedesign/rest/equilibria.py.
 struct Surroundings {
     Index facet;
     double height, offset, far, extent;

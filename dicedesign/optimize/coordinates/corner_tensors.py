@@ -9,8 +9,7 @@ import torch
 from torch import Tensor
 
 from dicedesign.errors import InputError
-from dicedesign.gradient.body_function import BodyFunction, seen
-from dicedesign.gradient.tensors import double_tensor
+from dicedesign.gradient.body_function import BodyFunction, double_tensor, seen
 from dicedesign.optimize.coordinates.shape import Shape
 from dicedesign.runtime.arrays import Floats, Integers
 

@@ -70,7 +70,7 @@ class PinnedCoordinates:
         """See `Coordinates`; raises as `shape`, and InputError if these are no parameters."""
         import torch
 
-        from dicedesign.gradient.tensors import double_tensor
+        from dicedesign.gradient.body_function import double_tensor
 
         given = double_tensor(parameters, "parameters", len(self.free))
         moved = torch.from_numpy(self.whole).index_copy(0, torch.from_numpy(self.free), given)

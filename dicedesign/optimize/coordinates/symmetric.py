@@ -105,7 +105,7 @@ class SymmetricCoordinates:
         """See `Coordinates`; raises as `shape`, and InputError if these are no parameters."""
         import torch
 
-        from dicedesign.gradient.tensors import double_tensor
+        from dicedesign.gradient.body_function import double_tensor
 
         given = double_tensor(parameters, "parameters", self.expansion.shape[1])
         whole = torch.from_numpy(self.expansion) @ given

@@ -56,7 +56,7 @@ class VertexCoordinates:
         """See `Coordinates`. Raises InputError if these are no parameters."""
         import torch
 
-        from dicedesign.gradient.tensors import double_tensor
+        from dicedesign.gradient.body_function import double_tensor
 
         given = double_tensor(parameters, "parameters", "3 n")
         if len(given) % 3 != 0:

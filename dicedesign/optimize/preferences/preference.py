@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from dicedesign.gradient.odds_model import OddsModel
     from dicedesign.gradient.rest_odds import RestEvaluation
-    from dicedesign.gradient.table_sensitivity import TableSensitivity
+    from dicedesign.gradient.thrown_odds import TableSensitivity
     from dicedesign.runtime.arrays import Integers
 
 __all__ = ["PREFERENCES", "BearingFacets", "Preference", "Preferences", "preference_residuals"]

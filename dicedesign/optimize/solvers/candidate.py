@@ -12,11 +12,11 @@ from torch import Tensor
 
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.reuse import HullMemory
-from dicedesign.gradient.facet_edges import SOFTNESS, FacetEdges
+from dicedesign.gradient.inscribed_circles import SOFTNESS, FacetEdges
 from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.kernels.ops import Tie
 from dicedesign.optimize.coordinates.shape import Coordinates, Shape
-from dicedesign.rest.equilibria import Tie
 from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["BARRIER_DEPTH", "Candidate", "CandidateMaker", "barrier_residuals"]

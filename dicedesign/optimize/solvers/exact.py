@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterable
 from typing import Final
 
 from dicedesign.errors import InputError
-from dicedesign.gradient.prior_odds import OddsUnderPrior
-from dicedesign.gradient.table_sensitivity import TableSensitivity
+from dicedesign.gradient.odds_model import OddsUnderPrior
+from dicedesign.gradient.thrown_odds import TableSensitivity
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.solvers.candidate import Candidate

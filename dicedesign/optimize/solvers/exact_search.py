@@ -11,8 +11,8 @@ from typing import Final
 from dicedesign.errors import DegenerateBodyError, DiceError, NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.inscribed_circles import circle_radii
-from dicedesign.gradient.prior_odds import OddsUnderPrior
-from dicedesign.gradient.table_sensitivity import TableSensitivity
+from dicedesign.gradient.odds_model import OddsUnderPrior
+from dicedesign.gradient.thrown_odds import TableSensitivity
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.coordinates.pinned import PinnedCoordinates
 from dicedesign.optimize.coordinates.shape import Coordinates

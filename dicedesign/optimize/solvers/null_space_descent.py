@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from dicedesign.gradient.inscribed_circles import circle_radii
-from dicedesign.gradient.table_sensitivity import TableSensitivity
+from dicedesign.gradient.thrown_odds import TableSensitivity
 from dicedesign.optimize.preferences.nearness import nearness_pull
 from dicedesign.optimize.preferences.preference import (
     BearingFacets,

@@ -13,8 +13,7 @@ import numpy as np
 from dicedesign.errors import NoStartError, named
 from dicedesign.fabricate.designed_die import DesignedDie
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.gradient.table_sensitivity import TableSensitivity
-from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.gradient.thrown_odds import TableSensitivity, ThrownOdds
 from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
 from dicedesign.optimize.options import MOST_ROUNDS, ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences

@@ -126,7 +126,7 @@ def _measure(
     to be thrown the odds that the plain shape has by the momentum model."""
     from dicedesign.fabricate.compensation.convex_object import measure_resting, measure_thrown
     from dicedesign.geometry.surfaces.surface import Surface
-    from dicedesign.gradient.prior_odds import OddsUnderPrior
+    from dicedesign.gradient.odds_model import OddsUnderPrior
 
     given = work.solid.center_of_mass
     if given is not None or not work.recipe.method.thrown:
@@ -210,7 +210,7 @@ def _finish(
     from dicedesign.fabricate.finished_die import EngravedFile
     from dicedesign.fabricate.verdict import judged
     from dicedesign.geometry.hulls.hull import convex_hull
-    from dicedesign.geometry.meshes.stl import stl_bytes
+    from dicedesign.geometry.meshes.formats import stl_bytes
     from dicedesign.geometry.surfaces.surface import joined
 
     if center is not None:

@@ -11,7 +11,7 @@ __all__ = ["export"]
 def export(work: Work) -> None:
     """Bring the die to its size, clean a surface for printing, and make die_plain.stl."""
     from dicedesign.fabricate.designed_die import sized
-    from dicedesign.geometry.meshes.stl import stl_bytes
+    from dicedesign.geometry.meshes.formats import stl_bytes
 
     work.solid = sized(work.die, work.recipe.size_mm)
     work.notes += work.solid.changes

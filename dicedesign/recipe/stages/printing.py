@@ -21,7 +21,7 @@ def prepare_print(work: Work) -> None:
     """Judge the file that is printed, and make die_oriented.stl where it is wanted."""
     from dicedesign.fabricate.printability import PrintedDie, printability
     from dicedesign.geometry.hulls.hull import convex_hull
-    from dicedesign.geometry.meshes.stl import stl_bytes
+    from dicedesign.geometry.meshes.formats import stl_bytes
     from dicedesign.rest.poses import rest_poses
 
     options, engraving, made = work.recipe.print, work.recipe.engrave, work.engraved
@@ -86,7 +86,7 @@ def _shape(work: Work) -> Surface | None:
 def _printed(work: Work) -> Body:
     """The file that is printed, read back."""
     from dicedesign.geometry.meshes.body import make_body
-    from dicedesign.geometry.meshes.stl import parsed_stl
+    from dicedesign.geometry.meshes.formats import parsed_stl
 
     if work.engraved is None:
         return work.plain.body

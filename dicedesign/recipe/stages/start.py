@@ -47,8 +47,8 @@ STAGES.register(
 
 
 def _make_surface(work: Work) -> None:
-    from dicedesign.geometry.repair.input_surface import FINEST, MOST_POINTS
-    from dicedesign.geometry.surfaces.dents import require_dents
+    from dicedesign.geometry.repair.repair import FINEST, MOST_POINTS
+    from dicedesign.geometry.surfaces.closed_surface import require_dents
     from dicedesign.geometry.surfaces.remeshing import decimated, refined
 
     start, method = work.recipe.start, work.recipe.method.concave

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.view.bodies.opened import Source, Tell
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.page.job import Job

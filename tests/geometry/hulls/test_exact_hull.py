@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.hulls import exact_hull
+from dicedesign.geometry.hulls import numpy_hull
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.qhull import hull_triangles
 from dicedesign.geometry.predicates import Orientation
@@ -176,7 +176,7 @@ def test_a_wrong_proposal_is_repaired(
 ) -> None:
     points = np.random.default_rng(5).normal(size=(60, 3))
     expected = convex_hull(points)
-    monkeypatch.setattr(exact_hull, "hull_triangles", proposal)
+    monkeypatch.setattr(numpy_hull, "hull_triangles", proposal)
     found = convex_hull(points, 0.0)
     np.testing.assert_array_equal(found.source, expected.source)
     np.testing.assert_array_equal(found.tail, expected.tail)
@@ -195,5 +195,5 @@ def test_a_surface_that_surrounds_its_inside_twice_is_no_hull() -> None:
         upper = np.column_stack([corner, following, np.full(5, 5)])
         lower = np.column_stack([following, corner, np.full(5, 6)])
         triangles, inside = np.concatenate([upper, lower]), np.arange(7, 11)
-        assert len(exact_hull._faulty(sides, triangles, inside)) == 0
-        assert exact_hull._covers_once(sides, points, triangles, inside) == once
+        assert len(numpy_hull._faulty(sides, triangles, inside)) == 0
+        assert numpy_hull._covers_once(sides, points, triangles, inside) == once

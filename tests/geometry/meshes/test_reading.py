@@ -15,9 +15,8 @@ import trimesh
 from common.paths import ROOT, public_data
 
 from dicedesign.errors import DegenerateBodyError, MeshFileError
-from dicedesign.geometry.meshes.formats import OWN_ENDINGS
+from dicedesign.geometry.meshes.formats import OWN_ENDINGS, parsed_stl
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.meshes.stl import parsed_stl
 from dicedesign.geometry.solid import is_closed, solid_properties
 
 CUBE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.meshes.formats import stl_bytes
 
 
 def load(data: bytes) -> trimesh.Trimesh:

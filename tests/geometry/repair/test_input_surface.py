@@ -9,7 +9,7 @@ from common.bumpy import bumpy_sphere, pushed_through
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.repair.input_surface import input_surface
+from dicedesign.geometry.repair.repair import input_surface
 from dicedesign.geometry.surfaces.surface import Surface
 
 

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from scipy.ndimage import gaussian_filter, label
 
-from dicedesign.geometry.repair.surface_nets import surface_nets, without_double_cuts
+from dicedesign.geometry.repair.grid_surface import surface_nets, without_double_cuts
 from dicedesign.runtime.arrays import Floats, Integers
 
 

@@ -11,8 +11,7 @@ from common.paths import public_data
 from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.surfaces.closed_surface import make_surface
-from dicedesign.geometry.surfaces.dents import require_dents
+from dicedesign.geometry.surfaces.closed_surface import make_surface, require_dents
 from dicedesign.geometry.surfaces.surface import Surface
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from common.dented_cube import dented_cube
 
-from dicedesign.geometry.surfaces.depth_grid import depth_grid
+from dicedesign.geometry.surfaces.distances import depth_grid
 from dicedesign.geometry.triangles import winding_number
 from tests.reference.gear import gear
 

@@ -11,8 +11,10 @@ import trimesh
 from common.exact_vectors import Vector, cross, dot, minus
 from scipy.spatial.transform import Rotation
 
-from dicedesign.geometry.surfaces.box_tree import overlapping_boxes
-from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
+from dicedesign.geometry.surfaces.self_intersections import (
+    intersecting_triangles,
+    overlapping_boxes,
+)
 
 
 def clipped(polygon: list[Vector], origin: Vector, normal: Vector) -> list[Vector]:

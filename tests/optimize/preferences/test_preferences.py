@@ -12,10 +12,9 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import unit_vectors
-from dicedesign.gradient.facet_edges import SOFTNESS
+from dicedesign.gradient.inscribed_circles import SOFTNESS
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.gradient.table_sensitivity import USUAL_SWING, TableSensitivity
-from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.gradient.thrown_odds import USUAL_SWING, TableSensitivity, ThrownOdds
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.preferences.areas import USUAL_RATIO
 from dicedesign.optimize.preferences.asymmetry import USUAL_INEQUALITY

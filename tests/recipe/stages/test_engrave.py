@@ -13,7 +13,7 @@ from dicedesign.errors import EngravingError
 from dicedesign.fabricate.label_art import text_section
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.manifold import solid
-from dicedesign.geometry.meshes.stl import parsed_stl
+from dicedesign.geometry.meshes.formats import parsed_stl
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
 from dicedesign.results.status import Status

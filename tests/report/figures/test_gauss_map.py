@@ -13,7 +13,7 @@ from dicedesign.report.charts.palette import BASINS, LOW_TO_HIGH
 from dicedesign.report.charts.text_places import place_texts
 from dicedesign.report.figures.gauss_map import basin_of_directions, gauss_map_figure
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.rest.priors.samples import SampledDirections
+from dicedesign.rest.sampled_directions import SampledDirections
 
 PIXELS = 300
 CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)

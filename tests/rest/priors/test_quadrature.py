@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dicedesign.geometry.sphere import signed_solid_angle
-from dicedesign.rest.priors.quadrature import COARSE, NODES, WEIGHTS, integrals, triangle_integrals
+from dicedesign.rest.quadrature import COARSE, NODES, WEIGHTS, integrals, triangle_integrals
 
 
 def test_the_rules_are_exact_for_as_many_powers_as_they_should() -> None:

@@ -173,7 +173,7 @@ def _written(name: str, folder: Path) -> Path:
     """The file of a model that the package makes."""
     from benchmarks.random_models import random_model
     from dicedesign.concave.shapes import SHAPES
-    from dicedesign.geometry.meshes.stl import stl_bytes
+    from dicedesign.geometry.meshes.formats import stl_bytes
 
     surface = SHAPES[name]() if name in SHAPES else random_model(name)
     path = folder / f"{name}.stl"

@@ -96,7 +96,7 @@ def _made(options: MeshOptions, task: Task) -> Start:
 
 def _surface(options: MeshOptions, points: int) -> StartSurface:
     from dicedesign.geometry.meshes.reading import read_body
-    from dicedesign.geometry.repair.input_surface import input_surface
+    from dicedesign.geometry.repair.repair import input_surface
 
     return StartSurface(
         *input_surface(read_body(Path(options.path)), points, repair=options.repair)

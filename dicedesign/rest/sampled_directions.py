@@ -11,14 +11,12 @@ from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
 from dicedesign.rest.basins import Basins
-from dicedesign.rest.prior import PRIORS, Prior, PriorKind, PriorOdds
+from dicedesign.rest.prior import Prior, PriorKind, PriorOdds
 from dicedesign.rest.tracing import destined_facets, slide
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.files import read_text
 from dicedesign.runtime.intervals import exact_intervals
 from dicedesign.tolerances import ROUNDING
-
-__all__ = ["SampledDirections", "unit_directions"]
 
 CONFIDENCE: Final = 0.95
 """Of the intervals of the odds behind the samples."""
@@ -133,12 +131,9 @@ def _destinations(basins: Basins, directions: Floats) -> Integers:
     return destined_facets(equilibria, touched)[place]
 
 
-PRIORS.register(
-    PriorKind(
-        name="samples",
-        line="the directions of a CSV file, three numbers a line, each as likely as any other",
-        rank=4,
-        form="samples:FILE.csv",
-        read=_read,
-    )
+SAMPLES = PriorKind(
+    name="samples",
+    line="the directions of a CSV file, three numbers a line, each as likely as any other",
+    form="samples:FILE.csv",
+    read=_read,
 )

@@ -19,8 +19,6 @@ import numpy as np
 from dicedesign.geometry.sphere import norms
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["integrals", "triangle_integrals"]
-
 _POSITIVE: Final = np.array(
     [
         0.991455371120812639206854697526329,

@@ -1,4 +1,4 @@
-"""A density that is given as a function."""
+"""A density of directions that is given as a function."""
 
 from __future__ import annotations
 
@@ -15,10 +15,8 @@ from dicedesign.rest.basins import Basins
 from dicedesign.rest.border_arcs import Arcs, Borders
 from dicedesign.rest.morse import basin_references, signed_areas, wraps
 from dicedesign.rest.prior import DensityPrior, PriorOdds
-from dicedesign.rest.priors.quadrature import integrals, triangle_integrals
+from dicedesign.rest.quadrature import integrals, triangle_integrals
 from dicedesign.runtime.arrays import Floats, Integers
-
-__all__ = ["DensityFunction"]
 
 TOLERANCE: Final = 1e-13
 """Of all integrals together, over that of the sphere; rough densities end with a larger error,
