@@ -22,23 +22,23 @@ from dicedesign.runtime.text import printable
 __all__ = ["main"]
 
 COMMANDS: Final = {
-    "run": "dice.run",
-    "design": "dice.design",
-    "search": "dice.search",
-    "rest": "bodies.rest",
-    "drop": "bodies.drop",
-    "pose": "bodies.pose",
-    "scatter": "bodies.scatter",
-    "figure": "bodies.figure",
-    "repair": "bodies.repair",
-    "balance": "bodies.balance",
-    "throw": "tables.throw",
-    "rolls": "tables.rolls",
-    "table": "tables.table",
-    "view": "view",
-    "bench": "bench",
+    "run": "dice.run:add_parser",
+    "design": "dice.design:add_parser",
+    "search": "dice.search:add_parser",
+    "rest": "rest:add_rest_parser",
+    "drop": "rest:add_drop_parser",
+    "pose": "meshes:add_pose_parser",
+    "scatter": "meshes:add_scatter_parser",
+    "figure": "meshes:add_figure_parser",
+    "repair": "meshes:add_repair_parser",
+    "balance": "bodies.balance:add_parser",
+    "throw": "tables.throw:add_parser",
+    "rolls": "tables.rolls:add_parser",
+    "table": "tables.table:add_parser",
+    "view": "view:add_parser",
+    "bench": "bench:add_parser",
 }
-"""The file of this folder that has the parser of a command, and what it does."""
+"""Module in this folder and function that adds the parser of each subcommand."""
 
 DEBUG: Final = "--debug"
 
@@ -152,7 +152,8 @@ def _parser(command: str | None) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name in (command,) if command in COMMANDS else COMMANDS:
         # Imported here, so that an interrupt during the import ends as plainly as any other.
-        import_module(f"dicedesign.cli.{COMMANDS[name]}").add_parser(commands)
+        module, _, add_parser = COMMANDS[name].partition(":")
+        getattr(import_module(f"dicedesign.cli.{module}"), add_parser)(commands)
     return parser
 
 

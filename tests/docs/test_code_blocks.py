@@ -89,7 +89,8 @@ def test_a_command_is_understood(line: str) -> None:
         name, *given = given
         add_options(parser, BENCHES[name])
     else:
-        import_module(f"dicedesign.cli.{COMMANDS[command]}").add_parser(parser.add_subparsers())
+        module, _, add_parser = COMMANDS[command].partition(":")
+        getattr(import_module(f"dicedesign.cli.{module}"), add_parser)(parser.add_subparsers())
         given = [command, *given]
     parser.parse_args(given)
     for word in shlex.split(line):

@@ -14,7 +14,7 @@ for _name in (
     "torch",
     "trimesh",
     "manifold3d",
-    "dicedesign.cli.bodies.rest",
+    "dicedesign.cli.rest",
     "dicedesign.cli.tables.rolls",
     "dicedesign.cli.dice.run",
     "dicedesign.fabricate.engraving",

@@ -10,8 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from dicedesign.cli.bodies.body import read_poses
-from dicedesign.cli.options import percent_interval, print_json
+from dicedesign.cli.options import percent_interval, print_json, read_poses
 from dicedesign.errors import InputError
 from dicedesign.runtime.text import printable, text_table
 

@@ -11,15 +11,16 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from dicedesign.cli.bodies.body import center_of_mass, read_poses
 from dicedesign.cli.options import (
     add_engine_option,
     add_worker_options,
+    center_of_mass,
     check_worker_options,
     direction,
     numbers,
     percent_interval,
     print_json,
+    read_poses,
     workers_of,
 )
 from dicedesign.errors import InputError, named
