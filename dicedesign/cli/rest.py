@@ -126,9 +126,9 @@ def _run_rest(options: argparse.Namespace) -> int:
 
 def _under_prior(options: argparse.Namespace, poses: RestPoses) -> RestPoses:
     """The rests with the odds that `--prior` asks for."""
+    from dicedesign.rest.axial_priors import VonMisesFisher
     from dicedesign.rest.prior import read_prior
     from dicedesign.rest.sampled_directions import SampledDirections
-    from dicedesign.rest.axial_priors import VonMisesFisher
 
     if options.table is not None:
         raise InputError(
