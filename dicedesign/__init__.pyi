@@ -100,11 +100,11 @@ from dicedesign.rest.prior import PriorKind as PriorKind
 from dicedesign.rest.roll import RollStep as RollStep
 from dicedesign.rest.roll import roll as roll
 from dicedesign.rest.sampled_directions import SampledDirections as SampledDirections
-from dicedesign.results.reading import read_result as read_result
-from dicedesign.results.record import FacetOfDie as FacetOfDie
-from dicedesign.results.record import Result as Result
-from dicedesign.results.record import Step as Step
-from dicedesign.results.status import Status as Status
+from dicedesign.results.folder import read_result as read_result
+from dicedesign.results.parts import Status as Status
+from dicedesign.results.result import FacetOfDie as FacetOfDie
+from dicedesign.results.result import Result as Result
+from dicedesign.results.result import Step as Step
 from dicedesign.runtime.registry import Extension as Extension
 from dicedesign.throws.engines.engine import ENGINES as ENGINES
 from dicedesign.throws.engines.engine import Engine as Engine

@@ -29,12 +29,13 @@ def row(result: dict) -> str:
     facets = [facet for facet in result["facets"] if facet["label"] is not None]
     seconds = {stage["name"]: stage["seconds"] for stage in result["stages"]}
     # Unknown for a given center of mass; not there without engraving.
-    engraved, balance = result.get("engraved_max_abs_error"), result.get("balance")
+    printed = result.get("engraved", {})
+    engraved, balance = printed.get("max_abs_error"), printed.get("balance")
     cells = [
         f"`{result['name']}`",
         str(len(result["labels"])),
         f"{len(facets)} + {len(result['facets']) - len(facets)}",
-        f"{result['design_max_abs_error']:.1e}",
+        f"{result['design']['max_abs_error']:.1e}",
         f"{result['max_abs_error']:.1e}",
         f"{balance['errors'][0]:.1e}" if balance is not None else "unknown",
         f"{engraved:.1e}" if engraved is not None else "unknown",
@@ -47,16 +48,17 @@ def row(result: dict) -> str:
 
 def concave_row(result: dict) -> str:
     """One line of the table of concave dice."""
-    hull, engraved = result["hull"], result.get("engraved_max_abs_error")
+    concave, engraved = result["concave"], result.get("engraved", {}).get("max_abs_error")
+    hull = concave["hull"]
     cells = [
         f"`{result['name']}`",
         str(len(result["labels"])),
         f"{result['max_abs_error']:.1e}",
         f"{result['elsewhere']:.1e}",
-        f"{100.0 * result['displacement']['mean']:.1f}",
+        f"{100.0 * concave['displacement']['mean']:.1f}",
         "–" if engraved is None else f"{engraved:.1e}",
         f"{hull['vertices_after']} of {hull['vertices_before']}",
-        f"{result['search_seconds']:.1f}",
+        f"{result['search']['seconds']:.1f}",
         f"{sum(stage['seconds'] for stage in result['stages']):.1f}",
     ]
     return "| " + " | ".join(cells) + " |"

@@ -23,7 +23,7 @@ from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 

@@ -13,7 +13,7 @@ from dicedesign.concave.options import ConcaveOptions
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.results.trade_off import Draft
+from dicedesign.results.parts import Draft
 from dicedesign.runtime.arrays import Floats
 
 OnEnergy: TypeAlias = Callable[[float], None]

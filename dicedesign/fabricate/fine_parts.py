@@ -16,7 +16,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.geometry.triangles import doubled_area_vectors
-from dicedesign.results.printability import ThinParts
+from dicedesign.results.parts import ThinParts
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:

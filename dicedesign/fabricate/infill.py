@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from dicedesign.fabricate.die import Assessment
 from dicedesign.fabricate.print_tolerances import NOTICED, ROLLS
-from dicedesign.fabricate.verdict import Verdict
 from dicedesign.geometry.hulls.halfspaces import deepest_point, polyhedron_corners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.sphere import norms
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import analyse
-from dicedesign.results.print_odds import InfillOdds
+from dicedesign.results.parts import InfillOdds
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.statistics.chi_square_power import LEVEL, chances_noticed
 
@@ -103,7 +103,7 @@ of next to nothing is."""
 
 
 def infill_odds(
-    verdict: Verdict,
+    verdict: Assessment,
     directions: Floats,
     volume: float,
     inside: Inside,

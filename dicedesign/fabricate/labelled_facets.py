@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.designed_die import SizedDie
+from dicedesign.fabricate.die import Solid
 from dicedesign.fabricate.finish_options import EdgeOptions, EngravingOptions, core_scale
 from dicedesign.runtime.arrays import Integers
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["core_of", "place_on_facets", "require_rests"]
 
 
-def core_of(solid: SizedDie, edges: EdgeOptions | None) -> ConvexHull:
+def core_of(solid: Solid, edges: EdgeOptions | None) -> ConvexHull:
     """The shape inside the rounded edges of a convex die, its facets numbered as those of the die.
 
     Raises EngravingError where the radius is larger than the circle of a facet to rest on.
@@ -44,7 +44,7 @@ def core_of(solid: SizedDie, edges: EdgeOptions | None) -> ConvexHull:
 
 
 def place_on_facets(
-    solid: SizedDie, hull: ConvexHull, labels: Sequence[str], options: EngravingOptions
+    solid: Solid, hull: ConvexHull, labels: Sequence[str], options: EngravingOptions
 ) -> tuple[Reading, list[Placement]]:
     """How a die is read, and where its labels lie on the facets of its hull, or of its core
     (`core_of`), in the order of the places of that reading.

@@ -19,7 +19,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.sphere import norms, rotation_between
 from dicedesign.geometry.triangles import doubled_area_vectors
-from dicedesign.results.printability import PrintPose
+from dicedesign.results.parts import PrintPose
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
 ON_BED: Final = 1e-3

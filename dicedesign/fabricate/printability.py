@@ -25,13 +25,7 @@ from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import connected_parts, doubled_area_vectors, edge_neighbors
-from dicedesign.results.printability import (
-    FileCheck,
-    Printability,
-    PrintedLabel,
-    SmallestFacet,
-    ThinParts,
-)
+from dicedesign.results.parts import FileCheck, Printability, PrintedLabel, SmallestFacet, ThinParts
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["DesignResult", "DesignStep"]

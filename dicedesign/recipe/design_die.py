@@ -16,10 +16,10 @@ from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.run import finish
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.recipe.schema.recipe import NAME, Recipe
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 
 if TYPE_CHECKING:
-    from dicedesign.results.record import Result, Step
+    from dicedesign.results.result import Result, Step
     from dicedesign.runtime.arrays import Floats, Integers
 
 __all__ = ["Die", "design", "design_recipe"]

@@ -15,7 +15,7 @@ from dicedesign.recipe.schema.reading import checked_recipe, read_recipe, recipe
 from dicedesign.recipe.schema.recipe import Recipe
 
 if TYPE_CHECKING:
-    from dicedesign.results.record import Result
+    from dicedesign.results.result import Result
 
 __all__ = ["finish", "run"]
 

@@ -124,7 +124,7 @@ def _of_recipe(
 
 def _finished(folder: Path, recipe: Recipe) -> Lain:
     """The die of a run's folder."""
-    from dicedesign.results.reading import read_result
+    from dicedesign.results.folder import read_result
 
     result = read_result(folder)
     body = read_body(folder / PLAIN)

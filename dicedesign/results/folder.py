@@ -1,32 +1,28 @@
-"""The folder of results that a run leaves."""
+"""The folder of results that a run leaves, written and read back."""
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from dicedesign.errors import OutputError
-from dicedesign.results.record import RESULT, Result
+import numpy as np
+
+from dicedesign.errors import InputError, OutputError
+from dicedesign.results.result import RESULT, Result
 from dicedesign.runtime.files import (
     atomic_write,
     interrupts_held,
     locked_folder,
     make_writable_folder,
+    read_file,
     remove_partial_files,
 )
-
-__all__ = [
-    "CHECKPOINT",
-    "DATA_SHEETS",
-    "PAGE",
-    "RECIPE",
-    "folder_of_results",
-    "write_results",
-]
+from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
 
 CHECKPOINT: Final = "checkpoint.npz"
 """State of a search that can be resumed; gone once the search is finished."""
@@ -111,3 +107,47 @@ def _remove(folder: Path, names: Iterable[str]) -> None:
             f"{folder}: expected old results that can be removed, but {error.strerror}; choose "
             "another folder with --out"
         ) from error
+
+
+def read_result(folder: Path | str) -> Result:
+    """The result in a folder that a run left.
+
+    Raises InputError: no run left that folder, or its result.json is damaged.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    path = Path(folder) / RESULT
+    try:
+        result = TypeAdapter(Result).validate_json(read_file(path, "a result"))
+        _check(result)
+        result = dataclasses.replace(result, folder=Path(folder))
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, ValidationError):
+            first = error.errors()[0]
+            key = ".".join(str(part) for part in first["loc"]) or "the file"
+            is_old = first["type"] == "missing" and key == "design"
+            reason = "the layout of an older version" if is_old else f"{key}: {first['msg']}"
+        else:
+            reason = getattr(error.__cause__, "strerror", None) or str(error)
+        raise InputError(
+            f"{path}: expected the result of a finished run, got {reason}; name a folder that "
+            "`dicedesign run` left, or run its recipe.yaml again"
+        ) from error
+    return result
+
+
+def _check(result: Result) -> None:
+    """Raise ValueError where labels, odds and facets do not fit together."""
+    labels, target = result.labels, np.array(result.target)
+    if len(set(labels)) < len(labels) or len(target) != len(labels):
+        raise ValueError("labels that are not all different, or not as many as the target's odds")
+    if not (target > 0.0).all() or abs(target.sum() - 1.0) > PROBABILITY_SUM_TOLERANCE:
+        raise ValueError("a target whose odds are not positive or do not sum to 1")
+    lengths = {len(result.center_of_mass), *(len(facet.normal) for facet in result.facets)}
+    vectors = np.concatenate([result.center_of_mass, *(facet.normal for facet in result.facets)])
+    if lengths != {3} or not np.isfinite(vectors).all():
+        raise ValueError("vectors that are not three finite numbers")
+    if not {label for label, _ in result.shown} <= set(labels):
+        raise ValueError("facets with labels that the die has not")
+    if "die_plain" not in result.files:
+        raise ValueError("no file of the die")

@@ -11,10 +11,11 @@ import secrets
 import signal
 import stat
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from dicedesign.errors import InputError, OutputError
 
@@ -96,10 +97,27 @@ def read_text(path: Path, kind: str, *, error: type[InputError] = InputError) ->
         raise error(f"{path}: expected {kind} in UTF-8, but {fault}; save it as such") from fault
 
 
-def json_text(plain: object) -> str:
+def json_text(data: object) -> str:
     """Plain data as JSON for people, with a line feed at its end. Raises ValueError: a number is
     not finite."""
-    return json.dumps(plain, indent=1, allow_nan=False) + "\n"
+    return json.dumps(data, indent=1, allow_nan=False) + "\n"
+
+
+def plain(value: object) -> Any:
+    """Dataclasses, within mappings and sequences too, as plain data for `json_text`: a key for each
+    field, but for optional ones (of default None) that are None."""
+    if is_dataclass(value) and not isinstance(value, type):
+        pairs = [(field, getattr(value, field.name)) for field in fields(value)]
+        return {
+            field.name: plain(each)
+            for field, each in pairs
+            if each is not None or field.default is not None
+        }
+    if isinstance(value, Mapping):
+        return {key: plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(each) for each in value]
+    return value
 
 
 def atomic_write(path: Path, data: bytes) -> None:

@@ -48,7 +48,7 @@ def run_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
         result = {
             "status": die.status if is_usable else NO_DIE.lower(),
             "message": die.message,
-            "max_abs_error": die.design_max_abs_error,
+            "max_abs_error": die.design.max_abs_error,
             "inradius_mm": min(facet.inradius_mm for facet in shown) if is_complete else None,
             "margin_deg": min(facet.border_deg for facet in shown) if is_complete else None,
             "asymmetry": die.asymmetry,

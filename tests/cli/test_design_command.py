@@ -139,7 +139,7 @@ def test_a_target_out_of_reach_is_told(
     assert "; this is the best of 3 starting shapes; an outcome of 1e-06 is hard to" in printed
     summary = check(folder)
     assert summary["status"] == "no_start"
-    assert summary["starts"] == 3
+    assert summary["design"]["starts"] == 3
     poses = rest_poses(read_body(folder / "die_plain.stl"))
     assert max(poses.probabilities) == pytest.approx(max(summary["probabilities"]), abs=1e-5)
 
@@ -172,7 +172,7 @@ def test_a_die_that_must_be_large_or_is_changed_by_its_labels_is_told(
     )
     assert main(["design", "--target", ".99,.01", "--out", str(tmp_path)]) == 0
     summary = json.loads((tmp_path / "result.json").read_text())
-    change = abs(summary["engraved_probabilities"][1] / 0.01 - 1.0)
+    change = abs(summary["engraved"]["probabilities"][1] / 0.01 - 1.0)
     told = f"note: engraving changes the odds of 2 by {change:.0%}; take a smaller depth_mm"
     assert (told in capsys.readouterr().err) == (change > 0.05)
 

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from dicedesign.fabricate.finished_die import EngravedFile, FinishedDie
-from dicedesign.fabricate.verdict import judged
+from dicedesign.fabricate.die import FinishedDie, Solid, assess_file
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.optimize.targets import Target
-from dicedesign.results.record import Result, StageTime, Step
+from dicedesign.results.result import Designed, Result, StageTime, Step
 
 LABELS = ("1", "2", "3", "4", "5", "<6>")
 
@@ -25,7 +24,7 @@ def finished_box(**changes: Any) -> FinishedDie:
     hull = convex_hull(np.array(corners, dtype=np.float64))
     directions = np.concatenate([np.eye(3), -np.eye(3)])
     target = Target(LABELS, np.full(6, 1.0 / 6.0))
-    verdict = judged(stl_bytes(hull.vertices, hull.triangles), directions, target)
+    verdict = assess_file(stl_bytes(hull.vertices, hull.triangles), directions, target)
     result = Result(
         name="a < box",
         status="off_target",
@@ -38,15 +37,22 @@ def finished_box(**changes: Any) -> FinishedDie:
         rest_counts=(1,) * 6,
         least_angle_deg=90.0,
         least_margin_deg=45.0,
-        design_max_abs_error=0.1,
         asymmetry=0.1,
         history=HISTORY,
-        energy={"dice": 1e-9, "smoothness & size": 0.25},
+        design=Designed(0.1, {"dice": 1e-9, "smoothness & size": 0.25}),
         stages=(StageTime("start", 0.5, 301.2), StageTime("design", 2.25, None)),
         peak_since="stage",
         files={"die_plain": "die_plain.stl"},
-        **verdict.odds(),
+        **verdict.as_fields(),
     )
-    engraved = EngravedFile(hull.vertices, hull.triangles, verdict, ())
+    engraved = Solid(
+        points=hull.vertices,
+        triangles=hull.triangles,
+        poses=verdict.poses,
+        outcomes=verdict.outcomes,
+        center_of_mass=None,
+        hull_points=hull.vertices,
+        assessment=verdict,
+    )
     upward = np.array([0.0, 0.0, 1.0])
     return FinishedDie(replace(result, **changes), verdict, engraved, 1e-6, upward)

@@ -8,7 +8,7 @@ from typing import Any
 
 import trimesh
 
-from dicedesign.results.record import RESULT, FacetOfDie, Result
+from dicedesign.results.result import RESULT, Designed, FacetOfDie, Result
 
 EXTENTS = (1.0, 1.2, 1.5)
 
@@ -41,7 +41,6 @@ def finished_result(
         probabilities=tuple(target),
         elsewhere=0.0,
         max_abs_error=0.0,
-        design_max_abs_error=0.0,
         center_of_mass=tuple(center),
         facets=tuple(
             FacetOfDie(label, label, tuple(normal), 0.1, 100.0, 5.0, 20.0, 20.0)
@@ -53,6 +52,7 @@ def finished_result(
         least_margin_deg=20.0,
         asymmetry=0.0,
         history=(),
+        design=Designed(0.0),
         files={"die_plain": "die_plain.stl"},
     )
 

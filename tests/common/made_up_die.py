@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.fabricate.die import Design
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
 SIDES = np.concatenate([np.eye(3), -np.eye(3)])
@@ -45,7 +45,7 @@ def designed(
         target = {"probabilities": (odds / odds.sum()).tolist()}
     recipe = checked_recipe({"name": "die", "target": target, "engrave": False, **(entries or {})})
     work = Work(recipe)
-    work.die = DesignedDie(status, hull, directions, known.pop("error", 0.0), (), **known)
+    work.die = Design(status, hull, directions, known.pop("error", 0.0), (), **known)
     return work
 
 

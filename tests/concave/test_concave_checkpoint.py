@@ -10,7 +10,7 @@ import pytest
 from dicedesign.concave.result import ConcaveProgress, ConcaveStep, FilledHull
 from dicedesign.concave.search import checkpoint_bytes, read_checkpoint
 from dicedesign.errors import InputError
-from dicedesign.results.trade_off import Draft
+from dicedesign.results.parts import Draft
 
 SEARCH = {"target": "[0.5, 0.5]", "surface": "abc"}
 

@@ -35,7 +35,7 @@ from dicedesign.optimize.starts.start import STARTS
 from dicedesign.recipe.schema.entries import StartRecipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.rest.prior import PRIORS
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.folder_registry import FolderRegistry
 from dicedesign.runtime.registry import Registry
 from dicedesign.throws.hand import HANDS

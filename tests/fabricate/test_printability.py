@@ -19,7 +19,7 @@ from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.formats import parsed_stl
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
-from dicedesign.results.printability import Printability
+from dicedesign.results.parts import Printability
 
 
 def printed(
@@ -50,8 +50,8 @@ SIDE = 30.0 / np.sqrt(3.0)
 def test_one_number_alone_has_the_whole_side_under_it() -> None:
     work = printed(box(1.0, 1.0, 1.0), SIDES, engrave={"depth_mm": 0.75, "balance": "none"})
     assert work.engraved is not None
-    assert work.engraved.verdict is not None
-    hull = work.engraved.verdict.poses.hull
+    assert work.engraved.assessment is not None
+    hull = work.engraved.assessment.poses.hull
     (wall,) = walls_under(work.engraved.placements[:1], 0.75, hull)
     assert wall == pytest.approx(SIDE - 0.75, rel=1e-6)
 
@@ -192,7 +192,7 @@ def test_a_die_with_a_given_center_of_mass_is_judged_too() -> None:
     )
     plan(work, after="check", last="printing")
     assert work.engraved is not None
-    assert work.engraved.verdict is None
+    assert work.engraved.assessment is None
     assert found(work).file.is_solid
 
 
@@ -224,10 +224,10 @@ def test_raised_labels_have_no_walls_and_wider_strokes(cube: Work) -> None:
     from dicedesign.fabricate.printability import PrintedDie, printability
 
     assert cube.engraved is not None
-    assert cube.engraved.verdict is not None
+    assert cube.engraved.assessment is not None
     placements = cube.engraved.placements
     die = PrintedDie(
-        body=cube.engraved.verdict.body,
+        body=cube.engraved.assessment.body,
         poses=cube.plain.poses,
         designed=convex_hull(cube.solid.hull_points),
         shape=None,

@@ -20,7 +20,7 @@ from dicedesign.geometry.solid import solid_properties
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.run import run
 from dicedesign.recipe.schema.reading import read_recipe
-from dicedesign.results.record import Result
+from dicedesign.results.result import Result
 
 LAYER = PRINTERS["fdm"].layer_mm
 

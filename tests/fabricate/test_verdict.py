@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dicedesign.fabricate.verdict import Verdict, judged
+from dicedesign.fabricate.die import Assessment, assess_file
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.optimize.targets import Target, fair
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from tests.reference import solids
 
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
@@ -25,10 +25,10 @@ def roofed(degrees: float) -> np.ndarray:
     return np.concatenate([raised, [[0.0, -10.0, -10.0], [0.0, 10.0, -10.0]]])
 
 
-def verdict_on(corners: np.ndarray, directions: np.ndarray, target: np.ndarray) -> Verdict:
+def verdict_on(corners: np.ndarray, directions: np.ndarray, target: np.ndarray) -> Assessment:
     hull = convex_hull(corners)
     wanted = Target(tuple("abcdefghijkl"[: len(target)]), target)
-    return judged(stl_bytes(hull.vertices, hull.triangles), directions, wanted)
+    return assess_file(stl_bytes(hull.vertices, hull.triangles), directions, wanted)
 
 
 def test_a_cube_is_a_fair_die_in_its_file() -> None:
@@ -130,6 +130,6 @@ def test_rests_of_no_outcome_are_elsewhere() -> None:
 def test_a_given_center_of_mass() -> None:
     hull = convex_hull(CUBE)
     data = stl_bytes(hull.vertices, hull.triangles)
-    low = judged(data, AXES, fair(6), np.array([0.0, 0.0, -8.0]))
+    low = assess_file(data, AXES, fair(6), np.array([0.0, 0.0, -8.0]))
     assert low.outcomes.odds[5] > 0.3
     assert low.poses.center_of_mass_source == "given"

@@ -16,7 +16,7 @@ from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.throws.momentum.momentum_odds import thrown_odds
 
 POINTS = np.random.default_rng(5).normal(size=(9, 3))

@@ -16,7 +16,7 @@ from dicedesign.recipe.methods.convex import designed_die, wanted_odds
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 
 ODDS = {"a": 0.22, "b": 0.24, "c": 0.26, "d": 0.28}
 ORDER = "cabd"

@@ -29,8 +29,8 @@ from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.planning.work import Listeners
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.results.reading import read_result
-from dicedesign.results.record import Result
+from dicedesign.results.folder import read_result
+from dicedesign.results.result import Result
 
 PICTURES = (
     "rests",
@@ -111,11 +111,13 @@ def test_a_recipe_becomes_a_checked_die(
     ]  # fmt: skip
     assert set(summary["files"]) == {"die", "die_plain", "recipe", "report", "result", *PICTURES}
     # The dents went from 0.1 to 0.13 in 6 of 14 points, where the side is 2.
-    assert summary["displacement"]["largest"] == pytest.approx(0.03 / np.sqrt(12.0))
-    assert summary["displacement"]["mean"] == pytest.approx(6 / 14 * 0.03 / np.sqrt(12.0))
-    assert summary["hull"]["gap"] < 1e-6
+    assert summary["concave"]["displacement"]["largest"] == pytest.approx(0.03 / np.sqrt(12.0))
+    assert summary["concave"]["displacement"]["mean"] == pytest.approx(
+        6 / 14 * 0.03 / np.sqrt(12.0)
+    )
+    assert summary["concave"]["hull"]["gap"] < 1e-6
     assert summary["rest_counts"] == [1] * 6
-    assert 0.0 < summary["engraved_max_abs_error"] < 0.002
+    assert 0.0 < summary["engraved"]["max_abs_error"] < 0.002
     assert summary["message"].endswith(" with the labels cut in")
     assert read_recipe(result.folder / "recipe.yaml") == recipe
     page = (result.folder / "report.html").read_text()
@@ -146,7 +148,7 @@ def test_the_verdict_is_that_of_the_file(
     # The hull was to be a cube; its corners are (1, 1, 1) from the middle, now (1, 1.1, 1.25).
     assert "the surface does not fill the designed hull" in result.message
     outside = 0.25 / (2.0 * np.sqrt(1.0 + 1.1**2 + 1.25**2))
-    assert summary["hull"]["gap"] >= outside - 1e-6
+    assert summary["concave"]["hull"]["gap"] >= outside - 1e-6
     assert "this is the best of 3 attempts" in result.message
 
 
@@ -173,10 +175,12 @@ def test_a_search_that_leads_nowhere_leaves_the_surface_as_it_came(
     assert result.status == "unchanged"
     assert "method.concave.tolerance" not in result.message
     summary = check(result.folder)
-    assert summary["attempts"] == 3
-    assert "attempt" not in summary
-    assert summary["displacement"] == {"mean": 0.0, "largest": 0.0}
-    assert summary["probabilities"] == pytest.approx(summary["probabilities_before"], abs=1e-7)
+    assert summary["search"]["attempts"] == 3
+    assert summary["search"].get("attempt") is None
+    assert summary["concave"]["displacement"] == {"mean": 0.0, "largest": 0.0}
+    assert summary["probabilities"] == pytest.approx(
+        summary["concave"]["probabilities_before"], abs=1e-7
+    )
     count = len(summary["labels"])
     assert summary["rest_counts"] == [1] * min(count, 6) + [0] * (count - 6)
     assert summary["elsewhere"] == pytest.approx(max(6 - count, 0) / 6, abs=1e-6)
@@ -196,8 +200,8 @@ def test_a_surface_that_meets_itself_did_not_converge(
     search.change = push
     result = run(recipe_path, tmp_path / "out")
     assert result.status == "self_intersecting"
-    assert result.file_self_intersections > 0
-    assert any("meets itself" in sentence for sentence in result.quality)
+    assert result.concave.self_intersections > 0
+    assert any("meets itself" in sentence for sentence in result.concave.quality)
     assert any("meets itself" in note for note in result.notes)
 
 
@@ -221,7 +225,7 @@ def test_a_die_that_is_off_in_many_ways_is_written_with_all_that_can_be_told(
     changes = ["engrave=true", "print={printer: fdm, oriented: true}"]
     result = run(recipe_path, tmp_path / "out", *changes)
     assert result.status == "off_target"
-    assert result.file_self_intersections > 0
+    assert result.concave.self_intersections > 0
     assert read_result(result.folder).message == result.message
     assert {"die_plain", "die_oriented", "report", "result"} <= set(result.files)
     assert set(PICTURES) - {"reading"} <= set(result.files)
@@ -277,7 +281,7 @@ def test_files_of_a_former_run_that_do_not_belong_are_removed(
         (folder / name).write_bytes(b"of an earlier run")
     result = run(recipe_path, folder)
     assert names(folder) == sorted(["mine", *result.files.values()])
-    assert "engraved_probabilities" not in summary_of(result)
+    assert "engraved" not in summary_of(result)
     assert "engrave" not in [stage.name for stage in result.stages]
 
 
@@ -357,7 +361,7 @@ def test_a_search_that_was_done_is_finished_at_once(
     result = run(recipe_path, folder, *changes, resume=True)
     assert result.converged
     assert search.attempted == [1, 2]
-    assert result.attempts == result.attempt == 2
+    assert result.search.attempts == result.search.attempt == 2
     check(folder)
 
 
@@ -614,8 +618,8 @@ def test_a_knot_becomes_a_loaded_die_killed_or_not(tmp_path: Path, quick: None) 
     whole, parts, steps = tmp_path / "whole", tmp_path / "parts", []
     result = pipeline.run(path, whole, listeners=Listeners(on_step=steps.append))
     assert result.converged, result.message
-    assert result.attempts == 5
-    assert result.displacement.mean < 0.05
+    assert result.search.attempts == 5
+    assert result.concave.displacement.mean < 0.05
     assert {step.stage for step in steps} == {"hull", "fill"}
     check(whole)
     command = ["run", str(path), "--no-figures", "--out", str(parts)]

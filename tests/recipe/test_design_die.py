@@ -13,7 +13,7 @@ from dicedesign import rest_poses
 from dicedesign.errors import InputError, LabelRoomError
 from dicedesign.optimize.targets import Target
 from dicedesign.recipe.design_die import Die, design
-from dicedesign.results.record import Step
+from dicedesign.results.result import Step
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def test_engraved_saved_and_read_back(coin: Die, tmp_path: Path) -> None:
     assert plain.engrave(depth_mm=0.6) is plain
     assert plain.is_engraved
     assert len(plain.vertices) > corners
-    assert 0.0 < plain.result.engraved_max_abs_error < 5e-3
+    assert 0.0 < plain.result.engraved.max_abs_error < 5e-3
     volumes = []
     for ending in ("stl", "obj", "3mf"):
         path = tmp_path / f"die.{ending}"
@@ -137,19 +137,19 @@ def test_edges_stay_rounded_under_labels(tmp_path: Path) -> None:
     die = design({"fair": 5}, edges={"radius_mm": 1.5}, printing="sla")
     assert not die.is_engraved
     rounded = die.result
-    assert rounded.engraved_max_abs_error < 1e-6
-    assert rounded.reading is None
+    assert rounded.engraved.max_abs_error < 1e-6
+    assert rounded.engraved.reading is None
     assert rounded.printability.printer == "sla"
     assert rounded.printability.labels == ()
     die.engrave(depth_mm=0.5)
     engraved = die.result
     assert (die.is_engraved, die.converged) == (True, True)
     assert die.recipe.edges.radius_mm == 1.5
-    assert engraved.engraved_max_abs_error < 1e-6
+    assert engraved.engraved.max_abs_error < 1e-6
     assert len(engraved.printability.labels) >= 5
     assert engraved.printability.weight_g < rounded.printability.weight_g
     assert engraved.tolerances.rolls > 0
-    assert "label" in engraved.reading
+    assert "label" in engraved.engraved.reading
     die.save(tmp_path / "die.stl")
     odds = np.sort(rest_poses(trimesh.load_mesh(tmp_path / "die.stl")).probabilities)[-5:]
     np.testing.assert_allclose(odds, 0.2, atol=1e-5)
@@ -162,4 +162,4 @@ def test_files_of_rounded_dice_keep_their_strips(seed: int) -> None:
     odds = np.random.default_rng(seed).dirichlet(np.full(4 + seed, 12.0)) + 0.02
     die = design(odds / odds.sum(), edges={"radius_mm": 1.0})
     assert die.converged
-    assert die.result.engraved_max_abs_error < 1e-6
+    assert die.result.engraved.max_abs_error < 1e-6

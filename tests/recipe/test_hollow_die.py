@@ -34,7 +34,7 @@ def test_a_hollow_die_has_the_odds_by_its_own_center_of_mass(tmp_path: Path) -> 
         "report": False,
     }
     result = run(checked_recipe(recipe), tmp_path)
-    assert result.cavities is not None
+    assert result.concave.cavities is not None
     for name in ("die_plain.stl", "die.stl"):
         body = read_body(tmp_path / name)
         assert body.triangles is not None
@@ -48,7 +48,7 @@ def test_a_hollow_die_has_the_odds_by_its_own_center_of_mass(tmp_path: Path) -> 
     shell = shells_of(body.triangles)
     outer, inner = (Surface(body.points, body.triangles[shell == k]) for k in range(2))
     assert outer.volume > 0.0 > inner.volume
-    np.testing.assert_allclose(-inner.volume, result.cavities.volume_mm3, rtol=1e-9)
+    np.testing.assert_allclose(-inner.volume, result.concave.cavities.volume_mm3, rtol=1e-9)
     # Without the cavity the odds would be others.
     centroid = solid_properties(outer.points, outer.triangles)[1]
     assert np.linalg.norm(centroid - rest_poses(body).center_of_mass) > 0.1

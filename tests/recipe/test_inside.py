@@ -13,7 +13,7 @@ from dicedesign.errors import InputError, RecipeError
 from dicedesign.recipe.run import run
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.reading import read_result
+from dicedesign.results.folder import read_result
 
 
 def recipe(inside: Any, **entries: Any) -> dict[str, Any]:
@@ -49,8 +49,8 @@ def test_a_cavity_below_labels(tmp_path: Path, edges: Any) -> None:
     assert result.inside is not None
     assert result.inside.wall_mm is not None
     assert result.inside.wall_mm >= 1.5 * (1.0 - 1e-4)
-    assert result.engraved_max_abs_error is not None
-    assert result.engraved_max_abs_error <= 1e-6
+    assert result.engraved.max_abs_error is not None
+    assert result.engraved.max_abs_error <= 1e-6
     assert read_result(tmp_path).inside == result.inside
 
 
@@ -62,7 +62,7 @@ def test_a_cavity_of_a_die_under_a_prior(tmp_path: Path) -> None:
     found = rest_poses(corners, mesh.center_mass).under(prior).probabilities
     np.testing.assert_allclose(found[:5], 0.2, atol=1e-6)
     assert result.converged
-    assert result.engraved_max_abs_error == pytest.approx(np.abs(found[:5] - 0.2).max(), abs=1e-7)
+    assert result.engraved.max_abs_error == pytest.approx(np.abs(found[:5] - 0.2).max(), abs=1e-7)
 
 
 def test_weights_below_labels(tmp_path: Path) -> None:

@@ -22,9 +22,9 @@ from dicedesign.recipe.planning.work import Listeners
 from dicedesign.recipe.run import run
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.results.reading import read_result
-from dicedesign.results.record import Result
-from dicedesign.results.status import Status
+from dicedesign.results.folder import read_result
+from dicedesign.results.parts import Status
+from dicedesign.results.result import Result
 
 STONE = np.random.default_rng(3).normal(size=(14, 3)) * 20.0 + [100.0, -30.0, 7.0]
 """Corners of a body with more than four rests, in coordinates of its own."""
@@ -63,7 +63,7 @@ def test_a_recipe_becomes_a_checked_die(repository: Path, tmp_path: Path) -> Non
     assert first.seconds < last.seconds
     assert first.max_abs_error > last.max_abs_error
     assert len(result.facets) == 11
-    assert result.engraved_max_abs_error < 0.01
+    assert result.engraved.max_abs_error < 0.01
 
 
 @pytest.mark.parametrize("name", ["paper/fair_d3", "fair_d7"])
@@ -103,7 +103,7 @@ def test_what_is_not_asked_for_is_not_done(repository: Path, tmp_path: Path) -> 
     assert not result.converged
     for name in of_earlier_runs:
         assert not (folder / name).exists()
-    assert "engraved_probabilities" not in summary(result)
+    assert "engraved" not in summary(result)
     assert "engrave" not in [stage.name for stage in result.stages]
     check(folder)
 
@@ -117,8 +117,7 @@ def test_a_fixed_center_of_mass_stays(repository: Path, tmp_path: Path) -> None:
     assert np.allclose(result.center_of_mass, 0.0)
     # The pockets move it by what nobody knows without the density.
     assert "die.stl" in result.files.values()
-    assert "engraved_probabilities" not in summary(result)
-    assert "engraved_max_abs_error" not in summary(result)
+    assert set(summary(result)["engraved"]) == {"reading"}
 
 
 def stone_recipe(folder: Path, entries: str, stone: np.ndarray = STONE) -> Recipe:
@@ -199,7 +198,7 @@ def test_labels_that_do_not_fit_an_unfinished_die_are_a_remark(
     assert result.status == "step_limit"
     assert re.search(r"; not engraved: .*facet \d+.*size_mm = ", result.message)
     assert not (tmp_path / "die.stl").exists()
-    assert "engraved_probabilities" not in summary(result)
+    assert "engraved" not in summary(result)
     check(tmp_path)
 
 

@@ -16,7 +16,7 @@ from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.schema.reading import read_recipe, recipe_text
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 
 GOOD: dict[str, Any] = {
     "name": "test",

@@ -17,7 +17,7 @@ from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.run import run
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.throws.statistics.total_variation import total_variation
 
 RECIPES = sorted((ROOT / "recipes").rglob("*.yaml"))
@@ -86,11 +86,11 @@ def test_a_recipe_gives_its_concave_die_in_few_attempts(path: Path, tmp_path: Pa
     recipe = read_recipe(path, [f"method.concave.enough={ENOUGH}"])
     result = run(recipe, tmp_path)
     assert result.status == "converged", result.message
-    assert result.attempts <= MOST_ATTEMPTS
+    assert result.search.attempts <= MOST_ATTEMPTS
     summary = check(tmp_path)
     assert summary["max_abs_error"] <= recipe.method.tolerance
     assert summary["elsewhere"] <= recipe.method.tolerance
-    assert summary["displacement"]["mean"] <= LARGEST_DISPLACEMENT
+    assert summary["concave"]["displacement"]["mean"] <= LARGEST_DISPLACEMENT
 
 
 def obj_text(vertices: np.ndarray, triangles: np.ndarray) -> str:

@@ -17,7 +17,7 @@ from dicedesign.recipe import run as pipeline
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.recipe.stages.start import make_start
-from dicedesign.results.reading import read_result
+from dicedesign.results.folder import read_result
 
 
 def written(path: Path, surface: Surface, first: int = 0) -> dict[str, Any]:
@@ -40,7 +40,7 @@ def test_a_die_of_an_open_mesh(tmp_path: Path) -> None:
     recipe = written(tmp_path / "duck.obj", duck, 20)
     recipe["method"]["concave"]["points"] = 1200
     result = pipeline.run(checked_recipe(recipe), tmp_path / "out")
-    repair = result.repair
+    repair = result.concave.repair
     assert repair is not None
     assert (repair.pieces, repair.handles, repair.handles_before) == (1, 0, None)
     assert 0.0 < repair.off_mean < 1e-3
@@ -58,7 +58,7 @@ def test_a_good_mesh_is_left_as_it_is(tmp_path: Path) -> None:
     assert work.surface is not None
     np.testing.assert_array_equal(work.surface.points, original.points)
     assert work.repaired is None
-    assert "repair" not in work.details
+    assert work.repaired is None
     assert work.notes == ["the mesh needed no repair"]
 
 

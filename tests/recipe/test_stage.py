@@ -50,7 +50,7 @@ def test_a_stage_that_is_not_needed_is_left_out(weighing: Stage) -> None:
 
 def test_what_a_stage_found_is_in_the_result() -> None:
     work = design_recipe(checked_recipe(RECIPE))
-    work.details["grams"] = 7.5
+    work.extra["grams"] = 7.5
     result = work.result()
     assert result.extra == {"grams": 7.5}
     assert '"extra": {\n  "grams": 7.5' in result.json_text()

@@ -12,7 +12,7 @@ from dicedesign.geometry.point_groups import point_group
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 
 PAIRED = [2, 3, 4, 5, 6, 7, 8, 10, 9, 11, 12]
 """Totals of two dice in the order of the hendecahedron's facets, with half-turns of each other

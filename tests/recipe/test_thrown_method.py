@@ -24,7 +24,7 @@ from dicedesign.recipe.methods.convex import designed_die, wanted_odds
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.schema.reading import checked_recipe
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.throws.momentum.other_tables import other_tables
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation import die_on_table

@@ -105,7 +105,7 @@ def test_odds_by_the_model_alone_take_no_simulation(
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     assert "simulated" not in result["thrown"]
     np.testing.assert_allclose(result["thrown"]["momentum"], result["target"], atol=1e-6)
-    assert result["design_max_abs_error"] < 1e-11
+    assert result["design"]["max_abs_error"] < 1e-11
     assert np.abs(np.array(result["probabilities"]) - result["target"]).max() > 0.002
 
 

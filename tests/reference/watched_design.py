@@ -17,7 +17,7 @@ from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.optimize.energy.clusters import cluster
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.workers import one_tensor_thread
 from tests.reference.measurement import Measurement, measure

@@ -11,11 +11,17 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.results.reading import read_result
-from dicedesign.results.record import FacetOfDie, Result, StageTime, Step
-from dicedesign.results.status import Status
-from dicedesign.results.throws import SimulatedThrows, ThrownOdds
-from dicedesign.results.trade_off import Draft, TradeOff
+from dicedesign.results.folder import read_result
+from dicedesign.results.parts import Draft, Search, SimulatedThrows, Status, ThrownOdds, TradeOff
+from dicedesign.results.result import (
+    Balance,
+    Designed,
+    Engraved,
+    FacetOfDie,
+    Result,
+    StageTime,
+    Step,
+)
 
 
 def facet(label: str | None, outcome: str | None, normal: tuple[float, ...]) -> FacetOfDie:
@@ -31,7 +37,6 @@ RESULT = Result(
     probabilities=(0.25, 0.75),
     elsewhere=0.0,
     max_abs_error=0.0,
-    design_max_abs_error=0.0,
     center_of_mass=(0.5, 0.0, 1.0),
     facets=(
         facet("a", "a", (1.0, 0.0, 0.0)),
@@ -48,8 +53,12 @@ RESULT = Result(
         Step(0, 0.0, 1.0, 0.5, {"dice": 1.0}),
         Step(1, 0.5, 0.0, None, stage="hull", attempt=2),
     ),
+    design=Designed(0.0, starts=1),
     notes=("reversed 1 triangles",),
-    trade_off=TradeOff(0.005, 45.0, 10.0, (Draft(2, 1.5, 0.001, 0.02, 50.0, 12.0, 3),)),
+    engraved=Engraved((0.26, 0.74), 0.0, 0.01, balance=Balance("shape", (0.3, 0.7), (0.05,), 0.1)),
+    search=Search(
+        4, 2.5, 2, TradeOff(0.005, 45.0, 10.0, (Draft(2, 1.5, 0.001, 0.02, 50.0, 12.0, 3),))
+    ),
     thrown=ThrownOdds(
         {"name": "carpet", "friction": 0.2},
         (0.3, 0.7),
@@ -83,7 +92,9 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
 def test_what_is_not_known_has_no_key() -> None:
     keys = set(plain())
     assert {"name", "facets", "history", "thrown", "notes"} <= keys
-    assert not keys & {"engraved_probabilities", "displacement", "energy", "folder"}
+    assert not keys & {"concave", "inside", "infill", "folder"}
+    assert set(plain()["design"]) == {"max_abs_error", "starts"}
+    assert "stretch" not in plain()["engraved"]["balance"]
     # Of a facet "nothing" is an answer.
     assert plain()["facets"][3]["label"] is None
 
@@ -105,8 +116,9 @@ def test_a_draft_lacks_what_it_misses_by_more_than_a_file_s_rounding() -> None:
 
 def test_without_a_clock_there_are_no_times() -> None:
     result = RESULT.without_clock()
-    assert result.trade_off is not None
-    assert [draft.seconds for draft in result.trade_off.drafts] == [None]
+    assert result.search is not None
+    assert result.search.seconds is None
+    assert [draft.seconds for draft in result.search.trade_off.drafts] == [None]
     slower = replace(RESULT, stages=(StageTime("start", 9.0, None),))
     assert slower != RESULT
     assert slower.without_clock() == result
@@ -123,6 +135,13 @@ def test_what_is_missing_is_named(tmp_path: Path, missing: str) -> None:
     content = plain()
     del content[missing]
     with pytest.raises(InputError, match=f"result.json: expected .* got {missing}: .*; name a fol"):
+        read_result(written(tmp_path, content))
+
+
+def test_a_result_of_an_older_layout_is_refused(tmp_path: Path) -> None:
+    content = plain()
+    content["design_max_abs_error"] = content.pop("design")["max_abs_error"]
+    with pytest.raises(InputError, match=r"layout of an older version.* run its recipe.yaml again"):
         read_result(written(tmp_path, content))
 
 

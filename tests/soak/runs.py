@@ -16,8 +16,8 @@ from dicedesign.errors import DiceError
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.reading import read_result
-from dicedesign.results.record import RESULT, Result
+from dicedesign.results.folder import read_result
+from dicedesign.results.result import RESULT, Result
 from tests.soak.commands import (
     Case,
     Command,

@@ -155,7 +155,7 @@ def test_step_by_step(new_die: NewDie, tmp_path: Path) -> None:
     )
     assert again.converged
     np.testing.assert_allclose(
-        again.engraved_probabilities, new_die.numbers("printed", 2), atol=1e-7
+        again.engraved.probabilities, new_die.numbers("printed", 2), atol=1e-7
     )
 
 

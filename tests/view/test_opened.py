@@ -46,7 +46,7 @@ def test_a_finished_die_has_its_labels_and_odds(tmp_path: Path, engrave: bool) -
     }
     result = dd.run(recipe, out=tmp_path / "d4")
     viewed = source_of(tmp_path / "d4").load("d4", Tell())
-    odds = result.engraved_probabilities if engrave else result.probabilities
+    odds = result.engraved.probabilities if engrave else result.probabilities
     assert odds is not None
     assert [row.label for row in viewed.rows][:4] == ["one", "2", "3", "4"]
     np.testing.assert_allclose([row.odds for row in viewed.rows][:4], odds, atol=1e-9)

@@ -18,7 +18,7 @@ from dicedesign.errors import InputError
 if TYPE_CHECKING:
     from dicedesign.recipe.schema.recipe import Recipe
     from dicedesign.report.charts.paper import Paper
-    from dicedesign.results.record import Step
+    from dicedesign.results.result import Step
     from dicedesign.runtime.arrays import Floats
 
 __all__ = ["METHODS", "Extent", "Method", "MethodRow", "SeedRun", "run_method"]
@@ -241,8 +241,8 @@ def run_method(
     return SeedRun(
         converged=float(work.die.error) <= work.recipe.method.tolerance,
         error=float(work.die.error),
-        evaluations=result.evaluations or 0,
-        die_error=result.design_max_abs_error,
+        evaluations=result.design.evaluations or 0,
+        die_error=result.design.max_abs_error,
         seconds=tuple(step.seconds or 0.0 for step in result.history),
         errors=tuple(float(step.max_abs_error or 0.0) for step in result.history),
         energies=tuple(step.terms["dice"] for step in result.history),

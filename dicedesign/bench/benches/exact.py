@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dicedesign.bench.measures.designs.random_targets import Attempt
     from dicedesign.bench.measures.recipes import Work
     from dicedesign.recipe.schema.recipe import Recipe
-    from dicedesign.results.record import Result
+    from dicedesign.results.result import Result
 
 __all__ = [
     "Extent",
@@ -149,7 +149,7 @@ class RecipeRow(Row):
         return replace(
             row,
             verdict="solved" if die.converged else row.verdict,
-            error=die.design_max_abs_error,
+            error=die.design.max_abs_error,
             inradius_mm=min(facet.inradius_mm for facet in die.facets),
             border_deg=min(facet.border_deg for facet in die.facets),
         )

@@ -109,7 +109,7 @@ def _finished(work: Work, recipe: Recipe, way: str) -> FinishedRow | None:
     started = time.perf_counter()
     done = engraved(finished)
     seconds = time.perf_counter() - started
-    balance, result = finished.details.get("balance"), finished.result()
+    balance, result = finished.balance, finished.result()
     if not done or balance is None:
         return FinishedRow(recipe.name, way, "no room", None, None, None, None, None, seconds)
     return FinishedRow(
@@ -118,7 +118,7 @@ def _finished(work: Work, recipe: Recipe, way: str) -> FinishedRow | None:
         status=result.status,
         unbalanced=balance.errors[0],
         double=min(balance.errors),
-        file=result.engraved_max_abs_error,
+        file=None if result.engraved is None else result.engraved.max_abs_error,
         rounds=len(balance.errors) - 1,
         moved=balance.moved_mm,
         seconds=seconds,

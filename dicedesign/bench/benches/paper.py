@@ -279,7 +279,7 @@ def _side(name: str, method: str, recipe: Recipe) -> SideRow:
         recipe=name,
         method=method,
         status=result.status,
-        error=result.design_max_abs_error,
+        error=result.design.max_abs_error,
         circle=min(facet.inradius_mm for facet in result.facets) / recipe.size_mm,
         facet=min(
             float(work.solid.poses.areas[rest]) for rest in work.solid.outcomes.main if rest >= 0

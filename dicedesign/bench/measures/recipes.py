@@ -12,7 +12,7 @@ from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.schema.recipe import Recipe
 
 if TYPE_CHECKING:
-    from dicedesign.results.record import Result, Step
+    from dicedesign.results.result import Result, Step
     from dicedesign.throws.simulation.die_on_table import DieOnTable
 
 __all__ = ["Work", "begun", "checked", "designed", "engraved", "on_table", "with_method"]
@@ -66,7 +66,7 @@ def on_table(work: Work) -> DieOnTable:
     from dicedesign.throws.tables import table_named
 
     assert work.recipe.method.exact is not None
-    engraved = None if work.engraved is None else work.engraved.verdict
+    engraved = None if work.engraved is None else work.engraved.assessment
     body, center = (engraved or work.plain).body, work.solid.center_of_mass
     return DieOnTable.of(
         body, center, work.die.directions, table_named(work.recipe.method.exact.thrown_onto)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.print_options import PrintOptions
     from dicedesign.optimize.refinement.rounds import Round
     from dicedesign.recipe.schema.recipe import Recipe
-    from dicedesign.results.record import Result, Step
+    from dicedesign.results.result import Result, Step
 
 __all__ = ["add_result_options", "run_and_print", "with_result_options"]
 
@@ -129,8 +129,8 @@ def run_and_print(
 def _print(result: Result) -> None:
     print(f"{result.name}: {result.status} ({result.message})")
     _print_odds(result)
-    if result.displacement is not None:
-        moved = result.displacement
+    if result.concave is not None:
+        moved = result.concave.displacement
         print(
             f"displacement: mean {100.0 * moved.mean:.3g} %, largest "
             f"{100.0 * moved.largest:.3g} % of the diagonal"
@@ -139,10 +139,11 @@ def _print(result: Result) -> None:
             f"outcomes: {result.least_angle_deg:.3g} degrees apart or more, left at "
             f"{result.least_margin_deg:.3g} degrees or more"
         )
-    if result.engraved_max_abs_error is not None and result.thrown is None:
-        told = f"as printed: max |p - q| {result.engraved_max_abs_error:.2e}"
-        if result.balance is not None and len(result.balance.errors) > 1:
-            told += f", {result.balance.errors[0]:.2e} before the shape was moved"
+    printed = result.engraved
+    if printed is not None and printed.max_abs_error is not None and result.thrown is None:
+        told = f"as printed: max |p - q| {printed.max_abs_error:.2e}"
+        if printed.balance is not None and len(printed.balance.errors) > 1:
+            told += f", {printed.balance.errors[0]:.2e} before the shape was moved"
         print(told)
     if result.tolerances is not None:
         print(result.tolerances.answer)
@@ -158,7 +159,7 @@ def _print_odds(result: Result) -> None:
         if result.thrown.simulated is not None:
             odds["thrown"] = result.thrown.simulated.frequencies
     rows = list(zip(result.labels, result.target, *odds.values(), strict=True))
-    if result.displacement is not None:
+    if result.concave is not None:
         rows.append(("other", 0.0, result.elsewhere))
     columns = [("label", ">"), *((name, "#.5g") for name in ("target", *odds))]
     print("\n".join(text_table(columns, rows)))

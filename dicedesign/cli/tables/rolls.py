@@ -120,7 +120,7 @@ def _rolls(options: argparse.Namespace) -> int:
 
 def _finished(folder: Path) -> _Die:
     """The labels and the target of a die that was designed here."""
-    from dicedesign.results.reading import read_result
+    from dicedesign.results.folder import read_result
 
     die = read_result(folder)
     if not die.converged:

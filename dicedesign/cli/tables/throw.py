@@ -191,7 +191,7 @@ def _finished(options: argparse.Namespace) -> _Die:
     import numpy as np
 
     from dicedesign.rest.outcomes import facet_of_rest
-    from dicedesign.results.reading import read_result
+    from dicedesign.results.folder import read_result
 
     die = read_result(options.die)
     center = np.array(die.center_of_mass) if options.com is None else center_of_mass(options.com)

@@ -9,7 +9,7 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.orientation import shells_of
 from dicedesign.geometry.surfaces.surface import Surface, joined, surface_of
-from dicedesign.results.cavities import Cavities
+from dicedesign.results.parts import Cavities
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["measured_cavities", "with_cavity"]

@@ -17,7 +17,7 @@ from dicedesign.geometry.surfaces.closed_surface import make_surface, one_shell
 from dicedesign.geometry.surfaces.remeshing import decimated, thinned
 from dicedesign.geometry.surfaces.surface import Surface, surface_of
 from dicedesign.geometry.triangles import doubled_area_vectors, edge_keys
-from dicedesign.results.repair import Repair
+from dicedesign.results.parts import Repair
 from dicedesign.runtime.arrays import Floats, Integers
 
 GRIDS: Final = ((100, 0.0), (100, 0.25), (80, 0.0), (64, 0.25))

@@ -27,7 +27,7 @@ from dicedesign.optimize.solvers.null_space_descent import improve
 from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.poses import rest_poses
 from dicedesign.rest.prior import Prior
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import FILE_ODDS
 

@@ -24,7 +24,7 @@ from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.solvers.line_search import LineSearch
 from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.poses import RestPoses, analyse
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["finished", "flattened"]

@@ -22,7 +22,7 @@ from dicedesign.optimize.solvers.momentum import Momentum
 from dicedesign.optimize.solvers.sobolev import SobolevGradient
 from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.equilibria import classify
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
 __all__ = ["descend_as_paper"]

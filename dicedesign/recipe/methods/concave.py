@@ -14,7 +14,7 @@ from dicedesign.concave.options import ConcaveOptions, HullWeights
 from dicedesign.concave.result import ConcaveDie, ConcaveProgress, ConcaveStep
 from dicedesign.concave.search import checkpoint_bytes, make_concave_die, read_checkpoint
 from dicedesign.errors import NoStartError
-from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.fabricate.die import Design
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.geometry.surfaces.surface import Surface
@@ -23,9 +23,8 @@ from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import CHECKPOINT
-from dicedesign.results.record import Step
-from dicedesign.results.status import Status
-from dicedesign.results.trade_off import TradeOff
+from dicedesign.results.parts import Search, Status, TradeOff
+from dicedesign.results.result import Step
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import atomic_write
 from dicedesign.tolerances import SAME_REST_ANGLE
@@ -36,7 +35,7 @@ _LIMITS: Final = ("displacement", "attempts", "enough", "seconds")
 """Options that say when a search ends, and not where it leads."""
 
 
-def design(work: Work) -> DesignedDie:
+def design(work: Work) -> Design:
     """The die of a recipe, from its surface: the best of all attempts, be it as wanted or not, and
     the surface as it came where none led to any.
 
@@ -83,13 +82,13 @@ def design(work: Work) -> DesignedDie:
     best = made.progress.best
     center = None if made.hollow is None else made.hollow.center_of_mass
     poses = rest_poses(make_body(made.after.points, made.after.triangles), center)
-    work.details |= {
-        "attempts": made.progress.attempts,
-        "search_seconds": made.progress.seconds,
-        "attempt": None if best is None else best.attempt,
-        "trade_off": _trade_off(made.progress, options),
-    }
-    return DesignedDie(
+    work.search = Search(
+        attempts=made.progress.attempts,
+        seconds=made.progress.seconds,
+        attempt=None if best is None else best.attempt,
+        trade_off=_trade_off(made.progress, options),
+    )
+    return Design(
         status=Status.UNCHANGED if best is None else Status.CONVERGED,
         hull=made.hull,
         directions=made.directions,

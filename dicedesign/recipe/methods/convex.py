@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.fabricate.die import Design
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.starts.start import Start
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.results.record import HullsMade, Step
+from dicedesign.results.result import HullsMade, Step
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
@@ -73,11 +73,11 @@ def told_starts(work: Work, starts: Iterable[Start | None]) -> Iterator[Start | 
         yield start
 
 
-def designed_die(work: Work, result: DesignResult, rounds: tuple[Round, ...] = ()) -> DesignedDie:
+def designed_die(work: Work, result: DesignResult, rounds: tuple[Round, ...] = ()) -> Design:
     """The die of a solver's result."""
     recipe = work.recipe
     order = np.argsort(recipe.outcome_of_direction())
-    return DesignedDie(
+    return Design(
         status=result.status,
         hull=result.hull,
         directions=result.directions[order],

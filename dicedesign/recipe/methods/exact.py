@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.fabricate.die import Design
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.solvers.exact import solve_exactly
@@ -31,7 +31,7 @@ from dicedesign.runtime.arrays import Floats
 __all__ = ["design", "exact_options", "solver", "starts_of"]
 
 
-def design(work: Work) -> DesignedDie:
+def design(work: Work) -> Design:
     """The die of a recipe, from its start or from shapes that are searched.
 
     Raises InputError if no start suits the target.

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.fabricate.die import Design
 from dicedesign.optimize.energy.clusters import cluster
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.solvers.paper import descend_as_paper
@@ -24,7 +24,7 @@ from dicedesign.runtime.arrays import Floats
 __all__ = ["design"]
 
 
-def design(work: Work) -> DesignedDie:
+def design(work: Work) -> Design:
     """The die of a recipe, from its start. Raises InputError if that does not suit the target."""
     recipe, start = work.recipe, work.start
     center = normalised_center(recipe, start)

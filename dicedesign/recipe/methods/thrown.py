@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import NoStartError, named
-from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.fabricate.die import Design
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.thrown_odds import TableSensitivity, ThrownOdds
 from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
@@ -25,7 +25,7 @@ from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.recipe.methods.convex import designed_die, normalised_center, wanted_odds
 from dicedesign.recipe.methods.exact import exact_options, solver, starts_of
 from dicedesign.recipe.planning.work import Work
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.engines.engine import require_engine
 from dicedesign.throws.momentum.momentum_model import momentum_model
@@ -68,7 +68,7 @@ def check_table(options: ExactOptions, size_mm: float) -> None:
         require_engine(options.refine.engine)
 
 
-def design(work: Work) -> DesignedDie:
+def design(work: Work) -> Design:
     """The die of a recipe by the momentum model of its table, corrected by rounds of throws where
     the recipe asks for them. Raises InputError as `exact.design`, or as `check_table`."""
     wanted, options = wanted_odds(work.recipe), exact_options(work.recipe)

@@ -12,21 +12,27 @@ from typing import TYPE_CHECKING, Any
 
 from dicedesign.optimize.targets import Target
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.clock import Clock
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.designed_die import DesignedDie, SizedDie
-    from dicedesign.fabricate.finished_die import EngravedFile
+    from dicedesign.fabricate.die import Assessment, Design, Solid
     from dicedesign.fabricate.label_reading import Reading
-    from dicedesign.fabricate.verdict import Verdict
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.repair.repair import RepairedMesh
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.optimize.refinement.rounds import Round
     from dicedesign.optimize.starts.start import Start
-    from dicedesign.results.record import Result, Step
+    from dicedesign.results.parts import (
+        Concave,
+        InfillOdds,
+        Printability,
+        PrintTolerances,
+        Search,
+        ThrownOdds,
+    )
+    from dicedesign.results.result import Balance, Engraved, Inside, Result, Step
     from dicedesign.runtime.arrays import Floats
     from dicedesign.throws.simulation.die_on_table import ThrownDie
 
@@ -88,8 +94,8 @@ class Work:
     thrown: what the die does on its table.
     status: of the die; remarks: about it, phrases of the message; notes: what was repaired or
         assumed, sentences.
-    details: fields of `Result` that stages found beside what is here; other names go into its
-        `extra`, as plain data.
+    concave, search, balance, inside, throws, printability, tolerances, infill: sections of `Result`
+        that stages found; extra: what stages from outside the package found, plain data by name.
     kept: what an interrupt leaves to go on from, in a sentence; empty for nothing.
     images: figures by name, PNG or GIF; files: contents by the name of the file.
     """
@@ -103,17 +109,25 @@ class Work:
     start: Start | None = None
     surface: Surface | None = None
     repaired: RepairedMesh | None = None
-    die: DesignedDie = field(init=False)
-    solid: SizedDie = field(init=False)
-    plain: Verdict = field(init=False)
-    engraved: EngravedFile | None = None
+    die: Design = field(init=False)
+    solid: Solid = field(init=False)
+    plain: Assessment = field(init=False)
+    engraved: Solid | None = None
     reading: Reading | None = None
     quality: SurfaceQuality | None = None
     thrown: ThrownDie | None = None
     status: Status = Status.CONVERGED
     remarks: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    details: dict[str, Any] = field(default_factory=dict)
+    concave: Concave | None = None
+    search: Search | None = None
+    balance: Balance | None = None
+    inside: Inside | None = None
+    throws: ThrownOdds | None = None
+    printability: Printability | None = None
+    tolerances: PrintTolerances | None = None
+    infill: InfillOdds | None = None
+    extra: dict[str, Any] = field(default_factory=dict)
     kept: str = ""
     images: dict[str, bytes] = field(default_factory=dict)
     files: dict[str, bytes] = field(default_factory=dict)
@@ -125,7 +139,7 @@ class Work:
         """The same so far; what stages do to one from here on the other does not see."""
         twin = copy.copy(self)
         twin.clock = dataclasses.replace(self.clock, stages=list(self.clock.stages))
-        for name in ("remarks", "notes", "details", "images", "files"):
+        for name in ("remarks", "notes", "extra", "images", "files"):
             setattr(twin, name, copy.copy(getattr(self, name)))
         return twin
 
@@ -136,12 +150,10 @@ class Work:
 
     def result(self) -> Result:
         """What has been found out, once the die is checked; complete after the last stage."""
-        from dicedesign.results.record import Result, StageTime
+        from dicedesign.rest.asymmetry import asymmetry
+        from dicedesign.results.result import Designed, Result, StageTime
 
         verdict, die, target = self.plain, self.die, self.target
-        fields = {field.name for field in dataclasses.fields(Result)}
-        extra = {name: value for name, value in self.details.items() if name not in fields}
-        known = {name: value for name, value in self.details.items() if name in fields}
         result = Result(
             name=self.recipe.name,
             status=self.status.name.lower(),
@@ -154,27 +166,55 @@ class Work:
             rest_counts=tuple(verdict.outcomes.rest_counts.tolist()),
             least_angle_deg=math.degrees(verdict.outcomes.least_angle),
             least_margin_deg=math.degrees(verdict.margins.min()),
-            reading=self.reading.sentence if self.engraved and self.reading else None,
+            asymmetry=asymmetry(verdict.poses),
             history=die.steps,
+            design=Designed(
+                max_abs_error=self.design_error,
+                energy=None if die.terms is None else dict(die.terms),
+                starts=die.starts,
+                evaluations=die.evaluations,
+                hulls=die.hulls,
+            ),
+            engraved=self._engraved(),
+            prior=self.recipe.prior,
+            inside=self.inside,
+            concave=self.concave,
+            search=self.search,
+            thrown=self.throws,
+            printability=self.printability,
+            tolerances=self.tolerances,
+            infill=self.infill,
             notes=tuple(self.notes),
-            energy=None if die.terms is None else dict(die.terms),
-            starts=die.starts,
-            evaluations=die.evaluations,
-            hulls=die.hulls,
             files=self._files_by_kind(),
             stages=tuple(StageTime(**stage) for stage in self.clock.stages),
             peak_since=self.clock.peak_since,
             folder=self.folder,
-            extra=extra,
-            **verdict.odds(),
-            **known,
+            extra=self.extra,
+            **verdict.as_fields(),
         )
         return result if self.recipe.clock else result.without_clock()
+
+    @property
+    def design_error(self) -> float:
+        """Largest |p - q| as designed, by the probabilities that the method is about."""
+        if self.recipe.method.thrown:
+            return self.die.error
+        return self.solid.outcomes.max_abs_error(self.target.probabilities)
+
+    def _engraved(self) -> Engraved | None:
+        made = self.engraved
+        if made is None:
+            return None
+        measured = {} if made.assessment is None else made.assessment.as_fields()
+        reading = None if self.reading is None else self.reading.sentence
+        from dicedesign.results.result import Engraved
+
+        return Engraved(**measured, reading=reading, balance=self.balance)
 
     def _files_by_kind(self) -> dict[str, str]:
         """Names of the files that are there or will be, by what they are."""
         from dicedesign.results.folder import PAGE, RECIPE
-        from dicedesign.results.record import RESULT
+        from dicedesign.results.result import RESULT
 
         if self.folder is None:
             return {}

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.fabricate.designed_die import SizedDie
-from dicedesign.fabricate.verdict import Verdict, judged
+from dicedesign.fabricate.die import Assessment, Solid, assess_file
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
-from dicedesign.rest.asymmetry import asymmetry
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 
 if TYPE_CHECKING:
     from dicedesign.geometry.surfaces.surface import Surface
@@ -35,9 +33,8 @@ def check(work: Work) -> None:
     """Read die_plain.stl back and say what it does and what is wrong with it."""
     die, solid = work.die, work.solid
     data = work.files["die_plain.stl"]
-    work.plain = judged(data, die.directions, work.target, solid.center_of_mass, die.prior)
+    work.plain = assess_file(data, die.directions, work.target, solid.center_of_mass, die.prior)
     if die.prior is not None:
-        work.details["prior"] = work.recipe.prior
         work.notes.append(
             f"all odds are those under the prior {work.recipe.prior}, whose directions are in the "
             "frame of die_plain.stl and die.stl; die_oriented.stl and other formats may be turned"
@@ -45,16 +42,13 @@ def check(work: Work) -> None:
     thrown = work.recipe.method.thrown
     tolerance = None if thrown else work.recipe.method.tolerance
     flaws = list(work.plain.flaws(tolerance))
-    designed = die.error if thrown else solid.outcomes.max_abs_error(work.target.probabilities)
     if die.reshaped is not None:
         flaws += _surface_flaws(work)
     if die.status is not Status.CONVERGED:
         # Its odds are off, as was to be expected.
         flaws = [die.status, *(f for f in flaws if f in (Status.CROWDED, Status.UNSTEADY))]
     work.status = flaws[0] if flaws else Status.CONVERGED
-    work.details["design_max_abs_error"] = designed
-    work.details["asymmetry"] = asymmetry(work.plain.poses)
-    work.remarks += _remarks(work, flaws, designed)
+    work.remarks += _remarks(work, flaws, work.design_error)
 
 
 STAGES.register(
@@ -129,7 +123,7 @@ def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
         )
 
 
-def _smallest_circle(solid: SizedDie) -> float:
+def _smallest_circle(solid: Solid) -> float:
     from dicedesign.geometry.hulls.polygons import facet_inradius
 
     rests = solid.outcomes.main[solid.outcomes.main >= 0]
@@ -138,7 +132,8 @@ def _smallest_circle(solid: SizedDie) -> float:
 
 def _surface_flaws(work: Work) -> Iterator[Status]:
     """What is wrong with a die that keeps the shape of a surface, beside its odds. Its quality and
-    measures go into the details."""
+    measures go into `Work.concave`."""
+    from dicedesign.fabricate.solids.hollow import measured_cavities
     from dicedesign.geometry.meshes.body import make_body
     from dicedesign.geometry.sphere import norms
     from dicedesign.geometry.surfaces.quality import surface_quality
@@ -146,8 +141,14 @@ def _surface_flaws(work: Work) -> Iterator[Status]:
     from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.rest.outcomes import outcome_odds
     from dicedesign.rest.poses import rest_poses
-    from dicedesign.results.record import Displacement, HullOfSurface, SurfaceSize
-    from dicedesign.tolerances import FILE_ANGLE, FILLED_GAP, LEAST_MARGIN, SAME_REST_ANGLE
+    from dicedesign.results.parts import Concave, Displacement, HullOfSurface, SurfaceSize
+    from dicedesign.tolerances import (
+        FILE_ANGLE,
+        FILE_WALL,
+        FILLED_GAP,
+        LEAST_MARGIN,
+        SAME_REST_ANGLE,
+    )
 
     made, body, wanted = work.die.reshaped, work.plain.body, work.recipe.method.concave
     assert made is not None
@@ -161,23 +162,32 @@ def _surface_flaws(work: Work) -> Iterator[Status]:
     )
     moved = norms(made.after.points - made.before.points) / made.before.diagonal
     work.quality = surface_quality(made.after, made.before)
-    work.details |= {
-        "probabilities_before": tuple(before.odds.tolist()),
-        "elsewhere_before": before.elsewhere,
-        "displacement": Displacement(float(moved.mean()), float(moved.max())),
-        "hull": HullOfSurface(*made.hull_corners, gap),
-        "surface": SurfaceSize(len(surface.points), len(surface.triangles)),
-        "quality": tuple(_quality(work, crossings)),
-        "surface_quality": work.quality.data(),
-        "file_self_intersections": crossings,
-    }
+    cavities = None
+    if made.hollow is not None and work.solid.is_printable:
+        cavities = measured_cavities(body)
+    work.concave = Concave(
+        probabilities_before=tuple(before.odds.tolist()),
+        elsewhere_before=before.elsewhere,
+        displacement=Displacement(float(moved.mean()), float(moved.max())),
+        hull=HullOfSurface(*made.hull_corners, gap),
+        surface=SurfaceSize(len(surface.points), len(surface.triangles)),
+        quality=tuple(_quality(work, crossings)),
+        surface_quality=work.quality.data(),
+        self_intersections=crossings,
+        cavities=cavities,
+        repair=None if work.repaired is None else work.repaired.numbers,
+    )
     if gap > FILLED_GAP:
         yield Status.LOOSE
     if crossings > 0:
         yield Status.SELF_INTERSECTING
     if work.plain.poses.center_of_mass_source != "uniform solid":
         yield Status.OPEN
-    if not work.solid.is_printable or not _is_hollow_as_wanted(work):
+    is_thin = False
+    if cavities is not None:
+        assert wanted.hollow is not None
+        is_thin = cavities.wall_mm < wanted.hollow.wall_mm * (1.0 - FILE_WALL)
+    if is_thin or not work.solid.is_printable:
         yield Status.UNPRINTABLE
     # What is nearer, or left earlier, is crowded or unsteady, as of any die.
     apart, margin = work.plain.outcomes.least_angle, work.plain.margins.min()
@@ -185,22 +195,6 @@ def _surface_flaws(work: Work) -> Iterator[Status]:
         yield Status.TOO_NEAR
     if LEAST_MARGIN <= margin < np.radians(wanted.margin_deg) - FILE_ANGLE:
         yield Status.TIPPY
-
-
-def _is_hollow_as_wanted(work: Work) -> bool:
-    """Whether walls around cavities are as thick as wanted, if there are to be any. What is found
-    goes into the details."""
-    from dicedesign.fabricate.solids.hollow import measured_cavities
-    from dicedesign.tolerances import FILE_WALL
-
-    options, made = work.recipe.method.concave, work.die.reshaped
-    assert options is not None
-    assert made is not None
-    if made.hollow is None or not work.solid.is_printable:
-        return True
-    assert options.hollow is not None
-    found = work.details["cavities"] = measured_cavities(work.plain.body)
-    return found.wall_mm >= options.hollow.wall_mm * (1.0 - FILE_WALL)
 
 
 def _gap(surface: Surface, work: Work) -> float:
@@ -241,7 +235,8 @@ def _surface_advice(work: Work, flaws: list[Status]) -> Iterator[str]:
     method, made, labels = work.recipe.method.concave, work.die.reshaped, work.target.labels
     assert method is not None
     assert made is not None
-    gap, crossings = work.details["hull"].gap, work.details["file_self_intersections"]
+    assert work.concave is not None
+    gap, crossings = work.concave.hull.gap, work.concave.self_intersections
     if gap > FILLED_GAP:
         yield f"the hull is off by {gap:.2g} of the diagonal"
     if crossings:
@@ -275,7 +270,7 @@ def _surface_advice(work: Work, flaws: list[Status]) -> Iterator[str]:
     yield ", or ".join(remedies)
 
 
-def _nearest_outcomes(verdict: Verdict) -> tuple[int, int, float]:
+def _nearest_outcomes(verdict: Assessment) -> tuple[int, int, float]:
     """The two outcomes whose own rests are nearest to each other, of at least two that have one,
     and the angle in degrees."""
     from dicedesign.geometry.sphere import angle_between

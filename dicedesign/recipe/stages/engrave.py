@@ -13,15 +13,15 @@ from dicedesign.errors import InputError
 from dicedesign.fabricate.labelled_facets import core_of, place_on_facets, require_rests
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.tolerances import FILE_ODDS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from dicedesign.fabricate.compensation.convex_object import ConvexObject, Measured
+    from dicedesign.fabricate.die import Assessment
     from dicedesign.fabricate.label_layout import Placement
-    from dicedesign.fabricate.verdict import Verdict
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.gradient.odds_model import OddsModel
@@ -86,7 +86,7 @@ def _make_convex(work: Work) -> None:
     """The finished object of a convex die."""
     from dicedesign.fabricate.compensation.convex_object import ConvexObject
     from dicedesign.fabricate.compensation.reshaping import MOST_ROUNDS, largest_move, reshaped
-    from dicedesign.results.balance import Balance
+    from dicedesign.results.result import Balance
 
     options, edges, solid = work.recipe.engrave, work.recipe.edges, work.solid
     core = core_of(solid, edges)
@@ -104,7 +104,7 @@ def _make_convex(work: Work) -> None:
     measure, model, target = _measure(work, made, core)
     directions = work.die.directions
     end = reshaped(core, directions, placements, target, made, measure, rounds=rounds, model=model)
-    work.details["balance"] = Balance(
+    work.balance = Balance(
         by, tuple(end.first.odds.tolist()), end.errors, largest_move(core, end.core)
     )
     placed, is_filled = made.placed(end.placements), by == "fill"
@@ -173,16 +173,16 @@ def _finish_stretched(
     """The object of a surface, stretched until it has the odds."""
     from dicedesign.fabricate.compensation.stretching import stretched
     from dicedesign.geometry.hulls.hull import convex_hull
-    from dicedesign.results.balance import Balance
+    from dicedesign.results.result import Balance
 
     center = surface.centroid
     surface = surface.moved(surface.points - center)
     end = stretched(surface, work.die.directions, work.target.probabilities, work.die.prior)
     alone = Balance(by, tuple(end.unbalanced.tolist()), end.errors[:1], 0.0)
-    before = work.details.get("balance", alone)
+    before = work.balance or alone
     scales = np.linalg.eigvalsh(end.matrix)
     moved = float(np.linalg.norm(end.surface.points - surface.points, axis=1).max())
-    work.details["balance"] = replace(
+    work.balance = replace(
         before,
         errors=(*before.errors, end.errors[1]),
         moved_mm=before.moved_mm + moved,
@@ -205,10 +205,9 @@ def _finish(
     """Make die.stl and judge it.
 
     center: (3,) point to put at the origin, or None to leave the surface where it is; inlay: bodies
-    that fill the labels, which have a file of their own; core: see `EngravedFile`.
+    that fill the labels, which have a file of their own; core: see `Solid`.
     """
-    from dicedesign.fabricate.finished_die import EngravedFile
-    from dicedesign.fabricate.verdict import judged
+    from dicedesign.fabricate.die import assess_file
     from dicedesign.geometry.hulls.hull import convex_hull
     from dicedesign.geometry.meshes.formats import stl_bytes
     from dicedesign.geometry.surfaces.surface import joined
@@ -225,19 +224,24 @@ def _finish(
         data = stl_bytes(whole.points, whole.triangles)
     verdict = None
     if work.solid.center_of_mass is None:
-        verdict = judged(data, work.die.directions, work.target, prior=work.die.prior)
-        work.details |= verdict.odds("engraved_")
+        verdict = assess_file(data, work.die.directions, work.target, prior=work.die.prior)
         work.notes += _changes(work, verdict.outcomes.odds)
         _tell(work, verdict)
-    work.engraved = EngravedFile(
-        surface.points, surface.triangles, verdict, tuple(placements), inlay, core
+    work.engraved = replace(
+        work.solid,
+        points=surface.points,
+        triangles=surface.triangles,
+        assessment=verdict,
+        placements=tuple(placements),
+        inlay=inlay,
+        core=core,
     )
 
 
-def _tell(work: Work, verdict: Verdict) -> None:
+def _tell(work: Work, verdict: Assessment) -> None:
     """The odds of the finished die, in words; it has not converged where they are off the target
     though its shape was to be moved to that."""
-    recipe, balance = work.recipe, work.details.get("balance")
+    recipe, balance = work.recipe, work.balance
     with_what = (
         "labels and edges"
         if recipe.engrave and recipe.edges

@@ -10,10 +10,10 @@ __all__ = ["export"]
 
 def export(work: Work) -> None:
     """Bring the die to its size, clean a surface for printing, and make die_plain.stl."""
-    from dicedesign.fabricate.designed_die import sized
+    from dicedesign.fabricate.die import make_solid
     from dicedesign.geometry.meshes.formats import stl_bytes
 
-    work.solid = sized(work.die, work.recipe.size_mm)
+    work.solid = make_solid(work.die, work.recipe.size_mm)
     work.notes += work.solid.changes
     work.files["die_plain.stl"] = stl_bytes(work.solid.points, work.solid.triangles)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dicedesign.fabricate.finished_die import FinishedDie
+from dicedesign.fabricate.die import FinishedDie
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
 from dicedesign.runtime.arrays import Floats

@@ -14,7 +14,7 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def die_contents(work: Work) -> Contents:
     from dicedesign.fabricate.file_formats import Contents
     from dicedesign.recipe.schema.reading import recipe_text
 
-    verdict = work.plain if work.engraved is None else work.engraved.verdict
+    verdict = work.plain if work.engraved is None else work.engraved.assessment
     labels, target = work.target.labels, work.target.probabilities
     stl = f"{_stem(work)}.stl"
     facts = {

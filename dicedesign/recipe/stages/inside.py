@@ -9,7 +9,7 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.tolerances import FILE_ODDS
 
 if TYPE_CHECKING:
@@ -59,10 +59,9 @@ STAGES.register(
 def _finish(work: Work, made: Made) -> None:
     from dataclasses import replace
 
-    from dicedesign.fabricate.finished_die import EngravedFile
-    from dicedesign.fabricate.verdict import judged
+    from dicedesign.fabricate.die import assess_file
     from dicedesign.geometry.sphere import norms
-    from dicedesign.results.inside import Inside
+    from dicedesign.results.result import Inside
 
     assert work.recipe.inside is not None
     assert made.body.triangles is not None
@@ -71,14 +70,12 @@ def _finish(work: Work, made: Made) -> None:
     by = work.recipe.inside.by
     # A cavity is judged by the file alone.
     center = None if by == "cavity" else made.center
-    verdict = judged(made.files[""], work.die.directions, work.target, center, work.die.prior)
+    verdict = assess_file(made.files[""], work.die.directions, work.target, center, work.die.prior)
     points, triangles = made.body.points, made.body.triangles
     if work.engraved is None:
-        work.engraved = EngravedFile(points, triangles, verdict, ())
-    else:
-        work.engraved = replace(work.engraved, points=points, triangles=triangles, verdict=verdict)
-    work.details |= verdict.odds("engraved_")
-    work.details["inside"] = Inside(
+        work.engraved = work.solid
+    work.engraved = replace(work.engraved, points=points, triangles=triangles, assessment=verdict)
+    work.inside = Inside(
         by=by,
         shift_mm=float(norms(_outside_center(made))),
         off_mm=float(norms(made.center)),

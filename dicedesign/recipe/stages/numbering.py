@@ -14,11 +14,11 @@ __all__ = ["number"]
 
 def number(work: Work) -> None:
     """Number the designed die as the recipe says, where each outcome has a facet."""
-    from dicedesign.fabricate.designed_die import sized
+    from dicedesign.fabricate.die import make_solid
     from dicedesign.fabricate.numbering import numbered
 
     die, target = work.die, work.target
-    solid = sized(die, work.recipe.size_mm)
+    solid = make_solid(die, work.recipe.size_mm)
     main = solid.outcomes.main
     if (main < 0).any():
         work.notes.append("numbering: an outcome has no facet, so that all stay where they are")

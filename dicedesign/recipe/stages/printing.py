@@ -31,7 +31,7 @@ def prepare_print(work: Work) -> None:
     if made is not None:
         # Of the rounded body too, where the center of mass was given.
         given = work.solid.center_of_mass
-        poses = rest_poses(body, given) if made.verdict is None else made.verdict.poses
+        poses = rest_poses(body, given) if made.assessment is None else made.assessment.poses
     placements = () if made is None else made.placements
     labels = tuple(placement.text for placement in placements)
     normals = np.array([placement.frame[:3, 2] for placement in placements]).reshape(-1, 3)
@@ -51,7 +51,7 @@ def prepare_print(work: Work) -> None:
         filling_mm3=0.0 if made is None or made.inlay is None else made.inlay.volume,
     )
     found = printability(die, options)
-    work.details["printability"] = found
+    work.printability = found
     work.notes += found.warnings
     if options.oriented:
         assert body.triangles is not None

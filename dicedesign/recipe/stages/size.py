@@ -19,13 +19,13 @@ LARGE_MM: Final = 100.0
 def enlarge(work: Work) -> None:
     """Take the smallest whole number of millimetres at which the labels fit, if the recipe's size
     is too small for them; the recipe that is written says so."""
-    from dicedesign.fabricate.designed_die import sized
+    from dicedesign.fabricate.die import make_solid
     from dicedesign.fabricate.labelled_facets import core_of, place_on_facets
 
     recipe = work.recipe
     assert recipe.engrave is not None
     try:
-        solid = sized(work.die, recipe.size_mm)
+        solid = make_solid(work.die, recipe.size_mm)
         core = core_of(solid, recipe.edges)
         place_on_facets(solid, core, work.target.labels, recipe.engrave)
     except LabelRoomError as error:

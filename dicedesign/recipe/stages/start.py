@@ -59,8 +59,6 @@ def _make_surface(work: Work) -> None:
     surface = made.surface
     work.notes += made.notes
     work.repaired = made.repair
-    if made.repair is not None:
-        work.details["repair"] = made.repair.numbers
     require_dents(surface)
     if method.points is not None:
         changed = refined if len(surface.points) < method.points else decimated

@@ -12,7 +12,7 @@ from dicedesign.errors import InputError, NoStartError
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.symmetries import AUTO
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 
 __all__ = ["choose_symmetry"]
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Final
 
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from dicedesign.optimize.options import RefineOptions
-    from dicedesign.results.throws import OtherTables
+    from dicedesign.results.parts import OtherTables
     from dicedesign.throws.momentum.momentum_model import MomentumModel
     from dicedesign.throws.simulation.die_on_table import DieOnTable
     from dicedesign.throws.simulation.simulation import Throws
@@ -30,13 +30,13 @@ def throw(work: Work) -> None:
     of mass was given nobody knows how they move it."""
     from dicedesign.recipe.methods.exact import exact_options
     from dicedesign.recipe.methods.thrown import VERDICT, seed_of
-    from dicedesign.results.throws import RoundOfThrows, ThrownOdds
+    from dicedesign.results.parts import RoundOfThrows, ThrownOdds
     from dicedesign.throws.momentum.momentum_model import momentum_model
     from dicedesign.throws.simulation.die_on_table import DieOnTable, ThrownDie, throwing_threads
     from dicedesign.throws.tables import table_named
 
     options, refine = exact_options(work.recipe), exact_options(work.recipe).refine
-    engraved = None if work.engraved is None else work.engraved.verdict
+    engraved = None if work.engraved is None else work.engraved.assessment
     verdict = engraved or work.plain
     die = DieOnTable.of(
         verdict.body,
@@ -52,7 +52,7 @@ def throw(work: Work) -> None:
             elsewhere = _elsewhere(work, die, model, throws, refine, workers)
     work.thrown = ThrownDie(die, die.momentum(model), throws)
     measured = work.thrown.measured(work.target.probabilities)
-    work.details["thrown"] = ThrownOdds(
+    work.throws = ThrownOdds(
         table=die.table.as_dict(),
         momentum=tuple(work.thrown.momentum.tolist()),
         rounds=tuple(
@@ -100,7 +100,7 @@ def _elsewhere(
 
     from dicedesign.recipe.methods.exact import exact_options
     from dicedesign.recipe.methods.thrown import VERDICT, seed_of
-    from dicedesign.results.throws import OtherTables
+    from dicedesign.results.parts import OtherTables
     from dicedesign.throws.momentum.table_measures import table_measures
     from dicedesign.throws.statistics.on_tables import Series, variations_on_tables
     from dicedesign.throws.tables import posterior_tables, table_named

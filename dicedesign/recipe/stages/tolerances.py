@@ -10,10 +10,9 @@ from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
 
 if TYPE_CHECKING:
+    from dicedesign.fabricate.die import Assessment
     from dicedesign.fabricate.print_options import PrintOptions
-    from dicedesign.fabricate.verdict import Verdict
     from dicedesign.gradient.odds_model import OddsModel
-    from dicedesign.results.printability import Printability
     from dicedesign.runtime.arrays import Floats
 
 __all__ = ["find_tolerances"]
@@ -54,17 +53,15 @@ def find_tolerances(work: Work) -> None:
     if not is_thrown:
         # The momentum model jumps where a corner of several facets falls apart, which dice do not.
         prints = OffPrints(poses, work.die.directions, has_planes, model)
-    work.details["tolerances"] = print_tolerances(spread, target, bias, prints)
+    work.tolerances = print_tolerances(spread, target, bias, prints)
     if options.infill < 1.0:
         _find_infill(work, options, verdict)
 
 
 def _bounds_one_body(work: Work) -> bool:
     """Whether the file that is printed has an inside: of one that meets itself slicers decide."""
-    if work.recipe.print is None:
-        return False
-    found: Printability = work.details["printability"]
-    return found.file.self_intersections == 0
+    found = work.printability
+    return found is not None and found.file.self_intersections == 0
 
 
 STAGES.register(
@@ -78,8 +75,8 @@ STAGES.register(
 )
 
 
-def _printed(work: Work) -> Verdict:
-    engraved = None if work.engraved is None else work.engraved.verdict
+def _printed(work: Work) -> Assessment:
+    engraved = None if work.engraved is None else work.engraved.assessment
     return engraved or work.plain
 
 
@@ -95,11 +92,11 @@ def _odds_model(work: Work) -> OddsModel | None:
 
 def _axes(work: Work) -> Floats | None:
     """Axes of the printer where the die lies on its bed as is best; None for those of the file."""
-    found = work.details.get("printability")
+    found = work.printability
     return None if found is None else np.array(found.placement)[:3, :3]
 
 
-def _find_infill(work: Work, options: PrintOptions, verdict: Verdict) -> None:
+def _find_infill(work: Work, options: PrintOptions, verdict: Assessment) -> None:
     from dicedesign.fabricate.engraving import cut_sections
     from dicedesign.fabricate.infill import infill_odds, inside_walls, pocket_walls
     from dicedesign.geometry.solid import solid_properties
@@ -128,5 +125,5 @@ def _find_infill(work: Work, options: PrintOptions, verdict: Verdict) -> None:
     found = infill_odds(
         verdict, work.die.directions, volume, inside, options.infill, options.walls_mm
     )
-    work.details["infill"] = found
+    work.infill = found
     work.notes.append(found.advice)

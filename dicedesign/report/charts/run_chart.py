@@ -14,7 +14,7 @@ from dicedesign.report.charts.chart import Chart
 from dicedesign.report.charts.palette import ACCENT, FAINT
 from dicedesign.report.charts.paper import BODY, NOTE
 from dicedesign.report.charts.series import Curve, Note, Style
-from dicedesign.results.record import Step
+from dicedesign.results.result import Step
 
 __all__ = ["Course", "run_chart"]
 

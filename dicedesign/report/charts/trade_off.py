@@ -11,8 +11,7 @@ from dicedesign.report.charts.numbered_points import number_points
 from dicedesign.report.charts.palette import ACCENT, DARK, DISTINCT, FAINT
 from dicedesign.report.charts.paper import NOTE, Paper
 from dicedesign.report.charts.series import Curve, Note, Style
-from dicedesign.results.status import Status
-from dicedesign.results.trade_off import Draft, TradeOff
+from dicedesign.results.parts import Draft, Status, TradeOff
 
 __all__ = ["trade_off_chart", "trade_off_figure"]
 

@@ -14,7 +14,7 @@ from dicedesign.report.charts.palette import ACCENT, PALE
 from dicedesign.report.figures.figure import FIGURES, Figure
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
 
 __all__ = ["bars_chart"]
 

@@ -13,7 +13,7 @@ from dicedesign.report.render.renderer import Surface, render
 from dicedesign.report.render.scene import surfaces_before_and_after
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
 
 __all__ = ["before_after_figure"]
 

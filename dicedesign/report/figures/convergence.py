@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Final
 from dicedesign.report.charts.chart import Chart, sheet
 from dicedesign.report.charts.run_chart import Course, run_chart
 from dicedesign.report.figures.figure import FIGURES, Figure
-from dicedesign.results.record import Step
+from dicedesign.results.result import Step
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
 
 __all__ = ["convergence_charts"]
 

@@ -16,7 +16,7 @@ from dicedesign.report.render.scene import surfaces_before_and_after
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
 
 __all__ = ["crossings_figure"]
 

@@ -11,7 +11,7 @@ from dicedesign.report.charts.paper import Paper
 from dicedesign.report.charts.run_chart import Course, run_chart
 from dicedesign.report.charts.series import Band
 from dicedesign.report.figures.figure import FIGURES, Figure
-from dicedesign.results.record import Step
+from dicedesign.results.result import Step
 
 __all__ = ["energy_charts", "energy_figure"]
 

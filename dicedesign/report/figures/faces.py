@@ -18,10 +18,10 @@ from dicedesign.report.figures.figure import FIGURES, Figure
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
     from dicedesign.fabricate.label_layout import Placement
     from dicedesign.geometry.hulls.hull import ConvexHull
-    from dicedesign.results.record import Result
+    from dicedesign.results.result import Result
 
 __all__ = ["Face", "faces_figure", "faces_of"]
 

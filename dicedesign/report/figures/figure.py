@@ -10,7 +10,7 @@ from dicedesign.runtime.folder_registry import FolderRegistry
 from dicedesign.runtime.registry import Extension
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
 
 __all__ = ["FIGURES", "Figure", "figure_files"]
 

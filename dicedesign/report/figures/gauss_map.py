@@ -24,7 +24,7 @@ from dicedesign.rest.tracing import slide
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
 
 __all__ = [
     "MAP_SIZE",

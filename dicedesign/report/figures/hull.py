@@ -16,7 +16,7 @@ from dicedesign.report.render.renderer import Shell, Surface, render
 from dicedesign.report.render.scene import cameras_around, shell_of, surface_of
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
 
 __all__ = ["hull_figure"]
 

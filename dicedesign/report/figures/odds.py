@@ -14,7 +14,7 @@ from dicedesign.report.charts.palette import ACCENT, FAINT
 from dicedesign.report.figures.figure import FIGURES, Figure
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
 
 __all__ = ["before_after_chart"]
 
@@ -56,14 +56,13 @@ def before_after_chart(
 
 def _draw(die: FinishedDie) -> bytes:
     result = die.result
-    assert result.probabilities_before is not None
-    assert result.elsewhere_before is not None
+    assert result.concave is not None
     chart = before_after_chart(
         result.labels,
         result.target,
-        result.probabilities_before,
+        result.concave.probabilities_before,
         result.probabilities,
-        (result.elsewhere_before, result.elsewhere),
+        (result.concave.elsewhere_before, result.elsewhere),
     )
     return sheet([chart]).png()
 
@@ -79,7 +78,7 @@ FIGURES.register(
             "(elsewhere), before and after it was made into a die. The wide bar behind each "
             "outcome is its target."
         ),
-        wanted=lambda die: die.result.probabilities_before is not None,
+        wanted=lambda die: die.result.concave is not None,
         draw=_draw,
     )
 )

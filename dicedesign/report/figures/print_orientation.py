@@ -18,7 +18,7 @@ from dicedesign.report.render.shadow import shadowed_table
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
 
 __all__ = ["print_orientation_figure"]
 
@@ -69,7 +69,7 @@ def _draw(die: FinishedDie) -> bytes:
     assert found is not None
     solid = die.plain.body if die.engraved is None else die.engraved
     assert solid.triangles is not None
-    judged = die.plain if die.engraved is None else die.engraved.verdict or die.plain
+    judged = die.plain if die.engraved is None else die.engraved.assessment or die.plain
     hull = judged.poses.hull if die.reshaped is None else None
     printed = PrintedSolid(solid.points, solid.triangles, hull, (), np.zeros((0, 3)))
     placement, down = np.array(found.placement), np.array([found.best.normal])

@@ -19,7 +19,7 @@ from dicedesign.report.render.shadow import shadowed_table
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
     from dicedesign.fabricate.label_layout import Placement
     from dicedesign.fabricate.label_reading import LabelPlace
 

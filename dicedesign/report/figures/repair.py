@@ -17,7 +17,7 @@ from dicedesign.report.render.shading import MATERIAL
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
     from dicedesign.geometry.repair.repair import RepairedMesh
 
 __all__ = ["repair_figure"]

@@ -19,7 +19,7 @@ from dicedesign.report.render.shadow import shadowed_table
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
 
 __all__ = ["rests_figure"]
 

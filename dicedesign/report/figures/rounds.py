@@ -12,10 +12,10 @@ from dicedesign.report.charts.chart import Chart, sheet
 from dicedesign.report.charts.palette import ACCENT, DARK, FAINT
 from dicedesign.report.charts.series import Curve, Intervals, Series, Style
 from dicedesign.report.figures.figure import FIGURES, Figure
-from dicedesign.results.throws import ThrownOdds
+from dicedesign.results.parts import ThrownOdds
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
 
 __all__ = ["rounds_chart"]
 

@@ -11,11 +11,11 @@ from dicedesign.report.charts.bar_chart import OddsBars, odds_chart
 from dicedesign.report.charts.chart import Chart, sheet
 from dicedesign.report.charts.palette import ACCENT, FAINT
 from dicedesign.report.figures.figure import FIGURES, Figure
-from dicedesign.results.throws import SimulatedThrows, ThrownOdds
+from dicedesign.results.parts import SimulatedThrows, ThrownOdds
 from dicedesign.throws.statistics.total_variation import total_variation
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
 
 __all__ = ["table_chart"]
 

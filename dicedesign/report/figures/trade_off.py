@@ -8,18 +8,18 @@ from dicedesign.report.charts.trade_off import trade_off_figure
 from dicedesign.report.figures.figure import FIGURES, Figure
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
 
 
 def _wanted(die: FinishedDie) -> bool:
-    trade_off = die.result.trade_off
-    return trade_off is not None and len(trade_off.drafts) > 0
+    search = die.result.search
+    return search is not None and len(search.trade_off.drafts) > 0
 
 
 def _draw(die: FinishedDie) -> bytes:
-    result = die.result
-    assert result.trade_off is not None
-    return trade_off_figure(result.trade_off, result.attempt, result.error_before).png()
+    search = die.result.search
+    assert search is not None
+    return trade_off_figure(search.trade_off, search.attempt, die.result.error_before).png()
 
 
 FIGURES.register(

@@ -14,7 +14,7 @@ from dicedesign.report.render.renderer import Surface, render
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
 
 __all__ = ["views_figure"]
 

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
+from dicedesign.fabricate.die import FinishedDie
 from dicedesign.fabricate.file_formats import BODY_COLOR, Part
-from dicedesign.fabricate.finished_die import FinishedDie
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.report.charts.palette import BASINS
 from dicedesign.runtime.arrays import Floats, Integers

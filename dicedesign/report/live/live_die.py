@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
+from dicedesign.fabricate.die import FinishedDie
 from dicedesign.fabricate.file_formats import Contents, Part
-from dicedesign.fabricate.finished_die import FinishedDie
 from dicedesign.fabricate.mesh_writers import glb
 from dicedesign.report.live.basin_outlines import basin_outlines
 from dicedesign.report.live.facet_parts import facet_parts, rest_colors

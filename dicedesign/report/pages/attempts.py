@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from typing import Final
 
 from dicedesign.report.pages.html_parts import number, table_section
-from dicedesign.results.record import Result
-from dicedesign.results.status import Status
-from dicedesign.results.trade_off import Draft, TradeOff
+from dicedesign.results.parts import Draft, Search, Status
+from dicedesign.results.result import Result
 
 __all__ = ["attempt_sections"]
 
@@ -23,8 +22,10 @@ _FLAWS: Final = {
 }
 
 
-def attempt_sections(result: Result, trade_off: TradeOff) -> Iterator[str]:
+def attempt_sections(result: Result, search: Search) -> Iterator[str]:
     """What was wanted of a concave die and what was reached, and what each attempt led to."""
+    trade_off = search.trade_off
+    meeting = 0 if result.concave is None else result.concave.self_intersections
     yield table_section(
         "Wanted and reached",
         ["", "wanted", "as it came", "this die"],
@@ -47,35 +48,35 @@ def attempt_sections(result: Result, trade_off: TradeOff) -> Iterator[str]:
                 "-",
                 f"{result.least_margin_deg:.1f}°",
             ],
-            ["pairs of triangles that meet", "0", "0", str(result.file_self_intersections)],
+            ["pairs of triangles that meet", "0", "0", str(meeting)],
         ],
         "By die_plain.stl as it was read back.",
     )
     if not trade_off.drafts:
         return
-    listed = sorted(trade_off.drafts, key=lambda draft: _rank(draft, result, trade_off))
-    count, done = len(listed), result.attempts
+    listed = sorted(trade_off.drafts, key=lambda draft: _rank(draft, search))
+    count, done = len(listed), search.attempts
     note = f"{count} of {done} attempts led to a die"
     if count > _MOST_ROWS:
         note += f"; the best {_MOST_ROWS} are listed, result.json has all"
     yield table_section(
         "Attempts",
         ["attempt", "displacement (%)", "error", "apart (°)", "margin (°)", "meet", "s", "off"],
-        [_row(draft, result, trade_off) for draft in listed[:_MOST_ROWS]],
+        [_row(draft, search) for draft in listed[:_MOST_ROWS]],
         f"{note}. Displacement is the mean over the points, in percent of the diagonal; meet are "
         "pairs of triangles that should not.",
     )
 
 
-def _rank(draft: Draft, result: Result, trade_off: TradeOff) -> tuple[bool, int, float, float]:
+def _rank(draft: Draft, search: Search) -> tuple[bool, int, float, float]:
     """The die itself first, then what lacks least, is nearest to the odds and was moved least."""
-    missed = max(draft.error - trade_off.tolerance, 0.0)
-    lacks = len(list(trade_off.flaws(draft)))
-    return draft.attempt != result.attempt, lacks, missed, draft.displacement
+    missed = max(draft.error - search.trade_off.tolerance, 0.0)
+    lacks = len(list(search.trade_off.flaws(draft)))
+    return draft.attempt != search.attempt, lacks, missed, draft.displacement
 
 
-def _row(draft: Draft, result: Result, trade_off: TradeOff) -> list[str]:
-    chosen = ", this die" if draft.attempt == result.attempt else ""
+def _row(draft: Draft, search: Search) -> list[str]:
+    chosen = ", this die" if draft.attempt == search.attempt else ""
     return [
         f"{draft.attempt}{chosen}",
         f"{100.0 * draft.displacement:.2f}",
@@ -84,5 +85,5 @@ def _row(draft: Draft, result: Result, trade_off: TradeOff) -> list[str]:
         f"{draft.margin_deg:.1f}",
         str(draft.self_intersections),
         number(draft.seconds, 3),
-        ", ".join(_FLAWS[status] for status in trade_off.flaws(draft)) or "nothing",
+        ", ".join(_FLAWS[status] for status in search.trade_off.flaws(draft)) or "nothing",
     ]

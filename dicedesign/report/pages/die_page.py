@@ -22,8 +22,8 @@ from dicedesign.report.pages.linked import MAP, linked_sections, page_script
 from dicedesign.report.pages.print_odds import print_odds_sections
 from dicedesign.report.pages.printability import printability_sections
 from dicedesign.report.pages.throwing import throwing_advice, throws_told
-from dicedesign.results.balance import Balance
-from dicedesign.results.record import Result
+from dicedesign.results.parts import Concave
+from dicedesign.results.result import Balance, Result
 
 __all__ = ["die_page"]
 
@@ -77,22 +77,23 @@ def _sections(result: Result, images: Mapping[str, bytes], live: LiveDie | None)
         if figure.name in images and figure.name not in hidden | {MAP}:
             yield figure_section(figure.title, images[figure.name], figure.caption)
     yield _odds(result)
-    if result.trade_off is not None:
-        yield from attempt_sections(result, result.trade_off)
-    if result.balance is not None:
-        yield text_section("From the shape to the object", [_balance(result, result.balance)])
+    if result.search is not None:
+        yield from attempt_sections(result, result.search)
+    balance = None if result.engraved is None else result.engraved.balance
+    if balance is not None:
+        yield text_section("From the shape to the object", [_balance(result, balance)])
     yield from print_odds_sections(result)
-    if result.quality is not None:
-        yield list_section("Quality of the surface", result.quality)
-    yield from _measures(result)
+    if result.concave is not None:
+        yield list_section("Quality of the surface", result.concave.quality)
+        yield _measures(result.concave)
     if result.printability is not None:
         yield from printability_sections(result.printability)
     if result.notes:
         yield list_section("Notes", result.notes)
     if result.stages:
         yield stages_section(result.stages, result.peak_since)
-    if result.energy is not None:
-        terms = [[term, number(value, 4)] for term, value in result.energy.items()]
+    if result.design.energy is not None:
+        terms = [[term, number(value, 4)] for term, value in result.design.energy.items()]
         yield table_section("Energy", ["term", "value"], terms)
     yield list_section("Files", [f"{kind}: {name}" for kind, name in result.files.items()])
     yield text_section("How to print and read the die", [_instructions(result)])
@@ -103,12 +104,16 @@ def _odds(result: Result) -> str:
     thrown = result.thrown
     achieved = "achieved" if thrown is None else "without momentum"
     columns = [["target", *_percent(result.target, None)]]
-    for name, odds, elsewhere in (
-        ("before", result.probabilities_before, result.elsewhere_before),
-        (achieved, result.probabilities, result.elsewhere),
-        ("only engraved", None if thrown is not None else _unbalanced(result), None),
-        ("as printed", result.engraved_probabilities, result.engraved_elsewhere),
-    ):
+    kinds: list[tuple[str, Sequence[float] | None, float | None]] = []
+    if result.concave is not None:
+        before = result.concave
+        kinds.append(("before", before.probabilities_before, before.elsewhere_before))
+    kinds.append((achieved, result.probabilities, result.elsewhere))
+    if thrown is None:
+        kinds.append(("only engraved", _unbalanced(result), None))
+    if result.engraved is not None:
+        kinds.append(("as printed", result.engraved.probabilities, result.engraved.elsewhere))
+    for name, odds, elsewhere in kinds:
         if odds is not None:
             columns.append([name, *_percent(odds, elsewhere)])
     if thrown is not None:
@@ -132,7 +137,7 @@ def _odds(result: Result) -> str:
 
 def _unbalanced(result: Result) -> Sequence[float] | None:
     """Odds of the engraved die before its shape was moved; None where it was not moved."""
-    balance = result.balance
+    balance = None if result.engraved is None else result.engraved.balance
     return None if balance is None or len(balance.errors) < 2 else balance.unbalanced
 
 
@@ -149,8 +154,9 @@ def _balance(result: Result, balance: Balance) -> str:
     rounds = len(balance.errors) - 1
     times = f"{rounds} round{'' if rounds == 1 else 's'}"
     last = f"{min(balance.errors):.1e}{model}"
-    if not model and result.engraved_max_abs_error is not None:
-        last += f", and {result.engraved_max_abs_error:.1e} in the file as it was read back"
+    error = None if result.engraved is None else result.engraved.max_abs_error
+    if not model and error is not None:
+        last += f", and {error:.1e} in the file as it was read back"
     return f"{first} {how} in {times}, until it was off by {last}."
 
 
@@ -160,11 +166,9 @@ def _percent(odds: Sequence[float], elsewhere: float | None) -> list[str]:
     return [*(f"{100.0 * value:.3f}" for value in odds), others]
 
 
-def _measures(result: Result) -> Iterator[str]:
+def _measures(concave: Concave) -> str:
     """How far a surface was changed."""
-    moved, hull, surface = result.displacement, result.hull, result.surface
-    if moved is None or hull is None or surface is None:
-        return
+    moved, hull, surface = concave.displacement, concave.hull, concave.surface
     rows = [
         ["mean displacement", f"{100.0 * moved.mean:.3g} % of the diagonal"],
         ["largest displacement", f"{100.0 * moved.largest:.3g} % of the diagonal"],
@@ -174,13 +178,14 @@ def _measures(result: Result) -> Iterator[str]:
         ["vertices of its hull after", str(hull.vertices_after)],
         ["gap to the designed hull", f"{number(hull.gap, 2)} of the diagonal"],
     ]
-    yield table_section("Measures", ["measure", "value"], rows)
+    return table_section("Measures", ["measure", "value"], rows)
 
 
 def _instructions(result: Result) -> str:
     """How to print, throw and read the die."""
-    is_shape = result.displacement is not None
-    reading = _READING_A_SHAPE if is_shape else f"edges. {result.reading or _UNLABELLED} "
+    is_shape = result.concave is not None
+    told = None if result.engraved is None else result.engraved.reading
+    reading = _READING_A_SHAPE if is_shape else f"edges. {told or _UNLABELLED} "
     marked = _MARKED if is_shape and "die" in result.files else ""
     filling = _SOLID
     if result.infill is not None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Any, Final
 
-from dicedesign.results.record import StageTime
+from dicedesign.results.result import StageTime
 
 __all__ = [
     "LinkedRow",

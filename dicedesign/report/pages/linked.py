@@ -17,7 +17,7 @@ from dicedesign.report.pages.html_parts import (
     number,
     table_section,
 )
-from dicedesign.results.record import Result
+from dicedesign.results.result import Result
 
 __all__ = ["MAP", "linked_sections", "page_script"]
 
@@ -48,7 +48,7 @@ def linked_sections(result: Result, image: bytes | None, live: LiveDie | None) -
     yield '<div class="linked">'
     if live is not None and live.solid is not None:
         yield _view(live, image is not None)
-    yield _rests(result, live) if result.displacement is not None else _facets(result, live)
+    yield _rests(result, live) if result.concave is not None else _facets(result, live)
     if image is not None:
         figure = FIGURES[MAP]
         overlay = "" if live is None else _overlay(live)

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import Final
 
 from dicedesign.report.pages.html_parts import number, table_section, text_section
-from dicedesign.results.print_odds import PrintTolerances
-from dicedesign.results.record import Result
+from dicedesign.results.parts import PrintTolerances
+from dicedesign.results.result import Result
 
 __all__ = ["print_odds_sections"]
 
@@ -32,11 +32,9 @@ def print_odds_sections(result: Result) -> Iterator[str]:
 def _deviations(result: Result, found: PrintTolerances) -> str:
     names = list(found.by_error)
     header = ["outcome", "probability", "± of prints", *(_ERRORS[name][0] for name in names)]
-    odds = result.probabilities
+    odds = result.printed_probabilities
     if result.thrown is not None:
         odds = result.thrown.momentum
-    elif result.engraved_probabilities is not None:
-        odds = result.engraved_probabilities
     columns = [odds, found.deviations, *(found.by_error[name] for name in names)]
     rows = [
         [label, *(f"{100.0 * value:.3f}" for value in values)]
@@ -55,7 +53,7 @@ def _deviations(result: Result, found: PrintTolerances) -> str:
 def _infill(result: Result) -> str:
     found = result.infill
     assert found is not None
-    solid = result.engraved_probabilities or result.probabilities
+    solid = result.printed_probabilities
     header = ["outcome", "target", "solid", f"{100.0 * found.infill:.0f} % infill"]
     rows = [
         [label, *(f"{100.0 * value:.3f}" for value in values)]

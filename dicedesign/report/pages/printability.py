@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from dicedesign.fabricate.printers import MATERIALS
 from dicedesign.report.pages.html_parts import number, table_section
-from dicedesign.results.printability import Printability, PrintPose
+from dicedesign.results.parts import Printability, PrintPose
 
 __all__ = ["printability_sections"]
 

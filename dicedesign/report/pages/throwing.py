@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from dicedesign.results.throws import OtherTables, SimulatedThrows, ThrownOdds
+from dicedesign.results.parts import OtherTables, SimulatedThrows, ThrownOdds
 from dicedesign.throws.engines.engine import ENGINES
 from dicedesign.throws.spreads import Spread, most_of, scaled
 from dicedesign.throws.tables import Table

@@ -13,7 +13,7 @@ from dicedesign.report.render.tabletop import Tabletop
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
+    from dicedesign.fabricate.die import FinishedDie
     from dicedesign.throws.simulation.film import Film
 
 __all__ = ["MARGIN", "FilmedDie", "can_be_filmed", "filmed"]

@@ -13,8 +13,8 @@ from dicedesign.geometry.solid import solid_properties
 from dicedesign.report.pages.throwing import throwing_advice
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.finished_die import FinishedDie
-    from dicedesign.results.record import Result
+    from dicedesign.fabricate.die import FinishedDie
+    from dicedesign.results.result import Result
 
 __all__ = ["SheetFacts", "sheet_facts"]
 
@@ -72,11 +72,11 @@ def sheet_facts(die: FinishedDie, file: str, sha256: str) -> SheetFacts:
 
 def _reading(result: Result) -> Iterator[str]:
     """How the die is read and thrown."""
-    told = result.reading
+    told = None if result.engraved is None else result.engraved.reading
     is_marked = "die" in result.files
     if told:
         yield told
-    elif result.displacement is not None:
+    elif result.concave is not None:
         yield (
             "The outcome is the side that the die lies on. Its label is cut into the side that is "
             "up then."
@@ -90,7 +90,7 @@ def _reading(result: Result) -> Iterator[str]:
 
 def _size(die: FinishedDie) -> str:
     """Extents, volume and, where it is known, weight."""
-    judged = None if die.engraved is None else die.engraved.verdict
+    judged = None if die.engraved is None else die.engraved.assessment
     judged = judged or die.plain
     body, size = judged.body, judged.poses.hull.diameter
     assert body.triangles is not None
@@ -108,7 +108,8 @@ def _size(die: FinishedDie) -> str:
 def _printing(result: Result) -> Iterator[str]:
     """Settings of the printer, as far as they are known."""
     printed, infill = result.printability, result.infill
-    is_inlaid = result.balance is not None and result.balance.by == "fill"
+    balance = None if result.engraved is None else result.engraved.balance
+    is_inlaid = balance is not None and balance.by == "fill"
     yield _PRINT.format(
         material=_INLAID if is_inlaid else "one material",
         filled="with 100 % infill" if infill is None else "as full as is said below",
@@ -135,7 +136,7 @@ def _tolerance(result: Result) -> Iterator[str]:
 def _table(result: Result) -> tuple[list[str], list[list[str]]]:
     """The odds in percent."""
     columns = [("asked for", result.target)]
-    odds = result.engraved_probabilities or result.probabilities
+    odds = result.printed_probabilities
     name = "printed file"
     if result.thrown is not None:
         simulated = result.thrown.simulated
@@ -166,7 +167,8 @@ def _remark(result: Result) -> str:
     if result.thrown is not None:
         return "Odds on the table that it was designed for."
     error, elsewhere = result.max_abs_error, result.elsewhere
-    if result.engraved_max_abs_error is not None and result.engraved_elsewhere is not None:
-        error, elsewhere = result.engraved_max_abs_error, result.engraved_elsewhere
+    engraved = result.engraved
+    if engraved and engraved.max_abs_error is not None and engraved.elsewhere is not None:
+        error, elsewhere = engraved.max_abs_error, engraved.elsewhere
     told = f"Largest error: {100.0 * error:.2g} %"
     return f"{told}. Other rests: {100.0 * elsewhere:.2g} %." if elsewhere > 0.0 else f"{told}."

@@ -19,7 +19,7 @@ from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.outcomes import OutcomeGroups, match_by_normals, match_by_odds, sums_by_outcome
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.results.reading import read_result
+from dicedesign.results.folder import read_result
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.counts.csv_rows import csv_rows, require_equal_lengths, whole_count
 from dicedesign.throws.counts.roll_log import read_counts

@@ -14,7 +14,7 @@ import numpy as np
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.results.throws import SimulatedThrows
+from dicedesign.results.parts import SimulatedThrows
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.intervals import exact_intervals
 from dicedesign.throws.engines.engine import require_engine

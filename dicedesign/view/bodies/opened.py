@@ -17,8 +17,8 @@ from dicedesign.geometry.meshes.center_of_mass import resolve_center_of_mass
 from dicedesign.geometry.meshes.formats import without_solids
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import analyse
-from dicedesign.results.reading import read_result
-from dicedesign.results.record import RESULT
+from dicedesign.results.folder import read_result
+from dicedesign.results.result import RESULT
 from dicedesign.runtime.text import printable
 from dicedesign.view.bodies.thinning import MOST_POINTS, farthest_points
 from dicedesign.view.bodies.viewed_body import Outcomes, ViewedBody
@@ -26,7 +26,7 @@ from dicedesign.view.bodies.viewed_body import Outcomes, ViewedBody
 if TYPE_CHECKING:
     from dicedesign.recipe.planning.work import Work
     from dicedesign.recipe.schema.recipe import Recipe
-    from dicedesign.results.record import Result
+    from dicedesign.results.result import Result
 
 __all__ = ["Source", "Tell", "source_of", "viewed_work"]
 
@@ -130,7 +130,7 @@ def _finished(result: Result, tell: Tell) -> ViewedBody:
     """A die that was written: with its labels, unless nobody knows how these move its center."""
     tell.words(f"reading {result.name}")
     assert result.folder is not None
-    engraved = result.engraved_probabilities is not None and "die" in result.files
+    engraved = result.printed_probabilities is not result.probabilities and "die" in result.files
     path = result.folder / result.files["die"] if engraved else result.plain_file
     shown: dict[str, tuple[float, ...]] = {}
     for facet in result.facets:
@@ -151,7 +151,7 @@ def _finished(result: Result, tell: Tell) -> ViewedBody:
 def _designed(recipe: Recipe, tell: Tell) -> ViewedBody:
     from dicedesign.recipe.design_die import design_recipe
     from dicedesign.recipe.planning.work import Listeners
-    from dicedesign.results.record import Step
+    from dicedesign.results.result import Step
 
     def on_step(step: Step) -> None:
         off = "" if step.max_abs_error is None else f", off by {step.max_abs_error:.2g} at most"
@@ -168,7 +168,7 @@ def _designed(recipe: Recipe, tell: Tell) -> ViewedBody:
 def viewed_work(work: Work) -> ViewedBody:
     """The die of a design that has been checked; with its labels where they are cut in."""
     solid, engraved = work.solid, work.engraved
-    if engraved is not None and engraved.verdict is not None:
+    if engraved is not None and engraved.assessment is not None:
         body = make_body(engraved.points, engraved.triangles, name=work.recipe.name)
     else:
         body = make_body(solid.points, solid.triangles, name=work.recipe.name)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.fabricate.die import Design
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Listeners, Work
-from dicedesign.results.record import Step
+from dicedesign.results.result import Step
 from dicedesign.runtime.arrays import Floats
 from dicedesign.view.dice.designed_shape import DesignedShape
 from dicedesign.view.dice.request import DieRequest
@@ -47,7 +47,7 @@ class DesignRun:
         self._on_start, self._on_shape = on_start, on_shape
         self._told: tuple[ConvexHull, Floats] | None = None
 
-    def designed(self) -> DesignedDie:
+    def designed(self) -> Design:
         """The die at the end. Raises as stages and the gate do."""
         listeners = Listeners(on_start=self._start, on_shape=self._shape, on_step=self._step)
         work = Work(self._recipe, listeners=listeners)

@@ -15,8 +15,8 @@ from typing import Literal
 import numpy as np
 
 from dicedesign.errors import DiceError, InputError
-from dicedesign.fabricate.designed_die import DesignedDie
-from dicedesign.results.status import Status
+from dicedesign.fabricate.die import Design
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 from dicedesign.view.dice.design_run import DesignRun
 from dicedesign.view.dice.designed_shape import DesignedShape
@@ -65,7 +65,7 @@ class DesignSession:
         self.shapes: tuple[DesignedShape, ...] = ()
         self.starts, self.message = 0, ""
         self.status: Status | None = None
-        self.designed: DesignedDie | None = None
+        self.designed: Design | None = None
         self.is_straight = True
         self._gate = StepGate(lambda: self.on_change(), least_seconds)
         self._turn = self._gate.turn
@@ -99,7 +99,7 @@ class DesignSession:
         shapes = self.shapes
         return shapes[-1] if shapes else None
 
-    def end(self) -> tuple[DesignedShape | None, DesignedDie | None, bool]:
+    def end(self) -> tuple[DesignedShape | None, Design | None, bool]:
         """The present shape, the die that the solver ended with, if it did and has it, and whether
         that is the die of the recipe (`is_straight`)."""
         with self._turn:

@@ -11,9 +11,8 @@ from typing import Any, Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.designed_die import DesignedDie
+from dicedesign.fabricate.die import Assessment, Design
 from dicedesign.fabricate.file_formats import FILE_FORMATS, Contents, file_bytes, mesh_bytes
-from dicedesign.fabricate.verdict import Verdict
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.optimize.starts.kinds.mesh import mesh_start
@@ -22,7 +21,7 @@ from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.schema.reading import checked_recipe, recipe_text
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.recipe.stages.files import die_contents
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SAME_REST_ANGLE
 from dicedesign.view.dice.design_session import DesignSession
@@ -59,8 +58,8 @@ class PrintableDie:
     message: str
     notes: tuple[str, ...]
     directions: Floats
-    verdict: Verdict
-    plain: Verdict
+    verdict: Assessment
+    plain: Assessment
     stl: bytes
     contents: Contents
     points: Floats
@@ -79,7 +78,7 @@ class PrintableDie:
             message="; ".join(work.remarks),
             notes=tuple(work.notes),
             directions=work.die.directions,
-            verdict=(engraved and engraved.verdict) or work.plain,
+            verdict=(engraved and engraved.assessment) or work.plain,
             plain=work.plain,
             stl=work.files["die_plain.stl" if engraved is None else "die.stl"],
             contents=die_contents(work),
@@ -155,9 +154,9 @@ def printable_die(
     return PrintableDie.of(work, shape, is_kept=is_kept)
 
 
-def _as_it_is(shape: DesignedShape, recipe: Recipe) -> DesignedDie:
+def _as_it_is(shape: DesignedShape, recipe: Recipe) -> Design:
     is_reached = shape.error <= recipe.method.tolerance
-    return DesignedDie(
+    return Design(
         status=Status.CONVERGED if is_reached else Status.OFF_TARGET,
         hull=shape.hull,
         directions=shape.directions,

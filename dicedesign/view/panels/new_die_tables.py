@@ -6,7 +6,7 @@ import html
 from collections.abc import Iterable
 
 from dicedesign.report.charts.palette import BASINS
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.view.dice.design_session import DesignSession
 from dicedesign.view.dice.finishing import PrintableDie
 

@@ -16,7 +16,7 @@ from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 
 TETRAHEDRON = {"name": "four", "target": {"probabilities": [0.3, 0.25, 0.25, 0.2]}}
 
@@ -80,7 +80,7 @@ def test_unbalanced_dice_say_what_they_lack() -> None:
     work = made(engrave={"balance": "none"})
     balance = work.result().balance
     assert len(balance.errors) == 1
-    assert work.engraved.verdict.max_abs_error == pytest.approx(balance.errors[0], abs=1e-6)
+    assert work.engraved.assessment.max_abs_error == pytest.approx(balance.errors[0], abs=1e-6)
     assert work.status is Status.CONVERGED
 
 

@@ -18,7 +18,7 @@ from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 
 START = repulsion(7, 0)
 PINNED = (1, 4)

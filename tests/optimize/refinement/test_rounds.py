@@ -13,7 +13,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.options import RefineOptions
 from dicedesign.optimize.refinement.rounds import Refinement, Thrown
 from dicedesign.optimize.result import DesignResult
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 
 TARGET = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1]) / 36.0
 ALONE = np.arange(11)

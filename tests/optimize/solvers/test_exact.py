@@ -26,7 +26,7 @@ from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.optimize.targets import binomial, sum_of_dice
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from tests.reference.measurement import OK, measure, verdict
 from tests.reference.problem import Problem
 

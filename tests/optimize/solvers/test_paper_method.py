@@ -25,7 +25,7 @@ from dicedesign.optimize.starts.kinds.prism import prism
 from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import Target, binomial, fair, listed, sum_of_dice
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
 DESIGNS: dict[str, tuple[Start, Target]] = {

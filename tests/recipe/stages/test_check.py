@@ -11,7 +11,7 @@ from common.made_up_die import SIDES, box, checked
 
 from dicedesign.recipe.planning.work import Work
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
 FROM_PRISM = {"method": {"paper": {}}, "start": {"prism": {}}}
@@ -35,7 +35,7 @@ def test_a_good_die_has_no_advice() -> None:
     assert work.status is Status.CONVERGED
     assert len(work.remarks) == 2
     assert work.plain.max_abs_error < 1e-6
-    assert work.details["design_max_abs_error"] < 1e-12
+    assert work.design_error < 1e-12
 
 
 def test_odds_that_are_off_are_told_with_how_much() -> None:
@@ -49,7 +49,7 @@ def test_odds_that_are_off_are_told_with_how_much() -> None:
         for number in re.findall(r"[0-9.]+(?= in the file| as designed)", message(work))
     ]
     assert told == pytest.approx([off, off], rel=5e-3)
-    assert work.details["design_max_abs_error"] == pytest.approx(off, rel=1e-6)
+    assert work.design_error == pytest.approx(off, rel=1e-6)
     assert "3 starting shapes" in message(work)
     assert "finish" not in message(work)
     one = checked(points, target={"fair": 6}, starts=1)

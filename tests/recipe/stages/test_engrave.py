@@ -16,7 +16,7 @@ from dicedesign.geometry.manifold import solid
 from dicedesign.geometry.meshes.formats import parsed_stl
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
 
@@ -56,7 +56,7 @@ def test_what_labels_change_by_more_than_a_twentieth_is_told(depth_mm: float) ->
     )
     plan(work, after="design", last="engrave")
     assert work.engraved is not None
-    verdict = work.engraved.verdict
+    verdict = work.engraved.assessment
     assert verdict is not None
     changes = np.abs(verdict.outcomes.odds / work.plain.outcomes.odds - 1.0)
     assert (changes.max() > 0.05) == (depth_mm > 1.0)
@@ -90,18 +90,18 @@ def test_the_file_has_each_label_where_it_is_read(read: str, sign: float) -> Non
             - engraved_solid.trim_by_plane(outward.tolist(), height).volume()
         )
         assert taken == pytest.approx(placement.section().area() * depth, rel=1e-3)
-    assert (work.result().reading or "").startswith("Lift" if read == "down" else "Read")
+    assert (work.result().engraved.reading or "").startswith("Lift" if read == "down" else "Read")
     areas = [text_section(label).area() for label in "abcdef"]
     assert np.diff(np.sort(areas)).min() > 2e-3 * max(areas)
     assert any("with the labels cut in" in remark for remark in work.remarks)
-    assert set(work.details) >= {"engraved_probabilities", "engraved_max_abs_error"}
+    assert work.result().engraved.max_abs_error is not None
 
 
 def test_with_a_center_that_was_given_nobody_knows_what_labels_change() -> None:
     work = engraved(center_of_mass=np.zeros(3))
     assert work.engraved is not None
-    assert work.engraved.verdict is None
-    assert "engraved_probabilities" not in work.details
+    assert work.engraved.assessment is None
+    assert work.result().engraved.probabilities is None
     assert "die.stl" in work.files
 
 

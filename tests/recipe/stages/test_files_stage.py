@@ -22,7 +22,7 @@ from dicedesign.recipe.design_die import Die, design
 from dicedesign.recipe.run import run
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.reading import read_result
+from dicedesign.results.folder import read_result
 
 FORMATS = ["3mf", "obj", "glb", "ply", "off"]
 
@@ -70,7 +70,7 @@ def test_facts_are_those_of_the_result(coin: Path) -> None:
     labels = result.labels
     assert json.loads(facts["Target"]) == dict(zip(labels, result.target, strict=True))
     odds = json.loads(facts["Odds"])
-    assert odds == dict(zip(labels, result.engraved_probabilities, strict=True))
+    assert odds == dict(zip(labels, result.engraved.probabilities, strict=True))
     assert facts["Recipe"] == (coin / "recipe.yaml").read_text()
     assert facts["Checksum"].endswith(result.sha256["die.stl"])
     assert [material["name"] for material in scene["materials"]] == ["die", "labels"]

@@ -16,7 +16,7 @@ from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.rest.outcomes import outcome_odds
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 
 
 def numbered(style: str, sides: tuple[float, float, float] = (1.0, 1.0, 1.0), **more: Any) -> Work:

@@ -8,7 +8,7 @@ import pytest
 from common.made_up_die import SIDES, box, designed
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.designed_die import sized
+from dicedesign.fabricate.die import make_solid
 from dicedesign.fabricate.labelled_facets import place_on_facets
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
@@ -29,7 +29,7 @@ def sized_work(
 def fits(work: Work, size_mm: float) -> bool:
     assert work.recipe.engrave is not None
     try:
-        solid = sized(work.die, size_mm)
+        solid = make_solid(work.die, size_mm)
         place_on_facets(solid, solid.poses.hull, work.target.labels, work.recipe.engrave)
     except EngravingError:
         return False

@@ -12,7 +12,7 @@ from common.dented_cube import MadeUpSearch, write_cube
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.reading import checked_recipe
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
 
@@ -44,23 +44,23 @@ def test_the_gap_is_how_far_hulls_differ_over_the_diagonal(
     work = made(lambda points: points * sides)
     x, y, z = sides
     apart = max(z - 1.0, float(np.hypot(1.0 - y, 1.0 - z)) if z < 1.0 else 0.0)
-    gap = work.details["hull"].gap
+    gap = work.concave.hull.gap
     assert gap == pytest.approx(apart / (2.0 * np.sqrt(x * x + y * y + z * z)), rel=1e-5, abs=1e-7)
     told = "; ".join(work.remarks)
     assert (Status.LOOSE.value in told) == (apart > 0.0)
     assert (f"{gap:.2g} of the diagonal" in told) == (apart > 0.0)
-    assert work.details["quality"][-2].startswith("no pairs")
+    assert work.concave.quality[-2].startswith("no pairs")
     assert "pairs of triangles" not in told
-    before = np.array(work.details["probabilities_before"])
+    before = np.array(work.concave.probabilities_before)
     np.testing.assert_allclose(before, 1.0 / 6.0, atol=1e-12)
-    assert work.details["elsewhere_before"] == pytest.approx(0.0, abs=1e-12)
+    assert work.concave.elsewhere_before == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_surface_beside_the_designed_hull_is_off_by_how_far_it_was_moved(
     made: Callable[..., Work],
 ) -> None:
     work = made(lambda points: points + np.array([0.3, 0.0, 0.0]))
-    gap = work.details["hull"].gap
+    gap = work.concave.hull.gap
     assert gap == pytest.approx(0.3 / np.sqrt(12.0), rel=1e-5)
     assert Status.LOOSE.value in "; ".join(work.remarks)
 
@@ -79,8 +79,8 @@ def test_displacements_are_those_of_the_points(made: Callable[..., Work]) -> Non
     reshaped = work.die.reshaped
     assert reshaped is not None
     apart = np.linalg.norm(reshaped.after.points - reshaped.before.points, axis=1) / np.sqrt(12.0)
-    assert work.details["displacement"].largest == pytest.approx(apart.max())
-    assert work.details["displacement"].mean == pytest.approx(apart.mean())
+    assert work.concave.displacement.largest == pytest.approx(apart.max())
+    assert work.concave.displacement.mean == pytest.approx(apart.mean())
     assert apart.max() > 2.0 * apart.mean()
 
 
@@ -109,10 +109,10 @@ def test_pairs_that_meet_are_counted(made: Callable[..., Work]) -> None:
         return deep
 
     work = made(push)
-    pairs = work.details["file_self_intersections"]
+    pairs = work.concave.self_intersections
     assert pairs > 0
     assert any(remark == f"{pairs} pairs of triangles meet" for remark in work.remarks)
-    assert any(sentence.startswith(f"{pairs} pairs") for sentence in work.details["quality"])
+    assert any(sentence.startswith(f"{pairs} pairs") for sentence in work.concave.quality)
     assert work.status is Status.SELF_INTERSECTING
 
 

@@ -12,7 +12,7 @@ from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
 from dicedesign.recipe.schema.reading import checked_recipe
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 
 
 def designed(**entries: Any) -> Work:

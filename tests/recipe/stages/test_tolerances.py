@@ -93,7 +93,7 @@ def test_labels_are_weighed_too(style: str) -> None:
     found, made = work.result().infill, work.engraved
     assert found is not None
     assert made is not None
-    assert made.verdict is not None
+    assert made.assessment is not None
     surface = Surface(made.points, made.triangles)
     hull = convex_hull(surface.points)
     points = drawn(hull, 300_000)

@@ -9,7 +9,7 @@ from common.drawings import is_whole
 from dicedesign.report.charts.chart import Chart
 from dicedesign.report.charts.series import Curve
 from dicedesign.report.charts.trade_off import trade_off_chart, trade_off_figure
-from dicedesign.results.trade_off import Draft, TradeOff
+from dicedesign.results.parts import Draft, TradeOff
 
 GOOD = Draft(3, 1.0, 1e-4, 0.02, 60.0, 15.0, 0)
 DRAFTS = (

@@ -18,8 +18,8 @@ from dicedesign.report.figures.energy import energy_charts, energy_figure
 from dicedesign.report.figures.odds import before_after_chart
 from dicedesign.report.figures.rounds import rounds_chart
 from dicedesign.report.figures.table import table_chart
-from dicedesign.results.record import Step
-from dicedesign.results.throws import RoundOfThrows, SimulatedThrows, ThrownOdds
+from dicedesign.results.parts import RoundOfThrows, SimulatedThrows, ThrownOdds
+from dicedesign.results.result import Step
 
 TOLERANCE = 1e-3
 

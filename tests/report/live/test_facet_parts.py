@@ -9,8 +9,8 @@ import numpy as np
 from common.finished import finished_box
 from manifold3d import Manifold
 
+from dicedesign.fabricate.die import FinishedDie
 from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Part
-from dicedesign.fabricate.finished_die import FinishedDie
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.report.charts.palette import BASINS
 from dicedesign.report.live.facet_parts import facet_parts, rests_of_triangles

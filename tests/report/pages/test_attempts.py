@@ -2,28 +2,39 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 from common.finished import finished_box
 from common.parsed_html import parsed
 
 from dicedesign.errors import InputError
 from dicedesign.report.pages.die_page import die_page
-from dicedesign.results.trade_off import Draft, TradeOff
+from dicedesign.results.parts import (
+    Concave,
+    Displacement,
+    Draft,
+    HullOfSurface,
+    Search,
+    SurfaceSize,
+    TradeOff,
+)
 
 HEADER = 8
 """Columns of the table of attempts."""
 
 
-def cells(drafts: tuple[Draft, ...], **changes: Any) -> list[str]:
-    result = finished_box(
-        trade_off=TradeOff(0.005, 45.0, 10.0, drafts),
+def cells(drafts: tuple[Draft, ...], attempts: int, attempt: int | None = None) -> list[str]:
+    concave = Concave(
         probabilities_before=(0.125,) * 6,
         elsewhere_before=0.25,
-        file_self_intersections=0,
-        **changes,
-    ).result
+        displacement=Displacement(0.0, 0.0),
+        hull=HullOfSurface(8, 8, 0.0),
+        surface=SurfaceSize(8, 12),
+        quality=(),
+        surface_quality={},
+        self_intersections=0,
+    )
+    search = Search(attempts, None, attempt, TradeOff(0.005, 45.0, 10.0, drafts))
+    result = finished_box(concave=concave, search=search).result
     assert result.error_before == 0.25
     return parsed(die_page(result, {})).cells
 

@@ -13,19 +13,30 @@ from common.parsed_html import Checker, parsed
 from dicedesign.report.figures.figure import FIGURES
 from dicedesign.report.pages.die_page import die_page
 from dicedesign.report.pages.throwing import throwing_advice, throws_told
-from dicedesign.results.record import Displacement, HullOfSurface, Result, SurfaceSize
-from dicedesign.results.throws import SimulatedThrows, ThrownOdds
+from dicedesign.results.parts import (
+    Concave,
+    Displacement,
+    HullOfSurface,
+    SimulatedThrows,
+    SurfaceSize,
+    ThrownOdds,
+)
+from dicedesign.results.result import Designed, Result
 from dicedesign.throws.tables import Table, table_named
 
 PNG = b"\x89PNG"
 RESHAPED = {
-    "displacement": Displacement(0.0312, 0.115),
-    "hull": HullOfSurface(430, 363, 3.2e-6),
-    "surface": SurfaceSize(3301, 6598),
-    "quality": ("No two triangles <cross>.", "No triangle is inverted."),
-    "probabilities_before": (0.125,) * 6,
-    "elsewhere_before": 0.25,
-    "energy": None,
+    "concave": Concave(
+        probabilities_before=(0.125,) * 6,
+        elsewhere_before=0.25,
+        displacement=Displacement(0.0312, 0.115),
+        hull=HullOfSurface(430, 363, 3.2e-6),
+        surface=SurfaceSize(3301, 6598),
+        quality=("No two triangles <cross>.", "No triangle is inverted."),
+        surface_quality={},
+        self_intersections=0,
+    ),
+    "design": Designed(0.1),
     "rest_counts": (3, 1, 1, 1, 1, 17),
     "notes": ("7 vertices were welded",),
 }

@@ -10,7 +10,7 @@ from common.parsed_html import parsed
 from dicedesign.recipe.planning.stage import plan
 from dicedesign.report.pages.die_page import die_page
 from dicedesign.report.pages.printability import printability_sections
-from dicedesign.results.printability import PrintedLabel
+from dicedesign.results.parts import PrintedLabel
 
 
 def test_a_page_has_the_measures_of_the_print() -> None:

@@ -18,6 +18,7 @@ from dicedesign.report.sheets.data_sheet import VIEW, VIEWS, draw_data_sheet, wr
 from dicedesign.report.sheets.facts import SheetFacts, sheet_facts
 from dicedesign.report.sheets.pages import FINE, HEIGHT, WIDTH, PdfPage, PngPage
 from dicedesign.report.sheets.views import CORNERS, four_views
+from dicedesign.results.result import Engraved
 
 BLANK = np.full((FINE * VIEW, FINE * VIEW, 3), 128, dtype=np.uint8)
 
@@ -162,12 +163,7 @@ def test_the_png_has_the_same_sheet() -> None:
 def test_odds_are_those_of_the_printed_file() -> None:
     die = finished_box()
     odds = np.array(die.result.probabilities)[::-1]
-    labelled = replace(
-        die.result,
-        engraved_probabilities=tuple(odds),
-        engraved_elsewhere=0.0,
-        engraved_max_abs_error=0.25,
-    )
+    labelled = replace(die.result, engraved=Engraved(tuple(odds), 0.0, 0.25))
     found = sheet_facts(replace(die, result=labelled), "die.stl", "ab")
     assert [row[2] for row in found.rows] == [f"{100.0 * value:.3f}" for value in odds]
     for row in found.rows:

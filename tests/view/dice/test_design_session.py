@@ -14,7 +14,7 @@ from dicedesign.errors import InputError, RecipeError
 from dicedesign.optimize.paper_options import PaperWeights
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.view.dice.design_session import DesignSession
 from dicedesign.view.dice.designed_shape import DesignedShape
 from dicedesign.view.dice.request import DieRequest

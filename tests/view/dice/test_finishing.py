@@ -17,7 +17,7 @@ from dicedesign.recipe.run import run
 from dicedesign.recipe.schema.typed_target import typed_target
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.record import Result
+from dicedesign.results.result import Result
 from dicedesign.view.dice.design_session import DesignSession
 from dicedesign.view.dice.finishing import PrintableDie, printable_die
 from dicedesign.view.dice.presets import PRESETS
@@ -79,7 +79,7 @@ def test_a_straight_way_is_the_recipe_alone(tmp_path: Path, method: str) -> None
 def assert_same_die(die: PrintableDie, result: Result) -> None:
     """The same odds, as designed and with labels, and each label on the same facet."""
     odds = [has for _, _, has in die.rows()]
-    np.testing.assert_allclose(result.engraved_probabilities, odds, atol=1e-7)
+    np.testing.assert_allclose(result.engraved.probabilities, odds, atol=1e-7)
     np.testing.assert_allclose(result.probabilities, die.plain.outcomes.odds, atol=1e-7)
     again = {facet.label: facet.normal for facet in result.facets if facet.label is not None}
     poses = die.plain.poses

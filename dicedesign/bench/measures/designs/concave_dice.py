@@ -15,7 +15,7 @@ from dicedesign.errors import DiceError
 
 if TYPE_CHECKING:
     from dicedesign.recipe.schema.recipe import Recipe
-    from dicedesign.results.record import Result
+    from dicedesign.results.result import Result
 
 __all__ = ["FILLS", "ConcaveCase", "ConcaveRow", "attempt_concave", "built_in"]
 
@@ -215,21 +215,21 @@ def _attempted(case: ConcaveCase, path: Path) -> ConcaveRow:
 
 def _measured(die: Result) -> dict[str, Any]:
     """Fields of the row, by the STL file of the die."""
-    assert die.displacement is not None
-    assert die.hull is not None
-    assert die.surface_quality is not None
-    distortion = die.surface_quality["distortion"]
+    concave, search = die.concave, die.search
+    assert concave is not None
+    assert search is not None
+    distortion = concave.surface_quality["distortion"]
     return {
         "error": die.max_abs_error,
         "elsewhere": die.elsewhere,
-        "intersections": die.file_self_intersections,
+        "intersections": concave.self_intersections,
         "apart": die.least_angle_deg,
         "margin": die.least_margin_deg,
-        "mean_displacement": die.displacement.mean,
-        "largest_displacement": die.displacement.largest,
-        "corners": (die.hull.vertices_before, die.hull.vertices_after),
-        "attempts": die.attempts,
-        "gap": die.hull.gap,
+        "mean_displacement": concave.displacement.mean,
+        "largest_displacement": concave.displacement.largest,
+        "corners": (concave.hull.vertices_before, concave.hull.vertices_after),
+        "attempts": search.attempts,
+        "gap": concave.hull.gap,
         "shape_distortion": distortion["shape_mean"],
         "size_distortion": distortion["size_mean"],
     }

@@ -22,7 +22,7 @@ from dicedesign.bench.rows import Row
 from dicedesign.errors import DiceError, InputError
 from dicedesign.optimize.options import ExactOptions, RefineOptions
 from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.results.status import Status
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.momentum.momentum_model import momentum_model
 from dicedesign.throws.momentum.other_tables import other_tables

@@ -1,48 +1,35 @@
 """The result of a run: what result.json holds, typed.
 
-`Result` is written as it stands, a key for each attribute; an attribute that is None has none.
-Odds are in the order of the labels, lengths in millimetres unless they are called relative, angles
-in degrees.
+`Result` is written as it stands, a key for each attribute; an optional one that is None has none.
+Probabilities are in the order of the labels, lengths in millimetres unless they are called
+relative, angles in degrees.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.results.balance import Balance
-from dicedesign.results.cavities import Cavities
-from dicedesign.results.inside import Inside
-from dicedesign.results.print_odds import InfillOdds, PrintTolerances
-from dicedesign.results.printability import Printability
-from dicedesign.results.repair import Repair
-from dicedesign.results.status import Status
-from dicedesign.results.throws import ThrownOdds
-from dicedesign.results.trade_off import TradeOff
+from dicedesign.results.parts import (
+    Concave,
+    InfillOdds,
+    Numbers,
+    Printability,
+    PrintTolerances,
+    Search,
+    Status,
+    ThrownOdds,
+)
 from dicedesign.runtime.arrays import Floats
-from dicedesign.runtime.files import json_text
-
-__all__ = [
-    "RESULT",
-    "Displacement",
-    "FacetOfDie",
-    "HullOfSurface",
-    "HullsMade",
-    "Result",
-    "StageTime",
-    "Step",
-    "SurfaceSize",
-]
+from dicedesign.runtime.files import json_text, plain
 
 RESULT: Final = "result.json"
 """Name of the file, written last: a folder that has it is complete."""
-
-Numbers: TypeAlias = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -88,7 +75,7 @@ class Step:
     seconds: float | None
     energy: float
     max_abs_error: float | None
-    terms: dict[str, float] = dataclasses.field(default_factory=dict)
+    terms: dict[str, float] = field(default_factory=dict)
     stage: str | None = None
     attempt: int | None = None
 
@@ -102,29 +89,86 @@ class HullsMade:
 
 
 @dataclass(frozen=True)
-class Displacement:
-    """How far the points of a surface were moved, relative to its diagonal."""
+class Designed:
+    """The die as designed, before coordinates were rounded to those of a file.
 
-    mean: float
-    largest: float
+    Attributes
+    ----------
+    max_abs_error: largest |p - q|, by the probabilities that the method is about.
+    energy: terms of the energy at the end, by name.
+    starts: starting shapes that were tried; evaluations: dice that were tried; hulls: computed for
+        them.
+    """
+
+    max_abs_error: float
+    energy: dict[str, float] | None = None
+    starts: int | None = None
+    evaluations: int | None = None
+    hulls: HullsMade | None = None
 
 
 @dataclass(frozen=True)
-class HullOfSurface:
-    """Corners of a surface's hull before and after, and the largest distance between the hull of
-    the finished surface and the designed one, relative to the diagonal."""
+class Balance:
+    """How the finished die, with its labels and edges, came to the odds of its target.
 
-    vertices_before: int
-    vertices_after: int
-    gap: float
+    Attributes
+    ----------
+    by: "shape", "opposite", "fill" or "none", as in a recipe's `engrave`.
+    unbalanced: (k,) odds that the finished die would have if the plain shape were only engraved;
+        for a die to be thrown those by the momentum model, as its target is then.
+    errors: largest difference from the target in each round, before coordinates are rounded to
+        those of a file; the first is that of `unbalanced`, the least that of the die.
+    moved_mm: largest distance from a corner of the plain shape to the planes of its facets as they
+        were moved.
+    stretch: of a die that keeps the shape of a surface, the largest relative change of a length.
+    """
+
+    by: str
+    unbalanced: Numbers
+    errors: Numbers
+    moved_mm: float
+    stretch: float | None = None
 
 
 @dataclass(frozen=True)
-class SurfaceSize:
-    """Numbers of vertices and triangles of the finished surface."""
+class Engraved:
+    """The die with its labels cut in, its edges rounded or something inside of it.
 
-    vertices: int
-    triangles: int
+    Attributes
+    ----------
+    probabilities, elsewhere, max_abs_error: by die.stl as it was read back, with what the marks
+        take away, as those of `Result`; None where the center of mass was given and there is no
+        `inside`: then nobody knows how marks move it.
+    reading: how the labels are read, in a sentence.
+    balance: how it came to the probabilities of its target.
+    """
+
+    probabilities: Numbers | None = None
+    elsewhere: float | None = None
+    max_abs_error: float | None = None
+    reading: str | None = None
+    balance: Balance | None = None
+
+
+@dataclass(frozen=True)
+class Inside:
+    """A cavity, infill or weights, measured in the files as they were read back.
+
+    Attributes
+    ----------
+    by: "cavity", "infill" or "weights", as in a recipe's `inside`.
+    shift_mm: distance from the center of mass of the uniform solid to that which was given; off_mm:
+        from there to that of the files.
+    wall_mm: least thickness of walls; None where nothing is inside.
+    made: what was made, such as the places of weights; notes: the same for people, a sentence each.
+    """
+
+    by: str
+    shift_mm: float
+    off_mm: float
+    wall_mm: float | None
+    made: dict[str, Any]
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -149,8 +193,7 @@ class Result:
     labels: of the k outcomes; target: (k,) their wanted odds.
     probabilities: (k,) odds of the outcomes without momentum, by die_plain.stl as it was read back.
     elsewhere: odds of all rests that count for no outcome.
-    max_abs_error: largest |p - q|; design_max_abs_error: the same as designed, before coordinates
-        were rounded to those of the file, by the odds that the method is about.
+    max_abs_error: largest |p - q|.
     center_of_mass: (3,) in the coordinates of the file.
     facets: those that the die can rest on, the most probable first; unstable_facets: how many
         others there are.
@@ -159,24 +202,11 @@ class Result:
     least_margin_deg: angle by which the die must be tipped to leave the outcome that is left most
         easily; 180 where none can be left for another.
     asymmetry: rho of eq. 20 and 21.
-    engraved_probabilities, engraved_elsewhere, engraved_max_abs_error: the same odds by die.stl as
-        it was read back, with what the marks take away; None where it is not engraved, or where the
-        center of mass was given and there is no `inside`: then nobody knows how marks move it.
     prior: the recipe's, under which all its odds are; None where any side is down alike at first.
-    reading: how the die with its labels is read, in a sentence.
     history: every accepted step; after rounds of throws those of the last design.
-    energy: terms of the energy at the end, by name. starts: starting shapes that were tried;
-        evaluations: dice that were tried; hulls: computed for them.
-    repair: of the mesh that a concave die is made of, where it was repaired.
-    probabilities_before, elsewhere_before: of the surface that a concave die was made from.
-    displacement, hull, surface, quality, surface_quality, file_self_intersections: of a concave
-        die, how far its points were moved, its hull, its size, defects and distortion as sentences
-        and as numbers, and the pairs of triangles of its file that meet and should not.
-    cavities: of a concave die that has some.
-    inside: what puts the center of mass where it was given, with the recipe's `inside`.
-    attempts, search_seconds, attempt: of the search for a concave die, over all sessions, the
-        seconds not without a clock, and the number of the attempt that led to this one; None where
-        none did. trade_off: what each led to, and what was wanted.
+    design: the die as designed. engraved: with labels, edges or something inside; None for a plain
+        one. inside: what puts the center of mass where it was given, with the recipe's `inside`.
+    concave: of a die that keeps the shape of a surface; search: how that was found.
     thrown: what the die does on the recipe's table.
     printability: how it is printed, and what its printer will not make.
     tolerances: how far the odds of prints are from those of the file. infill: odds with the
@@ -198,7 +228,6 @@ class Result:
     probabilities: Numbers
     elsewhere: float
     max_abs_error: float
-    design_max_abs_error: float
     center_of_mass: Numbers
     facets: tuple[FacetOfDie, ...]
     unstable_facets: int
@@ -207,42 +236,23 @@ class Result:
     least_margin_deg: float
     asymmetry: float
     history: tuple[Step, ...]
+    design: Designed
     notes: tuple[str, ...] = ()
-    engraved_probabilities: Numbers | None = None
-    engraved_elsewhere: float | None = None
-    engraved_max_abs_error: float | None = None
-    balance: Balance | None = None
     prior: str | None = None
-    reading: str | None = None
-    energy: dict[str, float] | None = None
-    starts: int | None = None
-    evaluations: int | None = None
-    hulls: HullsMade | None = None
-    repair: Repair | None = None
-    probabilities_before: Numbers | None = None
-    elsewhere_before: float | None = None
-    displacement: Displacement | None = None
-    hull: HullOfSurface | None = None
-    surface: SurfaceSize | None = None
-    quality: tuple[str, ...] | None = None
-    surface_quality: dict[str, Any] | None = None
-    file_self_intersections: int | None = None
-    cavities: Cavities | None = None
+    engraved: Engraved | None = None
     inside: Inside | None = None
-    attempts: int | None = None
-    search_seconds: float | None = None
-    attempt: int | None = None
-    trade_off: TradeOff | None = None
+    concave: Concave | None = None
+    search: Search | None = None
     thrown: ThrownOdds | None = None
     printability: Printability | None = None
     tolerances: PrintTolerances | None = None
     infill: InfillOdds | None = None
-    extra: dict[str, Any] = dataclasses.field(default_factory=dict)
-    files: dict[str, str] = dataclasses.field(default_factory=dict)
-    sha256: dict[str, str] = dataclasses.field(default_factory=dict)
+    extra: dict[str, Any] = field(default_factory=dict)
+    files: dict[str, str] = field(default_factory=dict)
+    sha256: dict[str, str] = field(default_factory=dict)
     stages: tuple[StageTime, ...] = ()
     peak_since: str = "start"
-    folder: Path | None = dataclasses.field(default=None, compare=False)
+    folder: Path | None = field(default=None, compare=False)
 
     @property
     def converged(self) -> bool:
@@ -253,13 +263,20 @@ class Result:
     def error_before(self) -> float:
         """Largest of |p - q| and of the odds of all other rests, of the surface that a concave die
         was made from. Raises InputError: it was not made from one."""
-        if self.probabilities_before is None or self.elsewhere_before is None:
+        if self.concave is None:
             raise InputError(
                 f"{self.name}: expected a die that keeps the shape of a surface, got another; take "
                 "one of method: concave"
             )
-        odds = np.array(self.probabilities_before)
-        return max(float(np.abs(odds - np.array(self.target)).max()), self.elsewhere_before)
+        before = np.array(self.concave.probabilities_before)
+        off = float(np.abs(before - np.array(self.target)).max())
+        return max(off, self.concave.elsewhere_before)
+
+    @property
+    def printed_probabilities(self) -> Numbers:
+        """(k,) by the file that is printed: die.stl where its probabilities are known, else
+        die_plain.stl."""
+        return (self.engraved and self.engraved.probabilities) or self.probabilities
 
     @property
     def shown(self) -> tuple[tuple[str, Floats], ...]:
@@ -284,26 +301,15 @@ class Result:
         """The same without what a clock or the system's memory told: runs that found out the same
         are equal then."""
         history = tuple(dataclasses.replace(step, seconds=None) for step in self.history)
-        trade_off = None if self.trade_off is None else self.trade_off.without_clock()
+        search = None if self.search is None else self.search.without_clock()
         return dataclasses.replace(
             self,
             history=history,
-            search_seconds=None,
-            trade_off=trade_off,
+            search=search,
             stages=(),
             peak_since="start",
         )
 
     def json_text(self) -> str:
         """The content of result.json."""
-        return json_text(_plain(self))
-
-
-def _plain(result: Result) -> dict[str, Any]:
-    known = {name: value for name, value in dataclasses.asdict(result).items() if value is not None}
-    known.pop("folder", None)
-    if not known["extra"]:
-        del known["extra"]
-    if "thrown" in known and known["thrown"]["simulated"] is None:
-        del known["thrown"]["simulated"]
-    return known
+        return json_text(plain(dataclasses.replace(self, folder=None)))

@@ -1,0 +1,292 @@
+"""A die on its way: as designed, as a solid in millimetres, and what its file does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.polygons import facet_inradius
+from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.geometry.meshes.formats import parsed_stl
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.optimize.targets import Target
+from dicedesign.rest.asymmetry import border_margins
+from dicedesign.rest.outcomes import OutcomeOdds, outcome_margins, outcome_odds
+from dicedesign.rest.poses import RestPoses, analyse, rest_poses
+from dicedesign.rest.prior import Prior
+from dicedesign.results.parts import Status
+from dicedesign.results.result import FacetOfDie, HullsMade, Result, Step
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import FILE_ODDS, LEAST_MARGIN, SAME_REST_ANGLE
+
+if TYPE_CHECKING:
+    from dicedesign.concave.result import ConcaveDie
+    from dicedesign.fabricate.label_layout import Placement
+    from dicedesign.fabricate.label_reading import Reading
+    from dicedesign.geometry.repair.repair import RepairedMesh
+    from dicedesign.geometry.surfaces.quality import SurfaceQuality
+    from dicedesign.optimize.refinement.rounds import Round
+    from dicedesign.throws.simulation.die_on_table import ThrownDie
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """What every method returns. Lengths are in a unit of the design's own.
+
+    Attributes
+    ----------
+    status: why the method stopped.
+    hull: the designed convex hull.
+    directions: (k, 3) down in the outcomes, in the order of the target.
+    error: largest |p - q| by the odds that the method is about.
+    steps: every accepted one, the first being the start.
+    center_of_mass: (3,) that was given, or None for the uniform solid.
+    terms: of the energy at the end, by name.
+    starts: starting shapes that were tried; evaluations: dice; hulls: computed for them.
+    rounds: of throws and new designs.
+    reshaped: the surface before and after, of a die that keeps the shape of one; else None.
+    prior: that the odds are under, or None where any side is down alike at first.
+    """
+
+    status: Status
+    hull: ConvexHull
+    directions: Floats
+    error: float
+    steps: tuple[Step, ...]
+    center_of_mass: Floats | None = None
+    terms: Mapping[str, float] | None = None
+    starts: int | None = None
+    evaluations: int | None = None
+    hulls: HullsMade | None = None
+    rounds: tuple[Round, ...] = ()
+    reshaped: ConcaveDie | None = None
+    prior: Prior | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment:
+    """What a file does, as it was read back.
+
+    Attributes
+    ----------
+    body: the solid in mm as it was read back.
+    poses: its rests.
+    outcomes: what they count for.
+    target: what is wanted.
+    """
+
+    body: Body
+    poses: RestPoses
+    outcomes: OutcomeOdds
+    target: Target
+
+    @property
+    def max_abs_error(self) -> float:
+        """Largest |p - q|."""
+        return self.outcomes.max_abs_error(self.target.probabilities)
+
+    @cached_property
+    def margins(self) -> Floats:
+        """(k,) least angle in radians by which the die must be tipped to leave each outcome."""
+        return outcome_margins(self.poses, self.outcomes)
+
+    def flaws(self, tolerance: float | None) -> Iterator[Status]:
+        """What is wrong with the die, the worst first.
+
+        tolerance: largest |p - q| and odds elsewhere; None for a die whose odds without momentum
+            are not meant to be the target.
+        """
+        if tolerance is not None:
+            most = max(tolerance, FILE_ODDS)
+            if self.max_abs_error > most:
+                yield Status.OFF_TARGET
+            if self.outcomes.elsewhere > most:
+                yield Status.STRAY
+        if self.outcomes.least_angle < SAME_REST_ANGLE:
+            yield Status.CROWDED
+        if self.margins.min() < LEAST_MARGIN:
+            yield Status.UNSTEADY
+
+    @cached_property
+    def facets(self) -> tuple[FacetOfDie, ...]:
+        """Each facet that the die can rest on, the most probable first; an outcome's own bears its
+        label."""
+        labels = self.target.labels
+        poses, of_rest = self.poses, self.outcomes.outcome_of_rest.tolist()
+        own = {int(rest): labels[k] for k, rest in enumerate(self.outcomes.main) if rest >= 0}
+        margins, borders = np.degrees(poses.margins), np.degrees(border_margins(poses))
+        return tuple(
+            FacetOfDie(
+                label=own.get(rest),
+                outcome=None if outcome < 0 else labels[outcome],
+                normal=tuple(poses.normals[rest].tolist()),
+                probability=float(poses.probabilities[rest]),
+                polygon_area_mm2=float(poses.areas[rest]),
+                inradius_mm=facet_inradius(poses.hull, int(poses.facets[rest])),
+                margin_deg=float(margins[rest]),
+                border_deg=float(borders[rest]),
+            )
+            for rest, outcome in enumerate(of_rest)
+        )
+
+    def as_fields(self) -> dict[str, Any]:
+        """Probabilities, those elsewhere, and error, as fields of `Result` and `Engraved`."""
+        return {
+            "probabilities": tuple(self.outcomes.odds.tolist()),
+            "elsewhere": self.outcomes.elsewhere,
+            "max_abs_error": self.max_abs_error,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A die in mm, ready to print, plain or with its labels cut in and its edges rounded, with its
+    center of mass at the origin, before coordinates are rounded to those of a file.
+
+    Attributes
+    ----------
+    points: (n, 3); triangles: (t, 3) counter-clockwise seen from outside.
+    poses: rests of the plain solid; outcomes: what they count for.
+    center_of_mass: (3,) zeros where it was given, or None for the uniform solid.
+    hull_points: (v, 3) corners of the designed hull there.
+    changes: made for printing, one sentence each.
+    is_printable: whether the surface could be cleaned for printing.
+    assessment: of an engraved one, what its file does; None where the center of mass was given, as
+        nobody knows how labels and edges move it.
+    placements: where labels are, of a die that has them on its facets.
+    inlay: bodies of another color that fill the labels, or None.
+    core: of a convex die, what is within its rounded edges, whose facets are its flat ones.
+    """
+
+    points: Floats
+    triangles: Integers
+    poses: RestPoses
+    outcomes: OutcomeOdds
+    center_of_mass: Floats | None
+    hull_points: Floats
+    changes: tuple[str, ...] = ()
+    is_printable: bool = True
+    assessment: Assessment | None = None
+    placements: tuple[Placement, ...] = ()
+    inlay: Surface | None = None
+    core: ConvexHull | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedDie:
+    """All that a run knows of its die.
+
+    Attributes
+    ----------
+    result: the content of result.json.
+    plain: what die_plain.stl does; engraved: the solid of die.stl, or None.
+    tolerance: largest |p - q| that was allowed.
+    upward: (3,) direction that is up in pictures.
+    reshaped: the surface before and after, of a die that keeps the shape of one; quality: of the
+        surface after.
+    repaired: the mesh that the surface before is of, where it was repaired.
+    thrown: what the die does on its table, of one that is to be thrown.
+    reading: how a die with labels is read; its places are those of `engraved.placements`, in the
+        same order.
+    """
+
+    result: Result
+    plain: Assessment
+    engraved: Solid | None
+    tolerance: float
+    upward: Floats
+    reshaped: ConcaveDie | None = None
+    quality: SurfaceQuality | None = None
+    repaired: RepairedMesh | None = None
+    thrown: ThrownDie | None = None
+    reading: Reading | None = None
+
+
+def make_solid(die: Design, size_mm: float) -> Solid:
+    """The plain solid of a die, with a largest distance `size_mm`, positive, between its points."""
+    if die.reshaped is not None:
+        return _solid_of_surface(die, die.reshaped, size_mm)
+    given = die.center_of_mass
+    center = die.hull.centroid if given is None else given
+    hull = convex_hull((die.hull.vertices - center) * (size_mm / die.hull.diameter))
+    if given is None:
+        poses = analyse(hull, hull.centroid, "uniform solid")
+    else:
+        poses = analyse(hull, np.zeros(3), "given")
+    poses = poses.under(die.prior)
+    return Solid(
+        points=hull.vertices,
+        triangles=hull.triangles,
+        poses=poses,
+        outcomes=outcome_odds(poses, die.directions),
+        center_of_mass=None if given is None else np.zeros(3),
+        hull_points=hull.vertices,
+    )
+
+
+def _solid_of_surface(die: Design, made: ConcaveDie, size_mm: float) -> Solid:
+    # It brings a library of solids along, which no convex die needs.
+    from dicedesign.fabricate.printable_solid import printable_solid
+
+    hollow = made.hollow
+    center = made.after.centroid if hollow is None else hollow.center_of_mass
+    scale = size_mm / convex_hull(made.after.points).diameter
+    placed = made.after.moved((made.after.points - center) * scale)
+    points, triangles, is_printable = placed.points, placed.triangles, True
+    try:
+        points, triangles, changes = printable_solid(placed)
+        if hollow is not None:
+            from dicedesign.fabricate.solids.hollow import with_cavity
+
+            whole = with_cavity(Surface(points, triangles), hollow.wall * size_mm, np.zeros(3))
+            points, triangles = whole.points, whole.triangles
+    except InputError as error:
+        # Then the die is written as it is, and says so.
+        is_printable, changes = False, (str(error),)
+    poses = rest_poses(make_body(points, triangles))
+    return Solid(
+        points=points,
+        triangles=triangles,
+        poses=poses,
+        outcomes=outcome_odds(poses, die.directions),
+        center_of_mass=None,
+        hull_points=(die.hull.vertices - center) * scale,
+        changes=changes,
+        is_printable=is_printable,
+    )
+
+
+def assess_file(
+    data: bytes,
+    directions: Floats,
+    target: Target,
+    center_of_mass: Floats | None = None,
+    prior: Prior | None = None,
+) -> Assessment:
+    """Read a file back and find what it does.
+
+    Parameters
+    ----------
+    data: content of the STL file.
+    directions: (k, 3) unit, down in the outcomes, in the order of the target.
+    target: what is wanted.
+    center_of_mass: (3,) in the file's coordinates, or None for that of the uniform solid.
+    prior: that its odds are under, in the file's coordinates, or None where any side is down alike
+        at first.
+
+    Raises
+    ------
+    DegenerateBodyError, OutsideHullError: as `rest_poses`.
+    """
+    points, triangles = parsed_stl(data, Path("die.stl"))
+    # The coordinates are those of the file, float32.
+    body = make_body(points, triangles, "die.stl", single_precision=True)
+    poses = rest_poses(body, center_of_mass).under(prior)
+    return Assessment(body, poses, outcome_odds(poses, directions), target)
