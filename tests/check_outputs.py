@@ -59,9 +59,14 @@ def check(folder: Path) -> dict[str, object]:
         assert 0.8 * plain.volume < die.volume < plain.volume
         hull = plain.convex_hull
         # Facets were moved to balance the labels, and edges and marks take a little off.
-        moved = 2.0 * result.get("balance", {}).get("moved_mm", 0.0) * hull.area / hull.volume
+        moved = (
+            2.0
+            * result.get("engraved", {}).get("balance", {}).get("moved_mm", 0.0)
+            * hull.area
+            / hull.volume
+        )
         recipe = yaml.safe_load((folder / "recipe.yaml").read_text())
-        rough = "displacement" in result or recipe["edges"]
+        rough = "concave" in result or recipe["edges"]
         flat = (1e-2 if rough else 1e-5) + moved
         assert np.allclose(die.convex_hull.volume, hull.volume, rtol=flat)
     corners = plain.convex_hull.vertices
@@ -75,9 +80,9 @@ def check(folder: Path) -> dict[str, object]:
     assert abs(sum(f["probability"] for f in result["facets"]) - 1.0) < 1e-12
     normals = np.array([facet["normal"] for facet in result["facets"]])
     # A hull of many corners has valleys along which little is won by each step.
-    steps = 6000 if "displacement" in result else 600
+    steps = 6000 if "concave" in result else 600
     frequencies = rolled_frequencies(corners, plain.center_mass, normals, steps)
-    if "displacement" in result:
+    if "concave" in result:
         # Rests of one outcome may be too near to each other to tell them apart by rolling.
         outcomes = [facet["outcome"] for facet in result["facets"]]
         names = [*labels, None]

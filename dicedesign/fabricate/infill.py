@@ -16,7 +16,7 @@ from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.sphere import norms
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import analyse
-from dicedesign.results.parts import InfillOdds
+from dicedesign.results.result import InfillOdds
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.statistics.chi_square_power import LEVEL, chances_noticed
 

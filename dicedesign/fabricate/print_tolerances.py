@@ -29,7 +29,7 @@ from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.rest.basins import Basins
 from dicedesign.rest.outcomes import OutcomeOdds, gathered
 from dicedesign.rest.poses import RestPoses
-from dicedesign.results.parts import PrintTolerances
+from dicedesign.results.result import PrintTolerances
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.statistics.chi_square_power import LEVEL, chance_noticed, chances_noticed
 

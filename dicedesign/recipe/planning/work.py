@@ -24,15 +24,16 @@ if TYPE_CHECKING:
     from dicedesign.geometry.surfaces.surface import Surface
     from dicedesign.optimize.refinement.rounds import Round
     from dicedesign.optimize.starts.start import Start
-    from dicedesign.results.parts import (
-        Concave,
+    from dicedesign.results.parts import Concave, Printability, Search, ThrownOdds
+    from dicedesign.results.result import (
+        Balance,
+        Engraved,
         InfillOdds,
-        Printability,
+        Inside,
         PrintTolerances,
-        Search,
-        ThrownOdds,
+        Result,
+        Step,
     )
-    from dicedesign.results.result import Balance, Engraved, Inside, Result, Step
     from dicedesign.runtime.arrays import Floats
     from dicedesign.throws.simulation.die_on_table import ThrownDie
 

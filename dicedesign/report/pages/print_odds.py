@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from dicedesign.report.pages.html_parts import number, table_section, text_section
-from dicedesign.results.parts import PrintTolerances
-from dicedesign.results.result import Result
+from dicedesign.results.result import PrintTolerances, Result
 
 __all__ = ["print_odds_sections"]
 

@@ -8,7 +8,7 @@ from common.finished import LABELS, finished_box
 from common.parsed_html import parsed
 
 from dicedesign.report.pages.die_page import die_page
-from dicedesign.results.parts import InfillOdds, PrintTolerances
+from dicedesign.results.result import InfillOdds, PrintTolerances
 
 ERRORS = {"dimensional_mm": 0.07, "shrinkage": 0.002, "density_gradient": 0.01, "bubble_mm3": 1.0}
 
