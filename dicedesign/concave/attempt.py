@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -35,7 +35,6 @@ from dicedesign.concave.space_elasticity import point_masses
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.procrustes import best_similarity
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.surfaces.distances import distances_from_surface
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.outcomes import outcome_margins, outcome_odds
@@ -83,15 +82,15 @@ class Attempts:
     Attributes
     ----------
     surface, target, options, seed: see `make_concave_die`.
-    on_step: called with the number of the attempt, the stage, the energy and the largest |p - q| or
-        None where the stage does not know.
+    on_step: called with the number of the attempt, the stage, the energy and the largest |p - q|,
+        or without it where the stage does not know.
     """
 
     surface: Surface
     target: Floats
     options: ConcaveOptions
     seed: int
-    on_step: Callable[[int, str, float, float | None], None]
+    on_step: Callable[..., None]
 
     @cached_property
     def center(self) -> Floats:
@@ -117,29 +116,31 @@ class Attempts:
         )
 
     @cached_property
-    def masses(self) -> Floats:
-        """(n,) shares of the surface that its points stand for."""
-        return point_masses(self.problem.surface)
-
-    @cached_property
     def choices(self) -> list[Floats]:
         """(k, 3) directions of the outcomes, for one attempt after the other."""
         wanted = self.problem.apart
         apart = max(wanted, min(wanted + BEYOND, FARTHEST))
         return outcome_choices(self.problem.hull, self.target, apart, self.seed)
 
-    def made(self, number: int, best: FilledHull | None) -> FilledHull | None:
-        """A hull designed and filled; None where none comes about, or the best is as good."""
+    def attempt(self, number: int, best: FilledHull | None) -> FilledHull | None:
+        """Design and fill a hull; None where none comes about, or the best is as good."""
+        problem, choices = self.problem, self.choices
+        random = np.random.default_rng([self.seed, number])
+        on_step = partial(self.on_step, number, "hull")
         if self.options.hull == "paper":
-            return self._filled(number, self.problem, self._designed_as_paper(number), best)
-        slopes, choices = self._slopes(number), self.choices
-        draft = design_hull(
-            self.problem,
-            choices[(number - 1) % len(choices)],
-            slopes,
-            lambda energy, error: self.on_step(number, "hull", energy, error),
-        )
-        if draft is None or not self._promising(self.problem, draft, best):
+            # Imported late: the usual way does without.
+            from dicedesign.concave.paper_hull import searched_hull
+
+            paper = self.options.paper or ConcavePaperOptions()
+            design = searched_hull(problem, choices, paper, random, on_step, plain=number == 1)
+            return self._filled(number, problem, design, best)
+        circle = max(SLOPES.circle, CIRCLE * problem.margin)
+        factors = np.ones(3)
+        if number > len(choices):
+            factors = np.exp(random.uniform(-np.log(SHAKEN), np.log(SHAKEN), 3))
+        slopes = SlopeOptions(*(factors * [SLOPES.fall, SLOPES.rise, circle]).tolist())
+        draft = design_hull(problem, choices[(number - 1) % len(choices)], slopes, on_step)
+        if draft is None or not self._is_promising(problem, draft, best):
             return None
         return self.filled(number, draft, slopes, best)
 
@@ -165,52 +166,26 @@ class Attempts:
     ) -> FilledHull | None:
         """A draft as a filled hull; None where none comes about, or the best is as good."""
         draft = settled_draft(problem, draft)
-        if not self._nearer(problem, draft, best):
+        if not self._is_promising(problem, draft, best):
             return None
+        if best is not None and missing(best, self.options) == 0.0:
+            # It has to be better by its angles and the displacement by its corners, to which the
+            # fill adds as a rule.
+            apart, margin = math.degrees(draft.apart), math.degrees(draft.margin)
+            moved = problem.displacement(draft.corners - problem.hull.vertices)
+            cost = (1.0 + doubts(apart, margin, self.options)) * moved
+            if cost >= rank(best, self.options)[1]:
+                return None
         return self._filled(number, problem, designed_hull(problem, draft), best)
 
-    def _promising(self, problem: HullProblem, draft: HullDraft, best: FilledHull | None) -> bool:
+    def _is_promising(
+        self, problem: HullProblem, draft: HullDraft, best: FilledHull | None
+    ) -> bool:
         """Whether a die may come of a draft, as wanted or with less missing than from the best."""
         if best is None:
             return True
         lacking = draft.shortfall(problem)
         return lacking == 0.0 or lacking < missing(best, self.options)
-
-    def _nearer(self, problem: HullProblem, draft: HullDraft, best: FilledHull | None) -> bool:
-        """The same, and where the best is as wanted, whether the draft promises to be better by its
-        angles and the displacement by its corners, to which the fill adds as a rule."""
-        if best is None or missing(best, self.options) > 0.0:
-            return self._promising(problem, draft, best)
-        apart, margin = math.degrees(draft.apart), math.degrees(draft.margin)
-        moved = problem.displacement(draft.corners - problem.hull.vertices)
-        cost = (1.0 + doubts(apart, margin, self.options)) * moved
-        return draft.shortfall(problem) == 0.0 and cost < rank(best, self.options)[1]
-
-    def _slopes(self, number: int) -> SlopeOptions:
-        """Slopes to ask for in an attempt."""
-        circle = max(SLOPES.circle, CIRCLE * self.problem.margin)
-        factors = np.ones(3)
-        if number > len(self.choices):
-            random = np.random.default_rng([self.seed, number])
-            factors = np.exp(random.uniform(-np.log(SHAKEN), np.log(SHAKEN), 3))
-        return SlopeOptions(*(factors * [SLOPES.fall, SLOPES.rise, circle]).tolist())
-
-    def _designed_as_paper(self, number: int) -> DesignedHull:
-        # Imported late: the usual way does without.
-        from dicedesign.concave.paper_hull import searched_hull
-
-        return searched_hull(
-            self.problem,
-            self.choices,
-            self._paper,
-            np.random.default_rng([self.seed, number]),
-            lambda energy, error: self.on_step(number, "hull", energy, error),
-            plain=number == 1,
-        )
-
-    @property
-    def _paper(self) -> ConcavePaperOptions:
-        return self.options.paper or ConcavePaperOptions()
 
     def _filled(
         self, number: int, problem: HullProblem, design: DesignedHull, best: FilledHull | None
@@ -220,11 +195,24 @@ class Attempts:
             return self._eased(number, problem, design)
         if best is not None and design.error > max(self.options.tolerance, best.error):
             return None
-        return self._filled_as_paper(number, design)
+        # Imported late: the usual way does without.
+        from dicedesign.concave.paper_fill import fill_as_paper
+
+        filled = fill_as_paper(
+            problem.surface,
+            design.hull,
+            design.center_of_mass,
+            self.options.paper or ConcavePaperOptions(),
+            partial(self.on_step, number),
+        )
+        # As near as it comes.
+        if filled.status is FillStatus.UNSOLVED:
+            return None
+        return self._measured(number, design, filled)
 
     def _eased(self, number: int, problem: HullProblem, design: DesignedHull) -> FilledHull | None:
         """A designed hull filled by correspondence, and eased as long as that helps."""
-        points, triangles = self.problem.surface.points, self.surface.triangles
+        points, triangles = problem.surface.points, self.surface.triangles
         best = self._filled_by_correspondence(number, design)
         for easing in range(EASINGS):
             if best is None or not 0 < best.self_intersections <= MOST_EASED:
@@ -247,30 +235,16 @@ class Attempts:
             design.hull,
             design.corners,
             design.center_of_mass,
-            lambda energy: self.on_step(number, "fill", energy, None),
+            partial(self.on_step, number, "fill"),
         )
-        return self._measured(number, design, filled) if filled.converged else None
-
-    def _filled_as_paper(self, number: int, design: DesignedHull) -> FilledHull | None:
-        """The same by quadratic programs and a balance, as near as these come."""
-        # Imported late: the usual way does without.
-        from dicedesign.concave.paper_fill import fill_as_paper
-
-        filled = fill_as_paper(
-            self.problem.surface,
-            design.hull,
-            design.center_of_mass,
-            self._paper,
-            lambda stage, energy: self.on_step(number, stage, energy, None),
-        )
-        if filled.status is FillStatus.UNSOLVED:
+        if filled.status is not FillStatus.FITTED:
             return None
         return self._measured(number, design, filled)
 
     def _measured(self, number: int, design: DesignedHull, filled: FillResult) -> FilledHull:
         """A designed hull after it was filled."""
         unit = self.problem.surface
-        back = best_similarity(filled.points, unit.points, self.masses)
+        back = best_similarity(filled.points, unit.points, point_masses(unit))
         solid = unit.moved(back(filled.points))
         # As they come out of a file of single precision.
         rounded = unit.moved(solid.points.astype(np.float32).astype(np.float64))
@@ -278,18 +252,16 @@ class Attempts:
         shift = back(design.center_of_mass + design.shift) - back(design.center_of_mass)
         poses = analyse(reached, rounded.centroid + shift)
         directions = design.directions @ back.rotation.T
-        wanted = back(design.hull.vertices)
         outcomes = outcome_odds(poses, directions)
         error = outcomes.error(self.target)
         self.on_step(number, "fill", filled.energy, error)
         return FilledHull(
             attempt=number,
             points=self.center + self.radius * solid.points,
-            hull_points=self.center + self.radius * wanted,
+            hull_points=self.center + self.radius * back(design.hull.vertices),
             center_of_mass=self.center + self.radius * (solid.centroid + shift),
             directions=directions,
             error=error,
-            gap=float(distances_from_surface(solid, wanted).max()) / unit.diagonal,
             displacement=float(norms(solid.points - unit.points).mean() / unit.diagonal),
             apart_deg=float(np.degrees(outcomes.least_angle)),
             margin_deg=float(np.degrees(outcome_margins(poses, outcomes).min())),

@@ -171,7 +171,7 @@ class _Balance:
     def energy(self, surface: Surface) -> float:
         """That of a surface, with the weight of centering as it is now."""
         centroid = surface.centroid
-        return sum(self.elastic.terms(surface.points), self.weight * float(centroid @ centroid))
+        return self.elastic.value(surface.points) + self.weight * float(centroid @ centroid)
 
     def descend(self) -> bool:
         """One step of eq. 35; whether there was any."""

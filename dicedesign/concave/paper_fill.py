@@ -234,71 +234,48 @@ def fill_by_quadratic_programs(
     ------
     InputError: a triangle without area; Clarabel is not installed.
     """
-    return _Fill(surface, hull, options, on_step).run()
+    # In units of the surface's diagonal about the hull's centroid.
+    unit, middle = surface.diagonal, hull.centroid
+    scaled = surface.moved((surface.points - middle) / unit)
+    targets = (hull.vertices - middle) / unit
+    inside = PointsInside(hull.normals, hull.heights(middle) / unit - MARGIN)
+    elastic = ElasticEnergy.of(scaled, options.membrane, options.bending)
+    points, weight = inside.largest(scaled.points), options.closest_point
+    closest = ClosestPointEnergy.of(scaled.moved(points), targets)
 
+    def energy_at(points: Floats) -> float:
+        return elastic.value(points) + weight * closest.value(points)
 
-@dataclass(eq=False)
-class _Fill:
-    """One fill, in units of the surface's diagonal about the hull's centroid."""
-
-    surface: Surface
-    hull: ConvexHull
-    options: ConcavePaperOptions
-    on_step: OnEnergy
-
-    def __post_init__(self) -> None:
-        self.unit, self.middle = self.surface.diagonal, self.hull.centroid
-        self.scaled = self.surface.moved((self.surface.points - self.middle) / self.unit)
-        self.targets = (self.hull.vertices - self.middle) / self.unit
-        heights = self.hull.heights(self.middle) / self.unit
-        self.inside = PointsInside(self.hull.normals, heights - MARGIN)
-        self.elastic = ElasticEnergy.of(self.scaled, self.options.membrane, self.options.bending)
-        self.points = self.inside.largest(self.scaled.points)
-        self.energy = 0.0
-
-    def run(self) -> FillResult:
-        """Steps of eq. 29 and 30, with a weight that grows, until the surface is close to all
-        corners."""
-        options, weight = self.options, self.options.closest_point
-        status = FillStatus.STEP_LIMIT
-        for number in range(MOST_STEPS + 1):
-            closest = ClosestPointEnergy.of(self.scaled.moved(self.points), self.targets)
-            if number == 0:
-                self.energy = self.energy_of(self.points, weight, closest)
-                self.on_step(self.energy)
-            if norms(closest.offsets(self.points)).mean() <= CLOSE:
-                status = FillStatus.FITTED
-                break
-            if number == MOST_STEPS:
-                break
-            gradient, hessian = self.elastic.model(self.points)
-            gradient = gradient + weight * closest.gradient(self.points)
-            hessian = hessian + weight * closest.hessian + PROXIMAL * eye_array(3 * len(gradient))
-            move = self.inside.step(self.points, csc_array(hessian), gradient)
-            if move is None:
-                status = FillStatus.UNSOLVED
-                break
-            if self.descend(self.inside.mended(self.points + move), weight, closest):
-                weight *= options.growth
-        return FillResult(self.points * self.unit + self.middle, self.energy, status)
-
-    def energy_of(self, points: Floats, weight: float, closest: ClosestPointEnergy) -> float:
-        """Of eq. 26, at points (n, 3)."""
-        return sum(self.elastic.terms(points), weight * closest.value(points))
-
-    def descend(self, trial: Floats, weight: float, closest: ClosestPointEnergy) -> bool:
-        """Go on to a trial, or as much of the way as lowers the energy; whether all of it does."""
-        before = self.energy = self.energy_of(self.points, weight, closest)
-        part = 1.0
+    energy, status = energy_at(points), FillStatus.STEP_LIMIT
+    on_step(energy)
+    # Steps of eq. 29 and 30, with a weight that grows.
+    for number in range(MOST_STEPS + 1):
+        if norms(closest.offsets(points)).mean() <= CLOSE:
+            status = FillStatus.FITTED
+            break
+        if number == MOST_STEPS:
+            break
+        gradient = elastic.gradient(points) + weight * closest.gradient(points)
+        hessian = elastic.hessian(points) + weight * closest.hessian
+        hessian = hessian + PROXIMAL * eye_array(gradient.size)
+        move = inside.step(points, csc_array(hessian), gradient)
+        if move is None:
+            status = FillStatus.UNSOLVED
+            break
+        trial = inside.mended(points + move)
+        before, energy, part = points, energy_at(points), 1.0
         while part >= SHORTEST:
-            points = trial if part == 1.0 else self.points + part * (trial - self.points)
-            energy = self.energy_of(points, weight, closest)
-            if energy < before:
-                self.points, self.energy = points, energy
+            nearer = trial if part == 1.0 else before + part * (trial - before)
+            lower = energy_at(nearer)
+            if lower < energy:
+                points, energy = nearer, lower
                 break
             part *= 0.5
-        self.on_step(self.energy)
-        return part == 1.0 or part < SHORTEST
+        on_step(energy)
+        if part == 1.0 or part < SHORTEST:
+            weight *= options.growth
+        closest = ClosestPointEnergy.of(scaled.moved(points), targets)
+    return FillResult(points * unit + middle, energy, status)
 
 
 def fill_as_paper(

@@ -47,16 +47,6 @@ class FillResult:
     energy: float
     status: FillStatus
 
-    @property
-    def converged(self) -> bool:
-        """True if the hull, and the center of mass where one was asked for, are as wanted."""
-        return self.status is FillStatus.FITTED
-
-    @property
-    def message(self) -> str:
-        """The status in words."""
-        return self.status.value
-
 
 @dataclass(frozen=True)
 class ConcaveStep:
@@ -91,7 +81,6 @@ class FilledHull:
         are to bring it.
     directions: (k, 3) unit directions that are down in the outcomes.
     error: largest of |p - q| over the clusters and the odds of all other rests together.
-    gap: largest distance of a corner of the hull from the surface, over the diagonal.
     displacement: mean over the points, over the diagonal of the original.
     apart_deg, margin_deg, self_intersections: as in `Draft`.
     """
@@ -102,7 +91,6 @@ class FilledHull:
     center_of_mass: Floats
     directions: Floats
     error: float
-    gap: float
     displacement: float
     apart_deg: float
     margin_deg: float

@@ -7,7 +7,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -107,8 +107,8 @@ def make_concave_die(
     """Deform a surface until its convex hull and its center of mass have the wanted odds.
 
     Each attempt designs the hull with the center of mass held, for one choice of outcomes, and lets
-    the surface follow. The best is one with nothing missing (`criteria.missing`), of least
-    displacement, which counts for more where angles are small (`criteria.rank`); where none is as
+    the surface follow. The best is one with nothing missing (`missing`), of least
+    displacement, which counts for more where angles are small (`rank`); where none is as
     wanted, the one with the least missing.
 
     Parameters
@@ -129,18 +129,41 @@ def make_concave_die(
     NoStartError: no attempt led to a filled hull.
     InputError: more outcomes than the hull can carry; a fill needs a package that is missing.
     """
-    with one_thread():
-        search = _Search(options, on_step)
-        if wall is None:
-            attempts = Attempts(surface, target, options, seed, search.record)
-        else:
-            # Imported late, with manifold3d: solid dice do without.
-            from dicedesign.concave.hollow_attempt import HollowAttempts
+    started, steps = time.perf_counter(), list[ConcaveStep]()
+    progress = resume or ConcaveProgress(0, 0.0, None, (), ())
+    before = progress.seconds
 
-            attempts = HollowAttempts(surface, target, options, seed, search.record, wall)
-        progress = search.attempted(
-            attempts, resume or ConcaveProgress(0, 0.0, None, (), ()), on_attempt
-        )
+    def seconds() -> float:
+        """Wall-clock time, over all sessions."""
+        return before + time.perf_counter() - started
+
+    def record(number: int, stage: str, energy: float, error: float | None = None) -> None:
+        steps.append(ConcaveStep(number, stage, seconds(), energy, error))
+        if on_step is not None:
+            on_step(steps[-1])
+
+    if wall is None:
+        attempts = Attempts(surface, target, options, seed, record)
+    else:
+        # Imported late, with manifold3d: solid dice do without.
+        from dicedesign.concave.hollow_attempt import HollowAttempts
+
+        attempts = HollowAttempts(surface, target, options, seed, record, wall)
+    with one_thread():
+        while not _has_ended(options, progress, seconds()):
+            number, begun = progress.attempts + 1, seconds()
+            steps.clear()
+            best, history, tried = progress.best, progress.history, progress.tried
+            filled = attempts.attempt(number, best)
+            if best is None:
+                history = tuple(steps)
+            if filled is not None:
+                tried += (filled.draft(seconds() - begun),)
+                if best is None or rank(filled, options) < rank(best, options):
+                    best, history = filled, tuple(steps)
+            progress = ConcaveProgress(number, seconds(), best, tried, history)
+            if on_attempt is not None:
+                on_attempt(progress)
     best = progress.best
     if best is None:
         raise NoStartError(
@@ -148,7 +171,9 @@ def make_concave_die(
             f"{progress.attempts} attempts did; allow more with method.concave.attempts, "
             "or take another target or surface"
         )
-    after = surface.moved(best.points)
+    after, hollow = surface.moved(best.points), None
+    if wall is not None and is_shifted(after, best.center_of_mass):
+        hollow = Hollow(wall, best.center_of_mass)
     return ConcaveDie(
         surface,
         after,
@@ -156,67 +181,21 @@ def make_concave_die(
         best.directions,
         (len(attempts.problem.whole_hull.vertices), len(best.hull_points)),
         progress,
-        _hollow(after, wall, best.center_of_mass),
+        hollow,
     )
 
 
-@dataclass(eq=False)
-class _Search:
-    """One search, and the steps of its present attempt."""
+def _has_ended(options: ConcaveOptions, progress: ConcaveProgress, seconds: float) -> bool:
+    """True if no more may be tried, or the best is as wanted and near the original, or all that
+    were enough are tried.
 
-    options: ConcaveOptions
-    on_step: Callable[[ConcaveStep], None] | None
-    steps: list[ConcaveStep] = field(default_factory=list)
-    started: float = field(default_factory=time.perf_counter)
-
-    @property
-    def seconds(self) -> float:
-        """Wall-clock time, over all sessions."""
-        return time.perf_counter() - self.started
-
-    def record(self, number: int, stage: str, energy: float, error: float | None) -> None:
-        """Note a step."""
-        self.steps.append(ConcaveStep(number, stage, self.seconds, energy, error))
-        if self.on_step is not None:
-            self.on_step(self.steps[-1])
-
-    def attempted(
-        self,
-        attempts: Attempts,
-        progress: ConcaveProgress,
-        on_attempt: Callable[[ConcaveProgress], None] | None,
-    ) -> ConcaveProgress:
-        """The progress once all attempts are made."""
-        self.started -= progress.seconds
-        while not self.ended(progress):
-            number, begun = progress.attempts + 1, self.seconds
-            self.steps = []
-            best, history, tried = progress.best, progress.history, progress.tried
-            filled = attempts.made(number, best)
-            if best is None:
-                history = tuple(self.steps)
-            if filled is not None:
-                tried += (filled.draft(self.seconds - begun),)
-                if best is None or rank(filled, self.options) < rank(best, self.options):
-                    best, history = filled, tuple(self.steps)
-            progress = ConcaveProgress(number, self.seconds, best, tried, history)
-            if on_attempt is not None:
-                on_attempt(progress)
-        return progress
-
-    def ended(self, progress: ConcaveProgress) -> bool:
-        """True if no more may be tried, or the best is as wanted and near the original, or all that
-        were enough are tried."""
-        best, options, done = progress.best, self.options, progress.attempts
-        if done >= options.attempts:
-            return True
-        if options.seconds is not None and done > 0 and self.seconds >= options.seconds:
-            return True
-        if best is None or missing(best, options) > 0.0:
-            return False
-        return best.displacement <= options.displacement or done >= options.enough
-
-
-def _hollow(surface: Surface, wall: float | None, center: Floats) -> Hollow | None:
-    """What cavities are to do for a center of mass, unless it is that of the uniform solid."""
-    return None if wall is None or not is_shifted(surface, center) else Hollow(wall, center)
+    seconds: wall-clock time, over all sessions.
+    """
+    best, done = progress.best, progress.attempts
+    if done >= options.attempts:
+        return True
+    if options.seconds is not None and done > 0 and seconds >= options.seconds:
+        return True
+    if best is None or missing(best, options) > 0.0:
+        return False
+    return best.displacement <= options.displacement or done >= options.enough

@@ -83,7 +83,6 @@ class MadeUpSearch:
                 center_of_mass=np.zeros(3),
                 directions=NORMALS[: len(target)],
                 error=0.0,
-                gap=0.0,
                 displacement=0.01 * attempt,
                 apart_deg=90.0,
                 margin_deg=45.0,

@@ -24,7 +24,6 @@ def progress(with_best: bool) -> ConcaveProgress:
         center_of_mass=random.normal(size=3),
         directions=random.normal(size=(2, 3)),
         error=1e-300,
-        gap=np.pi * 1e-7,
         displacement=0.1 + 0.2,
         apart_deg=100.0 / 3.0,
         margin_deg=1.0 / 7.0,

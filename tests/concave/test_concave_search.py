@@ -120,7 +120,6 @@ def test_the_solid_is_as_wanted(
         pytest.approx(found.margin, abs=0.01),
     )
     assert best.self_intersections == 0
-    assert best.gap < 1e-12
     # What is told of the die is what it is.
     assert die.before is surface
     assert die.after.triangles is surface.triangles
@@ -315,7 +314,6 @@ def test_the_ways_of_the_paper(options: dict[str, Any], stages: set[str], tmp_pa
     assert {step.stage for step in steps} == stages
     best = die.progress.best
     assert best is not None
-    assert best.gap < (1e-9 if wanted.fill == "correspondence" else 0.02)
     assert best.error < 0.05
     assert read_back(die, HALVES, tmp_path).error == pytest.approx(best.error, abs=1e-4)
 
@@ -331,5 +329,4 @@ def test_spot_becomes_a_fair_three_sided_die(tmp_path: Path) -> None:
     assert found.margin >= 10.0
     assert len(intersecting_triangles(die.after.points, die.after.triangles)) == 0
     assert die.progress.best is not None
-    assert die.progress.best.gap <= 1e-4
     assert die.progress.best.displacement <= 0.05

@@ -22,7 +22,6 @@ def die(**changes: float) -> FilledHull:
         center_of_mass=np.zeros(3),
         directions=np.zeros((2, 3)),
         error=0.01,
-        gap=0.0,
         displacement=0.03,
         apart_deg=40.0,
         margin_deg=10.0,

@@ -66,7 +66,6 @@ def test_the_surface_spans_the_hull(surface: Surface, amount: float) -> None:
     hull = nearby_hull(surface, amount)
     result, _, distances = fill(surface, hull)
     assert result.status is FillStatus.FITTED
-    assert result.message == "reached what was wanted"
     assert distances.mean() <= 1e-3
     volumes = [spatial.ConvexHull(points).volume for points in (result.points, hull.vertices)]
     assert volumes[0] == pytest.approx(volumes[1], rel=0.02)
@@ -86,7 +85,7 @@ def test_what_resists_bending_bends_less() -> None:
 def test_its_own_hull_leaves_a_surface_as_it_is() -> None:
     surface = bumpy_sphere()
     result, _, _ = fill(surface, convex_hull(convex_hull(surface.points).vertices))
-    assert result.converged
+    assert result.status is FillStatus.FITTED
     np.testing.assert_allclose(result.points, surface.points, atol=5e-3 * surface.diagonal)
 
 
@@ -96,7 +95,7 @@ def test_a_hull_far_away_from_the_surface() -> None:
     surface = bumpy_sphere()
     hull = convex_hull(convex_hull(surface.points).vertices + 100.0)
     result, _, _ = fill(surface, hull)
-    assert result.converged
+    assert result.status is FillStatus.FITTED
     np.testing.assert_allclose(result.points, surface.points + 100.0, atol=0.02)
 
 
@@ -115,6 +114,4 @@ def test_what_is_said_when_it_ends_before() -> None:
         surface, nearby_hull(surface, 0.05), closest_point=1e-6, growth=1.001
     )
     assert result.status is FillStatus.STEP_LIMIT
-    assert not result.converged
     assert distances.mean() > 1e-3
-    assert "allow more steps" in result.message
