@@ -24,10 +24,9 @@ from dicedesign.fabricate.print_options import PrintOptions as PrintOptions
 from dicedesign.fabricate.printers import PRINTERS as PRINTERS
 from dicedesign.fabricate.printers import Printer as Printer
 from dicedesign.geometry.meshes.body import Body as Body
+from dicedesign.geometry.meshes.body import MassProperties as MassProperties
 from dicedesign.geometry.meshes.body import make_body as make_body
-from dicedesign.geometry.meshes.mass_properties import MassProperties as MassProperties
 from dicedesign.geometry.meshes.reading import read_body as read_body
-from dicedesign.geometry.meshes.voxels import voxel_body as voxel_body
 from dicedesign.geometry.meshes.weighted_body import weighted_body as weighted_body
 from dicedesign.geometry.point_groups import point_group as point_group
 from dicedesign.gradient.differentiable_rest import differentiable_rest as differentiable_rest

@@ -12,50 +12,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-__all__ = [
-    "BOUNDARY_TOLERANCE",
-    "CLOSURE_TOLERANCE",
-    "COPLANAR_COARSEST",
-    "COPLANAR_TOLERANCE",
-    "COPLANAR_TOLERANCE_FLOAT32",
-    "COPLANAR_WIDENINGS",
-    "ENGRAVED_VOLUME_TOLERANCE",
-    "EQUAL_LIKELIHOOD",
-    "EQUAL_ODDS",
-    "FILE_ANGLE",
-    "FILE_ODDS",
-    "FILE_WALL",
-    "FILLED_GAP",
-    "FLATNESS_TOLERANCE",
-    "FLAT_FOLD",
-    "INERTIA_TOLERANCE",
-    "LEVEL_ANGLE",
-    "MATCHED_ODDS",
-    "NEAR_ANTIPODE",
-    "PRINT_TOLERANCE",
-    "PROBABILITY_SUM_TOLERANCE",
-    "REUSE_FLATNESS",
-    "REUSE_LEVERAGE",
-    "REUSE_MARGIN",
-    "REUSE_OFFSET",
-    "REUSE_TURN",
-    "ROUNDED_DIGITS",
-    "ROUNDING",
-    "SAME_REST_ANGLE",
-    "SHARP_TURN",
-    "SLIVER",
-    "SLIVER_ANGLE",
-    "SMALLEST_EXTENT",
-    "STANDING_ANGLE",
-    "SYMMETRY_TOLERANCE",
-    "THIN_VOLUME",
-    "TIE_TOLERANCE",
-    "TRANSPORT_TOLERANCE",
-    "UNDERFLOW",
-    "VOLUME_TOLERANCE",
-    "WARP_TOLERANCE",
-]
-
 COPLANAR_TOLERANCE: Final = 1e-11
 """Two hull triangles are one facet when all corners lie within this distance of one plane,
 relative to half the largest extent of the points, for coordinates that were computed in float64 (a
@@ -159,6 +115,12 @@ no table is more level."""
 LEVEL_ANGLE: Final = math.radians(5.0)
 """A facet is level on top of a die, and opposite to the one that it rests on, when its normal is
 within this of up, in radians: labels on it are seen as if it were level."""
+
+LEAST_MM: Final = 1e-3
+"""Smallest distance, in millimetres, between two corners of a solid that can be made."""
+
+MOST_MM: Final = 1000.0
+"""Largest distance, in millimetres, between two corners of a solid that can be made."""
 
 MATCHED_ODDS: Final = 0.02
 """Outcomes whose odds without momentum are told belong to the rests of a mesh that have these to

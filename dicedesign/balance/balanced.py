@@ -21,10 +21,9 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.repair.repair import FINEST, input_surface
-from dicedesign.geometry.sizes import LEAST_MM, MOST_MM
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.tolerances import FILE_ODDS
+from dicedesign.tolerances import FILE_ODDS, LEAST_MM, MOST_MM
 
 __all__ = ["balanced"]
 

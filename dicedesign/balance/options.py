@@ -8,9 +8,8 @@ from dicedesign.balance.center.best_center import CenterSearch
 from dicedesign.balance.ways.material import Material
 from dicedesign.balance.ways.ways import WAYS
 from dicedesign.errors import InputError
-from dicedesign.geometry.sizes import LEAST_MM, MOST_MM
 from dicedesign.runtime.checks import is_finite_number
-from dicedesign.tolerances import FILE_ODDS
+from dicedesign.tolerances import FILE_ODDS, LEAST_MM, MOST_MM
 
 __all__ = ["BalanceOptions"]
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal, get_args
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.sizes import MOST_MM
 from dicedesign.optimize.options import require_choice
 from dicedesign.runtime.checks import is_finite_number
 from dicedesign.runtime.registry import STRICT
+from dicedesign.tolerances import MOST_MM
 
 BUNDLED_FONT: Final = "DejaVu Sans Bold"
 """Name of the font that labels are set in unless another is asked for. It comes with matplotlib;

@@ -8,9 +8,9 @@ from typing import Final
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.printers import MATERIALS, PRINTERS, Printer
-from dicedesign.geometry.sizes import MOST_MM
 from dicedesign.runtime.checks import is_finite_number
 from dicedesign.runtime.registry import STRICT
+from dicedesign.tolerances import MOST_MM
 
 BELOW: Final = {
     "dimensional_mm": MOST_MM,

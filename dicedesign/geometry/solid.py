@@ -130,7 +130,7 @@ def is_closed(triangles: Integers) -> bool:
     if len(triangles) == 0:
         return False
     closed = kernels.is_closed(triangles)
-    if closed is not None:
+    if closed is not kernels.UNDECIDED:
         return closed
     _, edges = np.unique(edge_keys(triangles), return_inverse=True)
     rising = triangles < np.roll(triangles, -1, axis=1)

@@ -16,8 +16,7 @@ import torch
 from torch import Tensor
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.hulls.reuse import HullMaker
+from dicedesign.geometry.hulls.hull import ConvexHull, HullMaker, convex_hull
 from dicedesign.geometry.sphere import foot_on_line
 from dicedesign.gradient.body_function import adjoint_function, double_tensor, seen
 from dicedesign.gradient.solid_moments import centroid_gradient, hull_centroid
@@ -147,7 +146,7 @@ class RestEvaluation:
         """(k, 3 n) that of the probabilities in the vertices, with which the center of mass of a
         uniform solid moves."""
         rows = kernels.area_jacobian(self.hull, self.paths, self.equilibria.center_of_mass)
-        if rows is None:
+        if rows is kernels.UNDECIDED:
             return self._formula_jacobian()
         return self.rows_with_center(*rows) / (4.0 * np.pi)
 
@@ -167,7 +166,7 @@ class RestEvaluation:
 
         def adjoint(slopes: Floats) -> tuple[Floats] | None:
             by_vertices = kernels.normal_gradient(hull, facets, slopes)
-            return None if by_vertices is None else (by_vertices,)
+            return None if by_vertices is kernels.UNDECIDED else (by_vertices,)
 
         formula = partial(facet_normals, hull, facets)
         return adjoint_function(hull.normals[facets], adjoint, formula, self.vertices)
@@ -201,7 +200,7 @@ class RestEvaluation:
     def depths(self) -> Floats:
         """(m,) the same as numbers."""
         depths = kernels.facet_depths(self.hull, self.equilibria.center_of_mass)
-        return self.facet_depths.detach().numpy() if depths is None else depths
+        return self.facet_depths.detach().numpy() if depths is kernels.UNDECIDED else depths
 
     def depth_gradient(self, slopes: Floats) -> tuple[Floats, Floats] | None:
         """Gradients (n, 3) in the vertices and (3,) in the center of the sum of depths times slopes

@@ -117,7 +117,7 @@ class _RestedBodies:
                 *hull_precision(self._single_precision),
                 torch.get_num_threads(),
             )
-        if self._handle is None:
+        if self._handle is kernels.UNDECIDED:
             found = np.zeros(bodies, dtype=np.int64)
             self._facets = np.zeros((bodies, 0), dtype=np.int64)
             self._normals, self._odds = np.zeros((bodies, 0, 3)), np.zeros((bodies, 0))
@@ -209,7 +209,7 @@ class _RestedBodies:
 
     def _adjoint(self, which: Integers, *given: Floats) -> tuple[Floats, ...]:
         *inputs, by_normals, by_odds = given
-        if self._handle is None:
+        if self._handle is kernels.UNDECIDED:
             found, known = (
                 [np.zeros_like(column) for column in inputs],
                 np.zeros(len(which), np.int64),

@@ -25,7 +25,7 @@ def hull_centroid(vertices: Tensor, hull: ConvexHull) -> Tensor:
 def centroid_gradient(hull: ConvexHull, gradient: Floats) -> Floats:
     """Gradient (n, 3) in the vertices for that (3,) in the center of mass of the uniform hull."""
     by_vertices = kernels.centroid_gradient(hull, gradient)
-    if by_vertices is None:
+    if by_vertices is kernels.UNDECIDED:
         leaf = torch.tensor(hull.vertices, requires_grad=True)
         with torch.enable_grad():
             along = _centroid(leaf, hull.triangles) @ torch.as_tensor(gradient)

@@ -57,7 +57,7 @@ class ThrownOdds:
             return rests.odds
         hull, center = rests.hull, rests.equilibria.center_of_mass
         inertia = kernels.solid_inertia(hull)
-        if inertia is None:
+        if inertia is kernels.UNDECIDED:
             inertia = solid_inertia(hull.vertices, hull.triangles)
         return hull_odds(hull, rests.paths, center, inertia, rests.odds, self.model[0])
 
@@ -69,7 +69,7 @@ class ThrownOdds:
 
         def adjoint(slopes: Floats) -> tuple[Floats, ...] | None:
             gradients = self._gradients(rests, slopes[None])
-            if gradients is None:
+            if gradients is kernels.UNDECIDED:
                 return None
             by_vertices, by_center, by_odds = (rows[0] for rows in gradients)
             by_vertices = rests.with_center(by_vertices.reshape(-1, 3), by_center)
@@ -88,7 +88,7 @@ class ThrownOdds:
         if self.model is None or len(resting) == 1:
             return resting
         gradients = self._gradients(rests, np.eye(len(resting)))
-        if gradients is None:
+        if gradients is kernels.UNDECIDED:
             rows, by_odds = self._formula_rows(rests)
             return rows + by_odds @ resting
         rows, by_center, by_odds = gradients

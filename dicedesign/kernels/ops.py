@@ -2,9 +2,9 @@
 
 They are built when the package is installed, and a machine without a C++ compiler does without
 them, but for the package's own simulator of throws. A kernel answers only what rounding cannot
-change. So each function here returns None where there are no kernels or where they leave the answer
-open, and its caller then finds it in NumPy or torch, in exact arithmetic where it has to. Kernels
-change speed only.
+change. So each function here returns its value or `UNDECIDED`, where there are no kernels or where
+they leave the answer open, and its caller then finds it in NumPy or torch, in exact arithmetic
+where it has to. That a body is tied is an exception (`Tie`). Kernels change speed only.
 
 A hull is handed over once: kernels take it and its separatrices by a handle (`Handled`).
 """
@@ -13,17 +13,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Any, Final, Literal, ParamSpec, TypeVar
+from typing import Any, Final, Literal, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 import dicedesign.tolerances as bounds
-from dicedesign.kernels.objects import Bodies, Energies, Handled, Tie
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
 INTERFACE: Final = 6
 """Counts changes of what the kernels take and return; those of another number are not used."""
+
+UNDECIDED: Final = None
+"""What functions here return where there are no kernels, or where these leave the answer open."""
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -56,17 +58,56 @@ _REUSED: Final = (
 )
 
 
+class Handled:
+    """Base of a hull, of its separatrices and of a momentum model: what kernels take by a `handle`,
+    which borrows its arrays, is made at first use by a kernel and is left out of pickles."""
+
+    handle: Any
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "handle"}
+
+
+class Tie(Exception):
+    """The body balances: a hair's move of the center of mass would change what it does."""
+
+
+class Bodies(Protocol):
+    """Bodies that were put to rest together."""
+
+    def rests(self) -> tuple[Integers, Integers, Floats, Floats]:
+        """How many rests each has (b,), 0 where rounding leaves anything open; then, the most
+        probable first, their facets (b, k), normals (b, k, 3) and odds (b, k), 0 in rows that one
+        has too many."""
+
+    def pull_back(
+        self, which: Integers, by_normals: Floats, by_odds: Floats, points: int, threads: int
+    ) -> tuple[Floats, Floats, Integers]:
+        """For gradients (r, k, 3) and (r, k) in normals and odds of bodies (r,) those in their
+        points (r, points, 3) and in given centers (r, 3); and (r,) 0 where these are left open."""
+
+
+class Energies(Protocol):
+    """Terms of the energy of eq. 16: dice, coplanar, barycenter, neighbor."""
+
+    def values(self) -> list[float]:
+        """The four, 0 where they are not wanted."""
+
+    def gradient(self, slopes: Sequence[float]) -> tuple[Floats, Floats]:
+        """That of the sum of terms times slopes (4,): (n, 3) and (3,)."""
+
+
 def available() -> bool:
     """Whether there are kernels: for messages, and for what cannot be done without them."""
     return compiled is not None
 
 
 def _kernel(function: Callable[P, T]) -> Callable[P, T | None]:
-    """The function, or None without kernels."""
+    """The function, or one that is undecided without kernels."""
 
     @wraps(function)
     def asked(*args: P.args, **kwargs: P.kwargs) -> T | None:
-        return None if compiled is None else function(*args, **kwargs)
+        return UNDECIDED if compiled is None else function(*args, **kwargs)
 
     return asked
 
@@ -87,10 +128,10 @@ def are_proper(points: Floats, smallest_extent: float) -> bool:
 
 
 @_kernel
-def repeated_positions(points: Floats) -> tuple[Integers, Integers] | Literal[False]:
+def repeated_positions(points: Floats) -> tuple[Integers, Integers]:
     """The first point (m,) at each position of points (n, 3), in order, and (n,) the place of each
-    point's position there; False where all positions differ."""
-    return compiled.repeated_positions(points)
+    point's position there."""
+    return compiled.repeated_positions(points) or (np.arange(len(points)),) * 2
 
 
 @_kernel
@@ -119,10 +160,13 @@ def hull_properties(
 @_kernel
 def moved_hull(
     points: Floats, source: Integers, facet_start: Integers, tail: Integers, twin: Integers
-) -> dict[str, Any] | Literal[False]:
+) -> dict[str, Any] | None:
     """Vertices and measures by name of a hull whose points moved to (n, 3), of which `source` are
-    the corners; False where it is in doubt that its facets are still the same."""
-    return compiled.moved_hull(points, source, facet_start, tail, twin, _REUSED, *_MEASURED)
+    the corners; undecided where it is in doubt that its facets are still the same."""
+    return (
+        compiled.moved_hull(points, source, facet_start, tail, twin, _REUSED, *_MEASURED)
+        or UNDECIDED
+    )
 
 
 # Triangle surfaces. Triangles (t, 3) are numbers of points.

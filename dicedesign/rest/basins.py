@@ -148,7 +148,7 @@ def basin_areas(equilibria: Equilibria, paths: Separatrices) -> Floats:
     DegenerateBodyError: the basins do not cover the sphere once.
     """
     areas = kernels.basin_areas(equilibria.hull, paths, equilibria.center_of_mass)
-    return _areas(equilibria, paths) if areas is None else areas
+    return _areas(equilibria, paths) if areas is kernels.UNDECIDED else areas
 
 
 def _areas(equilibria: Equilibria, paths: Separatrices) -> Floats:

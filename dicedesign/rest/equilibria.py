@@ -49,7 +49,7 @@ class Surroundings(NamedTuple):
 def surroundings(hull: ConvexHull, center: NDArray[np.float64]) -> Surroundings:
     """The surroundings of a center of mass (3,) in a hull."""
     lengths = kernels.surroundings(hull, center)
-    if lengths is not None:
+    if lengths is not kernels.UNDECIDED:
         return Surroundings(*lengths)
     heights = hull.heights(center)
     lowest = int(np.argmin(heights))

@@ -90,7 +90,7 @@ def separatrices(equilibria: Equilibria) -> Separatrices:
     """
     body = equilibria.hull, equilibria.center_of_mass, equilibria.tie_distance
     answer = kernels.separatrices(*body)
-    if answer is None:
+    if answer is kernels.UNDECIDED:
         return _numpy_separatrices(equilibria)
     *arrays, handle, growth_sign, side_sign = answer
     equilibria.remember(growth_sign, side_sign)

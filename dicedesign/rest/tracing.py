@@ -197,7 +197,11 @@ def slide(
     """
     body = equilibria.hull, equilibria.center_of_mass, equilibria.tie_distance
     found = kernels.slides(*body, vertices, directions, errors)
-    return _step_by_step(equilibria, vertices, directions, errors) if found is None else found
+    return (
+        _step_by_step(equilibria, vertices, directions, errors)
+        if found is kernels.UNDECIDED
+        else found
+    )
 
 
 def _step_by_step(
@@ -244,7 +248,7 @@ def destined_facets(equilibria: Equilibria, facets: Integers) -> Integers:
     """Stable facet (k,) on which a body comes to rest that is let go on facets (k,)."""
     body = equilibria.hull, equilibria.center_of_mass, equilibria.tie_distance
     found = kernels.destinations(*body, facets)
-    return _numpy_destinations(equilibria, facets) if found is None else found
+    return _numpy_destinations(equilibria, facets) if found is kernels.UNDECIDED else found
 
 
 def _numpy_destinations(equilibria: Equilibria, facets: Integers) -> Integers:

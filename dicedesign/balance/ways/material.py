@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.sizes import MOST_MM
 from dicedesign.runtime.checks import is_finite_number
 from dicedesign.runtime.registry import STRICT
+from dicedesign.tolerances import MOST_MM
 
 __all__ = ["InsideOptions", "Material"]
 

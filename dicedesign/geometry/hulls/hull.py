@@ -7,7 +7,8 @@ seen from outside, in an order that depends only on which vertices each facet ha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Real
 from typing import Any, Final
@@ -24,6 +25,15 @@ from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32, ROUNDING, SLIVER
+
+CONNECTIVITY: Final = frozenset(
+    ["facet_start", "tail", "twin", "facet", "next", "previous", "head", "outgoing", "triangles"]
+)
+"""Fields and cached properties of a hull that do not depend on where its vertices are."""
+
+MOST_INSIDE: Final = 64
+"""Number of points inside a hull above which none is looked at: it would take more time and memory
+than a new hull."""
 
 FLOAT32_EPS: Final = float(np.finfo(np.float32).eps)
 
@@ -246,7 +256,7 @@ def convex_hull(
         )
     if coplanar_tolerance != 0.0:
         attributes = kernels.convex_hull(given, float(coplanar_tolerance), eps)
-        if attributes is not None:
+        if attributes is not kernels.UNDECIDED:
             return ConvexHull.with_attributes(attributes)
     # Imported late: it takes SciPy along, which costs more time than a hull.
     from dicedesign.geometry.hulls.numpy_hull import hull_half_edges
@@ -256,3 +266,68 @@ def convex_hull(
     hull = ConvexHull(positions[source], source, facet_start, tail, twin)
     hull.__dict__.update(kernels.hull_properties(hull.vertices, facet_start, tail, twin) or {})
     return hull
+
+
+HullMaker = Callable[[Floats], ConvexHull]
+"""`convex_hull`, or `HullMemory.hull`, which finds the same hulls."""
+
+
+@dataclass
+class HullMemory:
+    """Convex hulls of points that change little from one time to the next.
+
+    Attributes
+    ----------
+    built: hulls that were computed from scratch.
+    reused: hulls that have the connectivity of the one before.
+    """
+
+    built: int = 0
+    reused: int = 0
+    _last: ConvexHull | None = field(default=None, repr=False)
+
+    def hull(self, points: Floats) -> ConvexHull:
+        """`convex_hull(points)` bit for bit, with the same errors; points: (n, 3) float64."""
+        hull = None if self._last is None else same_connectivity(self._last, points)
+        if hull is None:
+            hull = convex_hull(points)
+            self.built += 1
+        else:
+            self.reused += 1
+        self._last = hull
+        return hull
+
+
+def same_connectivity(hull: ConvexHull, points: Floats) -> ConvexHull | None:
+    """The hull of points, if it certainly has the facets of a given hull: a check of those is
+    cheaper than a new hull.
+
+    The surface with those facets is checked edge by edge: facets are flat with convex corners, all
+    edges bend inward, and the mean of the vertices sees the surface once in every direction. Such a
+    surface bounds a convex body. All of this holds with so much room (the `REUSE_...` tolerances)
+    that neither rounding nor the coplanar tolerance lets `convex_hull` find another one. Only
+    kernels do so.
+
+    Parameters
+    ----------
+    hull: the hull before its points moved.
+    points: (n, 3) float64, in the order of those that the hull was made from, or one for each of
+        its vertices.
+
+    Returns
+    -------
+    `convex_hull(points)` bit for bit, or None where that is in doubt.
+
+    Source: Mehlhorn et al., "Checking geometric programs or verification of geometric structures",
+    Comput. Geom. 12, 1999.
+    """
+    source = hull.source
+    if len(points) == len(source):
+        source = np.arange(len(points))
+    if not source[-1] < len(points) <= len(source) + MOST_INSIDE:
+        return None
+    moved = kernels.moved_hull(points, source, hull.facet_start, hull.tail, hull.twin)
+    if moved is kernels.UNDECIDED:
+        return None
+    kept = {name: value for name, value in vars(hull).items() if name in CONNECTIVITY}
+    return ConvexHull.with_attributes({**kept, "source": source, **moved})

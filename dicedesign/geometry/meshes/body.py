@@ -9,13 +9,30 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.meshes.mass_properties import MassProperties
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ROUNDED_DIGITS, SMALLEST_EXTENT
 
 _POWERS_OF_TEN: Final = np.array([float(f"1e{k}") for k in range(23)])
 """Those that are float64 numbers, so that a quotient by them is the nearest to the decimal."""
+
+
+@dataclass(frozen=True, eq=False)
+class MassProperties:
+    """What is known of how a body's mass lies.
+
+    Attributes
+    ----------
+    mass: above 0, in the unit of the densities times the cubed unit of length.
+    center_of_mass: (3,) in the body's coordinates.
+    inertia: (3, 3) tensor about the center of mass over the mass, in squared units of length.
+    source: where it is from, in words.
+    """
+
+    mass: float
+    center_of_mass: Floats
+    inertia: Floats
+    source: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,24 +139,20 @@ def weld(points: Floats, triangles: Integers | None) -> tuple[Floats, Integers |
     (m, 3) the distinct positions, in the order in which they first occur, and (u, 3) the triangles
     without those that lost a corner by the merging, or None.
     """
-    positions = repeated_positions(points)
-    if positions is not None:
-        first, group = positions
-        points, triangles = points[first], None if triangles is None else group[triangles]
+    first, group = repeated_positions(points)
+    points, triangles = points[first], None if triangles is None else group[triangles]
     if triangles is None:
         return points, None
     whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
     return points, triangles[whole]
 
 
-def repeated_positions(
-    points: Floats,
-) -> tuple[Integers, Integers] | None:
+def repeated_positions(points: Floats) -> tuple[Integers, Integers]:
     """The first point (m,) at each position of points (n, 3), in order, and (n,) the place of each
-    point's position there; None may be said where all positions differ."""
+    point's position there."""
     positions = kernels.repeated_positions(points)
-    if positions is not None:
-        return positions or None
+    if positions is not kernels.UNDECIDED:
+        return positions
     order = np.lexsort(points.T)
     ranked = points[order]
     is_new = np.ones(len(order), dtype=bool)

@@ -228,10 +228,7 @@ def parsed_stl(data: bytes, path: Path) -> tuple[Floats, Integers]:
             f"+ {STL_TRIANGLE.itemsize} bytes per triangle, got {len(data)} bytes; {EXPORT_AGAIN}"
         )
     # The format has no shared corners, so joining them repairs nothing worth a note.
-    repeated = repeated_positions(points)
-    if repeated is None:
-        return points, np.arange(len(points)).reshape(-1, 3)
-    first, place = repeated
+    first, place = repeated_positions(points)
     return points[first], place.reshape(-1, 3)
 
 

@@ -158,7 +158,7 @@ def oriented_shells(points: Floats, triangles: Integers) -> tuple[Integers, int]
 def shells_of(triangles: Integers) -> Integers:
     """(t,) the shell of each triangle (t, 3); triangles of one shell are joined by edges."""
     shells = kernels.shells(triangles)
-    if shells is not None:
+    if shells is not kernels.UNDECIDED:
         return shells
     keys = edge_keys(triangles)
     order = np.argsort(keys, kind="stable")

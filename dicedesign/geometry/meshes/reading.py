@@ -22,7 +22,6 @@ from dicedesign.geometry.meshes.formats import (
     mesh_endings,
     parsed_stl,
 )
-from dicedesign.geometry.meshes.voxels import VOXEL_ENDINGS, parsed_voxels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.files import read_file
 
@@ -41,8 +40,7 @@ def read_body(path: str | Path) -> Body:
 
     STL, OBJ, OFF and XYZ are read by this package, all other formats (PLY, GLB, glTF, 3MF and
     more) by trimesh, which is imported only then. A file of several meshes gives one body, each
-    mesh at its place in the scene; lines are ignored, and so are points beside a mesh. NPY and NPZ
-    hold densities of cells, see `voxel_body`.
+    mesh at its place in the scene; lines are ignored, and so are points beside a mesh.
 
     Parameters
     ----------
@@ -63,9 +61,6 @@ def read_body(path: str | Path) -> Body:
         raise MeshFileError(
             f"{path}: expected a mesh or point file, got an empty one; {EXPORT_AGAIN}"
         )
-    if path.suffix.lower() in VOXEL_ENDINGS:
-        _check_archive(data, path)
-        return parsed_voxels(data, path)
     reader = OWN_READERS.get(path.suffix.lower())
     # What is no number is told in words, below.
     with np.errstate(all="ignore"):

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from manifold3d import Manifold
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.meshes.body import Body, body_of, make_body
+from dicedesign.geometry.manifold import mesh_of, solid
+from dicedesign.geometry.meshes.body import Body, MassProperties, body_of, make_body
 from dicedesign.geometry.meshes.center_of_mass import solid_triangles
-from dicedesign.geometry.meshes.mass_properties import summed
 from dicedesign.geometry.solid import second_moments, solid_properties
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checks import is_finite_number
-
-if TYPE_CHECKING:
-    from manifold3d import Manifold
-
 
 SOURCE: Final = "densities of its parts"
 
@@ -63,38 +60,45 @@ def weighted_body(parts: Iterable[tuple[Any, float]]) -> Body:
     origin, size = corners.mean(axis=0), float(np.ptp(corners, axis=0).max())
     solids = [_solid(body, origin, size) for body in bodies]
     notes = list(_beside(bodies, solids))
-    masses, centers, spreads = [], [], []
+    pieces = []
     for number, (rest, density) in enumerate(zip(solids, densities, strict=True)):
         for later in solids[number + 1 :]:
             rest -= later
         if density > 0.0 and not rest.is_empty():
-            volume, center, spread = _moments(rest)
-            masses.append(density * volume * size**3)
-            centers.append(origin + size * center)
-            spreads.append(size**2 * spread)
-    if sum(masses) <= 0.0:
+            points, triangles = mesh_of(rest)
+            volume, center = solid_properties(points, triangles)
+            moments, own = second_moments(points - center, triangles, np)
+            pieces.append((density * volume, center, moments / own))
+    weights, centers, spreads = (
+        np.array(column) for column in zip(*(pieces or [(0.0, origin, np.eye(3))]), strict=True)
+    )
+    with np.errstate(over="ignore"):
+        mass = float(weights.sum() * size**3)
+    if not 0.0 < mass < np.inf:
         raise InputError(
-            f"{bodies[0].name}: expected a mass above 0, got parts that leave none; correct the "
-            "densities"
+            f"{bodies[0].name}: expected a finite mass above 0, got {mass:g}; correct the "
+            "densities, or give them in another unit"
         )
-    found = summed(masses, np.stack(centers), np.stack(spreads), SOURCE)
+    shares = weights / weights.sum()
+    center = shares @ centers
+    arms = centers - center
+    spread = size**2 * (np.einsum("n,nij->ij", shares, spreads) + (shares[:, None] * arms).T @ arms)
+    inertia = np.trace(spread) * np.eye(3) - spread
+    found = MassProperties(mass, origin + size * center, inertia, SOURCE)
     starts = np.cumsum([0, *(len(body.points) for body in bodies[:-1])])
-    triangles = [
+    of_parts = [
         start + body.triangles
         for start, body in zip(starts, bodies, strict=True)
         if body.triangles is not None
     ]
     single = any(body.single_precision for body in bodies)
-    made = make_body(corners, np.concatenate(triangles), bodies[0].name, single)
+    made = make_body(corners, np.concatenate(of_parts), bodies[0].name, single)
     own_notes = [note for body in bodies for note in body.notes]
     return replace(made, mass_properties=found, notes=(*own_notes, *notes))
 
 
 def _solid(body: Body, origin: Floats, size: float) -> Manifold:
     """A body as a solid, in coordinates in which all parts together are about as large as 1."""
-    # Other meshes do without this library.
-    from dicedesign.geometry.manifold import solid
-
     found = solid_triangles(body)
     if found is None:
         raise InputError(
@@ -111,20 +115,10 @@ def _solid(body: Body, origin: Floats, size: float) -> Manifold:
         raise InputError(f"{body.name}: {error}") from error
 
 
-def _moments(solid: Manifold) -> tuple[float, Floats, Floats]:
-    """Volume, center (3,) and spread (3, 3) of a solid, see `summed`."""
-    from dicedesign.geometry.manifold import mesh_of
-
-    points, triangles = mesh_of(solid)
-    volume, center = solid_properties(points, triangles)
-    moments, own = second_moments(points - center, triangles, np)
-    return volume, center, np.asarray(moments / own)
-
-
 def _beside(bodies: list[Body], solids: list[Manifold]) -> Iterable[str]:
     """Notes on parts after the first that share nothing with those before them."""
     before = solids[0]
-    for body, solid in zip(bodies[1:], solids[1:], strict=True):
-        if (before ^ solid).volume() <= SHARED * solid.volume():
+    for body, part in zip(bodies[1:], solids[1:], strict=True):
+        if (before ^ part).volume() <= SHARED * part.volume():
             yield f"{body.name} is not inside the other parts; it counts as fixed to them"
-        before += solid
+        before += part

@@ -13,7 +13,7 @@ struct ReuseTolerances {
 };
 
 // Whether facets certainly bound a convex body that contains other points, and no coplanar
-// tolerance changes them; see dicedesign/geometry/hulls/reuse.py. False too where a number is
+// tolerance changes them; see dicedesign/geometry/hulls/hull.py. False too where a number is
 // missing or infinite.
 bool is_convex(const Polyhedron& hull, const Measures& measures, const std::vector<Vec>& others,
                const ReuseTolerances& tolerances);

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.hulls.reuse import HullMaker
+from dicedesign.geometry.hulls.hull import HullMaker, convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.kernels import ops as kernels
 from dicedesign.optimize.coordinates.shape import Shape

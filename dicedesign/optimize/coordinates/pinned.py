@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.hulls.reuse import HullMaker
+from dicedesign.geometry.hulls.hull import HullMaker, convex_hull
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.coordinates.shape import Shape
 from dicedesign.runtime.arrays import Floats, Integers

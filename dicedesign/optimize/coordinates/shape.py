@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.hulls.reuse import HullMaker
+from dicedesign.geometry.hulls.hull import HullMaker, convex_hull
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:

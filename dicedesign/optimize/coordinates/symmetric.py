@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.hulls.reuse import HullMaker
+from dicedesign.geometry.hulls.hull import ConvexHull, HullMaker, convex_hull
 from dicedesign.geometry.point_groups import fixed_space
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.optimize.coordinates.facets import FacetCoordinates

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.hulls.reuse import HullMaker
+from dicedesign.geometry.hulls.hull import HullMaker, convex_hull
 from dicedesign.optimize.coordinates.shape import Shape
 from dicedesign.runtime.arrays import Floats
 

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from dicedesign.errors import DiceError
-from dicedesign.geometry.hulls.reuse import HullMemory
+from dicedesign.geometry.hulls.hull import HullMemory
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.optimize.coordinates.shape import Coordinates, Shape
 from dicedesign.optimize.energy.clusters import (

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from dicedesign.errors import DiceError
-from dicedesign.geometry.hulls.reuse import HullMemory
+from dicedesign.geometry.hulls.hull import HullMemory
 from dicedesign.gradient.inscribed_circles import SOFTNESS, FacetEdges
 from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests

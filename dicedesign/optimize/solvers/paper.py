@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.reuse import HullMemory
+from dicedesign.geometry.hulls.hull import HullMemory
 from dicedesign.optimize.coordinates.vertices import VertexCoordinates
 from dicedesign.optimize.energy.objective import Evaluation, Objective
 from dicedesign.optimize.paper_options import PaperOptions

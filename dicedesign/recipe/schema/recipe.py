@@ -16,7 +16,6 @@ from dicedesign.fabricate.file_formats import with_stl
 from dicedesign.fabricate.finish_options import EdgeOptions, EngravingOptions, core_scale
 from dicedesign.fabricate.print_options import PrintOptions
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.geometry.sizes import LEAST_MM, MOST_MM
 from dicedesign.optimize.starts.kinds.search import SearchOptions
 from dicedesign.recipe.schema.entries import Label, StartRecipe, Strict, TargetRecipe
 from dicedesign.recipe.schema.labels import check_labels
@@ -24,6 +23,7 @@ from dicedesign.recipe.schema.method import MethodRecipe
 from dicedesign.recipe.schema.symmetries import AUTO, check_symmetry, known_group
 from dicedesign.rest.prior import DensityPrior, read_prior
 from dicedesign.runtime.arrays import Floats
+from dicedesign.tolerances import LEAST_MM, MOST_MM
 
 __all__ = ["NAME", "Recipe"]
 

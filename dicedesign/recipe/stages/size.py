@@ -6,9 +6,9 @@ import math
 from typing import Final
 
 from dicedesign.errors import EngravingError, LabelRoomError
-from dicedesign.geometry.sizes import MOST_MM
 from dicedesign.recipe.planning.stage import STAGES, Stage
 from dicedesign.recipe.planning.work import Work
+from dicedesign.tolerances import MOST_MM
 
 __all__ = ["enlarge"]
 

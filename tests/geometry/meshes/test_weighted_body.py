@@ -1,4 +1,4 @@
-"""Bodies of several densities, against closed forms, samples of points and cells of a grid."""
+"""Bodies of several densities, against closed forms and samples of points."""
 
 from __future__ import annotations
 
@@ -105,67 +105,6 @@ def test_turned_and_in_any_unit(unit: float) -> None:
     )
 
 
-def test_cells_are_boxes() -> None:
-    random = np.random.default_rng(2)
-    density = np.where(random.random((4, 3, 5)) < 0.6, random.random((4, 3, 5)), 0.0)
-    spacing, origin = np.array([0.5, 1.0, 0.25]), np.array([7.0, -3.0, 2.0])
-    body = dd.voxel_body(density, spacing, origin)
-    boxes = []
-    for place in np.argwhere(density > 0):
-        middle = origin + spacing * (place + 0.5)
-        boxes.append((density[tuple(place)] * spacing.prod(), middle))
-    mass = sum(share for share, _ in boxes)
-    center = sum(share * middle for share, middle in boxes) / mass
-    inertia = np.zeros((3, 3))
-    for share, middle in boxes:
-        arm = middle - center
-        own = box_inertia(spacing) + arm @ arm * np.eye(3) - np.outer(arm, arm)
-        inertia += share / mass * own
-    known = body.mass_properties
-    assert known is not None
-    assert known.mass == pytest.approx(mass, rel=1e-13)
-    np.testing.assert_allclose(known.center_of_mass, center, atol=1e-13)
-    np.testing.assert_allclose(known.inertia, inertia, atol=1e-13)
-    steps = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1]), axis=-1).reshape(-1, 3)
-    corners = (np.argwhere(density > 0)[:, None] + steps).reshape(-1, 3)
-    whole = dd.rest_poses(origin + spacing * corners, center)
-    poses = dd.rest_poses(body)
-    np.testing.assert_allclose(poses.probabilities, whole.probabilities, atol=1e-12)
-
-
-def test_a_grid_of_one_density_is_the_mesh(tmp_path: Path) -> None:
-    path = tmp_path / "cells.npz"
-    np.savez(path, density=np.full((8, 4, 4), 3, dtype=np.uint8), spacing=0.5, origin=-SIDES / 2)
-    poses = dd.rest_poses(dd.read_body(path))
-    same = dd.rest_poses(block((4, 2, 2), (0, 0, 0)))
-    np.testing.assert_allclose(poses.probabilities, same.probabilities, atol=1e-14)
-    np.testing.assert_allclose(poses.center_of_mass, 0.0, atol=1e-14)
-
-
-@pytest.mark.parametrize(
-    ("entries", "said"),
-    [
-        ({"density": np.zeros((2, 2, 2))}, "mass above 0"),
-        ({"density": -np.ones((2, 2, 2))}, "from 0 on"),
-        ({"density": np.full((2, 2, 2), np.nan)}, "finite"),
-        ({"density": np.ones((2, 2))}, "array"),
-        ({"density": np.ones((2, 2, 2)), "spacing": 0.0}, "spacing"),
-        ({"density": np.ones((2, 2, 2)), "origin": np.ones(2)}, "origin"),
-        ({"densities": np.ones((2, 2, 2))}, "density"),
-    ],
-)
-def test_a_file_of_cells_that_is_none(
-    entries: dict[str, np.ndarray], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "cells.npz"
-    np.savez(path, **entries)  # type: ignore[arg-type]
-    assert main(["rest", str(path)]) == 2
-    assert said in capsys.readouterr().err
-    path.write_bytes(path.read_bytes()[:-30])
-    assert main(["rest", str(path)]) == 2
-    assert "cells.npz" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("density", [-1.0, np.nan, np.inf, "1", None])
 def test_a_density_that_is_none(density: object) -> None:
     with pytest.raises(dd.InputError, match="density"):
@@ -178,10 +117,6 @@ def test_a_mass_that_is_no_number_is_told() -> None:
         dd.weighted_body([(box, 1e308)])
     with pytest.raises(dd.InputError, match="finite mass"):
         dd.weighted_body([(box, 1.0), (block((2, 2, 2), (0, 0, 0)), 1e308)])
-    with pytest.raises(dd.InputError, match="finite mass"):
-        dd.voxel_body(np.full((3, 3, 3), 1e308))
-    with pytest.raises(dd.DegenerateBodyError, match="coordinates"):
-        dd.voxel_body(np.ones((3, 3, 3)), spacing=1e200)
 
 
 def test_what_has_no_mass() -> None:

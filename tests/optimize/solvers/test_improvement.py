@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.hulls.reuse import HullMaker
+from dicedesign.geometry.hulls.hull import HullMaker, convex_hull
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.inscribed_circles import circle_radii
 from dicedesign.gradient.rest_odds import RestEvaluation

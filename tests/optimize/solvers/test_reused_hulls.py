@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign.geometry.hulls import reuse as hull_reuse
-from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.hulls.reuse import HullMemory
+from dicedesign.geometry.hulls import hull as hulls
+from dicedesign.geometry.hulls.hull import HullMemory, convex_hull
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.coordinates.vertices import VertexCoordinates
@@ -55,7 +54,7 @@ def designed(name: str) -> DesignResult:
 @pytest.mark.parametrize("name", sorted(DESIGNS))
 def test_a_descent_is_the_same_without_reuse(monkeypatch, name: str) -> None:
     result = designed(name)
-    monkeypatch.setattr(hull_reuse, "same_connectivity", lambda hull, points: None)
+    monkeypatch.setattr(hulls, "same_connectivity", lambda hull, points: None)
     plain = designed(name)
     assert plain.hulls_reused == 0
     assert result.hulls_built + result.hulls_reused == plain.hulls_built

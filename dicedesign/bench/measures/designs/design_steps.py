@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 from dicedesign.bench.measures.processes import in_turn
 from dicedesign.bench.measures.queries.query_speed import PAPER, ROW, Effort
 from dicedesign.bench.rows import Row, column, hidden, milliseconds
-from dicedesign.geometry.hulls.reuse import HullMemory
+from dicedesign.geometry.hulls.hull import HullMemory
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.coordinates.shape import Coordinates
 from dicedesign.optimize.coordinates.vertices import VertexCoordinates
