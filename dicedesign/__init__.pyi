@@ -105,13 +105,13 @@ from dicedesign.results.result import FacetOfDie as FacetOfDie
 from dicedesign.results.result import Result as Result
 from dicedesign.results.result import Step as Step
 from dicedesign.runtime.registry import Extension as Extension
-from dicedesign.throws.engines.engine import ENGINES as ENGINES
-from dicedesign.throws.engines.engine import Engine as Engine
-from dicedesign.throws.momentum.momentum_odds import thrown_odds as thrown_odds
+from dicedesign.throws.engines import ENGINES as ENGINES
+from dicedesign.throws.engines import Engine as Engine
+from dicedesign.throws.momentum_odds import thrown_odds as thrown_odds
 from dicedesign.throws.rigid_body import RigidBody as RigidBody
 from dicedesign.throws.rigid_body import rigid_body as rigid_body
-from dicedesign.throws.simulation.simulation import Throws as Throws
-from dicedesign.throws.simulation.simulation import simulate as simulate
+from dicedesign.throws.simulation import Throws as Throws
+from dicedesign.throws.simulation import simulate as simulate
 from dicedesign.throws.tables import Table as Table
 from dicedesign.throws.tables import table_named as table_named
 

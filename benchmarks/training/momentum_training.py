@@ -13,17 +13,18 @@ from torch import Tensor
 
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checkpoint import Checkpoint
-from dicedesign.throws.momentum.general_model import (
+from dicedesign.throws.momentum_model import (
     CARRY_OUTPUTS,
+    IMPACTS,
+    LEAST_DEVIATION,
     TRANSITION_OUTPUTS,
     GeneralModel,
+    MomentumModel,
+    Network,
 )
-from dicedesign.throws.momentum.momentum_model import IMPACTS, MomentumModel
-from dicedesign.throws.momentum.momentum_odds import landing_odds
-from dicedesign.throws.momentum.network import LEAST_DEVIATION, Network
-from dicedesign.throws.momentum.table_terms import TABLE_NUMBERS, TABLE_TERMS, TableRange
-from dicedesign.throws.momentum.transition_features import Features
-from dicedesign.throws.momentum.transitions import Transitions
+from dicedesign.throws.momentum_odds import landing_odds
+from dicedesign.throws.table_terms import TABLE_NUMBERS, TABLE_TERMS, TableRange
+from dicedesign.throws.transition_features import Features, Transitions
 
 __all__ = ["TrainingDie", "new_model", "train"]
 

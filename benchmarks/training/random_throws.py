@@ -16,14 +16,13 @@ from benchmarks.training.momentum_training import TrainingDie
 from benchmarks.training.random_dice import RESTS, RandomDie, random_die
 from dicedesign.runtime.arrays import Integers
 from dicedesign.runtime.workers import in_order
-from dicedesign.throws.momentum.momentum_model import MomentumModel
-from dicedesign.throws.momentum.momentum_odds import momentum_odds
-from dicedesign.throws.momentum.table_terms import table_terms
-from dicedesign.throws.momentum.transition_features import body_features
-from dicedesign.throws.momentum.transitions import Transitions
-from dicedesign.throws.simulation.simulation import simulate
-from dicedesign.throws.statistics.total_variation import noise_floor, total_variation
+from dicedesign.throws.distances import noise_floor, total_variation
+from dicedesign.throws.momentum_model import MomentumModel
+from dicedesign.throws.momentum_odds import momentum_odds
+from dicedesign.throws.simulation import simulate
+from dicedesign.throws.table_terms import table_terms
 from dicedesign.throws.tables import Table
+from dicedesign.throws.transition_features import Transitions, body_features
 
 __all__ = [
     "Deviation",

@@ -24,9 +24,13 @@ from benchmarks.training.random_throws import (
 )
 from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.runtime.checks import MOST_SEED, check_whole
-from dicedesign.throws.momentum.general_model import general_model_of, plain_model
-from dicedesign.throws.momentum.momentum_model import MomentumModel, general_model
-from dicedesign.throws.momentum.table_terms import GENERAL, WIDEST, TableRange
+from dicedesign.throws.momentum_model import (
+    MomentumModel,
+    general_model,
+    general_model_of,
+    plain_model,
+)
+from dicedesign.throws.table_terms import GENERAL, WIDEST, TableRange
 from dicedesign.throws.tables import Table
 
 __all__ = ["LearnedModel", "check_learning", "learn_momentum", "throws_of_die"]

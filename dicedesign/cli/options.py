@@ -48,7 +48,7 @@ def add_worker_options(parser: argparse.ArgumentParser, jobs_help: str, where: s
 
 def add_engine_option(parser: argparse.ArgumentParser) -> None:
     """Add `--engine`, the simulator of throws."""
-    from dicedesign.throws.engines.engine import ENGINES
+    from dicedesign.throws.engines import ENGINES
 
     *lines, last = (f"{engine.name}: {engine.line}" for engine in ENGINES)
     parser.add_argument(

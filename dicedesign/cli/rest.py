@@ -102,8 +102,8 @@ def _run_rest(options: argparse.Namespace) -> int:
         poses = _under_prior(options, poses)
     thrown = None
     if options.table is not None:
-        from dicedesign.throws.momentum.momentum_model import momentum_model
-        from dicedesign.throws.momentum.momentum_odds import momentum_odds
+        from dicedesign.throws.momentum_model import momentum_model
+        from dicedesign.throws.momentum_odds import momentum_odds
         from dicedesign.throws.rigid_body import rigid_body
 
         with named("--table"):

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from dicedesign.geometry.repair.repair import RepairedMesh
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.optimize.refinement.rounds import Round
-    from dicedesign.throws.simulation.die_on_table import ThrownDie
+    from dicedesign.throws.simulation import ThrownDie
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.results.result import InfillOdds
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.statistics.chi_square_power import LEVEL, chances_noticed
+from dicedesign.throws.goodness_of_fit import LEVEL, chances_noticed
 
 if TYPE_CHECKING:
     from manifold3d import CrossSection, Manifold

@@ -31,7 +31,7 @@ from dicedesign.rest.outcomes import OutcomeOdds, gathered
 from dicedesign.rest.poses import RestPoses
 from dicedesign.results.result import PrintTolerances
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.statistics.chi_square_power import LEVEL, chance_noticed, chances_noticed
+from dicedesign.throws.goodness_of_fit import LEVEL, chance_noticed, chances_noticed
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,11 +20,10 @@ from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.gradient.solid_moments import hull_inertia
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.momentum.momentum_model import MomentumModel, momentum_model
-from dicedesign.throws.momentum.momentum_odds import hull_odds, landing_odds
-from dicedesign.throws.momentum.transition_features import body_features
-from dicedesign.throws.momentum.transitions import Transitions
+from dicedesign.throws.momentum_model import MomentumModel, momentum_model
+from dicedesign.throws.momentum_odds import hull_odds, landing_odds
 from dicedesign.throws.tables import Table
+from dicedesign.throws.transition_features import Transitions, body_features
 
 
 @dataclass(frozen=True)

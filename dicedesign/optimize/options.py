@@ -11,9 +11,8 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.runtime.registry import STRICT
-from dicedesign.throws.engines.engine import ENGINES
-from dicedesign.throws.hand import HANDS
-from dicedesign.throws.tables import with_hand
+from dicedesign.throws.engines import ENGINES
+from dicedesign.throws.tables import hand_named, with_hand
 
 __all__ = [
     "FINEST_TOLERANCE",
@@ -201,7 +200,7 @@ def _check_hand(hand: str, odds: str) -> None:
             "thrown"
         )
     # Raises where there is no such way.
-    HANDS[hand]
+    hand_named(hand)
 
 
 def _check_seconds(seconds: float | None) -> None:

@@ -9,8 +9,7 @@ import numpy as np
 
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.spreads import drawn
-from dicedesign.throws.tables import Table
+from dicedesign.throws.tables import Table, drawn
 
 __all__ = [
     "ORIENTATIONS",

@@ -1,4 +1,4 @@
-"""Tables: how dice are thrown, and onto what."""
+"""Tables: how dice are thrown, by whom, and onto what."""
 
 from __future__ import annotations
 
@@ -7,33 +7,116 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import resources
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeGuard, cast
 
 from dicedesign.errors import InputError, named
 from dicedesign.runtime.files import read_text
-from dicedesign.throws.hand import HANDS, Hand
-from dicedesign.throws.spreads import (
-    Limits,
-    Spread,
-    checked_number,
-    checked_spread,
-    least_of,
-    most_of,
-)
 
-__all__ = [
-    "LEAST_SIZE",
-    "MOST_RESTITUTION",
-    "MOST_SIZE",
-    "SPREADS",
-    "TABLE_NAMES",
-    "Table",
-    "posterior_entries",
-    "posterior_tables",
-    "table_entries",
-    "table_named",
-    "with_hand",
-]
+if TYPE_CHECKING:
+    import numpy as np
+
+    from dicedesign.runtime.arrays import Floats
+
+
+Spread: TypeAlias = float | tuple[float, float]
+"""A number, the same in every throw; or the least and the most, between which each throw has one,
+all equally likely and independent of everything else."""
+
+
+def least_of(spread: Spread) -> float:
+    """The least value of any throw."""
+    return spread[0] if isinstance(spread, tuple) else spread
+
+
+def most_of(spread: Spread) -> float:
+    """The largest value of any throw."""
+    return spread[1] if isinstance(spread, tuple) else spread
+
+
+def mean_of(spread: Spread) -> float:
+    """The mean of all throws."""
+    return (least_of(spread) + most_of(spread)) / 2.0
+
+
+def scaled(spread: Spread, factor: float) -> Spread:
+    """Every value times a number above 0."""
+    if isinstance(spread, tuple):
+        return factor * spread[0], factor * spread[1]
+    return factor * spread
+
+
+def drawn(spread: Spread, count: int, rng: np.random.Generator) -> float | Floats:
+    """The values (count,) of so many throws, or the number that all have, for which nothing is
+    drawn."""
+    return rng.uniform(*spread, count) if isinstance(spread, tuple) else spread
+
+
+@dataclass(frozen=True)
+class Hand:
+    """A way to throw a die, with any side down alike.
+
+    Attributes
+    ----------
+    line: what it does, in a line.
+    height, speed, spin: as of `Table`.
+    phrase: how the die is thrown, for sentences: "Throw it ...".
+    source: where the numbers come from.
+    """
+
+    name: str
+    line: str
+    height: Spread
+    speed: Spread
+    spin: Spread
+    phrase: str
+    source: str
+
+
+HANDS: Final = {
+    hand.name: hand
+    for hand in (
+        Hand(
+            name="cup",
+            line="shaken in a cup and tipped out low over the table",
+            height=(0.05, 0.12),
+            speed=(0.1, 0.6),
+            spin=(5.0, 30.0),
+            phrase="out of a cup",
+            source="chosen, not measured: it leaves the rim of a tipped cup at the speed of the "
+            "cup, and turns about as it would roll over the rim",
+        ),
+        Hand(
+            name="hand",
+            line="shaken in the hand and thrown along the table",
+            height=(0.1, 0.3),
+            speed=(0.4, 1.4),
+            spin=(15.0, 70.0),
+            phrase="by hand",
+            source="chosen, not measured: around the height, speed and spin that explain published "
+            "throws of printed dice, from half of them to about twice",
+        ),
+        Hand(
+            name="tower",
+            line="dropped through a dice tower, out of which it tumbles over a ramp",
+            height=(0.04, 0.08),
+            speed=(0.3, 0.8),
+            spin=(15.0, 60.0),
+            phrase="through a dice tower",
+            source="chosen, not measured: it comes off the last of the ledges, having kept a third "
+            "to two thirds of the speed of a fall of 8 cm, and spins about as it would roll so "
+            "fast",
+        ),
+    )
+}
+"""All hands, by name."""
+
+
+def hand_named(name: str) -> Hand:
+    """Raises InputError where there is no such hand."""
+    if name not in HANDS:
+        raise InputError(f"hand: expected {', '.join(HANDS)}, got {name!r}; take one of them")
+    return HANDS[name]
+
 
 TABLE_NAMES: Final = ("board-game", "hard-wood", "carpet", "paper")
 """The tables that come with the package, each in a file of its own."""
@@ -45,7 +128,7 @@ LEAST_SIZE: Final = 1e-4
 MOST_SIZE: Final = 10.0
 """Of dice, in m."""
 
-_LIMITS: Final[dict[str, Limits]] = {
+_LIMITS: Final = {
     "restitution": (0.0, MOST_RESTITUTION, "0 (dead) to 0.95"),
     "friction": (0.0, 10.0, "0 to 10"),
     "height": (0.0, 100.0, "0 to 100 m"),
@@ -106,10 +189,8 @@ class Table:
                 raise InputError(
                     f"table: expected texts as name and source, got {text!r}; correct it"
                 )
-        for name, limits in _LIMITS.items():
-            check = checked_spread if name in SPREADS else checked_number
-            value = check(getattr(self, name), f"table {self.name}", name, limits)
-            object.__setattr__(self, name, value)
+        for name in _LIMITS:
+            object.__setattr__(self, name, self._checked(name, getattr(self, name)))
         if most_of(self.height) > 0.0 and least_of(self.height) < self.size:
             least = "least " * isinstance(self.height, tuple)
             raise InputError(
@@ -117,6 +198,32 @@ class Table:
                 f"{least_of(self.height):g} m, got one of {self.size:g} m; let it fall from higher "
                 "or make it smaller"
             )
+
+    def _checked(self, name: str, value: object) -> Spread:
+        """A number, or a range as list or tuple, within its limits."""
+        owner, (least, most, words) = f"table {self.name}", _LIMITS[name]
+        if name in SPREADS and not _is_number(value):
+            if (
+                not isinstance(value, list | tuple)
+                or len(value) != 2
+                or not all(map(_is_number, value))
+            ):
+                raise InputError(
+                    f"{owner}: expected a number or a range [least, most] as {name}, got "
+                    f"{value!r}; correct it"
+                )
+            low, high = (cast(float, self._checked(name, end)) for end in value)
+            if low >= high:
+                raise InputError(
+                    f"{owner}: expected a range of {name} from less to more, got [{low}, {high}]; "
+                    + ("turn it round" if low > high else "give the number alone")
+                )
+            return low, high
+        if not _is_number(value):
+            raise InputError(f"{owner}: expected a number as {name}, got {value!r}; correct it")
+        if not least <= value <= most:
+            raise InputError(f"{owner}: expected a {name} of {words}, got {value}; correct it")
+        return value
 
     def livelier(self, change: float) -> Table:
         """A table whose restitution is higher by this part, but not above `MOST_RESTITUTION`."""
@@ -132,7 +239,7 @@ class Table:
         Raises InputError: there is no such way, the die is larger than its least height, or nothing
         has momentum on this table.
         """
-        way = HANDS[hand]
+        way = hand_named(hand)
         if self.drag > 0.0:
             raise InputError(
                 f"table {self.name}: expected a table on which dice have momentum for the hand "
@@ -151,7 +258,9 @@ class Table:
     def hand(self) -> Hand | None:
         """The one of `HANDS` whose height, speed and spin it has, if any."""
         own = (self.height, self.speed, self.spin)
-        return next((way for way in HANDS if (way.height, way.speed, way.spin) == own), None)
+        return next(
+            (way for way in HANDS.values() if (way.height, way.speed, way.spin) == own), None
+        )
 
     def lifted(self, size: float | None) -> Table:
         """The same for a die of a size in m, let go from no lower than it is large; None leaves the
@@ -276,11 +385,15 @@ def _by_hand(name: str, entries: dict[str, Any]) -> dict[str, Any]:
     hand = entries.pop("hand")
     with named(f"table {name}"):
         if not isinstance(hand, str):
-            raise InputError(f"hand: expected {', '.join(HANDS.names)}, got {hand!r}; correct it")
-        way = HANDS[hand]
+            raise InputError(f"hand: expected {', '.join(HANDS)}, got {hand!r}; correct it")
+        way = hand_named(hand)
     source = {"source": _with_way(entries.get("source", "given"), way)}
     return entries | {key: getattr(way, key) for key in SPREADS} | source
 
 
 def _with_way(source: object, way: Hand) -> str:
     return f"{source}; {way.phrase}, {way.source}"
+
+
+def _is_number(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -13,7 +13,7 @@ from common.kernels import compiled_only
 
 from dicedesign.cli.main import main
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.counts.throw_counts import read_throw_counts, rolled_die
+from dicedesign.throws.throw_counts import read_throw_counts, rolled_die
 
 
 def frustum(sides: int, height: float, top: float) -> np.ndarray:

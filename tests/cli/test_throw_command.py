@@ -19,8 +19,8 @@ from dicedesign.cli.tables.throw import throw_summary
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.asymmetry import asymmetry
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum.momentum_odds import thrown_odds
-from dicedesign.throws.simulation.simulation import Throws
+from dicedesign.throws.momentum_odds import thrown_odds
+from dicedesign.throws.simulation import Throws
 from dicedesign.throws.tables import Table, table_named
 
 FEW = ("--drops", "300", "--jobs", "1", "--table", "carpet")

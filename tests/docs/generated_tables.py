@@ -38,8 +38,7 @@ from dicedesign.rest.prior import PRIORS
 from dicedesign.results.parts import Status
 from dicedesign.runtime.folder_registry import FolderRegistry
 from dicedesign.runtime.registry import Registry
-from dicedesign.throws.hand import HANDS
-from dicedesign.throws.spreads import least_of, most_of
+from dicedesign.throws.tables import HANDS, least_of, most_of
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -47,7 +46,7 @@ REGISTRIES = {
     "starting shapes": "dicedesign.optimize.starts.start:STARTS",
     "energy terms": "dicedesign.optimize.energy.term:TERMS",
     "preferences": "dicedesign.optimize.preferences.preference:PREFERENCES",
-    "engines": "dicedesign.throws.engines.engine:ENGINES",
+    "engines": "dicedesign.throws.engines:ENGINES",
     "printers": "dicedesign.fabricate.printers:PRINTERS",
     "stages": "dicedesign.recipe.planning.stage:STAGES",
     "figures": "dicedesign.report.figures.figure:FIGURES",
@@ -154,7 +153,7 @@ def hands_table() -> str:
                     for spread in (hand.height, hand.speed, hand.spin)
                 ),
             )
-            for hand in HANDS
+            for hand in HANDS.values()
         ],
     )
 

@@ -23,7 +23,7 @@ from dicedesign.geometry.meshes.body import make_body
 from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.statistics.chi_square_power import chance_noticed
+from dicedesign.throws.goodness_of_fit import chance_noticed
 from tests.reference.perturbed_dice import PrintedDie, only
 
 PRINTS = 600

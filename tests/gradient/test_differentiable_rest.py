@@ -17,7 +17,7 @@ from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
-from dicedesign.throws.momentum.momentum_odds import thrown_odds
+from dicedesign.throws.momentum_odds import thrown_odds
 
 POINTS = np.random.default_rng(5).normal(size=(9, 3))
 

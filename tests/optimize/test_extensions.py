@@ -31,9 +31,9 @@ from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.parts import Status
-from dicedesign.throws.engines.engine import ENGINES
+from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.rigid_body import rigid_body
-from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import table_named
 
 OUTSIDE = '''

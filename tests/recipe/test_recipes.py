@@ -18,7 +18,7 @@ from dicedesign.recipe.run import run
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
-from dicedesign.throws.statistics.total_variation import total_variation
+from dicedesign.throws.distances import total_variation
 
 RECIPES = sorted((ROOT / "recipes").rglob("*.yaml"))
 EXACT = 1e-12

@@ -25,10 +25,10 @@ from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Listeners, Work
 from dicedesign.recipe.schema.reading import checked_recipe
 from dicedesign.results.parts import Status
-from dicedesign.throws.momentum.other_tables import other_tables
+from dicedesign.throws import simulation as die_on_table
 from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.simulation import die_on_table
-from dicedesign.throws.simulation.simulation import Throws
+from dicedesign.throws.simulation import Throws
+from dicedesign.throws.table_terms import other_tables
 from dicedesign.throws.tables import Table, table_named
 
 TARGET = np.array([1, 4, 6, 4, 1]) / 16.0

@@ -14,9 +14,8 @@ from dicedesign.errors import RecipeError
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.hand import HANDS
-from dicedesign.throws.momentum.momentum_odds import thrown_odds
-from dicedesign.throws.tables import posterior_tables
+from dicedesign.throws.momentum_odds import thrown_odds
+from dicedesign.throws.tables import HANDS, posterior_tables
 
 pytestmark = compiled_only
 

@@ -23,7 +23,7 @@ for _name in (
     "dicedesign.recipe.methods.exact",
     "dicedesign.recipe.methods.thrown",
     "dicedesign.recipe.run",
-    "dicedesign.throws.counts.roll_verdict",
+    "dicedesign.throws.roll_verdict",
 ):
     with contextlib.suppress(ImportError):
         import_module(_name)

@@ -8,7 +8,7 @@ from common.kernels import compiled_only
 
 import dicedesign as dd
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.throws.simulation.film import throw_film
+from dicedesign.throws.film import throw_film
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.scenes.gizmo import met_facet, met_sphere
 from dicedesign.view.scenes.motion import Motion, filmed, turned

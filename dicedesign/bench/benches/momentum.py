@@ -18,7 +18,7 @@ from dicedesign.errors import InputError
 if TYPE_CHECKING:
     from benchmarks.training.random_throws import Deviation
     from dicedesign.report.charts.paper import Paper
-    from dicedesign.throws.counts.throw_counts import CountedDie
+    from dicedesign.throws.throw_counts import CountedDie
 
 __all__ = [
     "DieRow",
@@ -83,8 +83,8 @@ def _rows(run: Run) -> Items:
         throw_unseen_dice,
     )
     from dicedesign.gradient.thrown_odds import ThrownOdds
-    from dicedesign.throws.momentum.momentum_model import momentum_model
-    from dicedesign.throws.simulation.simulation import check_throws
+    from dicedesign.throws.momentum_model import momentum_model
+    from dicedesign.throws.simulation import check_throws
     from dicedesign.throws.tables import table_named
 
     extent, options = run.extent, run.options
@@ -142,7 +142,7 @@ def _rows(run: Run) -> Items:
 
 
 def _printed(throws: Path | None, names: str | None) -> tuple[CountedDie, ...]:
-    from dicedesign.throws.counts.throw_counts import read_throw_counts
+    from dicedesign.throws.throw_counts import read_throw_counts
 
     if throws is None:
         if names is not None:

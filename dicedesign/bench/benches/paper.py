@@ -260,8 +260,8 @@ def _side(name: str, method: str, recipe: Recipe) -> SideRow:
     from concurrent.futures import ThreadPoolExecutor
 
     from dicedesign.bench.measures.recipes import begun, checked, designed
-    from dicedesign.throws.simulation.die_on_table import DieOnTable
-    from dicedesign.throws.statistics.total_variation import total_variation
+    from dicedesign.throws.distances import total_variation
+    from dicedesign.throws.simulation import DieOnTable
     from dicedesign.throws.tables import table_named
 
     work = begun(recipe)

@@ -131,7 +131,7 @@ class TablesLine(Row):
 
 def _rows(run: Run) -> Items:
     from dicedesign.bench.measures.throws.thrown_dice import Thrower, throw_recipe
-    from dicedesign.throws.simulation.simulation import check_throws
+    from dicedesign.throws.simulation import check_throws
 
     extent, engine = run.extent, run.options.engine
     check_throws(extent.drops, 0, engine, "uniform")

@@ -13,7 +13,7 @@ from dicedesign.recipe.schema.recipe import Recipe
 
 if TYPE_CHECKING:
     from dicedesign.results.result import Result, Step
-    from dicedesign.throws.simulation.die_on_table import DieOnTable
+    from dicedesign.throws.simulation import DieOnTable
 
 __all__ = ["Work", "begun", "checked", "designed", "engraved", "on_table", "with_method"]
 
@@ -62,7 +62,7 @@ def engraved(work: Work) -> bool:
 
 def on_table(work: Work) -> DieOnTable:
     """A die as it is printed, with labels if it has them, on the table of its recipe."""
-    from dicedesign.throws.simulation.die_on_table import DieOnTable
+    from dicedesign.throws.simulation import DieOnTable
     from dicedesign.throws.tables import table_named
 
     assert work.recipe.method.exact is not None

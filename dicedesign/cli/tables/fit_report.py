@@ -10,11 +10,9 @@ import numpy as np
 
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.text import text_table
-from dicedesign.throws.fitting.fitted_table import BELIEF, MORE, DieFit, TableFit
-from dicedesign.throws.fitting.predictive import Prediction
-from dicedesign.throws.fitting.table_check import DieCheck
-from dicedesign.throws.statistics.intervals import jeffreys_means
-from dicedesign.throws.statistics.total_variation import MeasuredDistance, measure_variation
+from dicedesign.throws.distances import MeasuredDistance, jeffreys_means, measure_variation
+from dicedesign.throws.predictions import DieCheck, Prediction
+from dicedesign.throws.table_fit import BELIEF, MORE, DieFit, TableFit
 
 __all__ = ["DieAtHand", "fit_lines", "plain_fit", "unexplained"]
 

@@ -10,8 +10,8 @@ from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Integers
 from dicedesign.runtime.files import interrupts_held
 from dicedesign.runtime.text import printable
-from dicedesign.throws.counts.roll_log import RollLog
-from dicedesign.throws.counts.roll_verdict import RollVerdict
+from dicedesign.throws.roll_log import RollLog
+from dicedesign.throws.roll_verdict import RollVerdict
 
 __all__ = ["log_rolls"]
 

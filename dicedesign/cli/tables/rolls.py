@@ -15,7 +15,7 @@ from dicedesign.errors import InputError
 from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
-    from dicedesign.throws.counts.roll_verdict import RollVerdict
+    from dicedesign.throws.roll_verdict import RollVerdict
 
 __all__ = ["add_parser", "rolls_summary"]
 
@@ -82,8 +82,8 @@ def add_parser(commands: Any) -> None:
 def _rolls(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.cli.tables.roll_logging import log_rolls
-    from dicedesign.throws.counts.roll_log import RollLog, read_counts
-    from dicedesign.throws.counts.roll_verdict import judge_rolls
+    from dicedesign.throws.roll_log import RollLog, read_counts
+    from dicedesign.throws.roll_verdict import judge_rolls
 
     if not LEAST_CONFIDENCE <= options.confidence < 1.0:
         raise InputError(
@@ -197,7 +197,7 @@ def _table(labels: list[str], verdict: RollVerdict) -> list[str]:
 
 
 def _sentences(verdict: RollVerdict) -> list[str]:
-    from dicedesign.throws.counts.roll_verdict import POWER, WITHIN
+    from dicedesign.throws.roll_verdict import POWER, WITHIN
 
     test, exact, variation = verdict.chi_square, verdict.exact, verdict.variation
     low, high = variation.interval

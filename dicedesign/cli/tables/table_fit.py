@@ -19,7 +19,7 @@ from dicedesign.errors import InputError
 from dicedesign.runtime.text import printable
 
 if TYPE_CHECKING:
-    from dicedesign.throws.counts.throw_counts import CountedDie
+    from dicedesign.throws.throw_counts import CountedDie
 
 __all__ = ["add_action"]
 
@@ -105,12 +105,12 @@ def _fit(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.cli.tables.fit_report import DieAtHand, fit_lines, plain_fit, unexplained
     from dicedesign.runtime.files import make_writable_folder
-    from dicedesign.throws.counts.throw_counts import rolled_die, throws_digest, uncounted_die
-    from dicedesign.throws.engines.engine import require_engine
-    from dicedesign.throws.fitting.table_check import check_table
-    from dicedesign.throws.fitting.table_fit import check_effort, fit_table
-    from dicedesign.throws.simulation.simulation import simulate
+    from dicedesign.throws.engines import require_engine
+    from dicedesign.throws.predictions import check_table
+    from dicedesign.throws.simulation import simulate
+    from dicedesign.throws.table_fit import check_effort, fit_table
     from dicedesign.throws.tables import Table, posterior_entries
+    from dicedesign.throws.throw_counts import rolled_die, throws_digest, uncounted_die
 
     check_worker_options(options)
     require_engine("native")
@@ -197,7 +197,7 @@ def _dice(
     throws: Path | None, wanted: list[str] | None, checked: list[str]
 ) -> tuple[tuple[CountedDie, ...], tuple[CountedDie, ...]]:
     """The dice of a file that are fitted to, and those that are predicted."""
-    from dicedesign.throws.counts.throw_counts import read_throw_counts
+    from dicedesign.throws.throw_counts import read_throw_counts
 
     if throws is None:
         if wanted is not None or checked:

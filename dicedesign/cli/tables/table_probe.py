@@ -12,7 +12,7 @@ from dicedesign.runtime.checks import MOST_SEED, check_whole
 from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
-    from dicedesign.throws.fitting.table_information import Errors, TableInformation
+    from dicedesign.throws.table_information import Errors, TableInformation
 
 __all__ = ["add_action"]
 
@@ -54,10 +54,10 @@ def add_action(actions: Any) -> None:
 def _probe(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.runtime.workers import progress_bar
-    from dicedesign.throws.counts.throw_counts import uncounted_die
-    from dicedesign.throws.engines.engine import require_engine
-    from dicedesign.throws.fitting.table_information import table_information
+    from dicedesign.throws.engines import require_engine
+    from dicedesign.throws.table_information import table_information
     from dicedesign.throws.tables import table_named
+    from dicedesign.throws.throw_counts import uncounted_die
 
     check_whole("--drops", options.drops, least=LEAST)
     check_whole("--seed", options.seed, least=0, most=MOST_SEED)

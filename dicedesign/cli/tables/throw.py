@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from dicedesign.rest.poses import RestPoses
     from dicedesign.runtime.arrays import Floats
     from dicedesign.throws.release import Orientations
-    from dicedesign.throws.simulation.simulation import Throws
+    from dicedesign.throws.simulation import Throws
 
 __all__ = ["add_parser", "throw_summary"]
 
@@ -119,11 +119,11 @@ def add_parser(commands: Any) -> None:
 
 def _throw(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
-    from dicedesign.throws.momentum.momentum_model import momentum_model
-    from dicedesign.throws.momentum.momentum_odds import momentum_odds
+    from dicedesign.throws.momentum_model import momentum_model
+    from dicedesign.throws.momentum_odds import momentum_odds
     from dicedesign.throws.release import PAPER_DIRECTIONS
     from dicedesign.throws.rigid_body import rigid_body
-    from dicedesign.throws.simulation.simulation import check_throws, simulate
+    from dicedesign.throws.simulation import check_throws, simulate
     from dicedesign.throws.tables import table_named, with_hand
 
     size = None if options.size is None else options.size / MM_PER_METRE
@@ -217,9 +217,8 @@ def throw_summary(
 
     from dicedesign.rest.asymmetry import asymmetry
     from dicedesign.runtime.intervals import exact_intervals
-    from dicedesign.throws.statistics.goodness_of_fit import chi_square
-    from dicedesign.throws.statistics.total_variation import effective_counts, measure_variation
-    from dicedesign.throws.statistics.transport import measure_transport
+    from dicedesign.throws.distances import effective_counts, measure_transport, measure_variation
+    from dicedesign.throws.goodness_of_fit import chi_square
 
     landed = throws.outcomes >= 0
     variation = transport = test = None

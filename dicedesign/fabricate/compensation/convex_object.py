@@ -21,8 +21,8 @@ from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.momentum.momentum_model import MomentumModel
-from dicedesign.throws.simulation.die_on_table import DieOnTable
+from dicedesign.throws.momentum_model import MomentumModel
+from dicedesign.throws.simulation import DieOnTable
 from dicedesign.throws.tables import Table
 
 __all__ = [

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.statistics.bias import Bias, expected_variation
+from dicedesign.throws.bias import Bias, expected_variation
 
 __all__ = ["KnownOdds"]
 

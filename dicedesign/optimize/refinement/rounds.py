@@ -29,8 +29,8 @@ from dicedesign.optimize.options import MOST_DROPS
 from dicedesign.optimize.refinement.known_odds import KnownOdds
 from dicedesign.optimize.result import DesignResult
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.statistics.on_tables import OFTEN
-from dicedesign.throws.statistics.total_variation import noise_floor, total_variation
+from dicedesign.throws.bias import OFTEN
+from dicedesign.throws.distances import noise_floor, total_variation
 
 __all__ = ["Refinement", "Round", "Thrown"]
 

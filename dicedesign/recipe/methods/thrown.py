@@ -27,11 +27,10 @@ from dicedesign.recipe.methods.exact import exact_options, solver, starts_of
 from dicedesign.recipe.planning.work import Work
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.engines.engine import require_engine
-from dicedesign.throws.momentum.momentum_model import momentum_model
-from dicedesign.throws.momentum.other_tables import other_tables
-from dicedesign.throws.momentum.table_measures import table_measures
-from dicedesign.throws.simulation.die_on_table import DieOnTable, throwing_threads
+from dicedesign.throws.engines import require_engine
+from dicedesign.throws.momentum_model import momentum_model
+from dicedesign.throws.simulation import DieOnTable, throwing_threads
+from dicedesign.throws.table_terms import other_tables, table_measures
 from dicedesign.throws.tables import Table, posterior_tables, table_named
 
 __all__ = ["VERDICT", "bare_sensitivity", "check_table", "design", "seed_of"]

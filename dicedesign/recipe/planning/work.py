@@ -35,7 +35,7 @@ if TYPE_CHECKING:
         Step,
     )
     from dicedesign.runtime.arrays import Floats
-    from dicedesign.throws.simulation.die_on_table import ThrownDie
+    from dicedesign.throws.simulation import ThrownDie
 
 __all__ = ["Listeners", "Work"]
 

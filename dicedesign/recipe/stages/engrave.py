@@ -136,7 +136,7 @@ def _measure(
         return measure_resting(prior, offset), model, work.target.probabilities
     from dicedesign.gradient.thrown_odds import ThrownOdds
     from dicedesign.recipe.methods.exact import exact_options
-    from dicedesign.throws.momentum.momentum_model import momentum_model
+    from dicedesign.throws.momentum_model import momentum_model
     from dicedesign.throws.tables import table_named
 
     name = exact_options(work.recipe).thrown_onto

@@ -14,9 +14,8 @@ if TYPE_CHECKING:
 
     from dicedesign.optimize.options import RefineOptions
     from dicedesign.results.parts import OtherTables
-    from dicedesign.throws.momentum.momentum_model import MomentumModel
-    from dicedesign.throws.simulation.die_on_table import DieOnTable
-    from dicedesign.throws.simulation.simulation import Throws
+    from dicedesign.throws.momentum_model import MomentumModel
+    from dicedesign.throws.simulation import DieOnTable, Throws
 
 __all__ = ["throw"]
 
@@ -31,8 +30,8 @@ def throw(work: Work) -> None:
     from dicedesign.recipe.methods.exact import exact_options
     from dicedesign.recipe.methods.thrown import VERDICT, seed_of
     from dicedesign.results.parts import RoundOfThrows, ThrownOdds
-    from dicedesign.throws.momentum.momentum_model import momentum_model
-    from dicedesign.throws.simulation.die_on_table import DieOnTable, ThrownDie, throwing_threads
+    from dicedesign.throws.momentum_model import momentum_model
+    from dicedesign.throws.simulation import DieOnTable, ThrownDie, throwing_threads
     from dicedesign.throws.tables import table_named
 
     options, refine = exact_options(work.recipe), exact_options(work.recipe).refine
@@ -101,8 +100,8 @@ def _elsewhere(
     from dicedesign.recipe.methods.exact import exact_options
     from dicedesign.recipe.methods.thrown import VERDICT, seed_of
     from dicedesign.results.parts import OtherTables
-    from dicedesign.throws.momentum.table_measures import table_measures
-    from dicedesign.throws.statistics.on_tables import Series, variations_on_tables
+    from dicedesign.throws.bias import Series, variations_on_tables
+    from dicedesign.throws.table_terms import table_measures
     from dicedesign.throws.tables import posterior_tables, table_named
 
     name = exact_options(work.recipe).thrown_onto

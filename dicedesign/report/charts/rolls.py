@@ -8,7 +8,7 @@ from dicedesign.errors import InputError
 from dicedesign.report.charts.bar_chart import OddsBars, odds_chart
 from dicedesign.report.charts.chart import Chart
 from dicedesign.report.charts.palette import ACCENT, PALE
-from dicedesign.throws.counts.roll_verdict import RollVerdict
+from dicedesign.throws.roll_verdict import RollVerdict
 
 __all__ = ["rolls_chart"]
 

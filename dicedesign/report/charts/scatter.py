@@ -14,7 +14,7 @@ from dicedesign.report.charts.palette import DARK, DISTINCT, FAINT
 from dicedesign.report.charts.paper import NOTE, TITLE, Paper
 from dicedesign.report.charts.series import Curve, Style
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.statistics.correlation import correlation
+from dicedesign.throws.correlation import correlation
 
 __all__ = ["asymmetry_scatter_figure", "density"]
 

@@ -15,7 +15,7 @@ from dicedesign.report.render.filmed_die import MARGIN, FilmedDie, can_be_filmed
 from dicedesign.report.render.tabletop import Tabletop, side_camera
 
 if TYPE_CHECKING:
-    from dicedesign.throws.simulation.film import Film
+    from dicedesign.throws.film import Film
 
 __all__ = ["film_figure"]
 

@@ -12,7 +12,7 @@ from dicedesign.report.charts.chart import Chart, sheet
 from dicedesign.report.charts.palette import ACCENT, FAINT
 from dicedesign.report.figures.figure import FIGURES, Figure
 from dicedesign.results.parts import SimulatedThrows, ThrownOdds
-from dicedesign.throws.statistics.total_variation import total_variation
+from dicedesign.throws.distances import total_variation
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie

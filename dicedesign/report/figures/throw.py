@@ -36,7 +36,7 @@ _LAST_MILLISECONDS: Final = 2000
 def moving_picture(filmed: FilmedDie) -> bytes:
     """The throw as an animated GIF that begins again and again, four times slower than it was;
     faster where it would have more than 150 frames. The same film gives the same bytes."""
-    from dicedesign.throws.simulation.film import FRAMES_PER_SECOND
+    from dicedesign.throws.film import FRAMES_PER_SECOND
 
     film, radius = filmed.film, filmed.radius
     camera = side_camera(filmed.travel())

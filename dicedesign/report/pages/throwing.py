@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from typing import Final
 
 from dicedesign.results.parts import OtherTables, SimulatedThrows, ThrownOdds
-from dicedesign.throws.engines.engine import ENGINES
-from dicedesign.throws.spreads import Spread, most_of, scaled
-from dicedesign.throws.tables import Table
+from dicedesign.throws.engines import ENGINES
+from dicedesign.throws.tables import Spread, Table, most_of, scaled
 
 __all__ = ["throwing_advice", "throws_told"]
 

@@ -14,7 +14,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie
-    from dicedesign.throws.simulation.film import Film
+    from dicedesign.throws.film import Film
 
 __all__ = ["MARGIN", "FilmedDie", "can_be_filmed", "filmed"]
 
@@ -76,7 +76,7 @@ def can_be_filmed(die: FinishedDie) -> bool:
 @lru_cache(maxsize=1)
 def filmed(die: FinishedDie) -> FilmedDie:
     """A typical throw of a die that can be filmed."""
-    from dicedesign.throws.simulation.film import throw_film
+    from dicedesign.throws.film import throw_film
 
     assert die.thrown is not None
     thrown = die.thrown.die

@@ -20,8 +20,8 @@ from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.momentum.momentum_model import MomentumModel
-from dicedesign.throws.momentum.momentum_odds import momentum_odds
+from dicedesign.throws.momentum_model import MomentumModel
+from dicedesign.throws.momentum_odds import momentum_odds
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.view.bodies.inside import nearest_inside
 

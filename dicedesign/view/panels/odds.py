@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from dicedesign.errors import DiceError
-from dicedesign.throws.momentum.momentum_model import MomentumModel, momentum_model
+from dicedesign.throws.momentum_model import MomentumModel, momentum_model
 from dicedesign.throws.tables import TABLE_NAMES
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.page.page import Page

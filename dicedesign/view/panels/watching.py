@@ -8,7 +8,7 @@ import numpy as np
 
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.simulation.film import Film, throw_film
+from dicedesign.throws.film import Film, throw_film
 from dicedesign.throws.tables import table_named
 from dicedesign.view.bodies.viewed_body import ViewedBody
 from dicedesign.view.page.page import Page

@@ -12,7 +12,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.roll import roll_steps
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.simulation.film import Film
+from dicedesign.throws.film import Film
 
 __all__ = ["Motion", "filmed", "rolled", "turned"]
 

@@ -33,7 +33,7 @@ from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.rest.asymmetry import basin_moments
 from dicedesign.rest.morse import separatrix_points
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum.other_tables import other_tables
+from dicedesign.throws.table_terms import other_tables
 from dicedesign.throws.tables import table_named
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))

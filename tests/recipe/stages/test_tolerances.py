@@ -18,8 +18,8 @@ from dicedesign.recipe.planning.stage import plan
 from dicedesign.recipe.planning.work import Work
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum.momentum_model import momentum_model
-from dicedesign.throws.momentum.momentum_odds import momentum_odds
+from dicedesign.throws.momentum_model import momentum_model
+from dicedesign.throws.momentum_odds import momentum_odds
 
 FRUSTUM = box(4.0, 4.0, 2.5)
 FRUSTUM[FRUSTUM[:, 2] > 0.0] *= [0.7, 0.8, 1.0]

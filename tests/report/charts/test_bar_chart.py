@@ -16,7 +16,7 @@ from dicedesign.report.charts.deviation_bars import deviation_bars_chart, deviat
 from dicedesign.report.charts.palette import ACCENT, FAINT, PALE
 from dicedesign.report.charts.rolls import rolls_chart
 from dicedesign.report.charts.series import Bars, Intervals, Levels
-from dicedesign.throws.counts.roll_verdict import judge_rolls
+from dicedesign.throws.roll_verdict import judge_rolls
 
 TARGET, ODDS = [0.25, 0.5, 0.25], [0.2, 0.5, 0.3]
 INTERVALS = [[0.15, 0.25], [0.45, 0.55], [0.28, 0.33]]

@@ -15,8 +15,8 @@ from dicedesign.report.figures.film import film_figure
 from dicedesign.report.figures.throw import moving_picture
 from dicedesign.report.render.filmed_die import FilmedDie
 from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.film import Film
 from dicedesign.throws.rigid_body import rigid_body
-from dicedesign.throws.simulation.film import Film
 from dicedesign.throws.tables import Table
 
 CENTER = np.array([7.0, -3.0, 2.0])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dicedesign.errors import InputError, OutputError
-from dicedesign.throws.counts.roll_log import RollLog, read_counts
+from dicedesign.throws.roll_log import RollLog, read_counts
 
 LABELS = ["1", "2", "heads, or tails"]
 

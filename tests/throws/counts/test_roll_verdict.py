@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from dicedesign.throws.counts.roll_verdict import (
-    judge_rolls,
-    throws_to_confirm,
-    throws_to_reject,
-)
-from dicedesign.throws.statistics.goodness_of_fit import chi_square
-from dicedesign.throws.statistics.total_variation import noise_floor
+from dicedesign.throws.distances import noise_floor
+from dicedesign.throws.goodness_of_fit import chi_square
+from dicedesign.throws.roll_verdict import judge_rolls, throws_to_confirm, throws_to_reject
 
 COIN = np.array([0.5, 0.5])
 FAIR = np.full(6, 1 / 6)

@@ -11,7 +11,7 @@ from common.finished_run import box_file, finished_run
 from common.paths import public_data
 
 from dicedesign.errors import InputError
-from dicedesign.throws.counts.throw_counts import read_throw_counts
+from dicedesign.throws.throw_counts import read_throw_counts
 
 HEADER = "die,mesh,outcome,throws,geometric\n"
 

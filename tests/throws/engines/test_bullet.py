@@ -20,11 +20,11 @@ from common.thrown import (
 )
 
 from dicedesign.errors import InputError
-from dicedesign.throws.engines import bullet_engine
-from dicedesign.throws.engines.bullet_engine import STEP, throw_states
+from dicedesign.throws import bullet_engine
+from dicedesign.throws.bullet_engine import STEP, throw_states
 from dicedesign.throws.release import released
 from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
 
 CARPET = table_named("carpet")

@@ -10,7 +10,7 @@ from common.thrown import random_body
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.roll import roll_steps
-from dicedesign.throws.engines.landing import final_rest, rest_below
+from dicedesign.throws.mujoco_engine import final_rest, rest_below
 
 
 @pytest.mark.parametrize("seed", range(10))

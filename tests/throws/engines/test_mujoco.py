@@ -11,12 +11,12 @@ from common.thrown import BOARD, OCTAHEDRON, alike, box, random_body, random_poi
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import InputError
-from dicedesign.throws.engines.contact import GRAVITY, contact_of
-from dicedesign.throws.engines.mujoco_engine import _advance, _scene, throw_states
-from dicedesign.throws.engines.native import advance
+from dicedesign.throws.engines import GRAVITY, contact_of
+from dicedesign.throws.mujoco_engine import _advance, _scene, throw_states
+from dicedesign.throws.native import advance
 from dicedesign.throws.release import released
 from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
 
 CARPET, PAPER = table_named("carpet"), table_named("paper")

@@ -24,11 +24,11 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import InputError
 from dicedesign.kernels import ops as kernels
-from dicedesign.throws.engines.contact import GRAVITY, contact_of
-from dicedesign.throws.engines.native import advance, throw_states
+from dicedesign.throws.engines import GRAVITY, contact_of
+from dicedesign.throws.native import advance, throw_states
 from dicedesign.throws.release import released
 from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
 
 WOOD, CARPET, PAPER = (table_named(name) for name in ("hard-wood", "carpet", "paper"))

@@ -10,7 +10,7 @@ from common.kernels import compiled_only
 from common.thrown import BOARD, box, thrown
 from scipy.integrate import solve_ivp
 
-from dicedesign.throws.engines.contact import (
+from dicedesign.throws.engines import (
     DEEPEST,
     GRAVITY,
     LARGEST_RATIO,
@@ -20,7 +20,7 @@ from dicedesign.throws.engines.contact import (
     longest_throw,
     restitution_of,
 )
-from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dicedesign.throws.fitting.importance import WeightedPoints, effective, weighted_points
+from dicedesign.throws.importance import WeightedPoints, effective, weighted_points
 
 CENTERS = np.array([[0.3, 0.6], [0.4, 0.5]])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dicedesign.throws.fitting.more_throws import expected_deviations
+from dicedesign.throws.predictions import expected_deviations
 
 
 def test_one_parameter_on_which_two_odds_depend() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from dicedesign.throws.fitting.odds_surrogate import LEVEL, LogOddsProcess, OddsSurrogate
+from dicedesign.throws.odds_surrogate import LEVEL, LogOddsProcess, OddsSurrogate
 
 
 def curve(points: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from scipy.special import xlogy
 
-from dicedesign.throws.fitting.predictive import SERIES, predicted
+from dicedesign.throws.predictions import SERIES, predicted
 
 
 def test_by_odds_that_are_known_it_is_the_likelihood_ratio_test() -> None:

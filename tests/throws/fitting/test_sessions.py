@@ -8,7 +8,7 @@ from common.kernels import compiled_only
 from common.thrown import random_body
 from scipy import stats
 
-from dicedesign.throws.fitting.sessions import (
+from dicedesign.throws.sessions import (
     BETWEEN,
     LOWEST,
     PARAMETERS,
@@ -22,7 +22,7 @@ from dicedesign.throws.fitting.sessions import (
     shared_values,
     simulated_table,
 )
-from dicedesign.throws.simulation.simulation import simulate
+from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table
 
 START = Table("mine", 0.0, 0.0, 0.0, 0.0, 0.0, source="counts")

@@ -8,11 +8,11 @@ from common.kernels import compiled_only
 from common.paths import public_data
 from common.thrown import box, thrown
 
-from dicedesign.throws.counts.throw_counts import CountedDie, read_throw_counts
-from dicedesign.throws.fitting.table_check import check_table
-from dicedesign.throws.simulation.simulation import simulate
-from dicedesign.throws.statistics.goodness_of_fit import chi_square, two_sample_chi_square
+from dicedesign.throws.goodness_of_fit import chi_square, two_sample_chi_square
+from dicedesign.throws.predictions import check_table
+from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
+from dicedesign.throws.throw_counts import CountedDie, read_throw_counts
 
 DEAD = Table("dead", 0.0, 0.5, 0.03, 0.0, 0.0)
 

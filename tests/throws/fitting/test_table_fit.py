@@ -13,14 +13,12 @@ from common.thrown import box, thrown
 from scipy.special import expit
 
 from dicedesign.errors import InputError
-from dicedesign.throws.counts.throw_counts import CountedDie
-from dicedesign.throws.fitting import set_counts as simulated
-from dicedesign.throws.fitting.fitted_table import TableFit
-from dicedesign.throws.fitting.sessions import BETWEEN, PARAMETERS, SIZE
-from dicedesign.throws.fitting.table_fit import fit_table
-from dicedesign.throws.simulation.simulation import simulate
-from dicedesign.throws.spreads import least_of, mean_of
-from dicedesign.throws.tables import Table
+from dicedesign.throws import sessions as simulated
+from dicedesign.throws.sessions import BETWEEN, PARAMETERS, SIZE
+from dicedesign.throws.simulation import simulate
+from dicedesign.throws.table_fit import TableFit, fit_table
+from dicedesign.throws.tables import Table, least_of, mean_of
+from dicedesign.throws.throw_counts import CountedDie
 
 START = Table("mine", 0.0, 0.0, 0.0, 0.0, 0.0, source="counts")
 

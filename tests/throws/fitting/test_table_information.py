@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 from common.thrown import box, thrown
 
-from dicedesign.throws.fitting import table_information as subject
-from dicedesign.throws.fitting.table_information import (
-    BLOCKS,
-    HAND,
-    TableInformation,
-    table_information,
-)
+from dicedesign.throws import table_information as subject
+from dicedesign.throws.table_information import BLOCKS, HAND, TableInformation, table_information
 from dicedesign.throws.tables import Table
 
 TABLE = Table("made up", 0.5, 0.6, (0.1, 0.2), 0.5, 20.0)

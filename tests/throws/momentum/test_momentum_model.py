@@ -19,25 +19,18 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.solid import solid_inertia
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum.general_model import (
+from dicedesign.throws.momentum_model import (
+    NUMBERS,
     RANGES,
     WEIGHTS,
-    general_model_of,
-    plain_model,
-)
-from dicedesign.throws.momentum.momentum_model import (
-    NUMBERS,
     MomentumModel,
     general_model,
+    general_model_of,
     momentum_model,
+    plain_model,
 )
-from dicedesign.throws.momentum.momentum_odds import hull_odds
-from dicedesign.throws.momentum.table_terms import (
-    GENERAL,
-    TABLE_TERMS,
-    dimensionless,
-    table_terms,
-)
+from dicedesign.throws.momentum_odds import hull_odds
+from dicedesign.throws.table_terms import GENERAL, TABLE_TERMS, dimensionless, table_terms
 from dicedesign.throws.tables import Table, table_named
 
 PLAIN = plain_model(general_model())

@@ -20,10 +20,9 @@ from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum.momentum_odds import hull_odds, landing_odds, momentum_odds
-from dicedesign.throws.momentum.transition_features import body_features
-from dicedesign.throws.momentum.transitions import Transitions
+from dicedesign.throws.momentum_odds import hull_odds, landing_odds, momentum_odds
 from dicedesign.throws.rigid_body import rigid_body
+from dicedesign.throws.transition_features import Transitions, body_features
 from tests.reference import solids
 
 Floats = NDArray[np.float64]

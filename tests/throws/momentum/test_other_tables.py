@@ -8,8 +8,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from dicedesign.throws.momentum.other_tables import MOST_OTHERS, other_tables
-from dicedesign.throws.momentum.table_terms import GENERAL, dimensionless, scaled
+from dicedesign.throws.table_terms import GENERAL, MOST_OTHERS, dimensionless, other_tables, scaled
 from dicedesign.throws.tables import Table
 
 TABLE = Table("mine", 0.5, 0.5, 0.2, 0.5, 20.0)

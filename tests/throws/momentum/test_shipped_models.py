@@ -7,11 +7,11 @@ import pytest
 from common.kernels import compiled_only
 
 from benchmarks.training.random_dice import RandomDie, random_die
-from dicedesign.throws.momentum.momentum_model import momentum_model
-from dicedesign.throws.momentum.momentum_odds import momentum_odds
-from dicedesign.throws.momentum.other_tables import CHANGES
-from dicedesign.throws.simulation.simulation import simulate
-from dicedesign.throws.statistics.total_variation import total_variation
+from dicedesign.throws.distances import total_variation
+from dicedesign.throws.momentum_model import momentum_model
+from dicedesign.throws.momentum_odds import momentum_odds
+from dicedesign.throws.simulation import simulate
+from dicedesign.throws.table_terms import CHANGES
 from dicedesign.throws.tables import TABLE_NAMES, posterior_tables, table_named
 
 pytestmark = compiled_only

@@ -14,7 +14,7 @@ from common.thrown import random_body
 from dicedesign.errors import InputError
 from dicedesign.runtime.workers import local_workers
 from dicedesign.throws.release import PAPER_DIRECTIONS
-from dicedesign.throws.simulation.simulation import DROPS_PER_TASK, Throws, simulate
+from dicedesign.throws.simulation import DROPS_PER_TASK, Throws, simulate
 from dicedesign.throws.tables import table_named
 
 BOARD, CARPET = table_named("board-game"), table_named("carpet")

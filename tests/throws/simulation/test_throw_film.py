@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import InputError
 from dicedesign.kernels import ops as kernels
-from dicedesign.throws.engines.contact import DEEPEST, GRAVITY, contact_of
-from dicedesign.throws.simulation.film import FRAMES_PER_SECOND, SETTLED, throw_film
+from dicedesign.throws.engines import DEEPEST, GRAVITY, contact_of
+from dicedesign.throws.film import FRAMES_PER_SECOND, SETTLED, throw_film
 from dicedesign.throws.tables import Table, table_named
 
 TABLE = Table("test", restitution=0.5, friction=0.3, height=0.1, speed=0.2, spin=10.0)

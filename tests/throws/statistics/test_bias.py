@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dicedesign.throws.statistics.bias import Belief, Bias, expected_variation
+from dicedesign.throws.bias import Belief, Bias, expected_variation
 
 ODDS = np.array([0.5, 0.3, 0.15, 0.05])
 ALONE = np.array([1.0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from dicedesign.throws.statistics.chi_square_power import (
+from dicedesign.throws.goodness_of_fit import (
     chance_noticed,
     chances_noticed,
     weighted_chi_square_tail,

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import betainc
 
 from dicedesign.errors import InputError
-from dicedesign.throws.statistics.correlation import Correlation, correlation
+from dicedesign.throws.correlation import Correlation, correlation
 
 RNG = np.random.default_rng(7)
 FIRST = RNG.normal(size=40)

@@ -11,12 +11,8 @@ import pytest
 from common.paths import public_data
 from scipy import stats
 
-from dicedesign.throws.statistics import goodness_of_fit as module
-from dicedesign.throws.statistics.goodness_of_fit import (
-    chi_square,
-    exact_multinomial,
-    two_sample_chi_square,
-)
+from dicedesign.throws import goodness_of_fit as module
+from dicedesign.throws.goodness_of_fit import chi_square, exact_multinomial, two_sample_chi_square
 
 
 def published(die: str, column: str) -> np.ndarray:

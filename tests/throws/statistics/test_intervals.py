@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from dicedesign.runtime.intervals import exact_intervals
-from dicedesign.throws.statistics.intervals import jeffreys_posterior
+from dicedesign.throws.distances import jeffreys_posterior
 
 
 @pytest.mark.parametrize("confidence", [0.5, 0.95, 0.999])

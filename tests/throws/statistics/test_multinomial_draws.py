@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dicedesign.throws.statistics.multinomial_draws import BLOCK, drawn_counts
+from dicedesign.throws.goodness_of_fit import BLOCK, drawn_counts
 
 
 def test_blocks_are_parts_of_one_series() -> None:

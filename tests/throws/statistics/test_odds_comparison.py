@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from dicedesign.throws.statistics import odds_comparison as module
-from dicedesign.throws.statistics.odds_comparison import OddsComparison, Prediction, compare_odds
-from dicedesign.throws.statistics.total_variation import total_variation
+from dicedesign.throws import odds_comparison as module
+from dicedesign.throws.distances import total_variation
+from dicedesign.throws.odds_comparison import OddsComparison, Prediction, compare_odds
 
 OPPOSITE = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dicedesign.throws.statistics.on_tables import Series, variations_on_tables
+from dicedesign.throws.bias import Series, variations_on_tables
 
 TARGET = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1]) / 36.0
 MEASURES = np.random.default_rng(1).normal(size=(32, 3))

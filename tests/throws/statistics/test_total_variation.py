@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from dicedesign.throws.statistics import total_variation as module
-from dicedesign.throws.statistics.total_variation import (
+from dicedesign.throws import distances as module
+from dicedesign.throws.distances import (
     effective_counts,
     measure_variation,
     noise_floor,

@@ -10,9 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import angle_between, unit_vectors
-from dicedesign.throws.statistics import transport as module
-from dicedesign.throws.statistics.total_variation import noise_floor
-from dicedesign.throws.statistics.transport import measure_transport, wasserstein_distance
+from dicedesign.throws import distances as module
+from dicedesign.throws.distances import measure_transport, noise_floor, wasserstein_distance
 
 X, Y, Z = np.eye(3)
 
@@ -132,7 +131,7 @@ def test_between_two_rests_it_is_their_angle_times_the_total_variation() -> None
 @pytest.mark.parametrize("off", [0.0, 0.1])
 def test_the_interval_covers(off: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """In 20 series of throws; the standard error of a coverage of 0.95 is 0.05."""
-    monkeypatch.setattr(module, "DRAWS", 20)
+    monkeypatch.setattr(module, "TRANSPORT_DRAWS", 20)
     directions, odds = distribution(7, 5)
     truth = (1 - off) * odds + off * np.eye(5)[0]
     expected = wasserstein_distance(directions, truth, directions, odds)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from dicedesign.throws.statistics.two_samples import LEVEL, sampled_variation
+from dicedesign.throws.two_samples import LEVEL, sampled_variation
 
 
 def test_the_value_is_that_of_the_frequencies() -> None:

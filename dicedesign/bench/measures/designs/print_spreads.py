@@ -19,8 +19,7 @@ from dicedesign.fabricate.print_tolerances import (
     print_tolerances,
 )
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.statistics.chi_square_power import LEVEL, chance_noticed
-from dicedesign.throws.statistics.goodness_of_fit import chi_square
+from dicedesign.throws.goodness_of_fit import LEVEL, chance_noticed, chi_square
 from tests.reference.perturbed_dice import PrintedDie, only
 
 __all__ = ["answer", "by_error", "of_facets"]

@@ -15,10 +15,10 @@ from dicedesign.bench.rows import Row, column, hidden
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
 from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.goodness_of_fit import two_sample_chi_square
+from dicedesign.throws.odds_comparison import OddsComparison, Prediction, compare_odds
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
-from dicedesign.throws.simulation.simulation import simulate
-from dicedesign.throws.statistics.goodness_of_fit import two_sample_chi_square
-from dicedesign.throws.statistics.odds_comparison import OddsComparison, Prediction, compare_odds
+from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
 
 __all__ = ["GOAL", "SPEED_TABLE", "EngineSpeed", "StepHalving", "die_of_11", "halve_step", "speeds"]

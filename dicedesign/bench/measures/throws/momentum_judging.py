@@ -18,13 +18,13 @@ from dicedesign.bench.measures.processes import in_turn
 from dicedesign.bench.rows import Row, column, hidden
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.gradient.thrown_odds import ThrownOdds
-from dicedesign.throws.counts.throw_counts import CountedDie
-from dicedesign.throws.momentum.momentum_model import MomentumModel
-from dicedesign.throws.momentum.momentum_odds import momentum_odds
-from dicedesign.throws.simulation.simulation import simulate
-from dicedesign.throws.statistics.goodness_of_fit import chi_square, two_sample_chi_square
-from dicedesign.throws.statistics.total_variation import noise_floor, total_variation
+from dicedesign.throws.distances import noise_floor, total_variation
+from dicedesign.throws.goodness_of_fit import chi_square, two_sample_chi_square
+from dicedesign.throws.momentum_model import MomentumModel
+from dicedesign.throws.momentum_odds import momentum_odds
+from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table
+from dicedesign.throws.throw_counts import CountedDie
 
 __all__ = ["RESTS", "PrintedRow", "judge_printed_die", "model_times", "throw_unseen_dice"]
 

@@ -23,12 +23,12 @@ from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Integers
 from dicedesign.runtime.workers import in_order
-from dicedesign.throws.engines import bullet_engine, mujoco_engine, native
-from dicedesign.throws.engines.engine import ThrowStates
+from dicedesign.throws import bullet_engine, mujoco_engine, native
+from dicedesign.throws.engines import ThrowStates
 from dicedesign.throws.release import released
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
-from dicedesign.throws.statistics.two_samples import SampledVariation, sampled_variation
 from dicedesign.throws.tables import Table
+from dicedesign.throws.two_samples import SampledVariation, sampled_variation
 
 __all__ = [
     "PAIRS",

@@ -17,12 +17,12 @@ from dicedesign.geometry.meshes.body import Body
 from dicedesign.rest.asymmetry import asymmetry
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.workers import in_order
-from dicedesign.throws.engines.engine import ENGINES, require_engine
+from dicedesign.throws.distances import effective_counts
+from dicedesign.throws.engines import ENGINES, require_engine
+from dicedesign.throws.odds_comparison import OddsComparison, Prediction, compare_odds
 from dicedesign.throws.release import PAPER_DIRECTIONS
 from dicedesign.throws.rigid_body import rigid_body
-from dicedesign.throws.simulation.simulation import Throws, simulate
-from dicedesign.throws.statistics.odds_comparison import OddsComparison, Prediction, compare_odds
-from dicedesign.throws.statistics.total_variation import effective_counts
+from dicedesign.throws.simulation import Throws, simulate
 from dicedesign.throws.tables import Table, table_named
 
 __all__ = [

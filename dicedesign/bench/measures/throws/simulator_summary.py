@@ -11,8 +11,8 @@ import numpy as np
 from dicedesign.bench.measures.throws.simulator_odds import ENGINE_NAMES, ShapeOdds
 from dicedesign.bench.reference.published_distances import PRINTED_CORRELATIONS, PublishedDistances
 from dicedesign.bench.rows import Row, column, hidden
-from dicedesign.throws.statistics.correlation import Correlation, correlation
-from dicedesign.throws.statistics.odds_comparison import Distance
+from dicedesign.throws.correlation import Correlation, correlation
+from dicedesign.throws.odds_comparison import Distance
 
 __all__ = [
     "EngineTotals",

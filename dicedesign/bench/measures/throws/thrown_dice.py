@@ -24,15 +24,11 @@ from dicedesign.optimize.options import ExactOptions, RefineOptions
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.momentum.momentum_model import momentum_model
-from dicedesign.throws.momentum.other_tables import other_tables
-from dicedesign.throws.simulation.simulation import Throws, simulate
-from dicedesign.throws.statistics.on_tables import OFTEN
-from dicedesign.throws.statistics.total_variation import (
-    MeasuredDistance,
-    measure_variation,
-    total_variation,
-)
+from dicedesign.throws.bias import OFTEN
+from dicedesign.throws.distances import MeasuredDistance, measure_variation, total_variation
+from dicedesign.throws.momentum_model import momentum_model
+from dicedesign.throws.simulation import Throws, simulate
+from dicedesign.throws.table_terms import other_tables
 from dicedesign.throws.tables import Table, posterior_tables, table_named
 
 __all__ = [

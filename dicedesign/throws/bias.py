@@ -1,0 +1,231 @@
+"""What a model of odds gets wrong of dice that are much alike, learned from throws of all of them.
+
+The counts of a die on a table are Poisson numbers with means `n m exp(w . x)`, for n throws, odds m
+in the model, and features x of die and table: how the die differs from one that was thrown, and the
+table from the one that is meant. The weights w of each outcome are Gaussian at first. Their most
+likely values given all counts, and the curvature there, make a Gaussian again (Laplace). How large
+the weights may be is not known beforehand where there are several guesses: that one is taken under
+which the counts are the most likely.
+
+Sources: MacKay, Neural Computation 4(3), 1992 (evidence); McCullagh and Nelder, Generalized Linear
+Models, 1989, section 6.4 (Poisson numbers whose sum is given are multinomial).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.throws.distances import total_variation
+
+MOST_STEPS: Final = 50
+"""Newton steps to the most likely weights."""
+
+SMALL: Final = 1e-9
+"""Change of a weight below which they are found."""
+
+SOFTENING: Final = 0.5
+"""Throws added to each outcome where the steps begin, so that one that never came up has a
+logarithm."""
+
+CERTAIN: Final = 30.0
+"""Standard deviations beyond which nothing lies."""
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Odds of outcomes of a die on a table, as far as they are known.
+
+    Attributes
+    ----------
+    odds: (k,) with the sum 1. scatter: (k,) standard deviations of them.
+    """
+
+    odds: Floats
+    scatter: Floats
+
+
+@dataclass
+class Bias:
+    """Logarithms of the odds of dice over those in the model.
+
+    Attributes
+    ----------
+    deviations: (g, f) guesses of the standard deviations of the weights of the features, before any
+        throws.
+    """
+
+    deviations: Floats
+    _features: list[Floats] = field(default_factory=list)
+    _odds: list[Floats] = field(default_factory=list)
+    _counts: list[Floats] = field(default_factory=list)
+    _fit: tuple[Floats, Floats] | None = None
+
+    def learn(self, features: Floats, odds: Floats, counts: Integers) -> None:
+        """Take note of counts (k,) of a die with features (f,), whose odds in the model are
+        (k,)."""
+        self._features.append(features)
+        self._odds.append(odds)
+        self._counts.append(counts.astype(np.float64))
+        self._fit = None
+
+    def logarithms(self, features: Floats) -> Floats:
+        """(..., k) most likely logarithms at features (..., f)."""
+        return features @ self._weights()[0].T
+
+    def belief(self, features: Floats, odds: Floats) -> Belief:
+        """Of a die with features (f,) whose odds in the model are (k,)."""
+        weights, covariances = self._weights()
+        means = odds * np.exp(weights @ features)
+        means = means / means.sum()
+        # The sum of the odds is known, as that of the throws was.
+        variances = np.einsum("kfg,f,g->k", covariances, features, features)
+        relative = (1.0 - 2.0 * means) * variances + means**2 @ variances
+        return Belief(means, means * np.sqrt(np.maximum(relative, 0.0)))
+
+    def _weights(self) -> tuple[Floats, Floats]:
+        """(k, f) most likely weights of each outcome, and their covariances (k, f, f)."""
+        if self._fit is None:
+            rows, odds, counts = map(np.array, (self._features, self._odds, self._counts))
+            fits = [_most_likely(rows, odds, counts, guess) for guess in self.deviations]
+            self._fit = max(fits, key=lambda fit: fit[2])[:2]
+        return self._fit
+
+
+def _most_likely(
+    features: Floats, odds: Floats, counts: Floats, deviations: Floats
+) -> tuple[Floats, Floats, float]:
+    """Weights (k, f) and covariances (k, f, f) by Newton's method, for features (n, f), odds (n, k)
+    and counts (n, k) of n series of throws, and the logarithm of the counts' likelihood, less what
+    does not depend on the deviations (f,)."""
+    expected = counts.sum(axis=1, keepdims=True) * odds
+    precision = np.diag(deviations**-2.0)
+    outcomes = odds.shape[1]
+    weights = np.zeros((outcomes, len(deviations)))
+    # Near the answer as a rule, whatever the features but the first, which is 1.
+    weights[:, 0] = np.log((counts.sum(0) + SOFTENING) / (expected.sum(0) + SOFTENING))
+    for _ in range(MOST_STEPS):
+        means = expected * np.exp(features @ weights.T)
+        curvature = (means.T[:, None] * features.T) @ features + precision
+        slopes = (counts - means).T @ features - weights @ precision
+        steps = np.linalg.solve(curvature, slopes[..., None])[..., 0]
+        weights = weights + steps
+        if np.abs(steps).max() < SMALL:
+            break
+    logarithms = features @ weights.T
+    likelihood = float((counts * logarithms - expected * np.exp(logarithms)).sum())
+    likelihood -= 0.5 * float((weights**2 @ np.diag(precision)).sum())
+    # Of each weight the part of its deviation that the counts have left.
+    left = np.linalg.slogdet(curvature)[1].sum() + 2.0 * outcomes * np.log(deviations).sum()
+    return weights, np.linalg.inv(curvature), likelihood - 0.5 * float(left)
+
+
+def expected_variation(belief: Belief, target: Floats) -> float:
+    """The mean total variation between a target (k,) and odds that are known so far.
+
+    Source: the mean of the absolute value of a Gaussian, Leone, Nelson and Nottingham,
+    Technometrics 3(4), 1961.
+    """
+    from scipy.special import ndtr
+
+    off, scatter = belief.odds - target, belief.scatter
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.nan_to_num(np.clip(off / scatter, -CERTAIN, CERTAIN))
+    means = scatter * np.sqrt(2.0 / np.pi) * np.exp(-0.5 * ratio**2)
+    means += off * (1.0 - 2.0 * ndtr(-ratio))
+    return float(means.sum() / 2.0)
+
+
+OFTEN: Final = 0.9
+"""Part of the tables that a die is to be right on."""
+
+DEVIATIONS: Final = (1.0, 0.1)
+"""Of what the model gets wrong: in common, and by each measure of a table. Large enough for throws
+to have their say, so that what is found is not nearer to the model than the die."""
+
+SERIES: Final = 40
+"""Series of throws that are drawn to see what chance alone does."""
+
+SEED: Final = 0
+
+
+@dataclass(frozen=True)
+class TableVariations:
+    """How far a die's odds are from the target on each of many tables.
+
+    Attributes
+    ----------
+    values: (n,) total variation on each. often: what they do not exceed on nine tables in ten;
+        worst: the largest.
+    chance_often, chance_worst: what these would be on the mean of a perfect die, judged by as many
+        throws.
+    """
+
+    values: tuple[float, ...]
+    often: float
+    worst: float
+    chance_often: float
+    chance_worst: float
+
+
+@dataclass(frozen=True)
+class Series:
+    """Throws onto one table.
+
+    Attributes
+    ----------
+    odds: (k,) in a model. counts: (k,) of the outcomes.
+    """
+
+    odds: Floats
+    counts: Integers
+
+
+def variations_on_tables(
+    target: Floats, measures: Floats, others: Sequence[Series], meant: Series
+) -> TableVariations:
+    """The total variation of a die on other tables than the one that is meant, from throws onto
+    all.
+
+    On each table the logarithms of its odds over those in a model are taken to be linear in what
+    measures the table. So throws onto all tables tell of each, and few of each will do.
+
+    Parameters
+    ----------
+    target: (k,) wanted odds. measures: (n, d) of the others, 0 for the table that is meant.
+    others: n series of throws; meant: those onto the table that is meant.
+    """
+    found = _odds_on_tables(measures, others, meant)
+    values = [total_variation(odds, target) for odds in found]
+    rng, chance = np.random.default_rng(SEED), []
+    here = meant.counts / meant.counts.sum()
+    for _ in range(SERIES):
+        drawn = [_drawn(one, odds, rng) for one, odds in zip(others, found, strict=True)]
+        again = _odds_on_tables(measures, drawn, _drawn(meant, here, rng))
+        chance.append([total_variation(a, b) for a, b in zip(again, found, strict=True)])
+    return TableVariations(
+        tuple(values),
+        float(np.quantile(values, OFTEN)),
+        max(values),
+        float(np.quantile(chance, OFTEN, axis=1).mean()),
+        float(np.max(chance, axis=1).mean()),
+    )
+
+
+def _drawn(series: Series, odds: Floats, rng: np.random.Generator) -> Series:
+    """As many throws of a die with odds (k,)."""
+    return Series(series.odds, rng.multinomial(series.counts.sum(), odds))
+
+
+def _odds_on_tables(measures: Floats, others: Sequence[Series], meant: Series) -> list[Floats]:
+    """The most likely odds (k,) on each of the other tables."""
+    deviations = np.repeat(DEVIATIONS, [1, measures.shape[1]])
+    bias, rows = Bias(deviations[None]), np.insert(measures, 0, 1.0, axis=1)
+    bias.learn(np.eye(rows.shape[1])[0], meant.odds, meant.counts)
+    for row, series in zip(rows, others, strict=True):
+        bias.learn(row, series.odds, series.counts)
+    return [bias.belief(row, one.odds).odds for row, one in zip(rows, others, strict=True)]

@@ -1,0 +1,223 @@
+"""Tests of counts against given odds and against other counts, and their power."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import chdtr, chdtrc, chdtri, chndtr, gammaln, xlogy
+
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import EQUAL_LIKELIHOOD
+
+BLOCK: Final = 1_000_000
+"""Counts of a block, at most, unless one series has more."""
+
+
+def drawn_counts(odds: Floats, throws: int, series: int, seed: int) -> Iterator[Integers]:
+    """Counts (b, k) of so many series of throws in all, drawn with odds (k,).
+
+    How many come at a time does not change them.
+    """
+    random, at_once = np.random.default_rng(seed), max(1, BLOCK // len(odds))
+    for first in range(0, series, at_once):
+        yield random.multinomial(throws, odds, size=min(at_once, series - first))
+
+
+MOST_TABLES: Final = 1_000_000
+"""Tables of counts that are listed; where there are more, `DRAWS` are drawn at random."""
+
+DRAWS: Final = 100_000
+
+SEED: Final = 0
+
+
+@dataclass(frozen=True)
+class ChiSquareTest:
+    """Pearson's test.
+
+    Attributes
+    ----------
+    statistic: at least 0; infinite if something came up that cannot.
+    degrees: of freedom.
+    p_value: probability of a statistic no smaller, for many throws of a die as supposed; 1 without
+        a degree of freedom.
+    """
+
+    statistic: float
+    degrees: int
+    p_value: float
+
+
+@dataclass(frozen=True)
+class MultinomialTest:
+    """The exact test.
+
+    Attributes
+    ----------
+    p_value: probability of counts that are no more probable than those observed.
+    tables: possible counts of so many throws that were looked at.
+    standard_error: of the p-value; 0 where all possible counts were looked at.
+    """
+
+    p_value: float
+    tables: int
+    standard_error: float
+
+
+def chi_square(counts: ArrayLike, odds: ArrayLike) -> ChiSquareTest:
+    """Pearson's test of whether counts (k,), not all 0, come from odds (k,) that sum to 1.
+
+    Outcomes without odds that did not come up are left out.
+
+    Source: Pearson, Philosophical Magazine 50, 1900.
+    """
+    came, p = np.asarray(counts, dtype=np.float64), np.asarray(odds, dtype=np.float64)
+    possible = p > 0.0
+    if came[~possible].any():
+        return ChiSquareTest(math.inf, int(possible.sum()), 0.0)
+    expected = came.sum() * p[possible]
+    statistic = float((np.square(came[possible] - expected) / expected).sum())
+    return _judged(statistic, int(possible.sum()) - 1)
+
+
+def two_sample_chi_square(first: ArrayLike, second: ArrayLike) -> ChiSquareTest:
+    """Pearson's test of whether two sets of counts (k,), neither all 0, come from the same odds,
+    whatever these are. Outcomes that never came up are left out."""
+    both = np.stack([np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)])
+    both = both[:, both.any(axis=0)]
+    expected = both.sum(axis=1, keepdims=True) * both.sum(axis=0) / both.sum()
+    return _judged(float((np.square(both - expected) / expected).sum()), both.shape[1] - 1)
+
+
+def _judged(statistic: float, degrees: int) -> ChiSquareTest:
+    p_value = float(chdtrc(degrees, statistic)) if degrees else 1.0
+    return ChiSquareTest(statistic, degrees, p_value)
+
+
+def exact_multinomial(counts: ArrayLike, odds: ArrayLike) -> MultinomialTest:
+    """The exact test of whether counts come from given odds; unlike Pearson's it holds for few
+    throws and rare outcomes too.
+
+    All possible counts are listed, or, where they are more than `MOST_TABLES`, 100 000 are drawn
+    at random with a fixed seed. Those observed count as one more of them, so that no p-value is 0.
+
+    Parameters
+    ----------
+    counts: (k,) whole numbers of at least 0, not all 0.
+    odds: (k,) positive, summing to 1.
+    """
+    came, p = np.asarray(counts, dtype=np.int64), np.asarray(odds, dtype=np.float64)
+    throws, kinds = int(came.sum()), len(p)
+    observed = _log_likelihood(came, p)
+    # Each term but the first is taken off.
+    terms = 2.0 * gammaln(throws + 1.0) - observed
+    observed = observed + EQUAL_LIKELIHOOD * terms
+    tables = math.comb(throws + kinds - 1, kinds - 1)
+    if tables <= MOST_TABLES:
+        every = _all_log_likelihoods(throws, p)
+        return MultinomialTest(min(1.0, float(np.exp(every[every <= observed]).sum())), tables, 0.0)
+    hits = 1
+    for drawn in drawn_counts(p, throws, DRAWS, SEED):
+        hits += int((_log_likelihood(drawn, p) <= observed).sum())
+    looked_at = 1 + DRAWS
+    p_value = hits / looked_at
+    return MultinomialTest(p_value, looked_at, math.sqrt(p_value * (1.0 - p_value) / looked_at))
+
+
+def _log_likelihood(counts: Integers, odds: Floats) -> Floats:
+    """Logarithms (...) of the probabilities of counts (..., k)."""
+    of_orders = gammaln(counts.sum(-1) + 1.0) - gammaln(counts + 1.0).sum(-1)
+    return np.asarray(of_orders + xlogy(counts, odds).sum(-1))
+
+
+def _all_log_likelihoods(throws: int, odds: Floats) -> Floats:
+    """Logarithms of the probabilities of all possible counts."""
+    left = np.array([throws])
+    likelihood = np.array([gammaln(throws + 1.0)])
+    for p in odds[:-1]:
+        # Each table so far goes on with 0, 1, ... of what it has left.
+        ways = left + 1
+        starts = np.repeat(np.cumsum(ways) - ways, ways)
+        count = np.arange(ways.sum()) - starts
+        left = np.repeat(left, ways) - count
+        likelihood = np.repeat(likelihood, ways) + count * math.log(p) - gammaln(count + 1.0)
+    return np.asarray(likelihood + left * math.log(odds[-1]) - gammaln(left + 1.0))
+
+
+LEVEL: Final = 0.05
+"""Of the test: it finds fault with so many dice that are right."""
+
+LAST_TERM: Final = 1e-12
+"""Terms of the series below are left out."""
+
+CERTAIN: Final = 600.0
+"""Half the sum of the noncentralities from which on the series' first term is no number, and the
+test cannot but notice."""
+
+
+def chance_noticed(target: Floats, rolls: int, covariance: Floats, bias: Floats) -> float:
+    """Chance that a test at the level `LEVEL` of rolls of a die drawn at random says that its odds
+    are not the target's.
+
+    The odds of such a die are normal; given these, counts of many rolls are normal too. So
+    Pearson's statistic, over both, is a weighted sum of squares of normal numbers.
+
+    Parameters
+    ----------
+    target: (k,) positive, summing to 1. One outcome alone is never off.
+    rolls: of the one die; each outcome is expected five times or more.
+    covariance: (k, k) of the odds among dice.
+    bias: (k,) mean of the odds less the target.
+    """
+    if len(target) == 1:
+        return 0.0
+    root = np.sqrt(target)
+    # Orthonormal directions in which frequencies can vary: all that are normal to `root`.
+    free = np.linalg.svd(root[None])[2][1:]
+    spread = rolls * free @ (covariance / np.outer(root, root)) @ free.T
+    values, vectors = np.linalg.eigh(spread)
+    weights = 1.0 + np.maximum(values, 0.0)
+    means = vectors.T @ free @ (bias / root) * math.sqrt(rolls)
+    critical = float(chdtri(len(target) - 1, LEVEL))
+    return weighted_chi_square_tail(critical, weights, means**2 / weights)
+
+
+def chances_noticed(target: Floats, rolls: int, biases: Floats) -> Floats:
+    """(n,) the same of dice that are known, by their odds less the target's (n, k)."""
+    if len(target) == 1:
+        return np.zeros(len(biases))
+    shares = (biases**2 / target).sum(axis=1) - biases.sum(axis=1) ** 2
+    critical = float(chdtri(len(target) - 1, LEVEL))
+    below = chndtr(critical, len(target) - 1, rolls * np.maximum(shares, 0.0))
+    return np.asarray(1.0 - below)
+
+
+def weighted_chi_square_tail(value: float, weights: Floats, noncentralities: Floats) -> float:
+    """Probability that `sum(weights * x)` is above a value, for independent x that are chi-square
+    of one degree of freedom and of noncentralities (r,); weights: (r,) positive.
+
+    Source: Ruben, Annals of Mathematical Statistics 33, 1962, as a series of central chi-squares
+    with the smallest weight as their scale.
+    """
+    if noncentralities.sum() / 2.0 > CERTAIN:
+        return 1.0
+    least = weights.min()
+    gaps = 1.0 - least / weights
+    first = math.exp(-noncentralities.sum() / 2.0) * float(np.sqrt(least / weights).prod())
+    series, slopes = [first], []
+    degrees, scaled = len(weights), value / least
+    below = first * float(chdtr(degrees, scaled))
+    powers = np.ones_like(gaps)
+    while (left := float(chdtr(degrees + 2 * len(series), scaled))) > LAST_TERM:
+        order = len(series)
+        noncentral = order * noncentralities * powers * (1.0 - gaps)
+        powers = powers * gaps
+        slopes.append(float((powers + noncentral).sum()) / 2.0)
+        series.append(float(np.dot(slopes[::-1], series)) / order)
+        below += series[-1] * left
+    return min(max(1.0 - below, 0.0), 1.0)

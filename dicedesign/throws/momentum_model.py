@@ -1,0 +1,316 @@
+"""The parameters of the momentum model: networks, models of many tables and of one, their files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import cache, cached_property
+from importlib import resources
+from types import ModuleType
+from typing import Any, Final
+
+import numpy as np
+
+from dicedesign.errors import InputError, named
+from dicedesign.kernels import ops as kernels
+from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.table_terms import TABLE_NUMBERS, TABLE_TERMS, TableRange, table_terms
+from dicedesign.throws.tables import Table, table_entries, table_named
+from dicedesign.throws.transition_features import CARRY_FEATURES, SMOOTHING, TRANSITION_FEATURES
+from dicedesign.tolerances import ROUNDING
+
+LEAST_DEVIATION: Final = 1e-9
+"""Of a feature: finer is rounding."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """A linear map plus one hidden layer of hyperbolic tangents, of features that are brought to
+    mean 0 and standard deviation 1 first.
+
+    Attributes
+    ----------
+    mean, deviation: (d,); linear: (d, o); bias: (o,); inward: (d, h); shift: (h,);
+    outward: (h, o). Deviations are `LEAST_DEVIATION` to 1000, all others -1000 to 1000. Bias and
+    shift may be (n, o) and (n, h), for each of the features (n, d) that it is asked about.
+    """
+
+    mean: Any
+    deviation: Any
+    linear: Any
+    bias: Any
+    inward: Any
+    shift: Any
+    outward: Any
+
+    def __call__(self, features: Any, xp: ModuleType) -> Any:
+        """Outputs (n, o) for features (n, d)."""
+        scaled = (features - self.mean) / self.deviation
+        hidden = xp.tanh(scaled @ self.inward + self.shift)
+        return scaled @ self.linear + self.bias + hidden @ self.outward
+
+    def unscaled(self) -> tuple[Floats, ...]:
+        """The maps and their constants, of NumPy, that take features as they are."""
+        linear, inward = (part / self.deviation[:, None] for part in (self.linear, self.inward))
+        bias, shift = self.bias - self.mean @ linear, self.shift - self.mean @ inward
+        return linear, bias, inward, shift, self.outward
+
+
+TRANSITION_OUTPUTS: Final = 4
+"""Logarithms of the rate of a transition, in three terms of a quadratic in time, and of its
+stretch."""
+
+CARRY_OUTPUTS: Final = 3
+"""Logarithm of the rate of a carry, in three terms."""
+
+DIGITS: Final = 6
+"""Significant digits of a model in a file."""
+
+WEIGHTS: Final = (-1e3, 1e3)
+"""Range of a model's numbers but those of `RANGES`. The weights that training punishes are below a
+third of it, as it begins with a loss below 14."""
+
+RANGES: Final = {
+    "deviation": (LEAST_DEVIATION, 1e3),
+    "restitution": (0.0, 0.95),
+    "friction": (1e-3, 10.0),
+    "height": (1.0, 1e5),
+    "speed": (0.0, 1e5),
+    "spin": (0.0, 1e5),
+}
+"""Of some of a model's numbers, by name: far beyond what any table comes to, and within it all
+odds are finite with the sum 1."""
+
+
+@dataclass(frozen=True)
+class GeneralModel:
+    """Parameters of momentum models of all tables of a range, NumPy or torch. What depends on the
+    table is linear in its `table_terms`, and has a row for each of these.
+
+    Attributes
+    ----------
+    range: in which the models hold.
+    numbers: (t, 3) of `MomentumModel.hot`, `cooling` and `carry_barrier`.
+    transitions, carries: networks of `TRANSITION_OUTPUTS` and `CARRY_OUTPUTS`, with biases (t, o)
+        and shifts (t, h).
+    """
+
+    range: TableRange
+    numbers: Any
+    transitions: Network
+    carries: Network
+
+
+def general_model_of(plain: Any) -> GeneralModel:
+    """A model from plain data, as in a file.
+
+    Raises
+    ------
+    InputError: something is missing, is no number in its range of `RANGES`, else in `WEIGHTS`, or
+        has another shape than in `GeneralModel` and `Network`.
+    """
+    if not isinstance(plain, dict):
+        raise InputError(
+            f"momentum: expected an object with the numbers of a model, got {plain!r:.40}; "
+            "train one with `python -m benchmarks train` in a checkout"
+        )
+    return GeneralModel(
+        _range(plain),
+        _array(plain, "numbers", (TABLE_TERMS, 3)),
+        _network(plain, "transitions", len(TRANSITION_FEATURES), TRANSITION_OUTPUTS),
+        _network(plain, "carries", len(CARRY_FEATURES), CARRY_OUTPUTS),
+    )
+
+
+def plain_model(model: GeneralModel) -> dict[str, Any]:
+    """A model as plain data for a file, with `DIGITS` digits and every number in its range; the
+    inverse of `general_model_of`."""
+
+    def plain(part: Any, name: str) -> Any:
+        if isinstance(part, list):
+            return [plain(entry, name) for entry in part]
+        least, most = RANGES.get(name, WEIGHTS)
+        return float(f"{min(max(float(part), least), most):.{DIGITS}g}")
+
+    limits = np.stack([model.range.least, model.range.most], axis=1).tolist()
+    return {
+        "range": {name: plain(of, name) for name, of in zip(TABLE_NUMBERS, limits, strict=True)},
+        "numbers": plain(model.numbers.tolist(), "numbers"),
+        **{
+            key: {name: plain(array.tolist(), name) for name, array in vars(network).items()}
+            for key, network in (("transitions", model.transitions), ("carries", model.carries))
+        },
+    }
+
+
+def _range(plain: dict[str, Any]) -> TableRange:
+    entries = _part(plain, "range", TABLE_NUMBERS)
+    limits = [_array(entries, f"range.{name}", (2,)) for name in TABLE_NUMBERS]
+    for name, (least, most) in zip(TABLE_NUMBERS, limits, strict=True):
+        if least > most:
+            raise _wrong(f"range.{name}", "the lower limit first", f"{least:g}, {most:g}")
+    least, most = np.transpose(limits)
+    return TableRange(least, most)
+
+
+def _network(plain: dict[str, Any], key: str, columns: int, outputs: int) -> Network:
+    entries = _part(plain, key, tuple(field.name for field in fields(Network)))
+    units = _array(entries, f"{key}.outward", None).shape[:1]
+    hidden = units[0] if units else 0
+    shapes: dict[str, tuple[int, ...]] = {
+        "mean": (columns,),
+        "deviation": (columns,),
+        "linear": (columns, outputs),
+        "bias": (TABLE_TERMS, outputs),
+        "inward": (columns, hidden),
+        "shift": (TABLE_TERMS, hidden),
+        "outward": (hidden, outputs),
+    }
+    return Network(
+        **{name: _array(entries, f"{key}.{name}", shape) for name, shape in shapes.items()}
+    )
+
+
+def _part(plain: dict[str, Any], key: str, names: tuple[str, ...]) -> dict[str, Any]:
+    """The entries of a network or of a range."""
+    part = plain.get(key)
+    if not isinstance(part, dict) or set(part) != set(names):
+        got = ", ".join(part) if isinstance(part, dict) else type(part).__name__
+        raise _wrong(key, f"an object with {', '.join(names)}", got)
+    return part
+
+
+def _array(plain: dict[str, Any], path: str, shape: tuple[int, ...] | None) -> Floats:
+    """The numbers of an entry, named by its whole path, in any shape for None."""
+    name = path.rpartition(".")[-1]
+    try:
+        array = np.array(plain.get(name))
+    except ValueError:
+        raise _wrong(path, "rows of the same length", "others") from None
+    if array.dtype.kind not in "iuf":
+        raise _wrong(path, "numbers", f"{plain.get(name)!r:.60}")
+    if shape is not None and array.shape != shape:
+        raise _wrong(path, f"numbers of shape {shape}", f"{array.shape}")
+    least, most = RANGES.get(name, WEIGHTS)
+    outside = array[~((least <= array) & (array <= most))]
+    if outside.size:
+        raise _wrong(path, f"numbers from {least:g} to {most:g}", f"{outside.flat[0]:g}")
+    return array.astype(np.float64)
+
+
+def _wrong(path: str, expected: str, got: str) -> InputError:
+    return InputError(
+        f"momentum model: {path}: expected {expected}, got {got}; make the table's model again "
+        "with `python -m benchmarks train` in a checkout"
+    )
+
+
+IMPACTS: Final = 12
+"""Impacts in which a die may leave its basin."""
+
+CARRIES: Final = 3
+"""Carries, at most, after one of them."""
+
+MOST_RATE: Final = 8.0
+"""Logarithm of the rates of transitions and carries, at most; a die as good as certainly goes
+then."""
+
+MOST_STRETCH: Final = 3.0
+"""Logarithm of the factor that a transition's features may put before its barrier, at most."""
+
+NO_BARRIER: Final = 0.003
+"""Barrier over the radius below which a rest is left the more surely the lower it is."""
+
+NUMBERS: Final = np.array([(-20.0, 20.0), (0.0, 20.0), (0.0, 100.0)])
+"""Range of `hot`, `cooling` and `carry_barrier`: beyond it they are taken at its ends."""
+
+
+@dataclass(frozen=True)
+class MomentumModel(kernels.Handled):
+    """Parameters of the model on one table, NumPy or torch.
+
+    Attributes
+    ----------
+    hot: logarithm of the temperature at first, in radii, -20 to 20. cooling: logarithm of its
+        decrease, 0 to 20. carry_barrier: weight of the second barrier of a carry, 0 to 100.
+    transitions, carries: networks of `TRANSITION_OUTPUTS` and `CARRY_OUTPUTS`.
+    general: NumPy, whose model on this table it is.
+    """
+
+    hot: Any
+    cooling: Any
+    carry_barrier: Any
+    transitions: Network
+    carries: Network
+    general: GeneralModel
+
+    @classmethod
+    def of(cls, general: GeneralModel, table: Table) -> MomentumModel:
+        """That of a table. Raises InputError: the table is not in the model's range."""
+        general.range.require(
+            table, "make a model of its own with `python -m benchmarks train` in a checkout"
+        )
+        terms = table_terms(table)
+        hot, cooling, carry_barrier = np.clip(terms @ general.numbers, *NUMBERS.T)
+        transitions, carries = (
+            replace(network, bias=terms @ network.bias, shift=terms @ network.shift)
+            for network in (general.transitions, general.carries)
+        )
+        return cls(hot, cooling, carry_barrier, transitions, carries, general)
+
+    def on(self, table: Table) -> MomentumModel:
+        """The model of another table. Raises InputError: it is not in the model's range."""
+        return self.of(self.general, table)
+
+    def near(self, table: Table) -> MomentumModel:
+        """That of another table, or of the nearest one that the model knows."""
+        return self.on(self.general.range.nearest(table))
+
+    def converted(self, convert: Callable[[Any], Any]) -> MomentumModel:
+        """The same with other arrays."""
+        hot, cooling, carry = (convert(x) for x in (self.hot, self.cooling, self.carry_barrier))
+        transitions, carries = (
+            Network(*(convert(array) for array in vars(network).values()))
+            for network in (self.transitions, self.carries)
+        )
+        return MomentumModel(hot, cooling, carry, transitions, carries, self.general)
+
+    @cached_property
+    def handle(self) -> Any:
+        """This model as kernels take it, in NumPy."""
+        networks = self.transitions, self.carries
+        numbers = [np.array([self.hot, self.cooling, self.carry_barrier])]
+        numbers += [part.ravel() for network in networks for part in network.unscaled()]
+        return kernels.new_handle(
+            "Momentum",
+            np.concatenate(numbers),
+            [len(network.shift) for network in networks],
+            (IMPACTS, CARRIES),
+            (MOST_RATE, MOST_STRETCH, NO_BARRIER, *SMOOTHING, ROUNDING),
+        )
+
+
+def momentum_model(table: str) -> MomentumModel | None:
+    """The model of a table by its name, or from a JSON file by its path: the table's own, else that
+    of all tables; None for tables with drag, on which there is no momentum.
+
+    Raises
+    ------
+    InputError: there is no such table, its own model is none, or it is not in the model's range.
+    """
+    thrown = table_named(table)
+    if thrown.drag > 0.0:
+        return None
+    entries = table_entries(table)
+    with named(f"table {table}"):
+        own = entries.get("momentum")
+        general = general_model() if own is None else general_model_of(own)
+    return MomentumModel.of(general, thrown)
+
+
+@cache
+def general_model() -> GeneralModel:
+    """The model of all tables that comes with the package."""
+    text = resources.files("dicedesign.throws").joinpath("named/momentum.json").read_text()
+    return general_model_of(json.loads(text))

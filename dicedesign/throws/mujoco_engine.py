@@ -1,0 +1,177 @@
+"""Throws in MuJoCo, with the same contacts and the same end as the package's own."""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from dicedesign.errors import missing_extra
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.throws.engines import GRAVITY, IMPEDANCE, Contact, Engine, contact_of
+
+if TYPE_CHECKING:
+    from dicedesign.throws.rigid_body import RigidBody
+    from dicedesign.throws.tables import Table
+
+
+def rest_below(body: RigidBody, down: Floats) -> int:
+    """The rest in whose basin a direction lies; -1 where rounding hides the path to it.
+
+    down: (3,) unit vector that points down, in the frame of the principal axes. The path is that
+    without momentum: it runs away from the lowest vertex, over ridges into the next cell, along
+    hinges to a facet, and heights fall along it.
+    """
+    vertices = body.vertices
+    p = int(np.argmax(vertices @ down))
+    for _ in range(len(vertices)):
+        edges = slice(body.start[p], body.start[p + 1])
+        neighbors = body.neighbors[edges]
+        v = vertices[p] - vertices[neighbors]
+        approach = v @ vertices[p]
+        ahead = np.flatnonzero(approach > 0.0)
+        if len(ahead) == 0:
+            return -1
+        when = (v[ahead] @ down) / approach[ahead]
+        soonest = int(np.argmin(when))
+        down = down - max(float(when[soonest]), 0.0) * vertices[p]
+        down = down / np.linalg.norm(down)
+        exit_edge = int(ahead[soonest])
+        q, across = int(neighbors[exit_edge]), v[exit_edge]
+        if across @ vertices[q] >= 0.0:
+            p = q
+            continue
+        foot = vertices[p] - (vertices[p] @ across) / (across @ across) * across
+        left, right = int(body.left[edges][exit_edge]), int(body.right[edges][exit_edge])
+        to_left = (down @ foot * down - foot) @ (body.normals[left] - body.normals[right])
+        return int(body.rest_of_facet[left if to_left > 0.0 else right])
+    return -1
+
+
+def final_rest(body: RigidBody, down: Floats, energy: float) -> int:
+    """The rest that a body cannot miss any more, or -1.
+
+    down: as for `rest_below`; energy: all of it, as the height in radii to which it would lift the
+    center of mass. Below every saddle on the border of a basin, a body cannot leave it.
+    """
+    if energy >= body.barriers.max():
+        return -1
+    rest = rest_below(body, down)
+    return rest if rest >= 0 and energy < body.barriers[rest] else -1
+
+
+STEPS_PER_CHECK: Final = 32
+
+STEPS_IN_FLIGHT: Final = 4
+"""Time steps in place of so many while a die cannot touch the table. Those of Runge and Kutta turn
+one that spins as fast as all the energy of a throw makes it by 0.2 rad each, and change the energy
+of its spin by less than 1e-5 in a second."""
+
+_SCENE: Final = """<mujoco>
+<compiler boundmass="0" boundinertia="0" inertiafromgeom="false"/>
+<option timestep="{step}" gravity="0 0 {gravity}" cone="elliptic" tolerance="1e-12"
+ integrator="{integrator}"/>
+<asset><mesh name="hull" vertex="{vertices}"/></asset>
+<worldbody><geom name="table" type="plane" size="1 1 1"/>
+<body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="{moments}"/>
+<geom name="die" type="mesh" mesh="hull" mass="0"/></body></worldbody>
+<contact><pair geom1="table" geom2="die" condim="{rows}" friction="{friction} {friction}"
+ solref="{stiffness} {damping}" solreffriction="-1 {sliding}" solimp="{impedance} {impedance}"/>
+</contact></mujoco>"""
+"""The inertia is the body's own, so it does not matter that the mesh is turned into the principal
+frame of its hull: MuJoCo turns it back within the body. Restitution is a spring with a damper,
+which negative numbers of `solref` stand for."""
+
+
+def require() -> ModuleType:
+    """MuJoCo. Raises InputError: it is not installed."""
+    try:
+        import mujoco
+    except ImportError as error:
+        raise missing_extra("throws", "engine mujoco", error) from error
+    found: ModuleType = mujoco
+    return found
+
+
+def throw_states(
+    body: RigidBody, table: Table, states: Floats, refinement: float = 1.0
+) -> Integers:
+    """As `dicedesign.throws.native.throw_states`, in MuJoCo.
+
+    Raises InputError: MuJoCo is not installed.
+    """
+    mujoco = require()
+    contact = contact_of(table, refinement)
+    model = mujoco.MjModel.from_xml_string(_scene(body, table, contact))
+    # Of the spin alone: a brake of the fall would not make a die stand otherwise, only later.
+    scale = table.size / 2.0
+    model.dof_damping[3:6] = table.drag * scale**2 * body.moments.mean()
+    data = mujoco.MjData(model)
+    steps = round(contact.seconds / contact.step)
+    outcome = np.full(len(states), -1, dtype=np.int64)
+    for i, state in enumerate(states):
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:] = state[:7], state[7:]
+        for _ in range(0, steps, STEPS_PER_CHECK):
+            _advance(mujoco, model, data, contact, scale)
+            outcome[i] = _rest(body, scale, contact, data.qpos, data.qvel)
+            if outcome[i] >= 0:
+                break
+    return outcome
+
+
+def _advance(mujoco: ModuleType, model: Any, data: Any, contact: Contact, reach: float) -> None:
+    """Advance by `STEPS_PER_CHECK` time steps; reach: how far the die's points are from its
+    center, in m."""
+    seconds = STEPS_PER_CHECK * contact.step
+    height, rise = data.qpos[2], data.qvel[2]
+    lowest = height + min(rise * seconds - 0.5 * GRAVITY * seconds**2, 0.0)
+    steps = STEPS_IN_FLIGHT if lowest > reach else STEPS_PER_CHECK
+    model.opt.timestep = seconds / steps
+    mujoco.mj_step(model, data, steps)
+
+
+def _scene(body: RigidBody, table: Table, contact: Contact) -> str:
+    scale = table.size / 2.0
+    return _SCENE.format(
+        step=contact.step,
+        # Steps of first order, which take drag best, change the energy of a spin, the more the
+        # faster it is.
+        integrator="Euler" if table.drag > 0.0 else "RK4",
+        gravity=-GRAVITY,
+        vertices=_listed((body.vertices * scale).ravel()),
+        moments=_listed(body.moments * scale**2),
+        rows=3 if table.friction > 0.0 else 1,
+        friction=table.friction,
+        stiffness=-contact.stiffness,
+        damping=-contact.damping,
+        sliding=-contact.sliding_damping,
+        impedance=IMPEDANCE,
+    )
+
+
+def _listed(numbers: Floats) -> str:
+    return " ".join(repr(float(x)) for x in numbers)
+
+
+def _rest(body: RigidBody, scale: float, contact: Contact, place: Any, velocity: Any) -> int:
+    """The rest that a body with a position and quaternion (7,) and velocities (6,) cannot miss."""
+    moving = velocity[:3] @ velocity[:3] + scale**2 * velocity[3:] ** 2 @ body.moments
+    least = place[2] + 0.5 * moving / GRAVITY
+    if least >= scale * body.barriers.max():
+        return -1
+    w, x, y, z = place[3:]
+    up = np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)])
+    depths = np.minimum(place[2] + scale * (body.vertices @ up), 0.0)
+    stored = 0.5 * contact.stiffness * float(depths @ depths) / GRAVITY
+    return final_rest(body, -up, (least + stored) / scale)
+
+
+MUJOCO: Final = Engine(
+    name="mujoco",
+    line="MuJoCo, which needs the extra 'throws'",
+    title="MuJoCo",
+    require=require,
+    throw_states=throw_states,
+)

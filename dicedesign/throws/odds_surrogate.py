@@ -1,0 +1,209 @@
+"""Odds of a die as smooth functions of how it is thrown, with their uncertainty, and the likelihood
+of what came up in sessions that nobody measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.optimize import minimize
+from scipy.spatial.distance import cdist
+from scipy.special import expit, logsumexp
+
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.throws.sessions import Offsets, session_points
+from dicedesign.throws.throw_counts import CountedDie
+
+LENGTHS: Final = (0.05, 50.0)
+"""Range of the lengths over which odds change, in units of the parameters' ranges; the upper end
+stands for no influence."""
+
+VARIANCES: Final = (1e-3, 20.0)
+"""Range of the variance of logarithmic odds over all throws."""
+
+EXCESSES: Final = (1e-5, 0.3)
+"""Range of the variance at one point beyond that of counting."""
+
+LEVEL: Final = 4.0
+"""Prior variance of the mean logarithmic odds about that of the observations."""
+
+NODES: Final = 9
+"""Of the Gauss-Hermite rule, exact for polynomials of degree 17."""
+
+
+class LogOddsProcess:
+    """A Gaussian process through noisy logarithmic odds at points of the unit cube.
+
+    Its covariance is squared exponential with a length for each parameter. Lengths, variance and
+    excess noise are those of the largest marginal likelihood.
+
+    Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sections 2.2 and
+    5.4.
+
+    Parameters
+    ----------
+    points: (n, d) in [0, 1]; values: (n,); noise: (n,) variances of the values.
+    """
+
+    def __init__(self, points: Floats, values: Floats, noise: Floats) -> None:
+        self.points = points
+        self.mean = float(np.average(values, weights=1.0 / (noise + EXCESSES[1])))
+        residuals = values - self.mean
+        squares = (points[:, None] - points[None]) ** 2
+        dimensions = points.shape[1]
+
+        def cost(logarithms: Floats) -> tuple[float, Floats]:
+            scales = np.exp(-2.0 * logarithms[:dimensions])
+            variance, excess = np.exp(logarithms[dimensions:])
+            smooth = variance * np.exp(-0.5 * squares @ scales)
+            factor = cho_factor(smooth + LEVEL + np.diag(noise + excess), lower=True)
+            inverse = cho_solve(factor, np.eye(len(values)))
+            weights = inverse @ residuals
+            pull = inverse - np.outer(weights, weights)
+            by_length = 0.5 * scales * np.einsum("ij,ijd->d", pull * smooth, squares)
+            by_rest = (0.5 * np.sum(pull * smooth), 0.5 * excess * np.trace(pull))
+            height = 0.5 * residuals @ weights + np.log(np.diag(factor[0])).sum()
+            return float(height), np.concatenate([by_length, by_rest])
+
+        limits = np.log([LENGTHS] * dimensions + [VARIANCES, EXCESSES])
+        start = np.log([1.0] * dimensions + [0.3, 1e-3])
+        likeliest = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=limits)
+        self.lengths: Floats = np.exp(likeliest.x[:dimensions])
+        self.variance, self.excess = np.exp(likeliest.x[dimensions:]).tolist()
+        covariance = self._covariance(points) + np.diag(noise + self.excess)
+        self._factor = cho_factor(covariance, lower=True)
+        self._weights = cho_solve(self._factor, residuals)
+
+    def _covariance(self, points: Floats) -> Floats:
+        """(m, n) between points (m, d) and those observed."""
+        squares = cdist(points / self.lengths, self.points / self.lengths, "sqeuclidean")
+        return np.asarray(self.variance * np.exp(-0.5 * squares) + LEVEL)
+
+    def means(self, points: Floats) -> Floats:
+        """Expected logarithmic odds (m,) at points (m, d)."""
+        return np.asarray(self._covariance(points) @ self._weights + self.mean)
+
+    def variances(self, points: Floats) -> Floats:
+        """Variances (m,) of the logarithmic odds at points (m, d)."""
+        solved = solve_triangular(self._factor[0], self._covariance(points).T, lower=True)
+        return np.asarray(self.variance + LEVEL - np.square(solved).sum(axis=0))
+
+    def surprises(self) -> Floats:
+        """(n,) how far each value is from what the others predict, in standard deviations."""
+        inverse = cho_solve(self._factor, np.eye(len(self.points)))
+        return np.asarray(self._weights / np.sqrt(np.diag(inverse)))
+
+
+@dataclass(frozen=True)
+class OddsSurrogate:
+    """The odds of one die's g outcomes, each against those after it, as independent processes.
+
+    Attributes
+    ----------
+    processes: g - 1; number j is of the logarithm of the odds of outcome j over the sum of those
+        after it.
+    """
+
+    processes: tuple[LogOddsProcess, ...]
+
+    @classmethod
+    def through(cls, points: Floats, counts: Integers) -> OddsSurrogate:
+        """The surrogate of simulated counts (n, g) at points (n, d) of the unit cube.
+
+        Source: empirical logits, Cox, Analysis of Binary Data, 1970, chapter 3. That such ratios of
+        multinomial counts are independent lets each be fitted alone.
+        """
+        after = counts.sum(axis=1, keepdims=True) - counts.cumsum(axis=1)
+        came, others = counts[:, :-1] + 0.5, after[:, :-1] + 0.5
+        values, noise = np.log(came / others), 1.0 / came + 1.0 / others
+        return cls(
+            tuple(LogOddsProcess(points, values[:, j], noise[:, j]) for j in range(len(values.T)))
+        )
+
+    def odds(self, points: Floats) -> Floats:
+        """Expected odds (m, g) at points (m, d)."""
+        left = np.ones(len(points))
+        odds = []
+        for process in self.processes:
+            part = expit(process.means(points))
+            odds.append(left * part)
+            left = left * (1.0 - part)
+        return np.stack([*odds, left], axis=1)
+
+    def drawn(self, points: Floats, rng: np.random.Generator) -> Floats:
+        """Odds (m, g) at points (m, d) as they may be, each point's independently of others'."""
+        left = np.ones(len(points))
+        odds = []
+        for process in self.processes:
+            spread = np.sqrt(process.variances(points))
+            part = expit(process.means(points) + spread * rng.normal(size=len(points)))
+            odds.append(left * part)
+            left = left * (1.0 - part)
+        return np.stack([*odds, left], axis=1)
+
+    def log_likelihood(self, points: Floats, counts: Integers, exact: bool) -> Floats:
+        """Logarithm (m,) of the probability of real counts (g,) over that of the same counts if
+        their frequencies were the odds.
+
+        exact: take the mean of the probability over what the odds may be, not that of the expected
+        odds, which is cheaper.
+        """
+        nodes, weights = np.polynomial.hermite_e.hermegauss(NODES if exact else 1)
+        after = counts.sum() - counts.cumsum()
+        total = np.zeros(len(points))
+        for j, process in enumerate(self.processes):
+            spread = np.sqrt(process.variances(points)) if exact else np.zeros(len(points))
+            z = process.means(points)[:, None] + spread[:, None] * nodes
+            each = -counts[j] * np.logaddexp(0.0, -z) - after[j] * np.logaddexp(0.0, z)
+            total += logsumexp(each, axis=1, b=weights / weights.sum()) - _best(counts[j], after[j])
+        return total
+
+
+def _best(came: int, others: int) -> float:
+    """Largest logarithmic likelihood of so many throws of two kinds."""
+    both = came + others
+    return float(sum(n * np.log(n / both) for n in (came, others) if n > 0))
+
+
+BLOCK: Final = 2**13
+"""Sets whose odds are found at a time, which bounds the memory."""
+
+
+@dataclass(frozen=True)
+class ThrownSession:
+    """One die, thrown in one session.
+
+    Attributes
+    ----------
+    die: what was thrown, and what came up.
+    surrogate: its odds, by the simulated set.
+    """
+
+    die: CountedDie
+    surrogate: OddsSurrogate
+
+    def by_session(self, points: Floats, offsets: Offsets, exact: bool) -> Floats:
+        """Logarithms (n, k) of the likelihood of its counts in sessions (k, 4) at points (n, 5) of
+        the prior; exact: as of `OddsSurrogate.log_likelihood`."""
+        at_once = max(1, BLOCK // len(offsets))
+        parts = []
+        for first in range(0, len(points), at_once):
+            sets = session_points(points[first : first + at_once], offsets, self.die.size)
+            found = self.surrogate.log_likelihood(sets.reshape(-1, 5), self.die.counts, exact)
+            parts.append(found.reshape(sets.shape[:2]))
+        return np.concatenate(parts)
+
+
+def log_likelihoods(
+    sessions: Sequence[ThrownSession], points: Floats, offsets: Offsets, exact: bool
+) -> Floats:
+    """(n, dice) logarithms of the mean likelihood over equally likely sessions (k, 4), each die
+    thrown in one of its own, at points (n, 5) of the prior."""
+    means = [
+        logsumexp(session.by_session(points, offsets, exact), axis=1) - np.log(len(offsets))
+        for session in sessions
+    ]
+    return np.stack(means, axis=1)

@@ -1,0 +1,214 @@
+"""CSV files of one die's throws, and throws that are written into one as they come."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.runtime.arrays import Integers
+from dicedesign.runtime.files import atomic_write, read_text
+
+MOST: Final = 10**9
+"""No count is larger."""
+
+QUOTED: Final = 40
+"""Characters of a wrong entry that are quoted."""
+
+
+def csv_rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """The first line of a file of throws, and the lines after it with their numbers; those that are
+    empty are left out, and so are the blanks around entries.
+
+    Raises InputError: the file cannot be read.
+    """
+    text = read_text(path, "a CSV file of throws")
+    try:
+        reader = csv.reader(io.StringIO(text, newline=""))
+        rows = [(reader.line_num, [entry.strip() for entry in row]) for row in reader]
+    except csv.Error as error:
+        raise InputError(
+            f"{path}: expected a CSV file of throws, but {error}; correct it"
+        ) from error
+    (_, first), *others = [(line, row) for line, row in rows if any(row)] or [(1, [])]
+    return first, others
+
+
+def require_equal_lengths(
+    path: Path, columns: list[str], rows: list[tuple[int, list[str]]]
+) -> None:
+    """Raise InputError for a line that has not one entry for each column."""
+    for line, row in rows:
+        if len(row) != len(columns):
+            raise InputError(
+                f"{path}, line {line}: expected {len(columns)} entries, got {','.join(row)!r}; "
+                "write as many as the first line has"
+            )
+
+
+def whole_count(path: Path, line: int, text: str) -> int:
+    """A number of throws. Raises InputError: it is no whole number from 0 to `MOST`."""
+    # int() would take "1_000" as well, and take long over thousands of digits.
+    digits = text.lstrip("0") or text
+    if text.isascii() and text.isdigit() and len(digits) <= QUOTED and int(digits) <= MOST:
+        return int(digits)
+    raise InputError(
+        f"{path}, line {line}: expected a whole number from 0 to {MOST}, got {text[:QUOTED]!r}; "
+        "correct the count"
+    )
+
+
+COUNTED: Final = ["label", "count"]
+
+ONE_BY_ONE: Final = ["label"]
+"""The two headers that a file may have."""
+
+MOST_NAMED: Final = 30
+"""Labels that an error names."""
+
+
+def read_counts(path: Path, labels: Sequence[str]) -> Integers:
+    """Counts (k,) of k distinct labels, from a CSV file.
+
+    The file has the columns label and count, each label at most once, those that never came up
+    perhaps not at all; or only the column label, with one throw on each line. Empty lines and
+    blanks around entries are ignored.
+
+    Raises
+    ------
+    InputError: the file cannot be read or has other columns, an unknown label, a label twice, a
+        count that is not a whole number of at least 0, or no throw.
+    """
+    rows = _rows(path, (COUNTED, ONE_BY_ONE))
+    counts, line_of = dict.fromkeys(labels, 0), dict[str, int]()
+    for line, (label, *count) in rows:
+        _check_label(f"{path}, line {line}", label, labels)
+        if count and label in line_of:
+            raise InputError(
+                f"{path}, line {line}: expected each label once, got {label!r} as on line "
+                f"{line_of[label]}; add the two up"
+            )
+        line_of[label] = line
+        counts[label] += whole_count(path, line, *count) if count else 1
+    if not any(counts.values()):
+        raise InputError(f"{path}: expected at least one throw, got none; write down some")
+    return np.array(list(counts.values()), dtype=np.int64)
+
+
+class RollLog:
+    """Throws of one die in the order in which they came, in a file that always has all of them.
+
+    Attributes
+    ----------
+    path: of the file.
+    labels: k distinct ones, of the die.
+    throws: the label of each, in order.
+    """
+
+    def __init__(self, path: Path, labels: Sequence[str]) -> None:
+        """Go on with the throws of a file, or begin a new one.
+
+        Raises
+        ------
+        InputError: the file cannot be read, does not have the column label alone, or has an unknown
+            label.
+        OutputError: it cannot be written.
+        """
+        self.path = path
+        self.labels = tuple(labels)
+        self.throws: list[str] = []
+        # A label in several lines is typed in one.
+        written = {_in_one_line(label): label for label in labels}
+        folded = Counter(map(str.casefold, written))
+        self._typed = {
+            name.casefold(): label
+            for name, label in written.items()
+            if folded[name.casefold()] == 1
+        } | written
+        if path.exists():
+            for line, (label,) in _rows(path, (ONE_BY_ONE,)):
+                _check_label(f"{path}, line {line}", label, labels)
+                self.throws.append(label)
+        self._save()
+
+    @property
+    def counts(self) -> Integers:
+        """(k,) how often each label came up."""
+        return np.array([self.throws.count(label) for label in self.labels], dtype=np.int64)
+
+    def add(self, text: str) -> list[str]:
+        """Write down the throws of a text, and return their labels: those of one label, or of
+        several with commas or blanks between them, in capital or small letters.
+
+        Raises InputError: one is unknown; then none is written down.
+        """
+        label = self._label(text)
+        if label is not None:
+            added = [label]
+        else:
+            parts = text.split(",") if "," in text else text.split()
+            typed = [part for part in map(str.strip, parts) if part]
+            for part in typed:
+                _check_label("roll", self._label(part) or part, self.labels)
+            added = [found for found in map(self._label, typed) if found is not None]
+        self.throws += added
+        self._save()
+        return added
+
+    def undo(self) -> str | None:
+        """Take the last throw back, and return its label; None where there was none."""
+        if not self.throws:
+            return None
+        label = self.throws.pop()
+        self._save()
+        return label
+
+    def _label(self, text: str) -> str | None:
+        """The label that a text is, if any."""
+        typed = _in_one_line(text)
+        return self._typed.get(typed, self._typed.get(typed.casefold()))
+
+    def _save(self) -> None:
+        text = io.StringIO()
+        lines = [ONE_BY_ONE, *([label] for label in self.throws)]
+        csv.writer(text, lineterminator="\n").writerows(lines)
+        atomic_write(self.path, text.getvalue().encode())
+
+
+def _in_one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _rows(path: Path, headers: Sequence[list[str]]) -> list[tuple[int, list[str]]]:
+    """The numbered lines of a file after the first, which has to be one of some headers."""
+    first, rows = csv_rows(path)
+    header = [entry.lower() for entry in first]
+    if header not in headers:
+        either = " or ".join(",".join(one) for one in headers)
+        counted = (
+            "begin with label,count and write each label with its count on a line, or with label "
+            "and write the label of each throw on a line"
+            if COUNTED in headers
+            else "write the label of each throw on a line, or name a new file"
+        )
+        raise InputError(
+            f"{path}: expected a first line {either}, got {','.join(first)!r}; {counted}"
+        )
+    require_equal_lengths(path, header, rows)
+    return rows
+
+
+def _check_label(where: str, label: str, labels: Sequence[str]) -> None:
+    """Raise InputError for a label that the die does not have."""
+    if label not in labels:
+        some = ", ".join(labels[:MOST_NAMED]) + ", ..." * (len(labels) > MOST_NAMED)
+        raise InputError(
+            f"{where}: expected a label of the die ({some}), got {label!r}; correct it, or leave "
+            "out throws that show no label"
+        )

@@ -1,0 +1,323 @@
+"""Many throws of one body, and of a finished die onto its table: where they end, whatever engine
+ran them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Final
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.meshes.body import Body
+from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
+from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.results.parts import SimulatedThrows
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.checks import MOST_SEED, check_whole
+from dicedesign.runtime.intervals import exact_intervals
+from dicedesign.runtime.workers import in_order
+from dicedesign.throws.distances import measure_variation
+from dicedesign.throws.engines import ENGINES, require_engine
+from dicedesign.throws.momentum_model import MomentumModel
+from dicedesign.throws.momentum_odds import momentum_odds
+from dicedesign.throws.release import (
+    ORIENTATIONS,
+    PAPER_DIRECTIONS,
+    Orientations,
+    drop_weights,
+    released,
+)
+from dicedesign.throws.rigid_body import RigidBody, rigid_body
+from dicedesign.throws.tables import Table, most_of
+
+DROPS_PER_TASK: Final = 500
+"""Drops that share a generator of random numbers, so that they fall alike whoever runs them."""
+
+
+@dataclass(frozen=True)
+class Throws:
+    """Simulated throws of one body.
+
+    Attributes
+    ----------
+    table: how it was thrown; engine: by which simulator; seed: of its random numbers.
+    outcomes: (n,) the rest at which each drop ended, in the order of `RestPoses`; -1 for those that
+        ended on no facet in time.
+    weights: (n,) how much each drop counts, 1 on the mean.
+    rests: how many rests the body has.
+    """
+
+    table: Table
+    engine: str
+    seed: int
+    outcomes: Integers
+    weights: Floats
+    rests: int
+
+    @property
+    def drops(self) -> int:
+        """Number of all."""
+        return len(self.outcomes)
+
+    @cached_property
+    def counts(self) -> Integers:
+        """(k,) drops that ended at each rest."""
+        return np.bincount(self.outcomes[self.outcomes >= 0], minlength=self.rests)
+
+    @cached_property
+    def unresolved(self) -> int:
+        """Drops that ended on an edge, stuck or still moving; they count for no rest."""
+        return int(np.count_nonzero(self.outcomes < 0))
+
+    def require_rest(self) -> None:
+        """Raise InputError where no drop came to rest."""
+        if self.unresolved == self.drops:
+            raise InputError(
+                f"table {self.table.name}: expected throws that come to rest, got none of "
+                f"{self.drops}; raise its friction, or lower its restitution"
+            )
+
+    @cached_property
+    def frequencies(self) -> Floats:
+        """(k,) of the rests among the drops that were resolved, by weight; NaN if none was."""
+        landed = self.outcomes >= 0
+        weights = self.weights[landed]
+        total = np.bincount(self.outcomes[landed], weights, minlength=self.rests)
+        with np.errstate(invalid="ignore"):
+            frequencies: Floats = total / weights.sum()
+        return frequencies
+
+
+def check_throws(drops: int, seed: int, engine: str, orientations: str) -> None:
+    """Raise InputError for a number of drops or a seed that cannot be used, or an engine or kind of
+    orientations that there is not."""
+    check_whole("drops", drops)
+    check_whole("seed", seed, least=0, most=MOST_SEED)
+    # Raises where there is no such engine.
+    ENGINES[engine]
+    if orientations not in ORIENTATIONS:
+        raise InputError(
+            f"orientations: expected {', '.join(ORIENTATIONS)}, got {orientations!r}; take one of "
+            "them"
+        )
+    if orientations == "icosahedron" and drops % PAPER_DIRECTIONS != 0:
+        raise InputError(
+            f"drops: expected a multiple of {PAPER_DIRECTIONS} with orientations icosahedron, "
+            f"whose directions count only together, got {drops}; take "
+            f"{PAPER_DIRECTIONS * max(1, round(drops / PAPER_DIRECTIONS))}"
+        )
+
+
+def simulate(
+    body: RigidBody,
+    table: Table,
+    drops: int,
+    seed: int = 0,
+    *,
+    engine: str = "native",
+    orientations: Orientations = "uniform",
+    refinement: float = 1.0,
+    workers: Executor | None = None,
+    progress: Callable[[int], None] | None = None,
+    on_quiet: Callable[[], None] | None = None,
+) -> Throws:
+    """Throw a body many times. No engine knows of the momentum-free model, except that a drop ends
+    where that says it must.
+
+    Parameters
+    ----------
+    drops: how many, above 0. seed: the same gives the same drops, in whatever number of workers.
+    orientations: at which it is let go. refinement: divides the time step.
+    workers: run tasks of `DROPS_PER_TASK` drops; None runs them here. A task whose worker is lost
+        runs again.
+    progress: called with the number of drops of each task that ended.
+    on_quiet: called whenever the task that is waited for has not ended for some seconds.
+
+    Raises
+    ------
+    InputError: as `check_throws`, the engine is not installed, or a table without friction would
+        let the die slide or spin for ever.
+    DiceError: workers are lost again and again, or the executor cannot go on.
+    """
+    check_throws(drops, seed, engine, orientations)
+    if table.friction == 0.0 and max(most_of(table.speed), most_of(table.spin)) > 0.0:
+        raise InputError(
+            f"table {table.name}: expected friction above 0 with a speed or a spin, which nothing "
+            "would take from the die, got 0; raise it"
+        )
+    tasks = [
+        partial(
+            throw_task,
+            body,
+            table,
+            first,
+            min(DROPS_PER_TASK, drops - first),
+            seed,
+            engine,
+            orientations,
+            refinement,
+        )
+        for first in range(0, drops, DROPS_PER_TASK)
+    ]
+    ended = (task() for task in tasks) if workers is None else in_order(tasks, workers, on_quiet)
+    outcomes = []
+    for outcome in ended:
+        outcomes.append(outcome)
+        if progress is not None:
+            progress(len(outcome))
+    return Throws(
+        table,
+        engine,
+        seed,
+        np.concatenate(outcomes),
+        drop_weights(drops, orientations),
+        len(body.rest_heights),
+    )
+
+
+def throw_task(
+    body: RigidBody,
+    table: Table,
+    first: int,
+    count: int,
+    seed: int,
+    engine: str,
+    orientations: Orientations,
+    refinement: float,
+) -> Integers:
+    """The rests (count,) of the drops from number `first` on, which is a multiple of
+    `DROPS_PER_TASK`; -1 for those that found none."""
+    rng = np.random.default_rng([seed, first // DROPS_PER_TASK])
+    states = released(body, table, np.arange(first, first + count), orientations, rng)
+    outcomes = np.asarray(ENGINES[engine].throw_states(body, table, states, refinement))
+    rests = len(body.rest_heights)
+    if outcomes.shape != (count,) or outcomes.dtype.kind != "i":
+        raise InputError(
+            f"engine {engine!r}: expected whole numbers of shape ({count},), a rest for each "
+            f"throw, got {outcomes.dtype} of shape {outcomes.shape}; correct it"
+        )
+    if not ((outcomes >= -1) & (outcomes < rests)).all():
+        raise InputError(
+            f"engine {engine!r}: expected rests from -1, for none, to {rests - 1}, got "
+            f"{outcomes.min()} to {outcomes.max()}; correct it"
+        )
+    return outcomes
+
+
+CONFIDENCE: Final = 0.95
+"""Of every interval."""
+
+
+@dataclass(frozen=True, eq=False)
+class DieOnTable:
+    """A die in mm, ready to be thrown.
+
+    Attributes
+    ----------
+    solid: as it is; body: the same about its center of mass.
+    poses: its rests; outcomes: what they count for.
+    table: with the die's own size.
+    """
+
+    solid: Body
+    body: RigidBody
+    poses: RestPoses
+    outcomes: OutcomeOdds
+    table: Table
+
+    @classmethod
+    def of(
+        cls, solid: Body, center_of_mass: Floats | None, directions: Floats, table: Table
+    ) -> DieOnTable:
+        """A solid with center of mass (3,), None for the uniform one, whose outcomes have
+        directions (k, 3)."""
+        poses = rest_poses(solid, center_of_mass)
+        body = rigid_body(solid, poses)
+        sized = table.sized(2e-3 * body.radius)
+        return cls(solid, body, poses, outcome_odds(poses, directions), sized)
+
+    def momentum(self, model: MomentumModel | None) -> Floats:
+        """(k,) odds of the outcomes by a momentum model; None for no momentum."""
+        odds: Floats = self.outcomes.sums(momentum_odds(self.poses, self.body, model))
+        return odds
+
+    def simulated(self, drops: int, seed: int, engine: str, workers: Executor) -> Throws:
+        """So many throws. Raises InputError: none of them came to rest."""
+        throws = simulate(self.body, self.table, drops, seed, engine=engine, workers=workers)
+        throws.require_rest()
+        return throws
+
+    def counts_on(
+        self, tables: Sequence[Table], drops: int, seed: int, engine: str, workers: Executor
+    ) -> list[Integers]:
+        """As `counts`, of so many throws onto each of some tables, by their own seeds from the
+        first on."""
+
+        def counted(place: int) -> Integers:
+            table = tables[place].lifted(self.table.size)
+            return self.counts(simulate(self.body, table, drops, seed + place, engine=engine))
+
+        # Engines are loaded by the first who asks for one, who is alone here.
+        require_engine(engine)
+        return list(workers.map(counted, range(len(tables))))
+
+    def counts(self, throws: Throws) -> Integers:
+        """(k + 1,) of the outcomes, and of throws that came to rest elsewhere."""
+        by_outcome = self.outcomes.sums(throws.counts)
+        return np.append(by_outcome, int(throws.counts.sum()) - int(by_outcome.sum()))
+
+
+@dataclass(frozen=True, eq=False)
+class ThrownDie:
+    """What a finished die does on its table.
+
+    Attributes
+    ----------
+    die: as it was thrown.
+    momentum: (k,) odds of the outcomes by the momentum model.
+    throws: the simulated ones, or None.
+    """
+
+    die: DieOnTable
+    momentum: Floats
+    throws: Throws | None
+
+    def measured(self, target: Floats) -> SimulatedThrows | None:
+        """The throws against a target (k,); None without throws."""
+        throws = self.throws
+        if throws is None:
+            return None
+        counts, resolved = self.die.counts(throws), throws.drops - throws.unresolved
+        # None of the target is elsewhere.
+        variation = measure_variation(counts, np.append(target, 0.0), CONFIDENCE)
+        intervals = exact_intervals(counts[:-1], resolved, CONFIDENCE)
+        return SimulatedThrows(
+            engine=throws.engine,
+            seed=throws.seed,
+            drops=throws.drops,
+            unresolved=throws.unresolved,
+            counts=tuple(counts[:-1].tolist()),
+            frequencies=tuple((counts[:-1] / resolved).tolist()),
+            intervals=tuple((float(low), float(high)) for low, high in intervals),
+            total_variation=variation.value,
+            interval=(float(variation.interval[0]), float(variation.interval[1])),
+            noise_floor=variation.noise_floor,
+        )
+
+
+@contextmanager
+def throwing_threads() -> Iterator[Executor]:
+    """Threads for throws; they suffice where an engine runs without Python's lock, as all but
+    Bullet do."""
+    workers = ThreadPoolExecutor(os.cpu_count())
+    try:
+        yield workers
+    finally:
+        # An interrupt does not wait for throws that have not begun.
+        workers.shutdown(wait=True, cancel_futures=True)

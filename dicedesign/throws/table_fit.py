@@ -1,0 +1,337 @@
+"""One table fitted to counts of several real dice, each thrown in a session of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.special import logsumexp
+from scipy.stats import qmc
+
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.checkpoint import Checkpoint
+from dicedesign.runtime.checks import MOST_SEED, check_whole
+from dicedesign.throws.importance import WeightedPoints, effective, weighted_points
+from dicedesign.throws.odds_surrogate import OddsSurrogate, ThrownSession, log_likelihoods
+from dicedesign.throws.predictions import Prediction, expected_deviations, predicted
+from dicedesign.throws.sessions import (
+    PARAMETERS,
+    Offsets,
+    drawn_values,
+    session_offsets,
+    session_points,
+    set_counts,
+    shared_values,
+    table_of,
+)
+from dicedesign.throws.tables import Table
+from dicedesign.throws.throw_counts import CountedDie
+
+MORE: Final = (50, 100, 200, 400, 800, 1600)
+"""Numbers of throws of which it is told what they would tell."""
+
+BELIEF: Final = 0.9
+"""Posterior probability of the interval of each parameter."""
+
+
+@dataclass(frozen=True)
+class FittedParameter:
+    """One shared parameter by the counts, in the unit of `Table`.
+
+    Attributes
+    ----------
+    fitted: its value in the fitted set.
+    mean, deviation: of the posterior.
+    interval: that holds it with the posterior probability `BELIEF`, as much below as above.
+    limits: of the search, between which the prior is flat.
+    """
+
+    fitted: float
+    mean: float
+    deviation: float
+    interval: tuple[float, float]
+    limits: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class DieFit:
+    """One die by the posterior.
+
+    Attributes
+    ----------
+    die: with its counts, which may all be 0 where the die was not fitted to.
+    odds, deviation: (g,) mean and standard deviation of its odds in a new session.
+    whole: what the posterior of all counts predicts of more throws in the session of that die; its
+        p-value is a little flattered, as the counts themselves are in the posterior. None for a die
+        that was not fitted to.
+    left_out: what the posterior of the other dice's counts alone predicts of a session of the die.
+        None without counts.
+    drawn: (m, g) equally likely odds in a new session, by the surrogate's best estimate.
+    after: (t, 2) standard deviations of restitution and friction that `MORE` throws of the die
+        would be expected to leave.
+    """
+
+    die: CountedDie
+    odds: Floats
+    deviation: Floats
+    whole: Prediction | None
+    left_out: Prediction | None
+    drawn: Floats
+    after: Floats
+
+
+@dataclass(frozen=True)
+class TableFit:
+    """A fitted table with its uncertainty.
+
+    Attributes
+    ----------
+    table: under which, as the hand of all sessions, the counts are likeliest; to three digits (see
+        `SHARPNESS`).
+    posterior: equally likely tables, each with the hand of a session drawn too.
+    parameters: each of `PARAMETERS`, in that order; the hand is the center of all sessions.
+    correlations: (5, 5) of the posterior, of the hand's logarithms.
+    dice: those that were fitted to, and then those that were not.
+    evaluations: sets of parameters that were simulated; drops: of each die for each set.
+    log_likelihood: of the counts of all dice at `table`, by the surrogates, less what frequencies
+        equal to the odds would give.
+    surprise: root mean square deviation of simulated log odds from what the surrogates predict
+        without them, in standard deviations: near 1 if they are right about their uncertainty.
+    effective_points: of the points at which the posterior was computed, how many equal ones would
+        be as good.
+    """
+
+    table: Table
+    posterior: tuple[Table, ...]
+    parameters: dict[str, FittedParameter]
+    correlations: Floats
+    dice: tuple[DieFit, ...]
+    evaluations: int
+    drops: int
+    log_likelihood: float
+    surprise: float
+    effective_points: float
+
+
+FIRST: Final = 0.5
+"""Part of the evaluations that are spread over all throws; the others are where the posterior is
+after the first, in `ROUNDS` rounds."""
+
+ROUNDS: Final = 4
+
+SHARPNESS: Final = 8
+"""The fitted set is the mean of the likelihood raised to this power: near the likeliest set where
+the counts tell, and in the middle where they do not."""
+
+FEWEST_EVALUATIONS: Final = 32
+
+PILOT: Final = (2**11, 2**3)
+
+FINAL: Final = (2**12, 2**5)
+"""Points for each distribution that the posterior is drawn with, and sessions at each, while it is
+only asked where to simulate and at last."""
+
+DRAWS: Final = 2**10
+"""Sets that stand for the posterior in predictions."""
+
+TABLES: Final = 32
+"""Sets of the posterior that a fitted table brings along."""
+
+
+def check_effort(evaluations: int, drops: int, seed: int) -> None:
+    """Raise InputError for fewer than `FEWEST_EVALUATIONS`, no drop, or a seed below 0."""
+    check_whole("evaluations", evaluations, FEWEST_EVALUATIONS)
+    check_whole("drops", drops)
+    check_whole("seed", seed, least=0, most=MOST_SEED)
+
+
+def fit_table(
+    dice: Sequence[CountedDie],
+    start: Table,
+    evaluations: int,
+    drops: int,
+    seed: int,
+    *,
+    others: Sequence[CountedDie] = (),
+    workers: Executor,
+    checkpoint: Checkpoint | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> TableFit:
+    """Fit a table to what came up.
+
+    Restitution and friction are the same for all dice, and so is the center of all hands; each die
+    was thrown in a session with a hand of its own about it (see `sessions`). Sets of restitution,
+    friction and a session's hand are simulated, first all over the limits and then where the
+    posterior is. Through the simulated odds of every die goes a smooth surrogate, which averages
+    over the sampling noise of neighbouring sets; the likelihood of the real counts is the mean of
+    that by its odds over its own uncertainty and over sessions. Each set has random numbers of
+    its own. Common ones would make the noise of neighbouring sets the same only if the same drop
+    ended alike in both, but bounces part them: of the published 2d6, let go alike, 12 % end on the
+    same rest when the restitution differs by a thousandth, and 12 % by chance.
+
+    Parameters
+    ----------
+    start: has the name and the source.
+    evaluations: sets of parameters, at least `FEWEST_EVALUATIONS`. drops: of each die, above 0.
+    seed: of the drops and of the sets.
+    others: dice that are predicted and not fitted to.
+    checkpoint: of the same arguments; what was simulated before is taken from it, and what is
+        simulated is added.
+    progress: called with the number of drops of each die that was thrown.
+
+    Raises InputError: as `check_effort`.
+    """
+    check_effort(evaluations, drops, seed)
+    kept = checkpoint or Checkpoint()
+    every = [*dice, *others]
+    first = round(FIRST * evaluations)
+    rng = np.random.default_rng(seed)
+    sets = qmc.Sobol(len(PARAMETERS), rng=rng).random_base2((first - 1).bit_length())[:first]
+    counts = set_counts(every, start, sets, drops, seed, 0, workers, kept, progress)
+    for batch in np.array_split(np.arange(first, evaluations), ROUNDS):
+        # Hands of sessions with unknown sizes spread the sets as far as any die's.
+        offsets = session_offsets(2 ** (len(batch) - 1).bit_length(), rng)[: len(batch)]
+        pilot = _weighted(_sessions(dice, sets, counts), PILOT, rng, leave_one_out=False)
+        drawn = _resampled(pilot.weights(), len(batch), rng)
+        more = _paired(pilot.points[drawn], offsets, None)
+        done = len(sets)
+        added = set_counts(every, start, more, drops, seed, done, workers, kept, progress)
+        sets = np.concatenate([sets, more])
+        counts = [np.concatenate(pair) for pair in zip(counts, added, strict=True)]
+    sessions = _sessions(every, sets, counts)
+    fitted_to = sessions[: len(dice)]
+    found = _weighted(fitted_to, FINAL, rng, leave_one_out=True)
+    best, height = _best(fitted_to, found)
+    surprises = [p.surprises() for session in sessions for p in session.surrogate.processes]
+    parameters, correlations = _summary(found, best)
+    return TableFit(
+        table=table_of(start, best),
+        posterior=_tables(start, found, rng),
+        parameters=parameters,
+        correlations=correlations,
+        dice=tuple(
+            _die_fit(session, found, i if i < len(dice) else None, rng)
+            for i, session in enumerate(sessions)
+        ),
+        evaluations=evaluations,
+        drops=drops,
+        log_likelihood=height,
+        surprise=float(np.sqrt(np.square(np.concatenate(surprises)).mean())),
+        effective_points=effective(found.weights()),
+    )
+
+
+def _sessions(
+    dice: Sequence[CountedDie], sets: Floats, counts: Sequence[Integers]
+) -> list[ThrownSession]:
+    return [
+        ThrownSession(die, OddsSurrogate.through(sets, of_die))
+        for die, of_die in zip(dice, counts, strict=False)
+    ]
+
+
+def _weighted(
+    sessions: Sequence[ThrownSession],
+    effort: tuple[int, int],
+    rng: np.random.Generator,
+    *,
+    leave_one_out: bool,
+) -> WeightedPoints:
+    each, hands = effort
+    offsets = session_offsets(hands, rng)
+    return weighted_points(
+        lambda points: log_likelihoods(sessions, points, offsets, leave_one_out),
+        len(PARAMETERS),
+        each,
+        rng,
+        leave_one_out=leave_one_out,
+    )
+
+
+def _resampled(weights: Floats, count: int, rng: np.random.Generator) -> Integers:
+    """(count,) numbers of equally likely points, each as often as its weight has it to one less or
+    more, in random order."""
+    places = (np.arange(count) + rng.random()) / count
+    numbers = np.searchsorted(weights.cumsum(), places).clip(max=len(weights) - 1)
+    return np.asarray(rng.permutation(numbers))
+
+
+def _paired(points: Floats, offsets: Offsets, size: float | None) -> Floats:
+    """(n, 5) sets of each point (n, 5) of the prior with the session of the same number (n, 4)."""
+    return np.concatenate(
+        [session_points(points[[i]], offsets[[i]], size)[0] for i in range(len(points))]
+    )
+
+
+def _die_fit(
+    session: ThrownSession, found: WeightedPoints, number: int | None, rng: np.random.Generator
+) -> DieFit:
+    """The predictions of a die; number: its place in the likelihoods, None if it has none."""
+    die, surrogate = session.die, session.surrogate
+    points = found.points[_resampled(found.weights(), DRAWS, rng)]
+    fresh = _paired(points, session_offsets(DRAWS, rng), die.size)
+    odds = surrogate.drawn(fresh, rng)
+    whole, left_out = None, predicted(die.counts, odds, rng) if die.counts.any() else None
+    if number is not None:
+        hands = session_offsets(FINAL[1], rng)
+        by_session = session.by_session(points, hands, True)
+        chances = np.exp(by_session - logsumexp(by_session, axis=1, keepdims=True))
+        chosen = (chances.cumsum(axis=1) < rng.random((DRAWS, 1))).sum(axis=1)
+        same = _paired(points, hands[chosen.clip(max=len(hands) - 1)], die.size)
+        whole = predicted(die.counts, surrogate.drawn(same, rng), rng)
+        others = found.points[_resampled(found.weights(number), DRAWS, rng)]
+        without = _paired(others, session_offsets(DRAWS, rng), die.size)
+        left_out = predicted(die.counts, surrogate.drawn(without, rng), rng)
+    return DieFit(
+        die=die,
+        odds=odds.mean(axis=0),
+        deviation=odds.std(axis=0),
+        whole=whole,
+        left_out=left_out,
+        drawn=surrogate.odds(fresh),
+        after=expected_deviations(shared_values(points)[:, :2], odds, MORE),
+    )
+
+
+def _best(sessions: Sequence[ThrownSession], found: WeightedPoints) -> tuple[Floats, float]:
+    """Values (5,) of the fitted set, and the logarithm of its likelihood."""
+    center = np.array([[0.0, 0.0, 0.0, 0.5]])
+
+    def together(points: Floats) -> Floats:
+        return np.asarray(log_likelihoods(sessions, points, center, True).sum(axis=1))
+
+    logarithms = found.log_priors + SHARPNESS * together(found.points)
+    sharp = np.exp(logarithms - logsumexp(logarithms))
+    best = sharp @ found.points
+    return shared_values(best[None])[0], float(together(best[None])[0])
+
+
+def _tables(start: Table, found: WeightedPoints, rng: np.random.Generator) -> tuple[Table, ...]:
+    """Equally likely tables of the posterior."""
+    drawn = found.points[_resampled(found.weights(), TABLES, rng)]
+    values = drawn_values(drawn, session_offsets(TABLES, rng))
+    return tuple(table_of(start, row) for row in values)
+
+
+def _summary(found: WeightedPoints, best: Floats) -> tuple[dict[str, FittedParameter], Floats]:
+    """The parameters, and their correlations (5, 5)."""
+    weights, values = found.weights(), shared_values(found.points)
+    means = weights @ values
+    deviations = np.sqrt(weights @ (values - means) ** 2)
+    scaled = found.points - weights @ found.points
+    scaled /= np.sqrt(weights @ scaled**2)
+    parameters = {}
+    for i, (name, searched) in enumerate(PARAMETERS.items()):
+        order = np.argsort(values[:, i])
+        tail = (1.0 - BELIEF) / 2.0
+        at = np.searchsorted(weights[order].cumsum(), [tail, 1.0 - tail])
+        low, high = values[order[np.minimum(at, len(order) - 1)], i].tolist()
+        # No counts determine more digits than these.
+        fitted = float(f"{best[i]:.3g}")
+        parameters[name] = FittedParameter(
+            fitted, float(means[i]), float(deviations[i]), (low, high), searched
+        )
+    return parameters, scaled.T @ (weights[:, None] * scaled)
