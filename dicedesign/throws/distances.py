@@ -17,7 +17,6 @@ from scipy.optimize import linprog
 from scipy.sparse import coo_array
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.sphere import angle_between, unit_vectors
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.goodness_of_fit import drawn_counts
 from dicedesign.tolerances import TRANSPORT_TOLERANCE
@@ -239,6 +238,9 @@ def wasserstein_distance(
 
     Source: section 4.1.
     """
+    # Imported here, as judging counts of labels does without any body.
+    from dicedesign.geometry.sphere import angle_between, unit_vectors
+
     first = _shares("first_weights", first_directions, first_weights)
     second = _shares("second_weights", second_directions, second_weights)
     places, place = np.unique(

@@ -47,7 +47,7 @@ from dicedesign.optimize.energy.term import TERMS, Term, TermOption
 from dicedesign.optimize.preferences.preference import PREFERENCES, Preference
 from dicedesign.optimize.starts.start import STARTS, StartKind, normalised_start
 from dicedesign.runtime.registry import STRICT
-from dicedesign.throws.engines.engine import ENGINES, Engine
+from dicedesign.throws.engines import ENGINES, Engine
 
 TERMS.register(
     Term(
