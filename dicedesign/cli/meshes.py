@@ -408,6 +408,13 @@ def _run_repair(options: argparse.Namespace) -> int:
 
 def _repair_table(made: RepairedMesh, surface: Surface) -> list[str]:
     numbers = made.numbers
+    missed, off = (
+        [f"{100.0 * part:.2g} % of the diagonal" for part in parts]
+        for parts in (
+            (numbers.missed_mean, numbers.missed_largest),
+            (numbers.off_mean, numbers.off_largest),
+        )
+    )
     closed = numbers.handles_before is not None
     rows = [
         ("points", len(made.points), len(surface.points)),
@@ -415,26 +422,23 @@ def _repair_table(made: RepairedMesh, surface: Surface) -> list[str]:
         ("pieces", numbers.pieces, 1),
         ("cavities", numbers.cavities, 0),
         ("handles", numbers.handles_before if closed else "not closed", numbers.handles),
-        ("mean distance to the other", *map(_percent, (numbers.missed_mean, numbers.off_mean))),
-        ("largest distance", *map(_percent, (numbers.missed_largest, numbers.off_largest))),
+        ("mean distance to the other", missed[0], off[0]),
+        ("largest distance", missed[1], off[1]),
     ]
     texts = [(name, str(before), str(after)) for name, before, after in rows]
     return text_table([("", ""), ("before", ">"), ("after", ">")], texts)
 
 
-def _percent(part: float) -> str:
-    return f"{100.0 * part:.2g} % of the diagonal"
-
-
-ENDING: Final = ".png"
-
-
 def add_figure_parser(commands: Any) -> None:
     """Add `dicedesign figure` to argparse's `commands`."""
+    # Only where the help is made: a command that is run does not need it.
+    from dicedesign.report.body_figures.body_figure import BODY_FIGURES
+
+    kinds = "; ".join(f"{figure.name}: {figure.line}" for figure in BODY_FIGURES)
     parser = commands.add_parser(
         "figure",
         help="draw one of the paper's kinds of figures of a mesh, a finished die or a recipe",
-        description="Draw one of the paper's kinds of figures of any body. Kinds: " + _kinds(),
+        description="Draw one of the paper's kinds of figures of any body. Kinds: " + kinds + ".",
     )
     parser.add_argument("kind", metavar="KIND", help="one of these")
     parser.add_argument(
@@ -459,13 +463,6 @@ def add_figure_parser(commands: Any) -> None:
     parser.set_defaults(command=_run_figure)
 
 
-def _kinds() -> str:
-    # Imported where the help is made, which a command that is run does not need otherwise.
-    from dicedesign.report.body_figures.body_figure import BODY_FIGURES
-
-    return "; ".join(f"{figure.name}: {figure.line}" for figure in BODY_FIGURES) + "."
-
-
 def _run_figure(options: argparse.Namespace) -> int:
     from dicedesign.recipe.subjects import subject_of
     from dicedesign.report.body_figures.body_figure import BODY_FIGURES
@@ -484,9 +481,9 @@ def _run_figure(options: argparse.Namespace) -> int:
         check_whole("--steps", options.steps)
     out = options.out
     if out is None:
-        out = Path(f"{options.subject.resolve().stem}_{options.kind}{ENDING}")
-    if out.suffix.lower() != ENDING:
-        raise InputError(f"--out: expected a path that ends in {ENDING}, got {out}; rename it")
+        out = Path(f"{options.subject.resolve().stem}_{options.kind}.png")
+    if out.suffix.lower() != ".png":
+        raise InputError(f"--out: expected a path that ends in .png, got {out}; rename it")
     down = None if options.down is None else vector("--down", options.down)
     with progress_bar("steps") as bar:
         subject = subject_of(

@@ -14,14 +14,13 @@ import numpy as np
 
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.runtime.text import printable
-from dicedesign.view.bodies.opened import Source, Tell, source_of
-from dicedesign.view.bodies.viewed_body import ViewedBody
-from dicedesign.view.page.page import Page, Panel
-from dicedesign.view.panels.body import BodyPanel
-from dicedesign.view.panels.new_die import NewDiePanel
-from dicedesign.view.scenes.exhibit import Exhibit
-from dicedesign.view.serving.gate import open_socket
-from dicedesign.view.serving.server import require_viser
+from dicedesign.view.body_panel import BodyPanel
+from dicedesign.view.exhibit import Exhibit
+from dicedesign.view.new_die_panel import NewDiePanel
+from dicedesign.view.page import Page, Panel
+from dicedesign.view.serving import open_socket, require_viser
+from dicedesign.view.sources import Source, Tell, source_of
+from dicedesign.view.viewed_body import ViewedBody
 
 __all__ = ["View", "serve_view"]
 

@@ -17,7 +17,7 @@ from websockets.sync.client import connect
 
 import dicedesign as dd
 from dicedesign.view.application import View
-from dicedesign.view.serving.gate import Gate, open_socket
+from dicedesign.view.serving import Gate, open_socket
 
 
 @pytest.fixture(scope="module")

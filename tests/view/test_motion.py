@@ -9,11 +9,9 @@ from common.kernels import compiled_only
 import dicedesign as dd
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.throws.film import throw_film
-from dicedesign.view.bodies.viewed_body import ViewedBody
-from dicedesign.view.scenes.gizmo import met_facet, met_sphere
-from dicedesign.view.scenes.motion import Motion, filmed, turned
-from dicedesign.view.scenes.place import Place
-from dicedesign.view.scenes.settling import let_go, settled
+from dicedesign.view.body_nodes import met_facet, met_sphere
+from dicedesign.view.motion import Motion, Place, filmed, let_go, settled, turned
+from dicedesign.view.viewed_body import ViewedBody
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ import dicedesign as dd
 from dicedesign.optimize.options import legible
 from dicedesign.optimize.preferences.preference import PREFERENCES, Preference
 from dicedesign.view.application import View
-from dicedesign.view.dice.design_session import DesignSession
-from dicedesign.view.dice.request import DieRequest
+from dicedesign.view.design_run import DieRequest
+from dicedesign.view.design_session import DesignSession
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -10,7 +10,7 @@ import pytest
 import dicedesign as dd
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.throws.momentum_model import momentum_model
-from dicedesign.view.bodies.viewed_body import Outcomes, ViewedBody
+from dicedesign.view.viewed_body import Outcomes, ViewedBody
 
 BLOCK = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.5, 1.5) for z in (-2.0, 2.0)])
 

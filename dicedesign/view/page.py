@@ -5,21 +5,125 @@ from __future__ import annotations
 import html
 import socket
 import sys
+import threading
+from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from dicedesign.errors import DiceError
 from dicedesign.runtime.text import printable
-from dicedesign.view.page.job import Job
-from dicedesign.view.page.newest_first import Changes
-from dicedesign.view.serving.gate import Gate
-from dicedesign.view.serving.server import start_server, stop_server
+from dicedesign.view.serving import Gate, start_server, stop_server
 
 if TYPE_CHECKING:
     import viser
 
-__all__ = ["Page", "Panel"]
+
+class Changes:
+    """Changes wait in a line, in which a newer one takes the place of an older of its kind: who
+    drags faster than can be followed sees where the mouse is, not where it was.
+
+    on_error: is given what a change raises; the thread goes on.
+    """
+
+    def __init__(self, on_error: Callable[[Exception], None]) -> None:
+        self._on_error = on_error
+        self._waiting: OrderedDict[Hashable, Callable[[], None]] = OrderedDict()
+        self._news = threading.Condition()
+        self._open = True
+        self._busy = False
+        self._thread = threading.Thread(target=self._work, name="changes", daemon=True)
+        self._thread.start()
+
+    def soon(self, change: Callable[[], None], kind: Hashable = None) -> None:
+        """Make a change after those that wait. kind: of which only the newest is made; None for
+        one that is always made. Nothing happens once this is closed."""
+        with self._news:
+            if self._open:
+                self._waiting[object() if kind is None else kind] = change
+                self._news.notify()
+
+    def close(self) -> None:
+        """Leave out what waits, and return when the change under way is made."""
+        with self._news:
+            self._open = False
+            self._waiting.clear()
+            self._news.notify()
+        if threading.current_thread() is not self._thread:
+            self._thread.join(timeout=5.0)
+
+    def _work(self) -> None:
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._waiting or not self._open)
+                if not self._open:
+                    return
+                _, change = self._waiting.popitem(last=False)
+            try:
+                change()
+            except Exception as error:
+                self._on_error(error)
+
+
+class Stopped(BaseException):
+    """Raised within work that was told to stop; no error, and caught by no handler of errors."""
+
+
+class Job:
+    """Work in a thread.
+
+    Parameters
+    ----------
+    work: is given the job, and tells how far it is by `progress`.
+    on_progress: is given the words and the part that is done, from 0 to 1, or None where nobody
+        knows; called in the thread, as the others.
+    on_done: is given what the work returned; on_error: what it raised; on_stopped: called where it
+        was told to stop.
+    """
+
+    def __init__(
+        self,
+        work: Callable[[Job], Any],
+        on_progress: Callable[[str, float | None], None],
+        on_done: Callable[[Any], None],
+        on_error: Callable[[Exception], None],
+        on_stopped: Callable[[], None],
+    ) -> None:
+        self._work = work
+        self._told = on_progress
+        self._ends = on_done, on_error, on_stopped
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="job", daemon=True)
+        self._thread.start()
+
+    @property
+    def running(self) -> bool:
+        """Whether the work is not at its end."""
+        return self._thread.is_alive()
+
+    def progress(self, words: str, part: float | None = None) -> None:
+        """Tell how far the work is. Raises Stopped where it was told to stop."""
+        if self._stopping.is_set():
+            raise Stopped
+        self._told(words, part)
+
+    def stop(self, wait: float = 0.0) -> None:
+        """Have the work end at its next word of progress; wait up to so many seconds for it."""
+        self._stopping.set()
+        if threading.current_thread() is not self._thread:
+            self._thread.join(timeout=wait)
+
+    def _run(self) -> None:
+        on_done, on_error, on_stopped = self._ends
+        try:
+            done = self._work(self)
+        except Stopped:
+            on_stopped()
+        except Exception as error:
+            on_error(error)
+        else:
+            on_done(done)
+
 
 MOST_DIGITS: Final = 8
 """Of the number of what was clicked."""

@@ -20,8 +20,7 @@ from dicedesign.rest.poses import analyse
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import RESULT
 from dicedesign.runtime.text import printable
-from dicedesign.view.bodies.thinning import MOST_POINTS, farthest_points
-from dicedesign.view.bodies.viewed_body import Outcomes, ViewedBody
+from dicedesign.view.viewed_body import MOST_POINTS, Outcomes, ViewedBody, farthest_points
 
 if TYPE_CHECKING:
     from dicedesign.recipe.planning.work import Work

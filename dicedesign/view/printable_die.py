@@ -24,9 +24,8 @@ from dicedesign.recipe.stages.files import die_contents
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SAME_REST_ANGLE
-from dicedesign.view.dice.design_session import DesignSession
-from dicedesign.view.dice.designed_shape import DesignedShape
-from dicedesign.view.dice.request import SHAPE_FILE
+from dicedesign.view.design_run import SHAPE_FILE, DesignedShape
+from dicedesign.view.design_session import DesignSession
 
 __all__ = ["PrintableDie", "printable_die"]
 

@@ -1,9 +1,4 @@
-"""A die that is designed step by step: run, pause, step, undo.
-
-The solver runs in a thread of its own, as in `dicedesign run`. It tells of each step, and is held
-there while the session is paused. What has changed takes effect at the next step: the design starts
-again from the present shape.
-"""
+"""A session in which a die is designed: its run begins anew where what is asked for changes."""
 
 from __future__ import annotations
 
@@ -18,12 +13,14 @@ from dicedesign.errors import DiceError, InputError
 from dicedesign.fabricate.die import Design
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
-from dicedesign.view.dice.design_run import DesignRun
-from dicedesign.view.dice.designed_shape import DesignedShape
-from dicedesign.view.dice.request import DieRequest
-from dicedesign.view.dice.step_gate import Abandoned, Outdated, StepGate
-
-__all__ = ["DesignSession", "State"]
+from dicedesign.view.design_run import (
+    Abandoned,
+    DesignedShape,
+    DesignRun,
+    DieRequest,
+    Outdated,
+    StepGate,
+)
 
 State = Literal["running", "paused", "done", "failed"]
 

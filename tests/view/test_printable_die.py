@@ -18,10 +18,9 @@ from dicedesign.recipe.schema.typed_target import typed_target
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.result import Result
-from dicedesign.view.dice.design_session import DesignSession
-from dicedesign.view.dice.finishing import PrintableDie, printable_die
-from dicedesign.view.dice.presets import PRESETS
-from dicedesign.view.dice.request import DieRequest
+from dicedesign.view.design_run import PRESETS, DieRequest
+from dicedesign.view.design_session import DesignSession
+from dicedesign.view.printable_die import PrintableDie, printable_die
 
 COIN = {"probabilities": ["1/2", "1/3", "1/6"], "labels": ["heads", "tails", "edge"]}
 

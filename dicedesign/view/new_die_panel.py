@@ -9,18 +9,13 @@ from typing import Any, Final
 from dicedesign.errors import DiceError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.recipe.schema.typed_target import typed_target, written_odds
-from dicedesign.view.bodies.viewed_body import Outcomes, ViewedBody
-from dicedesign.view.dice.design_session import DesignSession
-from dicedesign.view.dice.designed_shape import DesignedShape
-from dicedesign.view.dice.finishing import PrintableDie
-from dicedesign.view.dice.presets import PRESETS
-from dicedesign.view.dice.request import DieRequest
-from dicedesign.view.page.job import Job, Stopped
-from dicedesign.view.page.page import Page
-from dicedesign.view.panels.new_die_files import DieFiles
-from dicedesign.view.panels.new_die_options import DieOptions
-from dicedesign.view.panels.new_die_tables import sentence, session_html
-from dicedesign.view.scenes.exhibit import Exhibit
+from dicedesign.view.design_run import PRESETS, DesignedShape, DieRequest
+from dicedesign.view.design_session import DesignSession
+from dicedesign.view.exhibit import Exhibit
+from dicedesign.view.new_die_parts import DieFiles, DieOptions, sentence, session_html
+from dicedesign.view.page import Job, Page, Stopped
+from dicedesign.view.printable_die import PrintableDie
+from dicedesign.view.viewed_body import Outcomes, ViewedBody
 
 __all__ = ["NewDiePanel"]
 

@@ -10,8 +10,8 @@ import trimesh
 from common.finished_run import box_file
 
 import dicedesign as dd
-from dicedesign.view.bodies.opened import Tell, source_of
-from dicedesign.view.bodies.thinning import MOST_SHOWN, farthest_points, thinned
+from dicedesign.view.sources import Tell, source_of
+from dicedesign.view.viewed_body import MOST_SHOWN, farthest_points, thinned
 
 
 def test_a_mesh_is_itself(tmp_path: Path) -> None:

@@ -15,9 +15,8 @@ from dicedesign.optimize.paper_options import PaperWeights
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
-from dicedesign.view.dice.design_session import DesignSession
-from dicedesign.view.dice.designed_shape import DesignedShape
-from dicedesign.view.dice.request import DieRequest
+from dicedesign.view.design_run import DesignedShape, DieRequest
+from dicedesign.view.design_session import DesignSession
 
 COIN = {"probabilities": ["1/2", "1/3", "1/6"], "labels": ["heads", "tails", "edge"]}
 

@@ -13,15 +13,11 @@ from scipy.spatial.transform import Rotation
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.rest.poses import standing_transform
 from dicedesign.runtime.arrays import Floats
-from dicedesign.view.bodies.thinning import MOST_SHOWN, thinned
-from dicedesign.view.bodies.viewed_body import Solid, ViewedBody
-from dicedesign.view.page.job import Job
-from dicedesign.view.page.page import Page
-from dicedesign.view.scenes.gizmo import met_facet, met_sphere
-from dicedesign.view.scenes.hull import BodyNodes
-from dicedesign.view.scenes.motion import Motion, turned
-from dicedesign.view.scenes.place import SPHERE_AT, SPHERE_RADIUS, Place
-from dicedesign.view.scenes.sphere import Sphere
+from dicedesign.view.body_nodes import BodyNodes, met_facet, met_sphere
+from dicedesign.view.motion import SPHERE_AT, SPHERE_RADIUS, Motion, Place, turned
+from dicedesign.view.page import Job, Page
+from dicedesign.view.sphere import Sphere
+from dicedesign.view.viewed_body import MOST_SHOWN, Solid, ViewedBody, thinned
 
 __all__ = ["Exhibit"]
 

@@ -7,11 +7,11 @@ from typing import Any, Final
 import numpy as np
 
 from dicedesign.runtime.arrays import Floats
-from dicedesign.view.bodies.viewed_body import ViewedBody
-from dicedesign.view.page.page import Page
-from dicedesign.view.scenes.exhibit import Exhibit
-from dicedesign.view.scenes.gizmo import Gizmo
-from dicedesign.view.scenes.settling import settled
+from dicedesign.view.body_nodes import Gizmo
+from dicedesign.view.exhibit import Exhibit
+from dicedesign.view.motion import settled
+from dicedesign.view.page import Page
+from dicedesign.view.viewed_body import ViewedBody
 
 __all__ = ["Dragging"]
 
