@@ -15,6 +15,7 @@ __all__ = [
     "bulging_cube",
     "dented_cube",
     "glancing",
+    "grazing_body",
     "hidden_center",
     "lattice_body",
     "off_balance",
@@ -32,6 +33,14 @@ OFF_CENTER = np.array([0.11, 0.07, -0.03])
 
 GLANCING_SEED = 3
 """A random body in which a separatrix ends at the corner that `glancing` opens."""
+
+
+GRAZING_HEIGHT = 0.14
+"""Of the center of mass over the bottom of `grazing_body`."""
+
+GRAZING_TOP = np.array([[-0.48, 0.41, 1.33], [-0.37, -0.57, 1.41], [-0.92, 1.58, 2.59]])
+"""Its upper corners: with the height and the length of the legs about those with the largest
+gradient of 4,000 bodies drawn at random."""
 
 
 def roof(angle: float, *, centered: bool, tolerance: float | None = None) -> Problem:
@@ -110,6 +119,25 @@ def glancing(growth: float) -> Problem:
     edge = int(np.argmax(np.where(opened, rise, -np.inf)))
     distance = float(norms(r[edge]))
     return Problem(points, center + v[edge] * (rise[edge] - growth * distance))
+
+
+def grazing_body(growth: float, offset: float) -> Problem:
+    """A body in which a separatrix crosses an arc where rho = r_p . v / (|r_p| |v|) is a given
+    growth, and the saddle lies at a distance from the bottom's normal that is the offset times its
+    height: alpha = -u . v is about that distance. The gradient grows like 1 / rho only where alpha
+    vanishes too.
+
+    The bottom is a triangle with a nearly right angle at p, and the foot of the center of mass is
+    at `offset` from the middle of one leg: the saddle's line enters the cell of p and leaves it
+    across the other leg's arc.
+    """
+    center = np.array([0.5, offset, GRAZING_HEIGHT])
+    reach = np.hypot(0.5, offset)
+    tilt = np.arctan2(offset, 0.5)
+    tilt += np.arcsin(growth * np.hypot(reach, GRAZING_HEIGHT) / reach)
+    leg = 1.3 * np.array([-np.sin(tilt), np.cos(tilt), 0.0])
+    bottom = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], leg])
+    return Problem(np.concatenate([bottom, GRAZING_TOP]), center)
 
 
 def opposed(distance: float) -> Problem:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign.bench.measures.gradients.gradient_errors import grazing_body
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.gradient.rest_odds import evaluate_rests
 from tests.reference.condition import derivative_condition, probability_condition
 from tests.reference.random_hulls import random_hull
+from tests.reference.stiff import grazing_body
 
 torch.set_num_threads(1)
 

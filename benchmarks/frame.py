@@ -1,0 +1,258 @@
+"""What all benches share: options, tables and JSON on stdout, pictures, timing, processes.
+
+A bench is a module of this folder that `BENCHES` names. The first line of its docstring says what
+it measures, the rest is the description of `--help`. It has `run(options, report)`, which returns
+whether all is as it should be, and may have `add_options(parser)` for options beside `--quick`,
+`--json`, `--jobs` and `--out`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import gc
+import json
+import os
+import platform
+import sys
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from datetime import UTC, datetime
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from multiprocessing import TimeoutError as NoAnswer
+from multiprocessing import get_context
+from pathlib import Path
+from statistics import median
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from dicedesign.errors import DiceError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+BENCHES: Final = (
+    "accuracy",
+    "concave",
+    "design",
+    "exact",
+    "figure_10",
+    "finished",
+    "gradients",
+    "speed",
+    "stability",
+    "thrown",
+    "train",
+)
+
+PACKAGES: Final = ("dicedesign", "numpy", "scipy", "torch", "trimesh", "manifold3d", "mujoco")
+"""Whose versions are recorded."""
+
+
+class Report:
+    """Prints tables as their rows come, and keeps everything for JSON.
+
+    Attributes
+    ----------
+    record: what JSON will have, tables as lists of rows.
+    figure: a picture to be saved beside it, if a bench sets one.
+    """
+
+    def __init__(self, *, show: bool) -> None:
+        self.record: dict[str, Any] = {}
+        self.figure: Figure | None = None
+        self._show = show
+        self._last = ""
+
+    def table(self, name: str, columns: dict[str, str]) -> Callable[..., None]:
+        """A function that adds a row: a value for each column.
+
+        columns: a format by title, beginning with the width, such as "9.1e" or "28s". None and what
+        is not finite are printed as "-".
+        """
+        widths = [_width(title, form) for title, form in columns.items()]
+        heading = " ".join(
+            f"{title:{_alignment(form)}{width}}"
+            for (title, form), width in zip(columns.items(), widths, strict=True)
+        )
+
+        def add(*values: Any) -> None:
+            row = dict(zip(columns, values, strict=True))
+            self.record.setdefault(name, []).append(row)
+            if name != self._last:
+                self.line(f"\n{heading}")
+                self._last = name
+            cells = zip(values, columns.values(), widths, strict=True)
+            self._print(" ".join(_cell(*cell) for cell in cells).rstrip())
+
+        return add
+
+    def line(self, text: str) -> None:
+        """Print a line that only people read."""
+        self._last = ""
+        self._print(text)
+
+    def _print(self, text: str) -> None:
+        if self._show:
+            print(text, flush=True)
+
+
+def _width(title: str, form: str) -> int:
+    digits = "".join(form.partition(".")[0]).strip("sdgfe%,+")
+    return max(len(title), int(digits or 0))
+
+
+def _alignment(form: str) -> str:
+    return "<" if form.endswith("s") else ">"
+
+
+def _cell(value: Any, form: str, width: int) -> str:
+    missing = value is None or (isinstance(value, float) and not np.isfinite(value))
+    text = "-" if missing else format(value, form)
+    return f"{text:{_alignment(form)}{width}}"
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run a bench: exit code 0 where all is as it should be, 1 where not, 2 for bad input."""
+    name = arguments[0] if arguments and arguments[0] in BENCHES else None
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Measurements.")
+    benches = parser.add_subparsers(title="benches", required=True, metavar="NAME", dest="name")
+    for one in BENCHES if name is None else (name,):
+        module = import_module(f"benchmarks.{one}")
+        line, _, description = (module.__doc__ or "").partition("\n")
+        own = benches.add_parser(one, help=line, description=f"{line}\n{description}")
+        _add_options(own, module)
+    options = parser.parse_args(arguments)
+    report = Report(show=not options.json)
+    try:
+        is_good = bool(options.run(options, report))
+    except DiceError as error:
+        print(f"benchmarks: {error}", file=sys.stderr)
+        return 2
+    text = json.dumps({**_description(), **report.record}, default=_plain, indent=1)
+    if options.json:
+        print(text)
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)
+        (options.out / f"{options.name}.json").write_text(text + "\n")
+        if report.figure is not None:
+            report.figure.savefig(options.out / f"bench_{options.name}.png", dpi=110)
+    return 0 if is_good else 1
+
+
+def _add_options(parser: argparse.ArgumentParser, module: ModuleType) -> None:
+    if hasattr(module, "add_options"):
+        module.add_options(parser)
+    parser.add_argument("--quick", action="store_true", help="only a part, in about a minute")
+    parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count(), metavar="N", help="processes (default: cores)"
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for JSON and a picture")
+    parser.set_defaults(run=module.run)
+
+
+def _description() -> dict[str, str]:
+    """The date (UTC), the machine without names of users or folders, and versions."""
+    described = {
+        "date": datetime.now(UTC).date().isoformat(),
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
+        "python": platform.python_version(),
+    }
+    for package in PACKAGES:
+        try:
+            described[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return described
+
+
+def _plain(value: Any) -> Any:
+    """What JSON has no form for: arrays as lists, dataclasses as objects, others as text."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+    return str(value)
+
+
+def panels(count: int, columns: int, size: tuple[float, float] = (5.0, 3.8)) -> tuple[Figure, Any]:
+    """A figure and its axes, one after the other; those beyond the count are blank."""
+    from matplotlib.figure import Figure
+
+    rows = -(-count // columns)
+    figure = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for blank in axes[count:]:
+        blank.axis("off")
+    return figure, axes[:count]
+
+
+def processes(jobs: int) -> ProcessPoolExecutor:
+    """So many processes for tasks that can be pickled."""
+    return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
+
+
+class Watched:
+    """Calls functions in a process of its own, which is replaced when it hangs or dies."""
+
+    def __enter__(self) -> Watched:
+        self._pool = get_context("spawn").Pool(1)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._pool.terminate()
+
+    def call(self, seconds: float, function: Callable[..., Any], *arguments: Any) -> Any:
+        """`function(*arguments)`. Raises what that raises, and NoAnswer after so many seconds."""
+        try:
+            return self._pool.apply_async(function, arguments).get(seconds)
+        except NoAnswer:
+            self._pool.terminate()
+            self._pool = get_context("spawn").Pool(1)
+            raise NoAnswer(f"no answer in {seconds:g} s, or its process died") from None
+
+
+def time_in_turn(
+    actions: Sequence[Callable[[], Any]], seconds: float, *, rounds: int = 5, row: float = 0.0
+) -> list[float]:
+    """Median processor seconds of each action. They are called in rounds, in random order, so that
+    what slows the machine falls on all alike; a first call of each is not counted.
+
+    seconds: of all rounds together, about; rounds: how many at least.
+    row: seconds for which an action is called again and again when its turn comes; all calls but
+        the first count. At 0 it is called once, and pays for caches that the one before it filled.
+    """
+    taken: list[list[float]] = [[] for _ in actions]
+    for action in actions:
+        action()
+    order = np.random.default_rng(0)
+    was_collecting = gc.isenabled()
+    gc.disable()
+    end = time.process_time() + seconds
+    try:
+        while rounds > 0 or time.process_time() < end:
+            rounds -= 1
+            for index in order.permutation(len(actions)):
+                taken[index] += _repeat(actions[index], row)
+    finally:
+        if was_collecting:
+            gc.enable()
+    return [median(times) for times in taken]
+
+
+def _repeat(action: Callable[[], Any], row: float) -> list[float]:
+    """Seconds of an action's calls in a row."""
+    if row > 0.0:
+        action()
+    times: list[float] = []
+    end = time.process_time() + row
+    while not times or time.process_time() < end:
+        start = time.process_time()
+        action()
+        times.append(time.process_time() - start)
+    return times

@@ -1,0 +1,526 @@
+"""derivatives of probabilities against 60-digit differences
+
+Compare derivatives of probabilities with differences of a 60-digit model: on random hulls of
+triangles, on bodies with facets of many sides and their half-spaces, on bodies with paths that
+glance or graze, and just before and after the events at which probabilities or gradients jump; and
+time them. Exits 1 where an error is beyond its limit.
+
+What the derivative is where corners leave a facet: see `tests.reference.oracle_derivatives`.
+So where the center of mass is given all corners move at random, and the body of the oracle breaks.
+Facets of more than three sides of a uniform solid are moved by a linear map, which keeps them flat.
+Half-spaces move at random where three facets meet in each corner, else by a linear map too.
+
+A path in the cell of p enters at u and crosses the arc of an edge vector v. With unit vectors,
+rho = r_p . v and alpha = -u . v, its direction changes by at most |d(rho, alpha)| over
+sqrt(rho^2 + alpha^2). So rho -> 0 alone is harmless (glancing): the gradient grows like 1 / rho
+only where alpha vanishes too (grazing), where the path enters beside the end of the arc.
+
+Four kinds of events there are while the center of mass moves. A facet becomes a rest, or a path
+passes the normal of a facet that is rolled onto over an edge: probabilities jump. A corner becomes
+a maximum, or a path passes the normal of another facet: only the gradient jumps.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any, Final
+
+import numpy as np
+import torch
+
+from benchmarks.frame import Report, time_in_turn
+from dicedesign import (
+    FacetCoordinates,
+    RestEvaluation,
+    evaluate_rests,
+    hendecahedron,
+    prism,
+    repulsion,
+)
+from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.rest.equilibria import classify
+from dicedesign.rest.morse import separatrices
+from dicedesign.rest.tracing import destined_facets
+from dicedesign.runtime.arrays import Floats
+from tests.reference import solids
+from tests.reference.condition import derivative_condition
+from tests.reference.extremes import large
+from tests.reference.oracle_derivatives import (
+    as_floats,
+    broken_derivative,
+    corner_motion,
+    derivative,
+    half_space_motion,
+    oracle_derivative,
+)
+from tests.reference.problem import Problem, turned
+from tests.reference.random_hulls import random_hull
+from tests.reference.stiff import glancing, grazing_body
+
+MEDIAN_LIMIT: Final = 1e-8
+"""Of the relative errors of many hulls."""
+
+ERROR_FLOOR, CONDITION_FACTOR = 1e-13, 10.0
+"""An error may be the first on any body, else so many times the derivative's own condition times
+machine epsilon."""
+
+OFF_CENTER: Final = 0.2
+"""How far a given center of mass is from the centroid, over its distance from the nearest facet."""
+
+EVENT_BODIES: Final = range(20, 50)
+"""Random hulls that meet each kind of event several times."""
+
+BESIDE: Final = 1e-10
+"""Distance from an event, over the body's radius, at which both sides are looked at."""
+
+JUMP, KINK, EVENT_ERROR = 1e-6, 1e-7, 1e-8
+"""A probability has jumped that differs by more; a derivative that differs by more of the largest;
+the largest error of derivatives beside an event."""
+
+RESTS, DESTINATION, MAXIMUM, PATH = EVENTS = (
+    "a facet becomes a rest",
+    "a path meets a facet rolled onto",
+    "a corner becomes a maximum",
+    "a path meets another facet",
+)
+"""In each, the other way round is meant too."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Errors of derivatives over the largest one.
+
+    Attributes
+    ----------
+    sides: most of a facet.
+    gradient: of gradients one by one; jacobian: of `RestEvaluation.jacobian`.
+    broken: of the same from the sum over the triangles into which facets break; half_spaces: of
+        the Jacobian in `FacetCoordinates`; None where they do not apply.
+    size: largest norm of a probability's gradient, times the body's radius.
+    """
+
+    sides: int
+    gradient: float
+    jacobian: float
+    broken: float | None
+    half_spaces: float | None
+    size: float
+    limit: float
+
+    @property
+    def is_right(self) -> bool:
+        """Whether all errors are within the limit."""
+        errors = (self.gradient, self.jacobian, self.broken or 0.0, self.half_spaces or 0.0)
+        return max(errors) <= self.limit
+
+
+def run(options: argparse.Namespace, report: Report) -> bool:
+    """All parts."""
+    quick = options.quick
+    are_good = [
+        compare_hulls(100 if quick else 1000, report),
+        compare_polygons(12 if quick else None, 20 if quick else 200, report),
+        compare_growths(6 if quick else 14, report),
+        compare_events(3 if quick else len(EVENT_BODIES), report),
+    ]
+    time_derivatives(0.1 if quick else 1.0, report)
+    return all(are_good)
+
+
+def compare(
+    problem: Problem, *, seed: int, is_file: bool = False, with_center: bool = False
+) -> Comparison:
+    """Compare the derivatives of a body with at least two rests in one direction.
+
+    is_file: whether its facets are flat to single precision only. with_center: whether a given
+    center of mass moves too.
+    """
+    rng = np.random.default_rng([seed, len(problem.points), problem.center is None])
+
+    def hull_of(points: Floats) -> ConvexHull:
+        return convex_hull(points, single_precision=is_file)
+
+    center = None if problem.center is None else torch.tensor(problem.center, requires_grad=True)
+    points = torch.tensor(hull_of(problem.points).vertices, requires_grad=True)
+    rests = evaluate_rests(points, center, hull_of)
+    hull = rests.hull
+    sides = int(np.diff(hull.facet_start).max())
+    stretch = rng.normal(size=(3, 3))
+    along = (hull.vertices - hull.centroid) @ stretch.T
+    if center is not None or sides == 3:
+        along = float(norms(along).max()) * rng.normal(size=along.shape)
+    center_along = float(with_center) * rng.normal(size=3)
+    motion = corner_motion(hull, problem.center, along, center_along)
+    exact = as_floats(derivative(motion))
+    variables = [rests.vertices] if center is None else [rests.vertices, center]
+    found, by_center, size = [], [], 0.0
+    for one in rests.probabilities:
+        parts = torch.autograd.grad(one, variables, retain_graph=True)
+        by_center.append(float(parts[1].numpy() @ center_along) if center is not None else 0.0)
+        found.append(float(np.vdot(parts[0].numpy(), along)) + by_center[-1])
+        size = max(size, sum(float((part**2).sum()) for part in parts) ** 0.5)
+    jacobian = rests.jacobian @ along.ravel() + by_center
+    broken = half_spaces = None
+    if center is not None and sides > 3 and not is_file:
+        broken = relative_error(rests, jacobian, as_floats(broken_derivative(motion)))
+    if sides > 3 and not is_file:
+        half_spaces = half_space_error(hull, problem.center, stretch, rng)
+    errors = [relative_error(rests, values, exact) for values in (np.array(found), jacobian)]
+    limit = ERROR_FLOOR
+    if max(*errors, broken or 0.0, half_spaces or 0.0) > limit:
+        condition = derivative_condition(hull, problem.center, along, center_along)
+        limit = max(limit, CONDITION_FACTOR * condition * float(np.finfo(np.float64).eps))
+    radius = float(norms(hull.vertices - rests.equilibria.center_of_mass).max())
+    return Comparison(sides, *errors, broken, half_spaces, size * radius, limit)
+
+
+def half_space_error(
+    hull: ConvexHull, center: Floats | None, stretch: Floats, rng: np.random.Generator
+) -> float:
+    """Largest error of the derivatives where the half-spaces of a hull move."""
+    coordinates, parameters = FacetCoordinates.of(hull.vertices, hull.centroid)
+    if (np.bincount(hull.tail) == 3).all():
+        along = rng.normal(size=parameters.shape)
+    else:
+        # (n - t A^T n) . x = d: of the unit normal the logarithm of d grows with t n . A^T n.
+        normals = parameters[: 3 * len(hull.normals)].reshape(-1, 3)
+        turning = normals @ stretch
+        along = np.concatenate([-turning.ravel(), (normals * turning).sum(axis=1)])
+    shape = coordinates.shape(parameters)
+    given = None if center is None else torch.tensor(center)
+    rests = evaluate_rests(torch.tensor(shape.points, requires_grad=True), given)
+    jacobian = shape.in_parameters(rests.jacobian, rests.hull.source)
+    motion = half_space_motion(rests.hull, center, coordinates.origin, parameters, along)
+    return relative_error(rests, jacobian @ along, as_floats(derivative(motion)))
+
+
+def relative_error(rests: RestEvaluation, found: Floats, exact: Floats) -> float:
+    """Largest difference of derivatives (k,) of the rests from those (m,) of all facets, over the
+    largest of these."""
+    of_facets = np.zeros(len(exact))
+    of_facets[rests.paths.rests] = found
+    return float(np.abs(of_facets - exact).max() / np.abs(exact).max())
+
+
+def compare_hulls(count: int, report: Report) -> bool:
+    """Random hulls of triangles, by kind."""
+    groups: dict[str, list[Comparison]] = {}
+    for number in range(count):
+        kind, problem = random_hull(number)
+        what = "uniform" if problem.center is None else "given center"
+        found = compare(problem, seed=number, with_center=True)
+        groups.setdefault(f"{kind}, {what}", []).append(found)
+    every = [one for group in groups.values() for one in group]
+    row = report.table(
+        "hulls",
+        {"random hulls": "30s", "hulls": "6d", "median": "9.1e", "worst": "9.1e"}
+        | {"Jacobian": "9.1e", "not ok": "6d"},
+    )
+    for name, group in [*sorted(groups.items()), ("all", every)]:
+        errors = [one.gradient for one in group]
+        jacobian, wrong = max(one.jacobian for one in group), sum(not one.is_right for one in group)
+        row(name, len(group), float(np.median(errors)), max(errors), jacobian, wrong)
+    median = float(np.median([one.gradient for one in every]))
+    return median <= MEDIAN_LIMIT and all(one.is_right for one in every)
+
+
+def compare_polygons(named: int | None, random: int, report: Report) -> bool:
+    """Bodies with facets of many sides, each with and without a given center of mass."""
+    groups: dict[str, list[Comparison]] = {}
+    for name, body in islice(polygon_bodies(), named):
+        for problem in (body, with_center(body, 0)):
+            found = compare(problem, seed=0, is_file=name.endswith("as a file"))
+            groups.setdefault(name.removesuffix(", turned"), []).append(found)
+    for number in range(random):
+        body = random_polyhedron(number)
+        problem = body if number % 2 == 0 else with_center(body, number)
+        groups.setdefault("random polyhedra", []).append(compare(problem, seed=number))
+    every = [one for group in groups.values() for one in group]
+    row = report.table(
+        "polygons",
+        {"polygons": "30s", "bodies": "6d", "sides": "5d", "gradient": "9.1e"}
+        | {"Jacobian": "9.1e", "broken": "9.1e", "half-spaces": "9.1e", "not ok": "6d"},
+    )
+    for name, group in [*groups.items(), ("all", every)]:
+        errors = [
+            max((v for one in group if (v := getattr(one, key)) is not None), default=None)
+            for key in ("gradient", "jacobian", "broken", "half_spaces")
+        ]
+        wrong = sum(not one.is_right for one in group)
+        row(name, len(group), max(one.sides for one in group), *errors, wrong)
+    return all(one.is_right for one in every)
+
+
+def polygon_bodies() -> Iterator[tuple[str, Problem]]:
+    """Uniform dice and solids, as they are and turned, and dice in single precision."""
+    named = {
+        "cube": solids.platonic("cube").points,
+        "box 1 x 2 x 3": solids.box(1.0, 2.0, 3.0).points,
+        "octahedron": solids.platonic("octahedron").points,
+        "dodecahedron": solids.platonic("dodecahedron").points,
+        **{f"prism {sides}": solids.prism(sides).points for sides in (3, 5, 12)},
+        "antiprism 5": solids.antiprism(5).points,
+        "truncated octahedron": solids.archimedean("truncated octahedron").points,
+        "prism with caps": prism(5).points,
+    }
+    dice = {
+        "2d6 hendecahedron": hendecahedron("bisymmetric").points,
+        **{f"{facets} facets apart": repulsion(facets, 0).points for facets in (12, 20)},
+    }
+    for number, (name, points) in enumerate({**named, **dice}.items()):
+        yield name, Problem(points)
+        yield f"{name}, turned", turned(Problem(points), number)
+    for name, points in dice.items():
+        yield f"{name}, as a file", Problem(points.astype(np.float32).astype(np.float64))
+
+
+def with_center(body: Problem, seed: int) -> Problem:
+    """The body with a given center of mass near its centroid."""
+    hull = convex_hull(body.points)
+    aside = unit_vectors(np.random.default_rng([seed, 1]).normal(size=3))
+    offset = OFF_CENTER * float(hull.heights(hull.centroid).min())
+    return Problem(body.points, hull.centroid + offset * aside)
+
+
+def random_polyhedron(number: int) -> Problem:
+    """Random half-spaces, 5 to 24 of them, whose corners three facets share."""
+    rng = np.random.default_rng([21, number])
+    while True:
+        facets = int(rng.integers(5, 25))
+        normals = unit_vectors(rng.normal(size=(facets, 3)))
+        try:
+            hull = convex_hull(polyhedron_corners(normals, np.exp(0.2 * rng.normal(size=facets))))
+        except (ArithmeticError, ValueError):
+            continue
+        rests = evaluate_rests(torch.tensor(hull.vertices))
+        if np.abs(hull.vertices).max() < 10.0 and len(rests.paths.rests) > 1:
+            return Problem(hull.vertices)
+
+
+def compare_growths(count: int, report: Report) -> bool:
+    """Bodies in which rho vanishes alone, crossed and just not, and others in which alpha does
+    too: of four offsets alpha / rho the one with the largest gradient."""
+    row = report.table(
+        "growths",
+        {"path": "10s", "r_p . v": "9.1e", "gradient": "9.1e", "error": "9.1e", "limit": "9.1e"},
+    )
+    sizes, is_good = [], True
+    for power in range(1, count + 1):
+        growth = 10.0**-power
+        grazing = [
+            turned(grazing_body(growth, ratio * growth), power)
+            for ratio in (0.01, 0.1, 1.0, 10.0)
+            if ratio * growth <= 0.1
+        ]
+        rows = [("glancing", sign * growth, [glancing(sign * growth)]) for sign in (1.0, -1.0)]
+        if power < count:
+            rows.append(("grazing", growth, grazing))
+        for name, rho, problems in rows:
+            found = max(
+                (compare(one, seed=0, with_center=True) for one in problems), key=lambda c: c.size
+            )
+            row(name, rho, found.size, max(found.gradient, found.jacobian), found.limit)
+            is_good &= found.is_right
+            if name == "grazing" and power >= 3:
+                sizes.append((np.log(rho), np.log(found.size)))
+    exponent = float(np.polyfit(*np.transpose(sizes), 1)[0])
+    report.line(f"the gradient of grazing paths grows like (r_p . v)^{exponent:.4f}")
+    report.record["grazing exponent"] = exponent
+    return is_good
+
+
+@dataclass(frozen=True)
+class Event:
+    """What probabilities and derivatives do at a change of decisions.
+
+    Attributes
+    ----------
+    jump: largest difference of a probability; slope: largest derivative beside it, for a move by
+        the body's radius; kink, error: largest difference of derivatives from those on the other
+        side, and from the oracle's, over the slope.
+    """
+
+    kind: str
+    jump: float
+    slope: float
+    kink: float
+    error: float
+
+    @property
+    def is_right(self) -> bool:
+        """Whether it jumps as its kind does, and both derivatives are right."""
+        return (self.jump > JUMP) == (self.kind in (RESTS, DESTINATION)) and (
+            self.error <= EVENT_ERROR
+        )
+
+
+def compare_events(bodies: int, report: Report) -> bool:
+    """Events on the way of the center of mass of random bodies, by kind."""
+    events = [event for number in EVENT_BODIES[:bodies] for event in Walk(number).events()]
+    row = report.table(
+        "events",
+        {"event": "34s", "met": "5d", "odds jump": "5d", "only slope": "5d", "slope": "9.1e"}
+        | {"error": "9.1e", "not ok": "6d"},
+    )
+    for kind in EVENTS:
+        met = [event for event in events if event.kind == kind]
+        jumps = sum(event.jump > JUMP for event in met)
+        kinks = sum(event.jump <= JUMP and event.kink > KINK for event in met)
+        slope = max((event.slope for event in met), default=0.0)
+        error = max((event.error for event in met), default=0.0)
+        row(kind, len(met), jumps, kinks, slope, error, sum(not e.is_right for e in met))
+    return all(event.is_right for event in events)
+
+
+class Walk:
+    """The center of mass of a random hull on its way from the centroid, half the way out."""
+
+    def __init__(self, number: int) -> None:
+        self.hull = convex_hull(random_hull(number)[1].points)
+        self.direction = unit_vectors(np.random.default_rng(number).normal(size=3))
+        self.radius = float(norms(self.hull.vertices - self.hull.centroid).max())
+        along = self.hull.normals @ self.direction * self.radius
+        heights = self.hull.heights(self.hull.centroid)
+        self.reach = 0.5 * min(1.0, float((heights[along > 0.0] / along[along > 0.0]).min()))
+
+    def center(self, time: float) -> Floats:
+        """Of mass (3,), at a time of which 1 is the body's radius."""
+        return self.hull.centroid + time * self.radius * self.direction
+
+    def decisions(self, time: float) -> dict[str, Floats]:
+        """What the hull does, as an array for each kind of event."""
+        hull, equilibria = self.hull, classify(self.hull, self.center(time))
+        paths = separatrices(equilibria)
+        rolling = equilibria.roll_edge[equilibria.roll_edge >= 0]
+        onto = np.concatenate(
+            [hull.facet[np.flatnonzero(equilibria.saddle)], hull.facet[hull.twin[rolling]]]
+        )
+        destined = np.full(len(hull.normals), -1)
+        destined[onto] = destined_facets(equilibria, onto)
+        steps = np.arange(paths.crossed.shape[1])
+        crossed = np.where((steps < paths.lengths[:, None])[..., None], paths.crossed, -1)
+        return {
+            RESTS: equilibria.stable,
+            MAXIMUM: equilibria.maximum,
+            DESTINATION: destined,
+            PATH: crossed,
+        }
+
+    def events(self) -> Iterator[Event]:
+        """Each place where decisions change, found by bisection."""
+        times = np.linspace(0.0, self.reach, 100)
+        decisions = [self.decisions(time) for time in times]
+        for index in range(len(times) - 1):
+            low, high = times[index : index + 2]
+            before, after = decisions[index : index + 2]
+            if kind_between(before, after) is None:
+                continue
+            for _ in range(30):
+                middle = 0.5 * (low + high)
+                between = self.decisions(middle)
+                if kind_between(before, between) is None:
+                    low = middle
+                else:
+                    high, after = middle, between
+            kind = kind_between(before, after)
+            sides = low - BESIDE, high + BESIDE
+            # Else another event is so near that it would be seen along with this one.
+            alone = [
+                kind_between(decided, self.decisions(side)) is None
+                for decided, side in zip((before, after), sides, strict=True)
+            ]
+            if kind is not None and all(alone):
+                yield self.event(kind, sides)
+
+    def event(self, kind: str, sides: tuple[float, float]) -> Event:
+        """Probabilities and derivatives on both sides, and the oracle's."""
+        (p, dp), (q, dq) = (self.slopes(side) for side in sides)
+        slope = max(float(np.abs(dp).max()), float(np.abs(dq).max()))
+        still, moving = np.zeros_like(self.hull.vertices), self.radius * self.direction
+        error = max(
+            float(np.abs(d - oracle_derivative(self.hull, self.center(side), still, moving)).max())
+            for side, d in zip(sides, (dp, dq), strict=True)
+        )
+        kink = float(np.abs(dp - dq).max())
+        return Event(kind, float(np.abs(p - q).max()), slope, kink / slope, error / slope)
+
+    def slopes(self, time: float) -> tuple[Floats, Floats]:
+        """Probabilities (m,) of all facets, and their derivatives (m,)."""
+        center = torch.tensor(self.center(time), requires_grad=True)
+        vertices = torch.tensor(self.hull.vertices)
+        rests = RestEvaluation(classify(self.hull, self.center(time)), vertices, center)
+        values, slopes = np.zeros((2, len(self.hull.normals)))
+        for facet, probability in zip(rests.paths.rests, rests.probabilities, strict=True):
+            values[facet] = probability.item()
+            (gradient,) = torch.autograd.grad(probability, center, retain_graph=True)
+            slopes[facet] = gradient.numpy() @ self.direction * self.radius
+        return values, slopes
+
+
+def kind_between(before: dict[str, Floats], after: dict[str, Floats]) -> str | None:
+    """Which of `EVENTS` lies between two decisions, if any."""
+    for kind in (RESTS, MAXIMUM):
+        if (before[kind] != after[kind]).any():
+            return kind
+    both = (before[DESTINATION] >= 0) & (after[DESTINATION] >= 0)
+    if (before[DESTINATION] != after[DESTINATION])[both].any():
+        return DESTINATION
+    return None if np.array_equal(before[PATH], after[PATH]) else PATH
+
+
+def time_derivatives(seconds: float, report: Report) -> None:
+    """Times of derivatives, as multiples of that of the hull, which all include."""
+    row = report.table(
+        "times",
+        {"times hull": "28s", "rests": "5d", "hull ms": "9.4f"}
+        | dict.fromkeys(("odds", "gradient", "Jacobian", "1 by 1", "half-spaces"), "9.2f"),
+    )
+    for name, points in {
+        "cube": solids.platonic("cube").points,
+        "2d6 hendecahedron": hendecahedron("bisymmetric").points,
+        "30 facets apart": repulsion(30, 0).points,
+        "ellipsoid of 1,000 points": large(1000).points,
+    }.items():
+        hull, *others = time_in_turn(works_of(points), seconds)
+        rests = len(evaluate_rests(torch.tensor(points)).odds)
+        row(name, rests, 1e3 * hull, *(taken / hull for taken in others))
+
+
+def works_of(points: Floats) -> list[Callable[[], Any]]:
+    """The hull, the odds, the gradient of one weighted sum of them, those of all at once, one by
+    one, and from half-spaces and in these."""
+    rests = evaluate_rests(torch.tensor(points))
+    coordinates, parameters = FacetCoordinates.of(rests.hull.vertices, rests.hull.centroid)
+
+    def evaluated() -> RestEvaluation:
+        return evaluate_rests(torch.tensor(points, requires_grad=True))
+
+    def gradient() -> Any:
+        found = evaluated()
+        return torch.autograd.grad((found.probabilities**2).sum(), found.vertices)
+
+    def one_by_one() -> Any:
+        found = evaluated()
+        return [
+            torch.autograd.grad(value, found.vertices, retain_graph=True)
+            for value in found.probabilities
+        ]
+
+    def half_spaces() -> Any:
+        shape = coordinates.shape(parameters)
+        found = evaluate_rests(torch.tensor(shape.points))
+        return shape.in_parameters(found.jacobian, found.hull.source)
+
+    return [
+        lambda: convex_hull(points),
+        lambda: evaluated().odds,
+        gradient,
+        lambda: evaluated().jacobian,
+        one_by_one,
+        half_spaces,
+    ]

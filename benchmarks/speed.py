@@ -1,0 +1,295 @@
+"""time of a query and of a gradient, as multiples of a convex hull's
+
+Measure how long a query and the gradient of a design's energy take, as multiples of
+scipy.spatial.ConvexHull on the same points, in processor time of one thread; what a trial step of a
+design takes; and whole programs on the wall: their start, memory, a folder of meshes by several
+jobs. The picture has run times over 10 to 1,000,000 points on a sphere (1,000 with --quick).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import cycle
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from benchmarks.accuracy import stable_poses
+from benchmarks.frame import Report, Watched, panels, time_in_turn
+from dicedesign import (
+    EnergyWeights,
+    FacetCoordinates,
+    RestPoses,
+    VertexCoordinates,
+    hendecahedron,
+    read_body,
+    rest_poses,
+    sum_of_dice,
+)
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.reuse import HullMemory
+from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.optimize.energy.objective import Objective
+from dicedesign.optimize.solvers.candidate import CandidateMaker
+from dicedesign.runtime.arrays import Floats
+from tests.reference.extremes import large
+from tests.reference.sampled import lattice_directions, random_directions
+
+PAPER: Final = EnergyWeights(stability=0.0)
+"""The dice energy with the paper's three regularizers (eq. 16)."""
+
+MOST_GRADIENT: Final = 20_000
+"""Points of which a gradient is still measured."""
+
+MOST_TRIMESH: Final = 2000
+"""Corners of a hull for which trimesh is asked; it takes a second for 1,000."""
+
+TRIMESH_SECONDS: Final = 60.0
+"""After which it is stopped."""
+
+ROW: Final = 2e-3
+"""Seconds that a work is repeated when it has its turn."""
+
+CPP: Final = {
+    "tetrahedron": (2.0, None),
+    "corner of a cube": (2.0, None),
+    "2d6 die of 11 facets": (None, 9.0),
+    "100 on a sphere": (3.4, None),
+    "1,000 on a sphere": (None, 25.0),
+    "1,000 on an ellipsoid": (3.0, None),
+    "spot": (1.9, 2.3),
+    "bunny": (1.75, 1.4),
+}
+"""What the paper's public C++ implementation took for probabilities and for a gradient, times as
+long as Qhull, measured earlier on another machine."""
+
+SIZES: Final = (10, 30, 100, 300, 1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
+"""Points of the picture."""
+
+FILES: Final = 2000
+"""Meshes of the folder."""
+
+MEMORY_POINTS: Final = 100_000
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """What else is measured."""
+    parser.add_argument("meshes", nargs="*", type=Path, metavar="MESH")
+
+
+def run(options: argparse.Namespace, report: Report) -> bool:
+    """All tables."""
+    rounds, seconds = (5, 0.0) if options.quick else (20, 1.0)
+    cases = dict(built_in_cases(100 if options.quick else 100_000))
+    cases |= {path.stem: read_body(path).points for path in options.meshes}
+    names = {"case": "26s", "points": "8d", "corners": "7d", "rests": "6d", "hull ms": "9.4f"}
+    ratios = ("query", "C++", "gradient", "C++ gradient", "trimesh")
+    row = report.table("cases", {**names, **dict.fromkeys(ratios, "8.2f")})
+    with Watched() as process:
+        for name, points in cases.items():
+            hull, query, gradient, trimesh, poses = measure(points, rounds, seconds, process)
+            cpp = CPP.get(name, (None, None))
+            counts = (len(points), len(poses.hull.vertices), len(poses.normals))
+            row(name, *counts, 1e3 * hull, query, cpp[0], gradient, cpp[1], trimesh)
+        part = report.table(
+            "parts", {"part of a design": "32s", "body": "22s", "ms": "9.4f", "hulls": "8.2f"}
+        )
+        for body, corners, works in design_parts():
+            actions: list[Callable[[], Any]] = [partial(ConvexHull, corners), *works.values()]
+            hull, *others = time_in_turn(actions, seconds, rounds=rounds, row=ROW)
+            for what, taken in zip(works, others, strict=True):
+                part(what, body, 1e3 * taken, taken / hull)
+        measure_programs(report, quick=options.quick)
+        if options.out is not None:
+            most = 1000 if options.quick else SIZES[-1]
+            report.figure = draw([size for size in SIZES if size <= most], process)
+    return True
+
+
+def built_in_cases(most: int) -> Iterator[tuple[str, Floats]]:
+    """Dice, dense hulls, and a surface with dents, of at most so many points."""
+    cases = {
+        "tetrahedron": random_directions(4, 0) * [1.0, 0.8, 0.7],
+        "corner of a cube": np.concatenate([np.zeros((1, 3)), np.eye(3)]),
+        **{f"{count} on a sphere": random_directions(count, 0) for count in (8, 12, 20)},
+        "2d6 die of 11 facets": hendecahedron("bisymmetric").points,
+        **{f"{count:,} on a sphere": random_directions(count, 0) for count in (100, 1000)},
+        "1,000 on an ellipsoid": large(1000).points,
+        "5,000 on a dented surface": dented(5000),
+        "100,000 on a sphere": random_directions(100_000, 0),
+    }
+    yield from ((name, points) for name, points in cases.items() if len(points) <= most)
+
+
+def dented(count: int) -> Floats:
+    """Points (n, 3) on a ball with six round bumps; what lies between these is inside the hull."""
+    directions = lattice_directions(count, 0)
+    height = np.exp(8.0 * (directions @ random_directions(6, 1).T - 1.0)).sum(axis=1)
+    return directions * (0.5 + height)[:, None]
+
+
+def measure(
+    points: Floats, rounds: int, seconds: float, process: Watched
+) -> tuple[float, float, float | None, float | None, RestPoses]:
+    """Seconds of scipy's hull, multiples of it of a query, of a gradient and of trimesh, hulls
+    included, and the rests."""
+    poses = rest_poses(points)
+    works: list[Callable[[], Any]] = [
+        partial(ConvexHull, points),
+        lambda: rest_poses(points).probabilities,
+    ]
+    is_large = len(points) > MOST_GRADIENT
+    if not is_large:
+        is_die = len(poses.hull.vertices) <= 20
+        directions = poses.normals if is_die else np.eye(3)
+        target = np.full(len(directions), 1.0 / len(directions))
+        objective = Objective(VertexCoordinates(np.zeros(3), 1.0), target, PAPER, None)
+        works.append(lambda: objective.evaluate(points.ravel(), directions).gradient)
+    hull, query, *others = time_in_turn(works, seconds, rounds=rounds, row=0.0 if is_large else ROW)
+    trimesh = None
+    if len(poses.hull.vertices) <= MOST_TRIMESH:
+        corners = poses.hull.vertices, poses.hull.triangles, poses.center_of_mass
+        try:
+            trimesh = process.call(TRIMESH_SECONDS, time_trimesh, *corners) / hull
+        except Exception as error:
+            print(f"note: trimesh: {error}", file=sys.stderr)
+    return hull, query / hull, others[0] / hull if others else None, trimesh, poses
+
+
+def time_trimesh(*corners: Any) -> float:
+    """Processor seconds of trimesh, which computes the hull itself."""
+    return time_in_turn([partial(stable_poses, *corners)], 0.0, rounds=3)[0]
+
+
+def design_parts() -> Iterator[tuple[str, Floats, dict[str, Callable[[], Any]]]]:
+    """Bodies, their corners, and the parts of a design that repeat most, by name."""
+    rng = np.random.default_rng(0)
+    start = hendecahedron("bisymmetric")
+    facets, place = FacetCoordinates.of(start.points, np.zeros(3))
+    places = [place + 1e-2 * rng.normal(size=place.shape)]
+    places.append(places[0] + 1e-4 * rng.normal(size=place.shape))
+    die = Objective(facets, sum_of_dice([6, 6]).probabilities, PAPER, None)
+    maker, there = CandidateMaker(None), cycle(places)
+    works = {
+        **trial_steps(die, places, start.directions),
+        "trial of the exact method": lambda: (
+            maker.attempt(facets, next(there), start.directions).odds
+        ),
+        "trial and Jacobian of all odds": lambda: (
+            maker.attempt(facets, next(there), start.directions).odds_jacobian
+        ),
+    }
+    yield "2d6 die of 11 facets", facets.shape(places[0]).points, works
+    points = large(500).points
+    vertices, place = VertexCoordinates.of(points, np.zeros(3))
+    places = [place, place + 1e-6 * rng.normal(size=place.shape)]
+    dense = Objective(vertices, np.full(3, 1.0 / 3.0), PAPER, None)
+    yield "500 on an ellipsoid", points, trial_steps(dense, places, np.eye(3))
+
+
+def trial_steps(
+    objective: Objective, places: list[Floats], directions: Floats
+) -> dict[str, Callable[[], Any]]:
+    """Energies at places near to each other, to and fro."""
+    there, elsewhere = cycle(places), cycle(places)
+
+    def fresh() -> float:
+        forgetful = replace(objective, shapes=HullMemory(), polars=HullMemory())
+        return forgetful.evaluate(next(elsewhere), directions).value
+
+    return {
+        "trial step, edges known": lambda: objective.evaluate(next(there), directions).value,
+        "trial step, new hull": fresh,
+    }
+
+
+def measure_programs(report: Report, *, quick: bool) -> None:
+    """Starts on the wall, and unless it is to be quick memory and a folder of meshes."""
+    row = report.table("programs", {"whole program, on the wall": "40s", "s": "8.3f", "/s": "8.0f"})
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        write_meshes(folder, 1)
+        for program, arguments in {
+            "python": ("-c", "pass"),
+            "python, import of scipy.spatial": ("-c", "import scipy.spatial"),
+            "python, import of torch": ("-c", "import torch"),
+            "dicedesign rest FILE": ("-m", "dicedesign", "rest", "0.stl"),
+        }.items():
+            row(program, median(wall_seconds(arguments, folder) for _ in range(5)), None)
+        if quick:
+            return
+        write_meshes(folder / "meshes", FILES)
+        for jobs in sorted({1, os.cpu_count() or 1}):
+            table = str(folder / f"{jobs}.csv")
+            command = ("-m", "dicedesign", "rest", "meshes", "--out", table, "--jobs", str(jobs))
+            seconds = wall_seconds(command, folder)
+            row(f"dicedesign rest FOLDER, {FILES} meshes, {jobs} jobs", seconds, FILES / seconds)
+    memory = report.table("memory", {f"{MEMORY_POINTS:,} points, peak": "30s", "MB": "8.0f"})
+    for work in ("points and libraries", "ConvexHull(points)", "rest_poses(points)"):
+        memory(work, peak_memory(work if "(" in work else "pass"))
+
+
+def write_meshes(folder: Path, count: int) -> None:
+    """STL files of random hulls of 8 to 99 points."""
+    folder.mkdir(exist_ok=True)
+    for number in range(count):
+        corners = int(np.random.default_rng(number).integers(8, 100))
+        hull = convex_hull(random_directions(corners, number) * [1.0, 0.8, 0.7])
+        (folder / f"{number}.stl").write_bytes(stl_bytes(hull.vertices, hull.triangles))
+
+
+def wall_seconds(arguments: tuple[str, ...], folder: Path) -> float:
+    """Seconds that Python takes with arguments in a folder."""
+    start = time.perf_counter()
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, *arguments]
+    subprocess.run(command, cwd=folder, env=paths, capture_output=True, check=True)
+    return time.perf_counter() - start
+
+
+def peak_memory(work: str) -> float | None:
+    """Megabytes that a process held at most for a work with many points."""
+    code = (
+        "import json; from scipy.spatial import ConvexHull; from dicedesign import rest_poses\n"
+        "from dicedesign.runtime.clock import peak_megabytes\n"
+        "from tests.reference.sampled import random_directions\n"
+        f"rest_poses(random_directions(20, 0)); points = random_directions({MEMORY_POINTS}, 0)\n"
+        f"{work}\nprint(json.dumps(peak_megabytes()))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    megabytes: float | None = json.loads(done.stdout)
+    return megabytes
+
+
+def draw(sizes: list[int], process: Watched) -> Any:
+    """Seconds over points on a sphere, on logarithmic axes."""
+    curves: dict[str, list[tuple[int, float]]] = {}
+    for size in sizes:
+        hull, query, gradient, trimesh, _ = measure(random_directions(size, 0), 3, 0.0, process)
+        for name, ratio in (
+            ("scipy.spatial.ConvexHull", 1.0),
+            ("all resting probabilities, hull included", query),
+            ("energy and gradient, hull included", gradient),
+            ("trimesh, stable poses, hull included", trimesh),
+        ):
+            if ratio is not None:
+                curves.setdefault(name, []).append((size, ratio * hull))
+    figure, (axis,) = panels(1, 1, (8.0, 5.5))
+    for name, points in curves.items():
+        axis.loglog(*zip(*points, strict=True), marker="o", label=name)
+    axis.set(title="Random points on a sphere", xlabel="points", ylabel="seconds")
+    axis.grid(alpha=0.3)
+    axis.legend()
+    return figure
