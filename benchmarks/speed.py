@@ -40,7 +40,7 @@ from dicedesign import (
 )
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.reuse import HullMemory
-from dicedesign.geometry.meshes.stl import stl_bytes
+from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.optimize.energy.objective import Objective
 from dicedesign.optimize.solvers.candidate import CandidateMaker
 from dicedesign.runtime.arrays import Floats

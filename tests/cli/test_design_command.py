@@ -13,7 +13,7 @@ import yaml
 from check_outputs import check
 from common.kernels import usual_notes
 
-from benchmarks.random_models import random_model
+from benchmarks.models import random_model
 from dicedesign import read_body, rest_poses
 from dicedesign.cli.main import main
 from dicedesign.recipe.schema.reading import checked_recipe, read_recipe

@@ -136,7 +136,7 @@ def _target(text: str) -> dict[str, Any]:
 
 def _models(run: Run) -> dict[str, Path | None]:
     """The models that were asked for, see `concave_cases`."""
-    from benchmarks.random_models import model_names
+    from benchmarks.models import model_names
     from dicedesign.batch.folder import list_folder
 
     options, found = run.options, dict[str, Path | None]()

@@ -157,7 +157,7 @@ class ConcaveRow(Row):
 
 def built_in(name: str) -> bool:
     """Whether a model of this name is made by the package."""
-    from benchmarks.random_models import is_model
+    from benchmarks.models import is_model
     from dicedesign.concave.shapes import SHAPES
 
     return name in SHAPES or is_model(name)
@@ -171,7 +171,7 @@ def attempt_concave(case: ConcaveCase) -> ConcaveRow:
 
 def _written(name: str, folder: Path) -> Path:
     """The file of a model that the package makes."""
-    from benchmarks.random_models import random_model
+    from benchmarks.models import random_model
     from dicedesign.concave.shapes import SHAPES
     from dicedesign.geometry.meshes.formats import stl_bytes
 

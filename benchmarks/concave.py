@@ -1,0 +1,252 @@
+"""concave dice of many models: how many are as wanted, time, displacement
+
+Make each model into a die for each target, with the options of a recipe that gives none, and
+measure what the STL file of the die holds. As wanted is one with odds and odds elsewhere within
+0.005, nothing that meets, outcomes 45 degrees apart and margins of 10, in 60 s. Exits 1 where fewer
+models become dice than the goal of the target: 90 % for fair:2 and fair:3, 75 % for 1/2,1/3,1/6,
+40 % for fair:4, or half of fewer than ten. With --fill paper all of the paper's method makes them,
+decimated to 2,000 points (250 with --quick).
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import numpy as np
+from dicedesign.concave.shapes import SHAPES
+
+from benchmarks.dice import begin, continue_to
+from benchmarks.frame import Report, processes
+from benchmarks.models import is_model, model_names, random_model
+from dicedesign import InputError, Result, checked_recipe
+from dicedesign.geometry.meshes.formats import stl_bytes
+from dicedesign.geometry.surfaces.remeshing import decimated
+
+GOALS: Final = {"fair:2": 0.9, "fair:3": 0.9, "1/2,1/3,1/6": 0.75, "fair:4": 0.4}
+"""Least share of the models that become dice, by target."""
+
+FEW: Final = 10
+"""Dice below which chance decides about such a share."""
+
+LEAST_APART, LEAST_MARGIN, ANGLE_SLACK = 45.0, 10.0, 0.01
+"""Degrees between outcomes, and by which a die must be tipped to leave one; both may be a little
+less, as a search ends at the limits and files are rounded."""
+
+LONGEST: Final = 60.0
+"""Seconds of a search."""
+
+MEASURED: Final = (
+    "points",
+    "s",
+    "|p - q|",
+    "elsewhere",
+    "meet",
+    "apart",
+    "margin",
+    "mean",
+    "largest",
+    "shape",
+    "size",
+    "corners",
+    "tried",
+)
+"""What is known of a die that was made, by the name of the column; apart and margin in degrees,
+displacements over the diagonal, shape and size distortion, corners of the hull after and before."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A die that is to be made.
+
+    Attributes
+    ----------
+    model: name of a built-in one, or path of a file. target: as typed; fill: as typed.
+    seconds: after which a die as wanted is not brought nearer to its model; None for no limit.
+    most_points: to which larger surfaces are decimated first; None to leave them.
+    """
+
+    model: str
+    target: str
+    fill: str
+    seconds: float | None
+    most_points: int | None
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """What is made into dice."""
+    parser.add_argument("meshes", nargs="*", type=Path, metavar="MESH")
+    parser.add_argument("--models", type=Path, metavar="FOLDER", help="every mesh in a folder")
+    parser.add_argument(
+        "--model",
+        action="append",
+        metavar="NAME",
+        help="one made at random such as blobs_03, or a shape such as kitten; may be repeated",
+    )
+    parser.add_argument(
+        "--random",
+        type=int,
+        metavar="N",
+        help="models made at random, of eleven kinds in turn (default: 40 if no others are named; "
+        "quick: 3)",
+    )
+    parser.add_argument(
+        "--target",
+        action="append",
+        metavar="TARGET",
+        help="fair:K, or probabilities such as 1/2,1/3,1/6; may be repeated",
+    )
+    parser.add_argument(
+        "--fill",
+        choices=("correspondence", "paper", "both"),
+        default="correspondence",
+        help="how the surface is made to fill its hull (default: correspondence)",
+    )
+    parser.add_argument("--seconds", type=float, metavar="S", help="no improvement after that")
+
+
+def run(options: argparse.Namespace, report: Report) -> bool:
+    """A row for each die, then one for each target and fill."""
+    columns = {"model": "17s", "target": "12s", "fill": "14s", "points": "6d", "s": "6.1f"}
+    columns |= {"|p - q|": "8.1e", "elsewhere": "8.1e", "meet": "4d", "apart": "6.1f"}
+    columns |= {"margin": "6.1f", "mean": "7.2%", "largest": "7.1%", "shape": "6.2f"}
+    columns |= {"size": "6.2f", "corners": "9s", "tried": "5d", "verdict": "0s"}
+    row = report.table("dice", columns)
+    made = []
+    with processes(options.jobs) as workers:
+        for case, (found, reason) in zip(
+            cases := list(cases_of(options)), workers.map(attempt, cases), strict=True
+        ):
+            cells = [found.get(name) for name in MEASURED]
+            row(Path(case.model).name, case.target, case.fill, *cells, reason or "as wanted")
+            made.append((case, found, reason))
+    return summarise(made, report)
+
+
+def cases_of(options: argparse.Namespace) -> Iterator[Case]:
+    """Every target with every model by every fill. Raises InputError for what is none."""
+    models = [*map(str, options.meshes), *(options.model or ())]
+    if options.models is not None:
+        models += [str(path) for path in sorted(options.models.iterdir()) if path.is_file()]
+    if options.random is not None or not models:
+        models += model_names(options.random or (3 if options.quick else 40))
+    for model in models:
+        if not (Path(model).is_file() or model in SHAPES or is_model(model)):
+            raise InputError(
+                f"{model}: expected a mesh file, a shape such as kitten, or a model such as "
+                "blobs_03, got none of these; check the name"
+            )
+    fills = ("correspondence", "paper") if options.fill == "both" else (options.fill,)
+    most_points = 250 if options.quick else 2000
+    seconds = options.seconds or (20.0 if options.quick else None)
+    for target in options.target or (("fair:3",) if options.quick else GOALS):
+        for model in models:
+            for fill in fills:
+                most = most_points if fill == "paper" else None
+                yield Case(model, target, fill, seconds, most)
+
+
+def attempt(case: Case) -> tuple[dict[str, Any], str]:
+    """What was measured, and why the die is not as wanted, or ""."""
+    found: dict[str, Any] = {}
+    try:
+        with TemporaryDirectory() as folder:
+            path = Path(case.model)
+            if not path.is_file():
+                name = case.model
+                surface = SHAPES[name]() if name in SHAPES else random_model(name)
+                path = Path(folder) / "model.stl"
+                path.write_bytes(stl_bytes(surface.points, surface.triangles))
+            work = begin(checked_recipe(entries_of(case, path)))
+        assert work.surface is not None
+        if case.most_points is not None and len(work.surface.points) > case.most_points:
+            work.surface, _ = decimated(work.surface, case.most_points)
+        found["points"] = len(work.surface.points)
+        start = time.perf_counter()
+        try:
+            continue_to(work, "design", after="start")
+        finally:
+            found["s"] = time.perf_counter() - start
+        continue_to(work, "check", after="design")
+        found |= measure(work.result())
+        return found, "; ".join(shortfalls(found, work.recipe.method.tolerance))
+    except Exception as error:  # a bench goes on with the next case, whatever went wrong in one
+        return found, f"{type(error).__name__}: {error}"
+
+
+def entries_of(case: Case, path: Path) -> dict[str, Any]:
+    """A recipe that gives no options but those of the case."""
+    kind, colon, count = case.target.partition(":")
+    target: dict[str, Any] = {"probabilities": [part.strip() for part in case.target.split(",")]}
+    if colon:
+        target = {kind: int(count)}
+    concave: dict[str, Any] = {} if case.seconds is None else {"seconds": case.seconds}
+    if case.fill == "paper":
+        concave |= {"hull": "paper", "fill": "paper", "attempts": 3}
+    start = {"mesh": {"path": str(path)}}
+    return {"name": "die", "target": target, "start": start, "method": {"concave": concave}}
+
+
+def measure(die: Result) -> dict[str, Any]:
+    """The row, by the STL file of the die."""
+    assert die.displacement is not None
+    assert die.hull is not None
+    assert die.surface_quality is not None
+    distortion = die.surface_quality["distortion"]
+    return {
+        "|p - q|": die.max_abs_error,
+        "elsewhere": die.elsewhere,
+        "meet": die.file_self_intersections,
+        "apart": die.least_angle_deg,
+        "margin": die.least_margin_deg,
+        "mean": die.displacement.mean,
+        "largest": die.displacement.largest,
+        "shape": distortion["shape_mean"],
+        "size": distortion["size_mean"],
+        "corners": f"{die.hull.vertices_after}/{die.hull.vertices_before}",
+        "tried": die.attempts,
+    }
+
+
+def shortfalls(found: dict[str, Any], tolerance: float) -> Iterator[str]:
+    """Why a die is not as wanted."""
+    if found["|p - q|"] > tolerance:
+        yield f"odds off by {found['|p - q|']:.1e}"
+    if found["elsewhere"] > tolerance:
+        yield f"odds of {found['elsewhere']:.1e} elsewhere"
+    if found["meet"]:
+        yield f"{found['meet']} pairs of triangles meet"
+    if found["apart"] < LEAST_APART - ANGLE_SLACK:
+        yield f"outcomes {found['apart']:.1f} degrees apart"
+    if found["margin"] < LEAST_MARGIN - ANGLE_SLACK:
+        yield f"an outcome is left at {found['margin']:.1f} degrees"
+    if found["s"] > LONGEST:
+        yield f"took {found['s']:.0f} s"
+
+
+def summarise(made: list[tuple[Case, dict[str, Any], str]], report: Report) -> bool:
+    """A row for each target and fill; whether the goals are reached, which are for the fill by
+    correspondence."""
+    row = report.table(
+        "targets",
+        {"target": "12s", "fill": "14s", "models": "6d", "as wanted": "6.1%", "goal": "5.0%"}
+        | {"median s": "6.1f", "90 % s": "6.1f", "most s": "6.1f", "mean": "7.2%"},
+    )
+    is_good = True
+    for target, fill in dict.fromkeys((case.target, case.fill) for case, *_ in made):
+        mine = [(found, reason) for case, found, reason in made if case.target == target]
+        mine = [one for case, *one in made if (case.target, case.fill) == (target, fill)]
+        moved = [found["mean"] for found, reason in mine if not reason]
+        seconds = [found["s"] for found, _ in mine if "s" in found]
+        took = np.quantile(seconds, [0.5, 0.9, 1.0]).tolist() if seconds else [None] * 3
+        share = len(moved) / len(mine)
+        goal = GOALS.get(target) if fill == "correspondence" else None
+        middle = float(np.median(moved)) if moved else None
+        row(target, fill, len(mine), share, goal, *took, middle)
+        is_good &= share >= ((goal or 0.0) if len(mine) >= FEW else min(goal or 0.0, 0.5))
+    return is_good

@@ -1,0 +1,174 @@
+"""the exact method on random targets, beside the paper's, and recipes as they are
+
+Design dice for random targets of 4 to 12 outcomes, the smallest at least 0.01, by the exact method
+from searched shapes, without preferences, and by the paper's without a finish from as many evenly
+spread shapes. Then run recipes of convex dice as they are. A die is solved where the forward model
+finds one rest for each outcome and no other, and odds within 1e-12 or the recipe's tolerance.
+Seconds are on the wall. Exits 1 where a target is not solved.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import dataclass
+from statistics import median
+from typing import Final
+
+import numpy as np
+
+from benchmarks.dice import add_recipes, begin, continue_to, read_recipes
+from benchmarks.frame import Report
+from dicedesign import (
+    ExactOptions,
+    NoStartError,
+    PaperOptions,
+    Preferences,
+    Recipe,
+    descend_as_paper,
+    repulsion,
+    rest_poses,
+    solve_exactly,
+)
+from dicedesign.optimize.starts.search import shapes_near
+from dicedesign.runtime.arrays import Floats
+
+TOLERANCE: Final = 1e-12
+"""Largest |p - q| of a solved random target."""
+
+MOST_STARTS: Final = 40
+
+SECONDS: Final = 10.0
+"""Limit of the exact method for each random target."""
+
+SMALLEST: Final = 0.01
+"""Probability of a random target."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A random target by both methods.
+
+    Attributes
+    ----------
+    error: largest |p - q|; infinite unless there is one rest for each outcome and no other.
+    paper_error: smallest of the paper's method from as many starts.
+    """
+
+    outcomes: int
+    error: float
+    seconds: float
+    paper_error: float
+    paper_seconds: float
+
+    @property
+    def is_solved(self) -> bool:
+        """Whether the die has the wanted rests and odds."""
+        return self.error <= TOLERANCE
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """What is designed."""
+    add_recipes(parser, "*")
+    parser.add_argument(
+        "--targets", type=int, metavar="N", help="random targets (default: 200; quick: 18)"
+    )
+
+
+def run(options: argparse.Namespace, report: Report) -> bool:
+    """Random targets, then recipes."""
+    # The first is not counted: torch takes longer at its first use in a process.
+    attempt(0)
+    count = options.targets or (18 if options.quick else 200)
+    attempts = [attempt(number) for number in range(count)]
+    seconds = {"median s": "9.3f", "worst solved s": "9.3f"}
+    row = report.table(
+        "targets",
+        {"outcomes": "8s", "targets": "7d", "solved": "7d", **seconds}
+        | {"paper's median error": "9.1e", "worst": "9.1e", "paper's s": "9.3f"},
+    )
+    groups = {str(k): [a for a in attempts if a.outcomes == k] for k in range(4, 13)}
+    for name, group in {**groups, "all": attempts}.items():
+        if group:
+            solved = [one.seconds for one in group if one.is_solved]
+            paper = [one.paper_error for one in group]
+            row(
+                *(name, len(group), len(solved)),
+                *(median(one.seconds for one in group), max(solved, default=None)),
+                *(median(paper), max(paper), median(one.paper_seconds for one in group)),
+            )
+    row = report.table(
+        "recipes",
+        {"recipe": "26s", "method": "7s", "verdict": "12s", "outcomes": "8d", "rests": "5d"}
+        | {"max |p - q|": "9.1e", "odds s": "7.3f", "s": "7.3f", "circle mm": "7.2f"}
+        | {"border deg": "7.1f"},
+    )
+    for recipe in read_recipes(options):
+        if recipe.method.concave is None and not recipe.method.thrown:
+            row(*design_recipe(recipe))
+    return all(one.is_solved for one in attempts)
+
+
+def attempt(number: int) -> Attempt:
+    """A random target by both methods; the number seeds everything."""
+    outcomes = 4 + number % 9
+    shares = np.random.default_rng(number).dirichlet(np.ones(outcomes))
+    target = SMALLEST + (1.0 - SMALLEST * outcomes) * shares
+    exact = ExactOptions(
+        tolerance=TOLERANCE, prefer=Preferences(), starts=MOST_STARTS, seconds=SECONDS
+    )
+    start = time.perf_counter()
+    result = solve_exactly(shapes_near(target, number), target, exact)
+    middle = time.perf_counter()
+    paper = min(paper_error(target, number + 1000 * turn) for turn in range(result.starts))
+    end = time.perf_counter()
+    error = forward_error(result.hull.vertices, result.directions, target)
+    return Attempt(outcomes, error, middle - start, paper, end - middle)
+
+
+def forward_error(vertices: Floats, directions: Floats, target: Floats) -> float:
+    """Largest |p - q| by the forward model: infinite unless each of the directions (k, 3) has one
+    rest and there is no other."""
+    poses = rest_poses(vertices)
+    outcome = np.argmax(poses.normals @ directions.T, axis=1)
+    if not np.array_equal(np.sort(outcome), np.arange(len(target))):
+        return float("inf")
+    return float(np.abs(poses.probabilities - target[outcome]).max())
+
+
+def paper_error(target: Floats, seed: int) -> float:
+    """Error at the end of the paper's method, from evenly spread facets in a random order."""
+    order = np.random.default_rng(seed).permutation(len(target))
+    start = repulsion(len(target), seed)
+    return descend_as_paper(start, target[order], PaperOptions(finish="none"), seed=seed).error
+
+
+def design_recipe(recipe: Recipe) -> tuple[object, ...]:
+    """A row: what the die is, the seconds until its odds were met first, and those of the whole
+    design, with the search of shapes and the improvement by preference."""
+    labels, tolerance = recipe.target.target().labels, recipe.method.tolerance
+    head = (recipe.name, recipe.method.name)
+    work = begin(recipe)
+    start = time.perf_counter()
+    try:
+        continue_to(work, "design", after="start")
+    except NoStartError:
+        seconds = time.perf_counter() - start
+        return (*head, "no die", len(labels), None, None, None, seconds, None, None)
+    seconds = time.perf_counter() - start
+    continue_to(work, "check", after="design")
+    die = work.result()
+    met = (step.seconds for step in die.history if (step.max_abs_error or 0.0) <= tolerance)
+    is_whole = sorted(facet.label or "" for facet in die.facets) == sorted(labels)
+    verdict = "solved" if is_whole and die.status == "converged" else die.status.replace("_", " ")
+    return (
+        *(
+            *head,
+            verdict,
+            len(labels),
+            len(die.facets),
+            die.design_max_abs_error if is_whole else None,
+        ),
+        *(next(met, None), seconds, min(facet.inradius_mm for facet in die.facets)),
+        min(facet.border_deg for facet in die.facets),
+    )

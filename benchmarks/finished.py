@@ -1,0 +1,225 @@
+"""dice with labels and edges, before and after their shapes were moved, and as they are printed
+
+Finish the dice of recipes in several ways: labels cut in or raised, edges rounded or chamfered,
+balanced by shape, by a hidden ball or by filled labels. Each row has the largest |p - q| of the
+plain shape finished as it is, of the balanced one, and of its file read back; of thrown dice the
+first two are by the momentum model. Dice are 1.5 times as large as their recipes say, so that their
+labels fit. Then predict the standard deviations of the odds of prints from derivatives, and compare
+them with prints that are made one by one: facets moved, axes stretched, density graded, a bubble
+put in; roll prints that are as bad as is allowed; and make dice better by the preference
+`tolerance`. Exits 1 where a file is off by more than 1e-6, a thrown die by 1e-3, or a prediction by
+more than 5 % and chance.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import asdict
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.dice import Work, add_recipes, continue_to, make_die, read_recipes
+from benchmarks.frame import Report
+from dicedesign import EngravingError, Recipe, checked_recipe
+from dicedesign.fabricate.print_options import PrintErrors
+from dicedesign.fabricate.print_tolerances import (
+    ROLLS,
+    OddsSlopes,
+    OddsSpread,
+    OffPrints,
+    allowed_offset,
+    print_tolerances,
+)
+from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.statistics.chi_square_power import LEVEL, chance_noticed
+from dicedesign.throws.statistics.goodness_of_fit import chi_square
+from tests.reference.perturbed_dice import PrintedDie, only
+
+WAYS: Final[dict[str, dict[str, Any]]] = {
+    "engraved": {},
+    "engraved, fillet of 1 mm": {"edges": {"radius_mm": 1.0}},
+    "engraved, chamfer of 2 mm": {"edges": {"radius_mm": 2.0, "shape": "chamfer"}},
+    "raised": {"engrave": {"style": "raised"}},
+    "engraved, opposite ball": {"engrave": {"balance": "opposite"}},
+    "engraved, labels filled": {"engrave": {"balance": "fill"}},
+}
+"""How dice are finished: entries of their recipes by name."""
+
+IN_FILE, BY_MODEL = 1e-6, 1e-3
+"""Largest |p - q| of a finished die's file, and of a thrown die by the momentum model."""
+
+LARGER: Final = 1.5
+
+DICE: Final[dict[str, dict[str, Any]]] = {
+    "2d6, eleven facets": {
+        "target": {"sum_of_dice": [6, 6]},
+        "start": {"hendecahedron": "bisymmetric"},
+        "assignment": ["2", "3", "4", "5", "6", "7", "8", "10", "9", "11", "12"],
+        "symmetry": "C2",
+    },
+    "binomial of 4": {"target": {"binomial": 4}},
+    "fair d7": {"target": {"fair": 7}},
+    "loaded d6": {"target": {"probabilities": ["1/3", *["2/15"] * 5]}},
+    "2d4": {"target": {"sum_of_dice": [4, 4]}},
+}
+"""Dice that are printed: recipes' entries by name."""
+
+LEGIBLE: Final = {"circles": 1.0, "margin": 0.1, "asymmetry": 0.1, "roundness": 0.2}
+
+PREFERENCES: Final[dict[str, dict[str, float]]] = {
+    "nothing": {"circles": 0.0},
+    "legible": LEGIBLE,
+    "legible, tolerance: 1": {**LEGIBLE, "tolerance": 1.0},
+    "tolerance": {"tolerance": 1.0},
+}
+"""What dice are made better by, by name."""
+
+SLACK, SIGMAS = 0.05, 4.0
+"""Relative error of a predicted deviation that counts as right, beside so many standard errors of
+sampling."""
+
+TESTS: Final = 20
+"""Of each print, when prints are rolled."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """What is finished and printed."""
+    add_recipes(parser, "*")
+    parser.add_argument(
+        "--prints", type=int, metavar="N", help="of each die (default: 2000; quick: 150)"
+    )
+
+
+def run(options: argparse.Namespace, report: Report) -> bool:
+    """Finished dice of the recipes, then printed ones."""
+    row = report.table(
+        "finished",
+        {"recipe": "26s", "finished": "26s", "status": "10s", "as it is": "9.1e"}
+        | {"balanced": "9.1e", "in file": "9.1e", "rounds": "6d", "moved mm": "8.3f", "s": "6.2f"},
+    )
+    is_good = True
+    for recipe in read_recipes(options):
+        larger = recipe.model_copy(update={"size_mm": LARGER * recipe.size_mm})
+        plain = make_die(larger)
+        for way in list(WAYS)[: 2 if options.quick else None]:
+            if recipe.method.concave is None or not WAYS[way]:
+                cells = finish(plain, larger, way)
+                row(recipe.name, way, *cells)
+                error = cells[2] if recipe.method.thrown else cells[3]
+                most = BY_MODEL if recipe.method.thrown else IN_FILE
+                is_good &= error is None or (cells[0] == "converged" and error <= most)
+    prints = options.prints or (150 if options.quick else 2000)
+    dice = dict(list(DICE.items())[: 2 if options.quick else None])
+    return compare_prints(dice, prints, report) and is_good
+
+
+def finish(plain: Work, recipe: Recipe, way: str) -> tuple[Any, ...]:
+    """Status, errors, rounds, way moved and seconds of a checked die that is finished in a way."""
+    entries, changes = recipe.resolved(), WAYS[way]
+    engrave = {**(entries["engrave"] or {}), **changes.get("engrave", {})}
+    work = plain.copy()
+    work.recipe = checked_recipe({**entries, **changes, "engrave": engrave})
+    start = time.perf_counter()
+    try:
+        continue_to(work, "engrave", after="check")
+    except EngravingError:
+        return ("no room", None, None, None, None, None, time.perf_counter() - start)
+    seconds = time.perf_counter() - start
+    result = work.result()
+    balance = result.balance
+    if balance is None:
+        return ("no room", None, None, None, None, None, seconds)
+    errors = balance.errors
+    return (
+        *(result.status, errors[0], min(errors), result.engraved_max_abs_error),
+        *(len(errors) - 1, balance.moved_mm, seconds),
+    )
+
+
+def compare_prints(dice: dict[str, dict[str, Any]], prints: int, report: Report) -> bool:
+    """Three tables: each error alone and together; what may be allowed; preferences."""
+    numbers = {"predicted": "9.4%", "printed": "9.4%"}
+    row = report.table(
+        "prints", {"die": "20s", "error": "18s", **numbers, "ratio": "6.3f", "lost": "5d"}
+    )
+    made = {name: make_print(entries, {}) for name, entries in dice.items()}
+    is_good = True
+    for name, work in made.items():
+        spread = spread_of(work, PrintErrors())
+        for error in (*asdict(PrintErrors()), "all"):
+            errors = PrintErrors() if error == "all" else only(PrintErrors(), error)
+            covariance = spread.covariance if error == "all" else spread.by_error[error]
+            predicted, printed, lost = deviations(
+                covariance, print_one_by_one(work, errors, prints)
+            )
+            row(name, error, predicted, printed, printed / predicted, lost)
+            chance = SIGMAS / (2.0 * prints) ** 0.5
+            is_good &= abs(printed / predicted - 1.0) <= SLACK + chance
+    row = report.table(
+        "allowed", {"die": "20s", "allowed mm": "8.3f", "noticed": "8.1%", "of prints": "8.1%"}
+    )
+    for name, work in made.items():
+        row(name, *roll_allowed(work, prints))
+    row = report.table(
+        "preferences",
+        {
+            "die": "20s",
+            "made better by": "22s",
+            **numbers,
+            "allowed mm": "8.3f",
+            "circle mm": "8.2f",
+        },
+    )
+    errors = only(PrintErrors(), "dimensional_mm")
+    for name, entries in dice.items():
+        for prefer, weights in PREFERENCES.items():
+            work = make_print(entries, weights)
+            spread, target = spread_of(work, errors), work.target.probabilities
+            printed = deviations(spread.covariance, print_one_by_one(work, errors, prints))
+            allowed = allowed_offset(spread, target, np.zeros(len(target)))
+            circle = min(facet.inradius_mm for facet in work.result().facets)
+            row(name, prefer, *printed[:2], allowed, circle)
+    return is_good
+
+
+def make_print(entries: dict[str, Any], prefer: dict[str, float]) -> Work:
+    """A die without labels, better by preferences."""
+    method = {"exact": {"prefer": prefer} if prefer else {}}
+    return make_die(checked_recipe({"name": "die", "engrave": False, "method": method, **entries}))
+
+
+def spread_of(work: Work, errors: PrintErrors) -> OddsSpread:
+    """Prediction of what errors do to the odds."""
+    plain = work.plain
+    return OddsSpread(OddsSlopes.of(plain.body, plain.poses, plain.outcomes), errors)
+
+
+def print_one_by_one(work: Work, errors: PrintErrors, prints: int) -> Floats:
+    """(prints, k) odds, NaN where a print has become no die."""
+    return PrintedDie(work.solid.poses.hull, work.die.directions).odds(errors, prints, 0)
+
+
+def deviations(covariance: Floats, printed: Floats) -> tuple[float, float, int]:
+    """Root mean square deviations, predicted and of prints, and prints that were lost."""
+    good = np.isfinite(printed).all(axis=1)
+    predicted = float(np.sqrt(np.diag(covariance).mean()))
+    return predicted, float(np.sqrt(printed[good].var(axis=0).mean())), int((~good).sum())
+
+
+def roll_allowed(work: Work, prints: int) -> tuple[float, float, float]:
+    """How well a die must be printed in mm, and the part of such prints that Pearson's test notices
+    in 1,000 rolls: as predicted, and when they are rolled."""
+    target, spread = work.target.probabilities, spread_of(work, PrintErrors())
+    still = np.zeros(len(target))
+    made = OffPrints(work.plain.poses, work.die.directions)
+    allowed = print_tolerances(spread, target, still, made).allowed_mm or 0.0
+    predicted = chance_noticed(target, ROLLS, allowed**2 * spread.by_unit_offset, still)
+    random = np.random.default_rng(0)
+    noticed = []
+    for odds in print_one_by_one(work, PrintErrors(allowed, 0.0, 0.0, 0.0), prints):
+        if np.isfinite(odds).all():
+            counts = random.multinomial(ROLLS, odds / odds.sum(), size=TESTS)
+            noticed += [chi_square(row, target).p_value < LEVEL for row in counts]
+    return allowed, predicted, float(np.mean(noticed))
