@@ -19,12 +19,12 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
-from dicedesign.concave.shapes import SHAPES
 
 from benchmarks.dice import begin, continue_to
 from benchmarks.frame import Report, processes
 from benchmarks.models import is_model, model_names, random_model
 from dicedesign import InputError, Result, checked_recipe
+from dicedesign.concave.shapes import SHAPES
 from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.geometry.surfaces.remeshing import decimated
 

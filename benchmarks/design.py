@@ -20,6 +20,7 @@ from statistics import median
 from typing import Any, Final
 
 import numpy as np
+from dicedesign.throws.statistics.total_variation import total_variation
 
 from benchmarks.dice import add_recipes, make_die, read_recipes, start_of, with_method
 from benchmarks.frame import Report, panels
@@ -41,7 +42,6 @@ from dicedesign.optimize.solvers.finish import finished
 from dicedesign.recipe.methods.convex import normalised_center, wanted_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.statistics.total_variation import total_variation
 
 METHODS: Final[dict[str, dict[str, Any] | None]] = {
     "exact": None,

@@ -19,6 +19,8 @@ from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
+from dicedesign.throws.statistics.chi_square_power import LEVEL, chance_noticed
+from dicedesign.throws.statistics.goodness_of_fit import chi_square
 
 from benchmarks.dice import Work, add_recipes, continue_to, make_die, read_recipes
 from benchmarks.frame import Report
@@ -33,8 +35,6 @@ from dicedesign.fabricate.print_tolerances import (
     print_tolerances,
 )
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.statistics.chi_square_power import LEVEL, chance_noticed
-from dicedesign.throws.statistics.goodness_of_fit import chi_square
 from tests.reference.perturbed_dice import PrintedDie, only
 
 WAYS: Final[dict[str, dict[str, Any]]] = {

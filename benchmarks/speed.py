@@ -24,6 +24,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
+from dicedesign.geometry.hulls.reuse import HullMemory
 from scipy.spatial import ConvexHull
 
 from benchmarks.accuracy import stable_poses
@@ -39,7 +40,6 @@ from dicedesign import (
     sum_of_dice,
 )
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.hulls.reuse import HullMemory
 from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.optimize.energy.objective import Objective
 from dicedesign.optimize.solvers.candidate import CandidateMaker
