@@ -194,22 +194,22 @@ def entries_of(case: Case, path: Path) -> dict[str, Any]:
 
 def measure(die: Result) -> dict[str, Any]:
     """The row, by the STL file of the die."""
-    assert die.displacement is not None
-    assert die.hull is not None
-    assert die.surface_quality is not None
-    distortion = die.surface_quality["distortion"]
+    concave = die.concave
+    assert concave is not None
+    assert die.search is not None
+    distortion = concave.surface_quality["distortion"]
     return {
         "|p - q|": die.max_abs_error,
         "elsewhere": die.elsewhere,
-        "meet": die.file_self_intersections,
+        "meet": concave.self_intersections,
         "apart": die.least_angle_deg,
         "margin": die.least_margin_deg,
-        "mean": die.displacement.mean,
-        "largest": die.displacement.largest,
+        "mean": concave.displacement.mean,
+        "largest": concave.displacement.largest,
         "shape": distortion["shape_mean"],
         "size": distortion["size_mean"],
-        "corners": f"{die.hull.vertices_after}/{die.hull.vertices_before}",
-        "tried": die.attempts,
+        "corners": f"{concave.hull.vertices_after}/{concave.hull.vertices_before}",
+        "tried": die.search.attempts,
     }
 
 

@@ -20,7 +20,6 @@ from statistics import median
 from typing import Any, Final
 
 import numpy as np
-from dicedesign.throws.statistics.total_variation import total_variation
 
 from benchmarks.dice import add_recipes, make_die, read_recipes, start_of, with_method
 from benchmarks.frame import Report, panels
@@ -42,6 +41,7 @@ from dicedesign.optimize.solvers.finish import finished
 from dicedesign.recipe.methods.convex import normalised_center, wanted_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.distances import total_variation
 
 METHODS: Final[dict[str, dict[str, Any] | None]] = {
     "exact": None,
@@ -168,8 +168,8 @@ def compare_methods(
             taken = [result.history[-1].seconds or 0.0 for result in results]
             row(
                 *(recipe.name, method, len(seeds), done, median(errors), max(errors)),
-                median(result.design_max_abs_error for result in results),
-                median(result.evaluations or 0 for result in results),
+                median(result.design.max_abs_error for result in results),
+                median(result.design.evaluations or 0 for result in results),
                 *(median(taken), max(taken)),
             )
             if figure is not None:
@@ -373,7 +373,7 @@ def compare_sides(recipe: Recipe, report: Report) -> None:
         counts = work.plain.outcomes.sums(throws.counts)
         frequencies = np.append(counts, DROPS - counts.sum()) / DROPS
         row(
-            *(recipe.name, name, die.status, die.design_max_abs_error),
+            *(recipe.name, name, die.status, die.design.max_abs_error),
             *(min(facet.inradius_mm for facet in die.facets) / recipe.size_mm, facet),
             *(min(facet.border_deg for facet in die.facets), die.least_angle_deg),
             total_variation(frequencies, np.append(work.target.probabilities, 0.0)),

@@ -167,7 +167,7 @@ def design_recipe(recipe: Recipe) -> tuple[object, ...]:
             verdict,
             len(labels),
             len(die.facets),
-            die.design_max_abs_error if is_whole else None,
+            die.design.max_abs_error if is_whole else None,
         ),
         *(next(met, None), seconds, min(facet.inradius_mm for facet in die.facets)),
         min(facet.border_deg for facet in die.facets),

@@ -19,8 +19,6 @@ from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
-from dicedesign.throws.statistics.chi_square_power import LEVEL, chance_noticed
-from dicedesign.throws.statistics.goodness_of_fit import chi_square
 
 from benchmarks.dice import Work, add_recipes, continue_to, make_die, read_recipes
 from benchmarks.frame import Report
@@ -35,6 +33,7 @@ from dicedesign.fabricate.print_tolerances import (
     print_tolerances,
 )
 from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.goodness_of_fit import LEVEL, chance_noticed, chi_square
 from tests.reference.perturbed_dice import PrintedDie, only
 
 WAYS: Final[dict[str, dict[str, Any]]] = {
@@ -128,14 +127,12 @@ def finish(plain: Work, recipe: Recipe, way: str) -> tuple[Any, ...]:
         return ("no room", None, None, None, None, None, time.perf_counter() - start)
     seconds = time.perf_counter() - start
     result = work.result()
-    balance = result.balance
-    if balance is None:
+    engraved = result.engraved
+    if engraved is None or engraved.balance is None:
         return ("no room", None, None, None, None, None, seconds)
-    errors = balance.errors
-    return (
-        *(result.status, errors[0], min(errors), result.engraved_max_abs_error),
-        *(len(errors) - 1, balance.moved_mm, seconds),
-    )
+    errors, moved = engraved.balance.errors, engraved.balance.moved_mm
+    in_file = engraved.max_abs_error
+    return (result.status, errors[0], min(errors), in_file, len(errors) - 1, moved, seconds)
 
 
 def compare_prints(dice: dict[str, dict[str, Any]], prints: int, report: Report) -> bool:

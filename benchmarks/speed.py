@@ -24,7 +24,6 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
-from dicedesign.geometry.hulls.reuse import HullMemory
 from scipy.spatial import ConvexHull
 
 from benchmarks.accuracy import stable_poses
@@ -39,7 +38,7 @@ from dicedesign import (
     rest_poses,
     sum_of_dice,
 )
-from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.hull import HullMemory, convex_hull
 from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.optimize.energy.objective import Objective
 from dicedesign.optimize.solvers.candidate import CandidateMaker
