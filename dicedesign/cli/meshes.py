@@ -396,7 +396,7 @@ def _run_repair(options: argparse.Namespace) -> int:
     files = [options.out]
     atomic_write(options.out, data)
     if made is not None:
-        files.append(options.out.with_name(f"{options.out.stem}_run_repair.png"))
+        files.append(options.out.with_name(f"{options.out.stem}_repair.png"))
         atomic_write(files[1], repair_figure(made, upward_of(options.mesh)).png())
     for note in notes:
         print(f"note: {printable(note)}", file=sys.stderr)
