@@ -1,20 +1,287 @@
-"""The table of a folder of meshes, kept in a file."""
+"""The table of rests of a folder of meshes: its rows, one for each rest, and its file."""
 
 from __future__ import annotations
 
 import csv
+import io
+import math
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import astuple, dataclass
 from pathlib import Path
-from types import TracebackType
+from typing import TYPE_CHECKING, Literal
 
-from dicedesign.batch.formats import table_format
-from dicedesign.batch.rows import COLUMNS, Entry, csv_line, entries_of
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, missing_extra
 from dicedesign.runtime.checkpoint import KeptFile
 from dicedesign.runtime.files import read_file
 
-__all__ = ["RestTable"]
+if TYPE_CHECKING:
+    from dicedesign.rest.poses import RestPoses
+
+
+ColumnType = Literal["text", "whole", "real"]
+"""Content of a column; numbers are empty where a file could not be analysed."""
+
+STAMPED: dict[str, ColumnType] = {
+    "bytes": "whole",
+    "modified_ns": "whole",
+    "com": "text",
+    "coplanar_tolerance": "text",
+}
+"""Columns that tell whether rows are still those of the file and of the options."""
+
+COLUMNS: dict[str, ColumnType] = {
+    "file": "text",
+    "rest": "whole",
+    "probability": "real",
+    "normal_x": "real",
+    "normal_y": "real",
+    "normal_z": "real",
+    "area": "real",
+    "margin_deg": "real",
+    "rests": "whole",
+    "center_of_mass_x": "real",
+    "center_of_mass_y": "real",
+    "center_of_mass_z": "real",
+    "center_of_mass_source": "text",
+    "hull_vertices": "whole",
+    "seconds": "real",
+    "notes": "text",
+    "error": "text",
+    **STAMPED,
+}
+"""Of the table. Lengths are in the mesh's unit; rests are numbered from 1, the most probable first;
+columns from "rests" on are of the file."""
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """State of a file when it was analysed, and the options then.
+
+    Attributes
+    ----------
+    size: of the file, in bytes.
+    modified: time of its last change, in nanoseconds since 1970.
+    com, coplanar_tolerance: the options as text, empty where they were left out.
+    """
+
+    size: int
+    modified: int
+    com: str = ""
+    coplanar_tolerance: str = ""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """The rows of one file.
+
+    Attributes
+    ----------
+    stamp: see `Stamp`.
+    text: the rows as CSV.
+    rests: their number; 0 for a file that could not be analysed.
+    """
+
+    stamp: Stamp
+    text: str
+    rests: int
+
+
+def analysed_entry(file: str, stamp: Stamp, poses: RestPoses, seconds: float) -> Entry:
+    """The rows of a file's rests; `seconds` were spent on reading and analysing it."""
+    count = len(poses.probabilities)
+    # What the rows have in common becomes text once.
+    name = csv_line([escaped_name(file)])[:-1]
+    end = csv_line(
+        [
+            count,
+            *poses.center_of_mass.tolist(),
+            poses.center_of_mass_source,
+            len(poses.hull.vertices),
+            round(seconds, 6),
+            " | ".join(poses.notes),
+            "",
+            *astuple(stamp),
+        ]
+    )
+    text = "".join(
+        # Zeros are written without a sign.
+        f"{name},{rest},{p!r},{x + 0.0!r},{y + 0.0!r},{z + 0.0!r},{area!r},"
+        f"{math.degrees(margin) + 0.0!r},{end}"
+        for rest, (p, (x, y, z), area, margin) in enumerate(
+            zip(
+                poses.probabilities.tolist(),
+                poses.normals.tolist(),
+                poses.areas.tolist(),
+                poses.margins.tolist(),
+                strict=True,
+            ),
+            start=1,
+        )
+    )
+    return Entry(stamp, text, count)
+
+
+def broken_entry(file: str, stamp: Stamp, error: str, seconds: float = 0.0) -> Entry:
+    """The row of a file that could not be analysed, with the reason in one line."""
+    row: dict[str, object] = dict.fromkeys(COLUMNS, "")
+    row |= {"file": escaped_name(file), "rests": 0, "seconds": round(seconds, 6)}
+    row |= {"error": " ".join(error.split())}
+    row |= zip(STAMPED, astuple(stamp), strict=True)
+    return Entry(stamp, csv_line(row.values()), 0)
+
+
+def csv_line(fields: Iterable[object]) -> str:
+    """Fields as a line of CSV with its line feed.
+
+    Unlike that of Python, a carriage return is quoted too, which would end the row for its reader.
+    What is not UTF-8 is an escape, such as `\\udcff`.
+    """
+    texts = [str(field).encode("utf-8", "backslashreplace").decode() for field in fields]
+    quoted = ['"' + t.replace('"', '""') + '"' if _SPECIAL.search(t) else t for t in texts]
+    return ",".join(quoted) + "\n"
+
+
+_SPECIAL = re.compile('[,"\r\n]')
+
+_ESCAPED = re.compile(r"(\\+)(udc[89a-f][0-9a-f])")
+
+_TO_ESCAPE = re.compile(r"(\\*)(udc[89a-f][0-9a-f]|[\udc80-\udcff])")
+
+
+def escaped_name(name: str) -> str:
+    """The name of a file as a table has it: a byte that is not UTF-8 is an escape, such as
+    `\\udcff`, and backslashes before one, or before letters that would look like one, are
+    doubled."""
+
+    def escape(match: re.Match[str]) -> str:
+        slashes, rest = match.groups()
+        return 2 * slashes + (rest if len(rest) > 1 else f"\\u{ord(rest):x}")
+
+    return _TO_ESCAPE.sub(escape, name)
+
+
+def _own_name(escaped: str) -> str:
+    """The name that `escaped_name` has made this from."""
+
+    def unescape(match: re.Match[str]) -> str:
+        slashes, rest = match.groups()
+        byte = chr(int(rest[1:], 16)) if len(slashes) % 2 else rest
+        return slashes[: len(slashes) // 2] + byte
+
+    return _ESCAPED.sub(unescape, escaped)
+
+
+def entries_of(rows: Iterable[Sequence[str]]) -> dict[str, Entry]:
+    """The entries of a table's rows, by file. A file whose rows are not all there has none.
+
+    Raises ValueError: a row has no stamp.
+    """
+    of_file: dict[str, list[Sequence[str]]] = {}
+    for row in rows:
+        of_file.setdefault(_own_name(row[0]), []).append(row)
+    entries = {}
+    for file, own in of_file.items():
+        last = dict(zip(COLUMNS, own[-1], strict=True))
+        size, modified, com, tolerance = (last[name] for name in STAMPED)
+        stamp, rests = Stamp(int(size), int(modified), com, tolerance), int(last["rests"])
+        if len(own) == max(rests, 1):
+            entries[file] = Entry(stamp, "".join(map(csv_line, own)), rests)
+    return entries
+
+
+@dataclass(frozen=True)
+class TableFormat:
+    """A way to keep a table in a file.
+
+    Attributes
+    ----------
+    encode: the content of the file for the table as CSV, beginning with the names of its columns.
+    decode: the rows in the content of a file, their values as they are in CSV, without the names.
+        Raises ValueError or csv.Error where it is no such table.
+    """
+
+    encode: Callable[[str], bytes]
+    decode: Callable[[bytes], Iterator[list[str]]]
+
+
+def table_format(path: Path | None) -> TableFormat:
+    """The format that the ending of a table's path tells.
+
+    Raises InputError, naming the option --out: it tells none, or Parquet, and pyarrow is missing.
+    """
+    ending = "" if path is None else path.suffix.lower()
+    if ending not in _FORMATS:
+        raise InputError(
+            f"--out: expected the path of a table that ends in {' or '.join(_FORMATS)}, got "
+            f"{path}; a folder needs one, such as --out rests.csv"
+        )
+    if ending == ".parquet":
+        try:
+            import pyarrow  # noqa: F401
+        except ImportError as error:
+            raise missing_extra("parquet", f"--out {path}", error) from error
+    return _FORMATS[ending]
+
+
+def _csv_rows(data: bytes) -> Iterator[list[str]]:
+    text = io.StringIO(data.decode("utf-8"), newline="")
+    rows = csv.reader(text, strict=True)
+    if next(rows, []) != list(COLUMNS):
+        raise ValueError("its columns are others")
+    for row in rows:
+        if len(row) != len(COLUMNS):
+            raise ValueError(f"line {rows.line_num} has {len(row)} columns of {len(COLUMNS)}")
+        yield row
+
+
+def _parquet_bytes(text: str) -> bytes:
+    from pyarrow import BufferOutputStream, BufferReader, parquet, schema
+    from pyarrow import csv as arrow_csv
+
+    table = arrow_csv.read_csv(
+        BufferReader(text.encode("utf-8")),
+        parse_options=arrow_csv.ParseOptions(newlines_in_values=True),
+        convert_options=arrow_csv.ConvertOptions(
+            column_types=schema([(name, _ARROW[kind]) for name, kind in COLUMNS.items()]),
+            # Numbers that are left out; texts are empty.
+            null_values=[""],
+            strings_can_be_null=False,
+        ),
+    )
+    sink = BufferOutputStream()
+    parquet.write_table(table, sink, compression="zstd")
+    data: bytes = sink.getvalue().to_pybytes()
+    return data
+
+
+def _parquet_rows(data: bytes) -> Iterator[list[str]]:
+    from pyarrow import ArrowException, BufferReader, parquet
+
+    try:
+        table = parquet.read_table(BufferReader(data))
+    except (ArrowException, OSError) as error:
+        raise ValueError(f"it is no Parquet file that can be read: {error}") from error
+    columns_of_file = [(field.name, str(field.type)) for field in table.schema]
+    if columns_of_file != [(name, _ARROW[kind]) for name, kind in COLUMNS.items()]:
+        raise ValueError("its columns are others")
+    for batch in table.to_batches():
+        columns = [
+            ["" if value is None else str(value) for value in column.to_pylist()]
+            for column in batch.columns
+        ]
+        yield from map(list, zip(*columns, strict=True))
+
+
+_ARROW: dict[ColumnType, str] = {"text": "string", "whole": "int64", "real": "double"}
+"""Arrow's names of types."""
+
+_FORMATS = {
+    ".csv": TableFormat(str.encode, _csv_rows),
+    ".parquet": TableFormat(_parquet_bytes, _parquet_rows),
+}
+"""By the ending of a path, in lower case."""
 
 
 class RestTable:
@@ -74,10 +341,5 @@ class RestTable:
     def __enter__(self) -> RestTable:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.save()

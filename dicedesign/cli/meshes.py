@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
     from dicedesign.geometry.repair.repair import RepairedMesh
     from dicedesign.geometry.surfaces.surface import Surface
+    from dicedesign.scenes.posing import Job, Stood
     from dicedesign.scenes.room import Room
-    from dicedesign.scenes.standing import Job, Stood
 
 
 def add_pose_parser(commands: Any) -> None:
@@ -96,7 +96,7 @@ def add_pose_parser(commands: Any) -> None:
 
 def _run_pose(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
-    from dicedesign.scenes.standing import PoseChoice, stand, stand_many
+    from dicedesign.scenes.posing import PoseChoice, stand, stand_many
 
     check_whole("--pose", options.pose)
     check_whole("--seed", options.seed, least=0, most=MOST_SEED)
@@ -138,8 +138,7 @@ def _run_pose(options: argparse.Namespace) -> int:
 def _list_jobs(options: argparse.Namespace, into_folder: bool) -> Iterator[Job]:
     """What is to be done, file by file."""
     from dicedesign.batch.folder import list_folder
-    from dicedesign.scenes.posed_file import check_ending
-    from dicedesign.scenes.standing import Job
+    from dicedesign.scenes.posing import Job, check_ending
 
     if options.format is not None:
         if not into_folder:
@@ -220,8 +219,6 @@ def _plain_stood(one: Stood) -> dict[str, Any]:
 
 MOST_BODIES: Final = 20_000
 
-ENDINGS: Final = (".glb", ".usda")
-
 
 def add_scatter_parser(commands: Any) -> None:
     """Add `dicedesign scatter` to argparse's `commands`."""
@@ -244,8 +241,7 @@ def add_scatter_parser(commands: Any) -> None:
         type=Path,
         required=True,
         metavar="FILE",
-        help="the scene: .glb, with the meshes' materials and y upward as the format wants, or "
-        ".usda, the text form of USD, with a colour for each mesh and z upward",
+        help="the scene: .glb, with the meshes' materials and y upward as the format wants",
     )
     parser.add_argument(
         "--floor",
@@ -270,7 +266,7 @@ def _run_scatter(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.batch.folder import list_folder
     from dicedesign.geometry.meshes.formats import without_solids
-    from dicedesign.scenes.room import scattered
+    from dicedesign.scenes.room import room_glb, scattered
 
     floor = _checked_floor(options)
     files = list_folder(options.folder)
@@ -294,7 +290,7 @@ def _run_scatter(options: argparse.Namespace) -> int:
             size=options.size,
             on_mesh=on_mesh,
         )
-        data = _scene(room, options.out)
+        data = room_glb(room)
     if options.figure is not None:
         from dicedesign.scenes.picture import room_picture
 
@@ -311,11 +307,8 @@ def _checked_floor(options: argparse.Namespace) -> tuple[float, float] | None:
     """The floor that is asked for. Raises InputError for options that cannot be meant."""
     check_whole("--count", options.count, most=MOST_BODIES)
     check_whole("--seed", options.seed, least=0, most=MOST_SEED)
-    if options.out.suffix.lower() not in ENDINGS:
-        raise InputError(
-            f"--out: expected a path that ends in {' or '.join(ENDINGS)}, got {options.out}; "
-            "rename it"
-        )
+    if options.out.suffix.lower() != ".glb":
+        raise InputError(f"--out: expected a path that ends in .glb, got {options.out}; rename it")
     if options.size is not None:
         _check_length("--size", options.size)
     if options.floor is None:
@@ -333,16 +326,6 @@ def _check_length(name: str, length: float) -> None:
             f"{name}: expected a length from {SMALLEST_EXTENT:g} to {1.0 / SMALLEST_EXTENT:g}, "
             f"got {length:g}; change it, or the unit"
         )
-
-
-def _scene(room: Room, path: Path) -> bytes:
-    if path.suffix.lower() == ".glb":
-        from dicedesign.scenes.glb import room_glb
-
-        return room_glb(room)
-    from dicedesign.scenes.usd import room_usda
-
-    return room_usda(room)
 
 
 def _room_table(options: argparse.Namespace, room: Room) -> list[str]:

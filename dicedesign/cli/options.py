@@ -18,7 +18,7 @@ from dicedesign.runtime.files import atomic_write, json_text
 from dicedesign.runtime.text import printable
 
 if TYPE_CHECKING:
-    from dicedesign.batch.analyse import Center
+    from dicedesign.batch.batch import Center
     from dicedesign.geometry.meshes.body import Body
     from dicedesign.rest.poses import RestPoses
     from dicedesign.runtime.arrays import Floats

@@ -25,9 +25,8 @@ from dicedesign.runtime.files import atomic_write
 from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
-    from dicedesign.batch.analyse import Center
-    from dicedesign.batch.rest_table import RestTable
-    from dicedesign.batch.rows import Entry, Stamp
+    from dicedesign.batch.batch import Center
+    from dicedesign.batch.rest_table import Entry, RestTable, Stamp
     from dicedesign.rest.poses import RestPoses
     from dicedesign.runtime.arrays import Floats
 
@@ -207,9 +206,7 @@ def rest_folder(options: argparse.Namespace, center_of_mass: Center) -> int:
     """Analyse the meshes of a folder; returns the exit code."""
     # Imported here, as one mesh and other commands do without.
     from dicedesign.batch.folder import list_folder
-    from dicedesign.batch.formats import table_format
-    from dicedesign.batch.rest_table import RestTable
-    from dicedesign.batch.rows import Stamp
+    from dicedesign.batch.rest_table import RestTable, Stamp, table_format
 
     if options.table is not None:
         raise InputError(
@@ -285,7 +282,7 @@ def _analyse_pending(
     table: RestTable, pending: dict[str, Stamp], options: argparse.Namespace, center_of_mass: Center
 ) -> None:
     # Imported only where a file is left to analyse.
-    from dicedesign.batch.file_batches import run_batch
+    from dicedesign.batch.batch import run_batch
 
     done = len(table.entries)
     with workers_of(options, "files", done + len(pending), done) as workers:

@@ -22,6 +22,7 @@ from concurrent.futures import (
 )
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Final, TypeVar
@@ -74,6 +75,8 @@ for an address that begins with tls://, and where its configuration demands thes
 has none."""
 
 Task = TypeVar("Task")
+
+Item = TypeVar("Item")
 
 Result = TypeVar("Result")
 
@@ -280,6 +283,67 @@ def as_ended(
             on_quiet()
         for future in ended:
             yield running.pop(future), future
+
+
+ITEMS_PER_TASK: Final = 64
+"""Items of one task of `run_in_batches`, at most: handing it over costs far less than they do."""
+
+FEWEST_TASKS_PER_JOB: Final = 8
+"""Tasks in all over the number of workers, if the items suffice, so that all workers end at about
+the same time."""
+
+BYTES_PER_TASK: Final = 1_000_000
+
+LONE_RUNS: Final = 3
+"""Runs of an item with no other beside it after which it counts as the one that takes its worker
+down."""
+
+
+def run_in_batches(
+    items: Sequence[Item],
+    submit: Callable[[list[Item]], Future[Result]],
+    jobs: int,
+    on_result: Callable[[Result], None],
+    on_quiet: Callable[[], None] | None = None,
+    *,
+    size_of: Callable[[Item], int] = lambda item: 0,
+) -> list[Item]:
+    """Run tasks of a few items each, `jobs` at a time. Items whose worker was lost run again at the
+    end, one at a time, so that none is blamed for another.
+
+    Parameters
+    ----------
+    submit: begins the task of some items.
+    on_result: called with what each task returned.
+    on_quiet: called whenever no task has ended for `QUIET` seconds.
+    size_of: bytes of an item; those of a task come to at most `BYTES_PER_TASK`, or it has one item.
+
+    Returns the items that lost their worker each of `LONE_RUNS` times that they ran alone. Raises
+    DiceError: the executor cannot go on.
+    """
+    most = min(ITEMS_PER_TASK, -(-len(items) // (FEWEST_TASKS_PER_JOB * jobs)))
+    tasks, size = list[list[Item]](), 0
+    for item in items:
+        if not tasks or len(tasks[-1]) == most or size + size_of(item) > BYTES_PER_TASK:
+            tasks.append([])
+            size = 0
+        tasks[-1].append(item)
+        size += size_of(item)
+    for run in range(1 + LONE_RUNS):
+        lost: list[Item] = []
+        # One that runs and one that waits for it to end, for each worker.
+        at_once = 1 if run else 2 * jobs
+        for task, future in as_ended(partial(next, iter(tasks), None), submit, at_once, on_quiet):
+            try:
+                result = future.result()
+            except Exception as error:
+                if not is_lost_worker(error):
+                    raise
+                lost += task
+            else:
+                on_result(result)
+        tasks = [[item] for item in lost]
+    return lost
 
 
 def in_order(

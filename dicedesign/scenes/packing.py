@@ -1,37 +1,94 @@
-"""Places on a floor for footprints that may not meet."""
+"""Places on a floor for footprints, convex polygons that may not meet."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Final
+from dataclasses import dataclass
 
 import numpy as np
 
 from dicedesign.runtime.arrays import Floats
-from dicedesign.scenes.footprints import Footprint, gap
 
-__all__ = ["fitting_floor", "pack"]
 
-CLEARANCE: Final = 1e-6
+@dataclass(frozen=True, eq=False)
+class Footprint:
+    """A convex polygon.
+
+    Attributes
+    ----------
+    corners: (m, 2), counter-clockwise.
+    outward: (e, 2) outward unit normals of its edges.
+    reach: (e,) how far it reaches along them.
+    """
+
+    corners: Floats
+    outward: Floats
+    reach: Floats
+
+    @classmethod
+    def under(cls, points: Floats) -> Footprint:
+        """The convex hull of points (n, 2) that are not all on one line."""
+        corners = _convex_polygon(points)
+        edges = np.roll(corners, -1, axis=0) - corners
+        lengths = np.hypot(edges[:, 0], edges[:, 1])[:, None]
+        outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / lengths
+        # Beyond all corners, not just the edge's own: the shortest edges have any direction.
+        return cls(corners, outward, (corners @ outward.T).max(axis=0))
+
+    @property
+    def area(self) -> float:
+        x, y = (self.corners - self.corners[0]).T
+        return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2.0
+
+
+def gap(one: Footprint, other: Footprint, shift: Floats) -> float:
+    """The widest strip beside an edge of one of two footprints, the other of them shifted by (2,),
+    that has them on different sides; 0 or less where they meet.
+
+    Convex polygons that do not meet always have such a strip beside one of their edges.
+    """
+    beside_one = (other.corners @ one.outward.T).min(axis=0) + one.outward @ shift - one.reach
+    beside_other = (one.corners @ other.outward.T).min(axis=0) - other.outward @ shift - other.reach
+    return float(max(beside_one.max(), beside_other.max()))
+
+
+def _convex_polygon(points: Floats) -> Floats:
+    """Corners (m, 2) of the convex hull of points (n, 2), counter-clockwise.
+
+    Source: A. M. Andrew, Inf. Process. Lett. 9(5), 1979 (the monotone chain).
+    """
+    ordered = np.unique(points, axis=0).tolist()
+    chains: list[list[list[float]]] = []
+    for row in (ordered, ordered[::-1]):
+        chain: list[list[float]] = []
+        for x, y in row:
+            while len(chain) > 1:
+                (ax, ay), (bx, by) = chain[-2], chain[-1]
+                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0:
+                    break
+                chain.pop()
+            chain.append([x, y])
+        chains.append(chain[:-1])
+    return np.array(chains[0] + chains[1])
+
+
+CLEARANCE = 1e-6
 """Least distance between two footprints, over the largest radius: far more than rounding."""
 
-TRIES: Final = 24
+TRIES = 24
 """Random places that are tried at once."""
 
-ROUNDS: Final = 8
+ROUNDS = 8
 """Of so many tries for each body, before all of the floor is looked at."""
 
-MESH: Final = 24
+MESH = 24
 """Places along each side when all of the floor is looked at."""
 
-BULK: Final = 1000
-"""Footprints up to which all are looked at for all tries at once."""
-
-FILLED: Final = 0.35
+FILLED = 0.35
 """Part of a floor of our choice that is covered; up to two thirds can be."""
 
-WIDER: Final = 1.1
+WIDER = 1.1
 """Each side of the next floor that is tried over that of the last."""
 
 
@@ -61,13 +118,13 @@ def pack(
 class _Layout:
     """Footprints of which some have places.
 
-    Discs about the middles of their boxes tell most pairs that meet, or do not, and those that are
-    far away are not looked at: they are in cells that are no neighbors.
+    Discs about the middles of their boxes tell most pairs that do not meet, and those that are far
+    away are not looked at: they are in cells that are no neighbors.
 
     Attributes
     ----------
     shifts: (n, 2) to the places, or NaN.
-    middles: (n, 2) of their discs; outer, inner: (n,) radii of those around and within them.
+    middles, outer: (n, 2) and radii (n,) of their discs.
     clearance: that two have to keep.
     """
 
@@ -78,33 +135,19 @@ class _Layout:
         self.middles = np.array([(p.min(axis=0) + p.max(axis=0)) / 2.0 for p in corners])
         arms = [p - m for p, m in zip(corners, self.middles, strict=True)]
         self.outer = np.sqrt([(arm * arm).sum(-1).max() for arm in arms])
-        within = zip(footprints, self.middles, strict=True)
-        self.inner = np.array([footprint.room_around(m) for footprint, m in within])
         self.clearance = CLEARANCE * float(self.outer.max())
         self._cell = 2.0 * float(self.outer.max()) + self.clearance
         self._cells: dict[tuple[int, int], list[int]] = {}
-        self._placed: list[int] = []
 
     def place(self, k: int, shifts: Floats) -> bool:
         """Give a footprint the first of some shifts (t, 2) that leads to a free place, if any."""
-        for shift in self._hopeful(k, shifts):
+        for shift in shifts:
             column, row = np.floor((shift + self.middles[k]) / self._cell).astype(int).tolist()
             if self._is_free(k, shift, column, row):
                 self.shifts[k] = shift
                 self._cells.setdefault((column, row), []).append(k)
-                self._placed.append(k)
                 return True
         return False
-
-    def _hopeful(self, k: int, shifts: Floats) -> Floats:
-        """Those of the shifts (t, 2) that do not lead into a disc within another; all of them where
-        there are many others, of which most are far away."""
-        if not 0 < len(self._placed) <= BULK:
-            return shifts
-        others = self.shifts[self._placed] + self.middles[self._placed]
-        between = (shifts + self.middles[k])[:, None] - others
-        reached = (self.inner[k] + self.inner[self._placed]) ** 2
-        return shifts[((between * between).sum(-1) > reached).all(axis=1)]
 
     def _is_free(self, k: int, shift: Floats, column: int, row: int) -> bool:
         """Whether a footprint that is shifted into a cell meets no other."""

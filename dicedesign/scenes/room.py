@@ -1,25 +1,23 @@
-"""Bodies lying about on a floor, each in a pose drawn by its odds."""
+"""Bodies lying about on a floor, each in a pose drawn by its probability."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
-from dicedesign.errors import DiceError, InputError
+from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.meshes.reading import quiet_trimesh, read_body
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
-from dicedesign.scenes.footprints import Footprint
-from dicedesign.scenes.packing import fitting_floor, pack
+from dicedesign.scenes.packing import Footprint, fitting_floor, pack
+from dicedesign.scenes.posing import Y_UP, load_scene, reason
 
-__all__ = ["LARGEST_RATIO", "Lying", "Model", "Room", "scattered"]
-
-LARGEST_RATIO: Final = 100.0
+LARGEST_RATIO = 100.0
 """Between the sizes of two meshes that may stand in one room as they are."""
 
 
@@ -134,8 +132,13 @@ def scattered(
             f"{folder}: expected a mesh that can be read, got {len(names)} that cannot; see the "
             "notes above"
         )
-    if size is None:
-        _check_sizes(folder, models)
+    small, large = (find(models, key=lambda model: model.size) for find in (min, max))
+    if size is None and large.size > LARGEST_RATIO * small.size:
+        raise InputError(
+            f"{folder}: expected meshes whose sizes differ at most {LARGEST_RATIO:g} times, got "
+            f"{small.size:.3g} of {small.name} and {large.size:.3g} of {large.name}; scale all to "
+            "one size with --size"
+        )
     lying = []
     for k in range(count):
         number = k % len(models)
@@ -183,19 +186,46 @@ def _models(
             model = Model(name, path, body, rest_poses(body))
         except Exception as error:
             # A room is not given up for one file, even where the fault is ours.
-            text = str(error) if isinstance(error, DiceError) else f"{path}: {error!r}"
-            said = " ".join(text.split())
+            said = reason(error, path)
         else:
             count -= 1
             yield model if size is None else replace(model, scale=size / model.size)
         on_mesh(said)
 
 
-def _check_sizes(folder: Path, models: Sequence[Model]) -> None:
-    small, large = (f(models, key=lambda model: model.size) for f in (min, max))
-    if large.size > LARGEST_RATIO * small.size:
-        raise InputError(
-            f"{folder}: expected meshes whose sizes differ at most {LARGEST_RATIO:g} times, got "
-            f"{small.size:.3g} of {small.name} and {large.size:.3g} of {large.name}; scale all to "
-            "one size with --size"
-        )
+def room_glb(room: Room) -> bytes:
+    """The content of a GLB file, the same for the same room.
+
+    The node "room" turns z upward into the y of the format; below it are the nodes "floor" and
+    "body 0", "body 1", ..., whose matrices are the bodies' transforms. Meshes keep their materials.
+    """
+    with quiet_trimesh():
+        import trimesh
+
+        scene = trimesh.Scene()
+        scene.graph.update(frame_to="room", matrix=Y_UP)
+        wide, deep = (side / 2.0 for side in room.floor)
+        corners = [[-wide, -deep, 0.0], [wide, -deep, 0.0], [wide, deep, 0.0], [-wide, deep, 0.0]]
+        plane = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
+        scene.geometry["floor"] = plane
+        scene.graph.update(frame_to="floor", frame_from="room", matrix=np.eye(4), geometry="floor")
+        # The meshes of each model once, their names and places in the model.
+        parts = []
+        for model in room.models:
+            own: Any = load_scene(model.path, model.body)
+            for name, geometry in own.geometry.items():
+                scene.geometry[f"{model.name}: {name}"] = geometry
+            placed = [own.graph[node] for node in own.graph.nodes_geometry]
+            parts.append([(f"{model.name}: {name}", matrix) for matrix, name in placed])
+        for k, body in enumerate(room.bodies):
+            node = f"body {k}"
+            scene.graph.update(frame_to=node, frame_from="room", matrix=body.transform)
+            for number, (geometry, matrix) in enumerate(parts[body.model]):
+                scene.graph.update(
+                    frame_to=f"{node} part {number}",
+                    frame_from=node,
+                    matrix=matrix,
+                    geometry=geometry,
+                )
+        data: bytes = scene.export(file_type="glb")
+        return data

@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -15,21 +15,19 @@ from dicedesign.recipe.schema.reading import checked_recipe, recipe_text
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.runtime.arrays import Booleans, Floats
 from dicedesign.runtime.files import atomic_write, json_text
-from dicedesign.search.space import varies_assignment
-
-__all__ = ["leaders", "pareto_front", "ranked", "write_results"]
+from dicedesign.search.study import varies_assignment
 
 Finished = dict[str, Any]
 """One trial, as in `dicedesign.search.study.SearchStudy.finished`."""
 
-LEADERS: Final = 10
+LEADERS = 10
 """Dice on the leaderboard; the best in each single measure are added."""
 
-BEST: Final = "best.yaml"
+BEST = "best.yaml"
 
-TABLE: Final = "leaderboard.json"
+TABLE = "leaderboard.json"
 
-COLUMNS: Final = (
+COLUMNS = (
     "rank",
     "number",
     "inradius_mm",
@@ -94,11 +92,32 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
     on_front = pareto_front(values.reshape(-1, 2))
     front = {trial["number"] for trial, is_on in zip(solved, on_front, strict=True) if is_on}
     chosen = {trial["number"] for trial in leaders(finished)}
-    board = [
-        _entry(rank, trial, trial["number"] in front, recipe)
-        for rank, trial in enumerate(solved, start=1)
-        if trial["number"] in chosen
-    ]
+    kept = ("number", "inradius_mm", "margin_deg", "max_abs_error", "asymmetry", "seconds")
+    files: dict[str, bytes] = {}
+    board = []
+    for rank, trial in enumerate(solved, start=1):
+        number, entries = trial["number"], trial["recipe"]
+        if number not in chosen:
+            continue
+        varied: dict[str, Any] = {"seed": entries["seed"]}
+        if varies_assignment(recipe):
+            varied["assignment"] = entries["assignment"]
+        if recipe.method.exact is not None:
+            for name, weight in entries["method"]["exact"]["prefer"].items():
+                varied[f"method.exact.prefer.{name}"] = weight
+        board.append(
+            {
+                "rank": rank,
+                **{key: trial[key] for key in kept},
+                "on_front": number in front,
+                "as_given": entries == recipe.resolved(),
+                "varied": varied,
+                "recipe_file": f"trial_{number}.yaml",
+            }
+        )
+        named = checked_recipe({**entries, "name": f"{recipe.name[:80]}_trial_{number}"})
+        files[f"trial_{number}.yaml"] = recipe_text(named).encode("utf-8")
+        files.setdefault(BEST, files[f"trial_{number}.yaml"])
     picture = pareto_figure(finished, front, [entry["number"] for entry in board]).png()
     table = {
         "name": recipe.name,
@@ -109,52 +128,16 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
         "leaderboard": board,
     }
     shapes = {trial["number"]: trial for trial in solved}
-    files = {
+    files |= {
         "pareto.png": picture,
         "leaderboard.html": leaderboard_html(table, shapes, picture).encode("utf-8"),
         "leaderboard.csv": _csv(board).encode("utf-8"),
+        TABLE: json_text(table).encode("utf-8"),
     }
-    for entry in board:
-        text = recipe_text(_named(recipe, shapes[entry["number"]]))
-        files[entry["recipe_file"]] = text.encode("utf-8")
-        if entry["rank"] == 1:
-            files[BEST] = files[entry["recipe_file"]]
-    files[TABLE] = json_text(table).encode("utf-8")
     _remove_old(folder, set(files))
     for name, data in files.items():
         atomic_write(folder / name, data)
     return board
-
-
-def _entry(rank: int, trial: Finished, on_front: bool, recipe: Recipe) -> dict[str, Any]:
-    number = trial["number"]
-    kept = ("number", "inradius_mm", "margin_deg", "max_abs_error", "asymmetry", "seconds")
-    return {
-        "rank": rank,
-        **{key: trial[key] for key in kept},
-        "on_front": on_front,
-        "as_given": trial["recipe"] == recipe.resolved(),
-        "varied": _varied(recipe, trial["recipe"]),
-        "recipe_file": f"trial_{number}.yaml",
-    }
-
-
-def _varied(recipe: Recipe, entries: dict[str, Any]) -> dict[str, Any]:
-    """Varied entries of the recipe of one trial, by their keys."""
-    varied: dict[str, Any] = {"seed": entries["seed"]}
-    if varies_assignment(recipe):
-        varied["assignment"] = entries["assignment"]
-    if recipe.method.exact is not None:
-        for name, weight in entries["method"]["exact"]["prefer"].items():
-            varied[f"method.exact.prefer.{name}"] = weight
-    return varied
-
-
-def _named(recipe: Recipe, trial: Finished) -> Recipe:
-    """The recipe of a trial under a name of its own."""
-    return checked_recipe(
-        {**trial["recipe"], "name": f"{recipe.name[:80]}_trial_{trial['number']}"}
-    )
 
 
 def _csv(board: Sequence[dict[str, Any]]) -> str:

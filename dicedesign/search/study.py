@@ -1,4 +1,4 @@
-"""The memory of a search: an Optuna study in a folder, from which it can go on."""
+"""The memory of a search: an Optuna study in a folder, and the numbers that are varied."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dicedesign.errors import DiceError, InputError, OutputError, missing_extra
-from dicedesign.recipe.schema.reading import read_recipe, recipe_text
+from dicedesign.recipe.schema.reading import checked_recipe, read_recipe, recipe_text
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.runtime.files import (
     atomic_write,
@@ -21,24 +22,106 @@ from dicedesign.runtime.files import (
     make_writable_folder,
     remove_partial_files,
 )
-from dicedesign.search.space import search_space, varied_recipe
 
 if TYPE_CHECKING:
     import optuna
 
-__all__ = ["SearchStudy", "open_study"]
 
-RECIPE: Final = "search.yaml"
+WEIGHTS = (1e-5, 10.0)
+"""Least and largest weight of a preference that is proposed, evenly in its logarithm."""
+
+OFF_BELOW = 0.01
+"""A proposed weight below this is 0 in the recipe, unless it is the recipe's own: half of the range
+leaves a preference out."""
+
+
+@dataclass(frozen=True)
+class Range:
+    """A number that a search varies.
+
+    Attributes
+    ----------
+    low, high: the least and the largest that is proposed.
+    logarithmic: proposed evenly in the logarithm.
+    own: at which the recipe is as it was given.
+    """
+
+    low: float
+    high: float
+    logarithmic: bool
+    own: float
+
+
+def varies_assignment(recipe: Recipe) -> bool:
+    """True if a search gives the labels other directions: where the start is given and not all
+    outcomes are equally probable. Not with a symmetry, which allows few assignments: facets that
+    are images of each other bear outcomes of one probability."""
+    probabilities = recipe.target.target().probabilities
+    given = recipe.start.kind.search is None and recipe.symmetry is None
+    return given and bool(np.ptp(probabilities) > 0.0)
+
+
+def search_space(recipe: Recipe) -> dict[str, Range]:
+    """The numbers that a search of a recipe varies, by name.
+
+    "assignment.LABEL": labels take the start's directions in the order of these numbers; where
+    `varies_assignment`. "prefer.NAME": weights of preferences; where the method is exact. The seed
+    is not among them: it is another for each trial.
+    """
+    space: dict[str, Range] = {}
+    if varies_assignment(recipe):
+        order = recipe.assignment or recipe.target.target().labels
+        space |= {
+            f"assignment.{label}": Range(0.0, 1.0, False, (place + 0.5) / len(order))
+            for place, label in enumerate(order)
+        }
+    for name, weight in _own_weights(recipe).items():
+        low, high = WEIGHTS
+        own = max(weight, low)
+        space[f"prefer.{name}"] = Range(low, max(high, own), True, own)
+    return space
+
+
+def varied_recipe(recipe: Recipe, place: int, values: Mapping[str, float]) -> Recipe:
+    """The recipe of a trial: its place in the search is added to the seed, and the numbers of
+    `search_space` take the given values. With `Range.own` for all, that at place 0 is the recipe as
+    it was given."""
+    entries, space = recipe.resolved(), search_space(recipe)
+    entries["seed"] += place
+    order = {
+        name.removeprefix("assignment."): value
+        for name, value in values.items()
+        if name.startswith("assignment.")
+    }
+    if order:
+        entries["assignment"] = sorted(order, key=order.__getitem__)
+    for name in _own_weights(recipe):
+        weight = values[f"prefer.{name}"]
+        if weight != space[f"prefer.{name}"].own:
+            entries["method"]["exact"]["prefer"][name] = weight if weight >= OFF_BELOW else 0.0
+    return checked_recipe(entries)
+
+
+def _own_weights(recipe: Recipe) -> dict[str, float]:
+    exact = recipe.method.exact
+    weights = {} if exact is None else exact.prefer.as_dict()
+    if not recipe.method.thrown:
+        # Odds without momentum are the same on every table.
+        weights.pop("robustness", None)
+    return weights
+
+
+RECIPE = "search.yaml"
 """The recipe that is searched, with every default."""
 
-JOURNAL: Final = "trials.journal"
+JOURNAL = "trials.journal"
 """Optuna's log of everything asked and told."""
 
-PLACE: Final = "place"
+PLACE = "place"
 """Attribute of a trial of Optuna's: its number in the search, which is that of the trial that was
 cut off before if there was one."""
 
-GIVEN_UP: Final = "given_up"
+GIVEN_UP = "given_up"
 """Attribute of a trial that is not run again."""
 
 
@@ -59,7 +142,7 @@ class SearchStudy:
 
     def finished(self) -> list[dict[str, Any]]:
         """Of each trial with a result, in order, its "number", its "recipe" as plain data, and what
-        `dicedesign.search.trial.run_trial` returned."""
+        `run_trial` returned."""
         finished = [
             {
                 "number": trial.user_attrs[PLACE],
@@ -79,14 +162,29 @@ class SearchStudy:
         by then, and not on whether the search was interrupted before.
         """
         from optuna.distributions import FloatDistribution
+        from optuna.samplers import TPESampler
 
         trials = self._study.get_trials(deepcopy=False)
-        number = _first_free(trials)
-        own = {name: entry.own for name, entry in self._space.items()}
-        known = _cut_off(trials, number) or (own if number == 0 else None)
-        if known is not None:
-            self._study.enqueue_trial(known)
-        self._study.sampler = self._sampler(number)
+        # The first number that has no trial, but for those cut off.
+        taken = {
+            trial.user_attrs.get(PLACE)
+            for trial in trials
+            if trial.state.name != "FAIL" or GIVEN_UP in trial.user_attrs
+        }
+        number = next(number for number in count() if number not in taken)
+        # One that was cut off before its recipe was known is proposed anew.
+        known = [
+            trial.params
+            for trial in trials
+            if trial.user_attrs.get(PLACE) == number and "recipe" in trial.user_attrs
+        ]
+        if number == 0:
+            known.append({name: entry.own for name, entry in self._space.items()})
+        if known:
+            self._study.enqueue_trial(known[0])
+        # One of its own for each trial: made when the search goes on, it would else repeat itself.
+        seed = np.random.SeedSequence([self._recipe.seed, number]).generate_state(1)[0]
+        self._study.sampler = TPESampler(seed=int(seed))
         trial = self._study.ask(
             {
                 name: FloatDistribution(entry.low, entry.high, log=entry.logarithmic)
@@ -118,31 +216,6 @@ class SearchStudy:
         trial.set_user_attr(GIVEN_UP, True)
         self._study.tell(trial, state=TrialState.FAIL)
 
-    def _sampler(self, number: int) -> optuna.samplers.BaseSampler:
-        """For one trial: a sampler made when the search goes on would else repeat itself."""
-        from optuna.samplers import TPESampler
-
-        seed = np.random.SeedSequence([self._recipe.seed, number]).generate_state(1)[0]
-        return TPESampler(seed=int(seed))
-
-
-def _first_free(trials: Sequence[optuna.trial.FrozenTrial]) -> int:
-    """The first number that has no trial, but for those cut off."""
-    taken = {
-        trial.user_attrs.get(PLACE)
-        for trial in trials
-        if trial.state.name != "FAIL" or GIVEN_UP in trial.user_attrs
-    }
-    return next(number for number in count() if number not in taken)
-
-
-def _cut_off(trials: Sequence[optuna.trial.FrozenTrial], number: int) -> dict[str, Any] | None:
-    """What was proposed for a trial that was cut off; None where that was not all of it."""
-    for trial in trials:
-        if trial.user_attrs.get(PLACE) == number and "recipe" in trial.user_attrs:
-            return trial.params
-    return None
-
 
 @contextmanager
 def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
@@ -164,20 +237,21 @@ def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
     with locked_folder(folder):
         remove_partial_files(folder)
         _check_recipe(folder, recipe)
-        _prepare_journal(folder / JOURNAL)
-        with _quiet(optuna):
-            study = _load(optuna, folder)
-            _fail_unfinished(study, optuna.trial.TrialState.FAIL)
-            yield SearchStudy(study, recipe)
-
-
-def _fail_unfinished(study: optuna.Study, failed: optuna.trial.TrialState) -> None:
-    """Mark trials as failed that were running, or set to be asked for next."""
-    for trial in study.get_trials(deepcopy=False):
-        if trial.state.name == "RUNNING":
-            study.tell(trial.number, state=failed)
-        elif trial.state.name == "WAITING":
-            study.tell(study.ask(), state=failed)
+        level = optuna.logging.get_verbosity()
+        optuna.logging.set_verbosity(optuna.logging.ERROR)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+                study = _load(optuna, folder / JOURNAL)
+                # What was running, or set to be asked for next.
+                for trial in study.get_trials(deepcopy=False):
+                    if trial.state.name == "RUNNING":
+                        study.tell(trial.number, state=optuna.trial.TrialState.FAIL)
+                    elif trial.state.name == "WAITING":
+                        study.tell(study.ask(), state=optuna.trial.TrialState.FAIL)
+                yield SearchStudy(study, recipe)
+        finally:
+            optuna.logging.set_verbosity(level)
 
 
 class _AlreadyLocked:
@@ -221,19 +295,26 @@ def _no_journal(path: Path, fault: object) -> InputError:
     )
 
 
-def _load(optuna: Any, folder: Path) -> optuna.Study:
-    backend = _Journal(optuna, folder / JOURNAL)
+def _load(optuna: Any, journal: Path) -> optuna.Study:
+    """The study in a journal, made if there is none."""
     try:
+        # Half a line, which a process that was killed as it wrote may have left, is cut off: the
+        # next would be written onto it.
+        with journal.open("ab+") as file:
+            file.seek(0)
+            file.truncate(file.read().rfind(b"\n") + 1)
         return optuna.create_study(
-            storage=optuna.storages.JournalStorage(backend),
+            storage=optuna.storages.JournalStorage(_Journal(optuna, journal)),
             study_name="search",
             directions=["maximize", "maximize"],
             load_if_exists=True,
         )
     except DiceError:
         raise
+    except OSError as error:
+        raise _no_journal(journal, error.strerror) from error
     except (ValueError, KeyError, TypeError, AttributeError, AssertionError) as error:
-        raise _no_journal(folder / JOURNAL, error) from error
+        raise _no_journal(journal, error) from error
 
 
 def _check_recipe(folder: Path, recipe: Recipe) -> None:
@@ -253,27 +334,3 @@ def _check_recipe(folder: Path, recipe: Recipe) -> None:
             f"{folder}: expected a search of this recipe, got one of another, whose {key} is "
             f"{earlier.get(key)!r} instead of {wanted[key]!r}; choose another folder with --out"
         )
-
-
-def _prepare_journal(journal: Path) -> None:
-    """Make one if there is none, and cut off half a line, which a process that was killed as it
-    wrote may have left: the next would be written onto it."""
-    try:
-        with journal.open("ab+") as file:
-            file.seek(0)
-            file.truncate(file.read().rfind(b"\n") + 1)
-    except OSError as error:
-        raise _no_journal(journal, error.strerror) from error
-
-
-@contextmanager
-def _quiet(optuna: Any) -> Iterator[None]:
-    """Nothing of Optuna's own below an error is said."""
-    level = optuna.logging.get_verbosity()
-    optuna.logging.set_verbosity(optuna.logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-            yield
-    finally:
-        optuna.logging.set_verbosity(level)

@@ -1,26 +1,39 @@
-"""The table of a folder against the answers to its files one by one."""
+"""The table of a folder against the answers to its files one by one, as CSV and as Parquet."""
 
 from __future__ import annotations
 
 import csv
 import os
+import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow
 import pytest
+from pyarrow import parquet
 
-from dicedesign.batch.analyse import analyse_files
+from dicedesign.batch.batch import analyse_files
 from dicedesign.batch.folder import list_folder
-from dicedesign.batch.rest_table import RestTable
-from dicedesign.batch.rows import COLUMNS, STAMPED, Entry, Stamp, broken_entry
+from dicedesign.batch.rest_table import (
+    COLUMNS,
+    STAMPED,
+    Entry,
+    RestTable,
+    Stamp,
+    broken_entry,
+    table_format,
+)
 from dicedesign.errors import InputError, OutputError
-from dicedesign.geometry.meshes import reading as mesh_file
+from dicedesign.geometry.meshes import reading
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.checkpoint import INTERVAL
 
 FILES = ["a.stl", "b.xyz", "b/box.obj", "b/hull.PLY", "c.off", "open, as it is.obj"]
+
+TYPES: dict[str, Any] = {"text": str, "whole": int, "real": float}
 
 
 def analysed(folder: Path) -> dict[str, Entry]:
@@ -28,30 +41,43 @@ def analysed(folder: Path) -> dict[str, Entry]:
     return analyse_files(str(folder), stamps)
 
 
-def rows_of(path: Path) -> list[dict[str, str]]:
+def rows_of(path: Path) -> list[dict[str, Any]]:
+    """Rows of either format, with None for numbers that are left out."""
+    if path.suffix == ".parquet":
+        return parquet.read_table(path).to_pylist()
     with path.open(newline="") as file:
-        return list(csv.DictReader(file))
+        return [
+            {
+                name: TYPES[COLUMNS[name]](text) if text or COLUMNS[name] == "text" else None
+                for name, text in row.items()
+            }
+            for row in csv.DictReader(file)
+        ]
 
 
 def test_which_files_are_meshes(meshes: Path) -> None:
     found = list_folder(meshes)
     assert list(found.meshes) == FILES
     assert found.others == 1
-    for file, (size, modified) in found.meshes.items():
-        status = (meshes / file).stat()
-        assert (size, modified) == (status.st_size, status.st_mtime_ns)
+    status = (meshes / "a.stl").stat()
+    assert found.meshes["a.stl"] == (status.st_size, status.st_mtime_ns)
 
 
 def test_rows_are_the_rests_of_each_file(meshes: Path, tmp_path: Path) -> None:
-    RestTable(tmp_path / "t.csv", analysed(meshes))
+    entries = analysed(meshes)
+    for name in ("t.csv", "t.parquet"):
+        RestTable(tmp_path / name, entries)
+        assert RestTable.read(tmp_path / name) == entries
     rows = rows_of(tmp_path / "t.csv")
+    assert rows == rows_of(tmp_path / "t.parquet")
     assert list(rows[0]) == list(COLUMNS)
     assert list(dict.fromkeys(row["file"] for row in rows)) == FILES
     for file in FILES:
         poses = rest_poses(read_body(meshes / file))
         own = [row for row in rows if row["file"] == file]
-        assert [row["rest"] for row in own] == [str(i + 1) for i in range(len(poses.normals))]
+        count = len(poses.normals)
         for name, expected in (
+            ("rest", np.arange(1, count + 1)),
             ("probability", poses.probabilities),
             ("normal_x", poses.normals[:, 0]),
             ("normal_y", poses.normals[:, 1]),
@@ -59,105 +85,111 @@ def test_rows_are_the_rests_of_each_file(meshes: Path, tmp_path: Path) -> None:
             ("area", poses.areas),
             ("margin_deg", np.degrees(poses.margins)),
         ):
-            assert [float(row[name]) for row in own] == expected.tolist(), name
-        center = [float(own[0][f"center_of_mass_{axis}"]) for axis in "xyz"]
-        assert center == poses.center_of_mass.tolist()
+            assert [row[name] for row in own] == expected.tolist(), name
         for row in own:
-            assert row["rests"] == str(len(own))
-            assert row["center_of_mass_source"] == poses.center_of_mass_source
-            assert row["hull_vertices"] == str(len(poses.hull.vertices))
-            assert row["notes"] == " | ".join(poses.notes)
-            assert row["error"] == ""
-            assert 0.0 < float(row["seconds"]) < 60.0
+            center = [row[f"center_of_mass_{axis}"] for axis in "xyz"]
+            assert center == poses.center_of_mass.tolist()
+            assert (row["rests"], row["center_of_mass_source"], row["hull_vertices"]) == (
+                count,
+                poses.center_of_mass_source,
+                len(poses.hull.vertices),
+            )
+            assert (row["notes"], row["error"]) == (" | ".join(poses.notes), "")
+            assert 0.0 < row["seconds"] < 60.0
     assert any(row["notes"] for row in rows)
+    types = {"text": pyarrow.string(), "whole": pyarrow.int64(), "real": pyarrow.float64()}
+    expected = pyarrow.schema([(name, types[kind]) for name, kind in COLUMNS.items()])
+    assert parquet.read_schema(tmp_path / "t.parquet").remove_metadata() == expected
 
 
 def test_a_center_and_a_tolerance_are_taken(meshes: Path) -> None:
     entries = analyse_files(str(meshes), {"a.stl": Stamp(1, 1)}, (0.1, 0.2, 0.3), 1e-3)
-    (row, *_) = csv.reader(entries["a.stl"].text.splitlines())
+    (values, *_) = csv.reader(entries["a.stl"].text.splitlines())
+    row = dict(zip(COLUMNS, values, strict=True))
     expected = rest_poses(read_body(meshes / "a.stl"), (0.1, 0.2, 0.3), coplanar_tolerance=1e-3)
-    assert float(row[list(COLUMNS).index("probability")]) == expected.probabilities[0]
-    assert row[list(COLUMNS).index("center_of_mass_source")] == "given"
+    assert float(row["probability"]) == expected.probabilities[0]
+    assert row["center_of_mass_source"] == "given"
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "said"),
-    [
-        ("empty.obj", b"", "expected a mesh or point file, got an empty one"),
-        ("words.obj", b"v one two\n\nthree", "line 1: expected three coordinates"),
-        ("cut.stl", b"\0" * 90, "expected"),
-        ("flat.xyz", b"0 0 0\n1 0 0\n0 1 0\n1 1 0\n", "got 4 points on one plane"),
-        ("nan.xyz", b"0 0 nan\n1 0 0\n0 1 0\n1 1 1\n", "expected finite coordinates"),
-        ("noise.ply", b"ply\n\xff\xfe\n", "expected a .ply file, got one that cannot be read"),
-        ("noise.glb", bytes(range(256)), "expected a .glb file, got one that cannot be read"),
-    ],
-)
-def test_a_broken_file_has_one_row(tmp_path: Path, name: str, content: bytes, said: str) -> None:
-    (tmp_path / name).write_bytes(content)
-    entries = analysed(tmp_path)
-    assert entries[name].rests == 0
-    RestTable(tmp_path / "t.csv", entries)
-    (row,) = rows_of(tmp_path / "t.csv")
-    assert row["file"] == name
-    assert said in row["error"]
-    assert str(tmp_path) not in row["error"]
-    assert "\n" not in row["error"]
-    assert row["rests"] == "0"
-    kept = (*STAMPED, "file", "rests", "seconds", "error")
-    assert {value for column, value in row.items() if column not in kept} == {""}
-
-
-def test_a_fault_of_ours_and_a_link_to_nowhere_cost_one_row(
-    meshes: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_broken_files_and_odd_names_are_rows_too(
+    meshes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
 ) -> None:
-    def faulty(path: Path) -> object:
-        return 1 // 0 if path.name == "box.obj" else read_body(path)
-
-    monkeypatch.setattr(mesh_file, "read_body", faulty)
+    box = (meshes / "b" / "box.obj").read_bytes()
+    for name, content in (
+        ("empty.obj", b""),
+        ('wrong, and\n"quoted"\r.obj', b"v 1\n"),
+        ("noise.glb", bytes(range(256))),
+        ("größe.obj", box),
+        (os.fsdecode(b"caf\xe9.obj"), box),
+        (r"caf\udce9.obj", box),
+        (r"caf\\udce9.obj", box),
+        ("ours.obj", box),
+    ):
+        (meshes / name).write_bytes(content)
     (meshes / "far.stl").symlink_to(meshes / "gone.stl")
-    broken = {file: entry.text for file, entry in analysed(meshes).items() if entry.rests == 0}
-    assert sorted(broken) == ["b/box.obj", "far.stl"]
-    assert "ZeroDivisionError" in broken["b/box.obj"]
-    assert "far.stl: no such file" in broken["far.stl"]
-
-
-def test_a_table_reads_back_as_it_was(meshes: Path, tmp_path: Path) -> None:
-    (meshes / 'wrong, and\n"quoted".obj').write_text("v 1\n")
-    (meshes / os.fsdecode(b"caf\xe9.stl")).write_bytes(b"")
-    (meshes / "carriage\rreturn.obj").write_bytes((meshes / "b" / "box.obj").read_bytes())
+    monkeypatch.setattr(
+        reading, "read_body", lambda path: 1 // 0 if path.name == "ours.obj" else read_body(path)
+    )
     entries = analysed(meshes)
-    assert len(entries) == 9
-    RestTable(tmp_path / "t.csv", entries)
-    assert RestTable.read(tmp_path / "t.csv") == entries
-    assert RestTable.read(tmp_path / "missing.csv") == {}
+    path = tmp_path / f"t.{ending}"
+    RestTable(path, entries)
+    # Bytes that are not UTF-8 are escapes, and names that look like escapes are others.
+    assert RestTable.read(path) == entries
+    assert len(entries) == 15
+    rows = rows_of(path)
+    assert {r"caf\udce9.obj", r"caf\\udce9.obj", "größe.obj"} < {row["file"] for row in rows}
+    broken = {row["file"]: row for row in rows if row["error"]}
+    for file, said in (
+        ("empty.obj", "expected a mesh or point file, got an empty one"),
+        ('wrong, and\n"quoted"\r.obj', "line 1: expected three coordinates"),
+        ("noise.glb", "expected a .glb file, got one that cannot be read"),
+        ("far.stl", "far.stl: no such file"),
+        ("ours.obj", "ZeroDivisionError"),
+    ):
+        row = broken.pop(file)
+        assert said in row["error"]
+        assert str(meshes) not in row["error"]
+        assert "\n" not in row["error"]
+        assert row["rests"] == 0
+        kept = (*STAMPED, "file", "rests", "seconds", "error")
+        assert {value for name, value in row.items() if name not in kept} <= {"", None}
+    assert broken == {}
 
 
 def test_a_file_with_rows_missing_is_not_in_the_table(meshes: Path, tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     RestTable(path, analysed(meshes))
     lines = path.read_text().splitlines(keepends=True)
-    gone = next(i for i, line in enumerate(lines) if line.startswith("c.off,2,"))
-    path.write_text("".join(lines[:gone] + lines[gone + 1 :]))
+    path.write_text("".join(line for line in lines if not line.startswith("c.off,2,")))
     assert sorted(RestTable.read(path)) == [file for file in FILES if file != "c.off"]
+    assert RestTable.read(tmp_path / "missing.csv") == {}
+
+
+HEADER = ",".join(COLUMNS).encode() + b"\n"
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("name", "content", "said"),
     [
-        ("", "its columns are others"),
-        ("file,error\na.stl,\n", "its columns are others"),
-        (",".join(COLUMNS) + "\na.stl,1\n", f"line 2 has 2 columns of {len(COLUMNS)}"),
-        (",".join(COLUMNS) + "\n" + "x," * (len(COLUMNS) - 1) + "x\n", "invalid literal"),
+        ("t.csv", b"", "its columns are others"),
+        ("t.csv", b"file,error\na.stl,\n", "its columns are others"),
+        ("t.csv", HEADER + b"a.stl,1\n", f"line 2 has 2 columns of {len(COLUMNS)}"),
+        ("t.csv", HEADER + b"x," * (len(COLUMNS) - 1) + b"x\n", "invalid literal"),
+        ("t.parquet", b"something else\n", "it is no Parquet file that can be read"),
+        ("t.parquet", None, "its columns are others"),
     ],
 )
-def test_other_files_are_no_table(tmp_path: Path, content: str, said: str) -> None:
-    path = tmp_path / "t.csv"
-    path.write_text(content)
+def test_other_files_are_no_table(
+    tmp_path: Path, name: str, content: bytes | None, said: str
+) -> None:
+    path = tmp_path / name
+    if content is None:
+        parquet.write_table(pyarrow.table({name: ["1"] for name in COLUMNS}), path)
+    else:
+        path.write_bytes(content)
     with pytest.raises(InputError, match=f"expected a table of an earlier run .*{said}.*--out"):
         RestTable.read(path)
-    (tmp_path / "d.csv").mkdir()
-    with pytest.raises(InputError, match="got a directory"):
-        RestTable.read(tmp_path / "d.csv")
 
 
 def test_the_table_is_written_at_once_at_intervals_and_at_the_end(
@@ -166,20 +198,16 @@ def test_the_table_is_written_at_once_at_intervals_and_at_the_end(
     path, now = tmp_path / "t.csv", [100.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
     entries = [{f"{i}.stl": broken_entry(f"{i}.stl", Stamp(1, 1), "x")} for i in range(4)]
-
-    def saved() -> int:
-        return len(RestTable.read(path))
-
     with RestTable(path, {}) as kept:
         assert path.read_text() == ",".join(COLUMNS) + "\n"
         kept.add(entries[2])
-        assert saved() == 0
+        assert len(RestTable.read(path)) == 0
         now[0] += INTERVAL
         kept.add(entries[1])
-        assert saved() == 2
+        assert len(RestTable.read(path)) == 2
         kept.add(entries[0])
-        assert saved() == 2
-    assert saved() == 3
+        assert len(RestTable.read(path)) == 2
+    assert len(RestTable.read(path)) == 3
 
     def interrupted() -> None:
         with RestTable(path, kept.entries) as again:
@@ -192,12 +220,10 @@ def test_the_table_is_written_at_once_at_intervals_and_at_the_end(
     assert [file.name for file in tmp_path.iterdir()] == ["t.csv"]
 
 
-def test_a_table_that_cannot_be_written_is_noticed_at_once(tmp_path: Path) -> None:
+def test_what_cannot_be_written_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(OutputError, match="expected to write a file in an existing"):
         RestTable(tmp_path / "missing" / "t.csv", {})
-
-
-def test_another_run_on_the_same_table_is_noticed(tmp_path: Path) -> None:
+    # Another run on the same table.
     path = tmp_path / "t.csv"
     entries = [{f"{i}.stl": broken_entry(f"{i}.stl", Stamp(1, 1), "x")} for i in range(2)]
     one = RestTable(path, {})
@@ -210,3 +236,7 @@ def test_another_run_on_the_same_table_is_noticed(tmp_path: Path) -> None:
     path.unlink()
     one.save()
     assert RestTable.read(path) == entries[0]
+    # Parquet without its package.
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(InputError, match=r"--out .*extra 'parquet'.*'dicedesign\[parquet\]'"):
+        table_format(tmp_path / "t.parquet")

@@ -110,39 +110,6 @@ def test_the_glb_holds_each_mesh_once_and_each_body_as_a_node(
     np.testing.assert_allclose(np.concatenate(points).max(0), expected.max(0), atol=1e-5)
 
 
-def test_the_usd_file_says_the_same(
-    tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Read by what its grammar says: points are rows, and matrices multiply from the right."""
-    out = tmp_path / "room.usda"
-    told = scatter(folder, capsys, "--count", "8", "--out", str(out))
-    text = out.read_text()
-    assert text.startswith("#usda 1.0\n")
-    assert text.count("{") == text.count("}")
-    assert text.count("(") == text.count(")")
-    models = {}
-    for block in text.split("\nclass Xform ")[1:]:
-        (number,), (file,) = (
-            re.findall(r'^"Model_(\d+)"', block),
-            re.findall(r'file = "(.*)"', block),
-        )
-        (row,) = re.findall(r"point3f\[\] points = \[(.*)\]", block.split("\ndef ")[0])
-        numbers = re.findall(r"[-+.\deE]+", row)
-        (faces,) = re.findall(r"faceVertexIndices = \[(.*)\]", block.split("\ndef ")[0])
-        assert max(map(int, faces.split(","))) == len(numbers) // 3 - 1
-        models[number] = (file, np.array(numbers, dtype=float).reshape(-1, 3))
-    bodies = re.findall(r'"Body_(\d+)".*?</Model_(\d+)>.*?transform = \((.*?)\)\n', text, re.DOTALL)
-    assert [int(k) for k, _, _ in bodies] == list(range(8))
-    for k, model, row in bodies:
-        body, (file, points) = told["bodies"][int(k)], models[model]
-        assert file == body["file"]
-        matrix = np.array(re.findall(r"[-+.\deE]+", row), dtype=float).reshape(4, 4)
-        placed = np.hstack([points, np.ones((len(points), 1))]) @ matrix
-        mesh = read_body(folder / file)
-        expected = trimesh.transform_points(mesh.points, np.array(body["transform"]))
-        np.testing.assert_allclose(placed[:, :3], expected, atol=1e-5)
-
-
 def test_one_seed_is_one_room_and_another_is_another(
     tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -174,7 +141,7 @@ def test_a_size_is_given_to_all(
 def test_the_picture_shows_the_colors_of_the_meshes(
     tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out, picture = str(tmp_path / "room.usda"), tmp_path / "room.png"
+    out, picture = str(tmp_path / "room.glb"), tmp_path / "room.png"
     scatter(folder, capsys, "--count", "9", "--out", out, "--figure", str(picture))
     with Image.open(picture) as image:
         assert image.width == 1600

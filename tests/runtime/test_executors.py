@@ -15,7 +15,13 @@ from common.inline_executor import Inline, Late, Lossy
 
 from dicedesign.errors import DiceError
 from dicedesign.runtime import workers
-from dicedesign.runtime.workers import as_ended, in_order, is_lost_worker, local_workers
+from dicedesign.runtime.workers import (
+    as_ended,
+    in_order,
+    is_lost_worker,
+    local_workers,
+    run_in_batches,
+)
 
 
 @pytest.fixture
@@ -54,6 +60,28 @@ def test_a_task_that_failed_may_be_given_again() -> None:
             waiting.append(task)
     assert done == ["A", "B"]
     assert [task for (task,) in lossy.submitted] == ["a", "b", "b", "b"]
+
+
+def test_small_items_share_a_task_and_few_are_spread_over_all_workers() -> None:
+    sizes = [100] * 2000 + [600_000, 300_000, 200_000, 5_000_000, 100]
+    lossy, done = Lossy(lambda *_: False), list[int]()
+    submit = partial(lossy.submit, list)
+    assert run_in_batches(sizes, submit, 2, done.extend, size_of=int) == []
+    assert sorted(done) == sorted(sizes)
+    assert [len(task) for (task,) in lossy.submitted] == [64] * 31 + [18, 1, 1, 1]
+    for jobs, expected in ((1, [2] * 8), (2, [1] * 16), (20, [1] * 16)):
+        lossy = Lossy(lambda *_: False)
+        run_in_batches(range(16), partial(lossy.submit, list), jobs, done.extend)
+        assert [len(task) for (task,) in lossy.submitted] == expected
+
+
+def test_items_whose_worker_is_lost_run_again_alone() -> None:
+    lossy, done = Lossy(lambda count, task: 42 in task), list[int]()
+    assert run_in_batches(range(100), partial(lossy.submit, list), 1, done.extend) == [42]
+    assert sorted(done) == [number for number in range(100) if number != 42]
+    assert sum(task == [42] for (task,) in lossy.submitted) == 3
+    with pytest.raises(ZeroDivisionError):
+        run_in_batches([1], lambda task: Inline().submit(lambda: 1 // 0), 1, done.extend)
 
 
 def test_results_come_in_order_though_workers_are_lost() -> None:

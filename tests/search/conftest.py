@@ -37,4 +37,4 @@ def recipe(recipe_path: Path) -> Recipe:
 @pytest.fixture
 def made_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """Trials that design nothing and end at once."""
-    monkeypatch.setattr("dicedesign.search.trial_scheduler.run_trial", made_up_trial)
+    monkeypatch.setattr("dicedesign.search.trials.run_trial", made_up_trial)

@@ -27,7 +27,7 @@ from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.runtime import workers
 from dicedesign.runtime.workers import cluster_workers, no_worker_left
 from dicedesign.search.study import open_study
-from dicedesign.search.trial_scheduler import run_search
+from dicedesign.search.trials import run_search
 
 PATIENCE = 60.0
 
@@ -163,24 +163,6 @@ def test_a_scheduler_that_goes_leaves_what_is_finished(
         assert kept
         run_search(study, len(kept) + 1, Inline(), 1)
         assert study.finished()[: len(kept)] == kept
-
-
-def test_nobody_at_the_address(
-    tmp_path: Path,
-    recipe_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.setattr(workers, "PATIENCE", 0.5)
-    search = ["search", str(recipe_path), "--trials", "1", "--out", str(tmp_path / "out")]
-    assert main([*search, "--scheduler", "tcp://127.0.0.1:1"]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.startswith(
-        "dicedesign: --scheduler tcp://127.0.0.1:1: expected a Dask scheduler that answers within "
-    )
-    assert len(captured.err.splitlines()) == 1
-    assert main([*search, "--scheduler", "nowhere://"]) == 2
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl to make certificates with")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from dicedesign.cli.main import main
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.recipe.schema.reading import read_recipe
-from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.runtime import workers
 from dicedesign.search.study import open_study
 
@@ -104,28 +102,6 @@ def test_a_search_of_refined_dice_is_refused(
     assert main(["search", recipe, "--trials", "1", "--out", str(tmp_path / "out")]) == 2
     assert "expected no method.exact.refine in a search" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
-
-
-def test_another_recipe_and_a_missing_extra_are_said_in_words(
-    tmp_path: Path,
-    recipe_path: Path,
-    recipe: Recipe,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    folder = tmp_path / "out"
-    with open_study(folder, recipe):
-        pass
-    recipe_path.write_text(recipe_path.read_text().replace("seed: 3", "seed: 4"))
-    search = ["search", str(recipe_path), "--trials", "1", "--out", str(folder)]
-    assert main(search) == 2
-    assert capsys.readouterr().err == (
-        f"dicedesign: {folder}: expected a search of this recipe, got one of another, whose seed "
-        "is 3 instead of 4; choose another folder with --out\n"
-    )
-    monkeypatch.setitem(sys.modules, "optuna", None)
-    assert main(search) == 2
-    assert "expected the optional extra 'search'" in capsys.readouterr().err
 
 
 def test_a_start_that_suits_no_trial(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

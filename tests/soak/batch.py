@@ -19,7 +19,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dicedesign.batch.rows import COLUMNS
+from dicedesign.batch.rest_table import COLUMNS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.runtime.arrays import Floats, Integers
 from tests.reference.oracle import hull_probabilities

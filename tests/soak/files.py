@@ -15,9 +15,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from dicedesign.batch.analyse import analyse_files
-from dicedesign.batch.rest_table import RestTable
-from dicedesign.batch.rows import Stamp
+from dicedesign.batch.batch import analyse_files
+from dicedesign.batch.rest_table import RestTable, Stamp
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.recipe.schema.reading import read_recipe

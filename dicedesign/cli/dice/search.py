@@ -87,7 +87,7 @@ def _search(options: argparse.Namespace) -> int:
 
 
 def _run(study: SearchStudy, options: argparse.Namespace) -> None:
-    from dicedesign.search.trial_scheduler import run_search
+    from dicedesign.search.trials import run_search
 
     finished = study.finished()
     converged = sum(trial["status"] == "converged" for trial in finished)

@@ -1,16 +1,16 @@
-"""A worker's task: a few meshes of a folder are analysed."""
+"""Thousands of files: a few in each task, tasks side by side."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Literal
 
-from dicedesign.batch.rows import Entry, Stamp, analysed_entry, broken_entry
+from dicedesign.batch.rest_table import Entry, Stamp, analysed_entry, broken_entry
 from dicedesign.errors import DiceError
-
-__all__ = ["Center", "analyse_files"]
+from dicedesign.runtime.workers import LONE_RUNS, run_in_batches
 
 Center = tuple[float, float, float] | Literal["hull"] | None
 """A center of mass, as in `rest_poses`."""
@@ -50,3 +50,46 @@ def analyse_files(
             reason = said.replace(str(path), file)
             entries[file] = broken_entry(file, stamp, reason, seconds)
     return entries
+
+
+def run_batch(
+    folder: str,
+    stamps: Mapping[str, Stamp],
+    executor: Executor,
+    jobs: int,
+    center_of_mass: Center = None,
+    coplanar_tolerance: float | None = None,
+    *,
+    on_entries: Callable[[dict[str, Entry]], None],
+    on_quiet: Callable[[], None] | None = None,
+) -> None:
+    """Analyse files of a folder. Files whose worker was lost run again at the end, one at a time,
+    so that none is blamed for another.
+
+    Parameters
+    ----------
+    folder, stamps, center_of_mass, coplanar_tolerance: see `analyse_files`.
+    executor: runs it; processes or machines that can import this package and see the folder.
+    jobs: how many workers there are, at least 1.
+    on_entries: called with the entries of each task once it has ended.
+    on_quiet: called whenever no task has ended for some seconds.
+
+    Raises DiceError: the executor cannot go on.
+    """
+
+    lost = run_in_batches(
+        list(stamps.items()),
+        lambda task: executor.submit(
+            analyse_files, folder, dict(task), center_of_mass, coplanar_tolerance
+        ),
+        jobs,
+        on_entries,
+        on_quiet,
+        size_of=lambda item: item[1].size,
+    )
+    for file, stamp in lost:
+        reason = (
+            f"{file}: expected workers that stay, but all {LONE_RUNS} that analysed it were lost; "
+            "see whether memory suffices"
+        )
+        on_entries({file: broken_entry(file, stamp, reason)})

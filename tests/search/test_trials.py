@@ -1,25 +1,107 @@
-"""Trials side by side, workers that are lost, and interrupts."""
+"""What a trial measures, against closed forms; trials side by side, lost workers, interrupts."""
 
 from __future__ import annotations
 
+import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 from common.inline_executor import Inline, Lossy
 from common.signals import heed_interrupts
 
 from dicedesign.cli.main import main
-from dicedesign.errors import DiceError, InputError
+from dicedesign.errors import DiceError, InputError, MeshFileError
+from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.search.leaderboard import write_results
 from dicedesign.search.study import JOURNAL, open_study
-from dicedesign.search.trial_scheduler import run_search
+from dicedesign.search.trials import run_search, run_trial
+
+EXACT = {"start": {"search": {}}, "method": {"exact": {}}}
+
+
+def test_a_tetrahedron_is_measured() -> None:
+    entries = {"name": "four", "target": {"fair": 4}, "size_mm": 40, **EXACT}
+    result = pickle.loads(pickle.dumps(run_trial)).__call__(entries)
+    assert json.loads(json.dumps(result, allow_nan=False)) == result
+    assert result["status"] == "converged"
+    assert result["max_abs_error"] < 1e-12
+    vertices = np.array(result["vertices"])
+    edges = np.linalg.norm(vertices[:, None] - vertices[None], axis=-1)
+    assert edges.max() == pytest.approx(40.0)
+    # Triangle of side 40; normals are acos(-1/3) apart, and borders lie half way between.
+    assert result["inradius_mm"] == pytest.approx(40.0 / (2.0 * np.sqrt(3.0)), rel=1e-6)
+    assert result["margin_deg"] == pytest.approx(np.degrees(np.arccos(-1.0 / 3.0)) / 2.0, rel=1e-6)
+    assert result["asymmetry"] == pytest.approx(0.0, abs=1e-6)
+    below = vertices @ np.array(result["down"])
+    assert np.sort(below)[-3:] == pytest.approx(below.max())
+    assert result["seconds"] > 0.0
+
+
+def test_a_start_that_leads_to_no_die_is_a_result_too() -> None:
+    entries = {
+        "name": "flat",
+        "target": {"fair": 3},
+        "start": {"prism": {"cap": 0.0}},
+        "method": {"exact": {"starts": 2}},
+    }
+    result = run_trial(entries)
+    assert result["status"] == "no_die"
+    assert "expected" in result["message"]
+    assert result["max_abs_error"] is None
+    assert result["vertices"] is None
+
+
+def test_whether_a_center_is_inside_depends_on_the_seed() -> None:
+    """The start bounds the unit sphere; how it is turned is random."""
+    entries = {
+        "name": "off",
+        "target": {"fair": 4},
+        "start": {"repulsion": {}},
+        "center_of_mass": [1.5, 0, 0],
+        "method": {"paper": {"step": "line_search", "finish": "none", "steps": 1}},
+    }
+    found = [run_trial({**entries, "seed": seed})["status"] for seed in range(8)]
+    assert set(found) == {"no_die", "step_limit"}
+
+
+def test_a_die_that_misses_an_outcome_has_no_circle(monkeypatch: pytest.MonkeyPatch) -> None:
+    def incomplete(*arguments: Any, **options: Any) -> SimpleNamespace:
+        work = design_recipe(*arguments, **options)
+        first, *others = work.result().facets
+        facets = (replace(first, label=None), *others)
+        return SimpleNamespace(
+            solid=work.solid, result=lambda: replace(work.result(), facets=facets)
+        )
+
+    monkeypatch.setattr("dicedesign.search.trials.design_recipe", incomplete)
+    result = run_trial({"name": "four", "target": {"fair": 4}, **EXACT})
+    assert result["status"] == "no_die"
+    assert result["inradius_mm"] is None
+    assert result["margin_deg"] is None
+    assert len(result["vertices"]) == 4
+
+
+def test_a_missing_file_is_an_error() -> None:
+    entries = {
+        "name": "lost",
+        "target": {"fair": 4},
+        "start": {"mesh": {"path": "/nowhere.stl"}},
+        "method": {"exact": {}},
+    }
+    with pytest.raises(MeshFileError, match="nowhere"):
+        run_trial(entries)
 
 
 @pytest.mark.usefixtures("made_up")
@@ -45,18 +127,6 @@ def test_a_trial_that_loses_every_worker_ends_the_search(tmp_path: Path, recipe:
         assert [trial["number"] for trial in study.finished()] == [0, 1]
         run_search(study, 4, Inline(), 1)
         assert [trial["number"] for trial in study.finished()] == [0, 1, 3, 4]
-
-
-@pytest.mark.usefixtures("made_up")
-def test_an_error_of_a_trial_is_none_of_the_worker(tmp_path: Path, recipe: Recipe) -> None:
-    lossy = Lossy(lambda count, recipe: ZeroDivisionError("a bug") if count == 2 else False)
-    with open_study(tmp_path, recipe) as study:
-        with pytest.raises(ZeroDivisionError, match="a bug"):
-            run_search(study, 4, lossy, 1)
-        assert len(study.finished()) == 1
-    with open_study(tmp_path, recipe) as study:
-        run_search(study, 3, Inline(), 1)
-        assert [trial["number"] for trial in study.finished()] == [0, 2, 3]
 
 
 @pytest.mark.usefixtures("made_up")
@@ -134,7 +204,7 @@ from pathlib import Path
 from common.inline_executor import Inline
 from common.made_up_trial import made_up_trial
 from dicedesign.recipe.schema.reading import read_recipe
-from dicedesign.search import study, trial_scheduler
+from dicedesign.search import study, trials
 
 path, folder, begins = sys.argv[1:]
 left = int(begins)
@@ -147,9 +217,9 @@ def trial(entries):
     left -= 1
     return made_up_trial(entries)
 
-trial_scheduler.run_trial = trial
+trials.run_trial = trial
 with study.open_study(Path(folder), read_recipe(Path(path))) as search:
-    trial_scheduler.run_search(search, 14, Inline(), 1)
+    trials.run_search(search, 14, Inline(), 1)
 """
 
 
