@@ -1,15 +1,15 @@
 """The public names, listed here once; the package imports each on first use."""
 
+from dicedesign.balance.balanced import Balanced as Balanced
 from dicedesign.balance.balanced import balanced as balanced
-from dicedesign.balance.center.best_center import BestCenter as BestCenter
-from dicedesign.balance.center.best_center import CenterSearch as CenterSearch
-from dicedesign.balance.center.best_center import best_center as best_center
-from dicedesign.balance.center.goals import EqualOdds as EqualOdds
-from dicedesign.balance.center.goals import FewestRests as FewestRests
-from dicedesign.balance.center.goals import GivenOdds as GivenOdds
-from dicedesign.balance.center.goals import Standing as Standing
+from dicedesign.balance.best_center import BestCenter as BestCenter
+from dicedesign.balance.best_center import CenterSearch as CenterSearch
+from dicedesign.balance.best_center import best_center as best_center
+from dicedesign.balance.goals import EqualOdds as EqualOdds
+from dicedesign.balance.goals import FewestRests as FewestRests
+from dicedesign.balance.goals import GivenOdds as GivenOdds
+from dicedesign.balance.goals import Standing as Standing
 from dicedesign.balance.options import BalanceOptions as BalanceOptions
-from dicedesign.balance.result import Balanced as Balanced
 from dicedesign.errors import DegenerateBodyError as DegenerateBodyError
 from dicedesign.errors import DiceError as DiceError
 from dicedesign.errors import EngravingError as EngravingError

@@ -3,29 +3,112 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from dataclasses import dataclass
+from typing import Any, Final, get_args
 
 import numpy as np
 
-from dicedesign.balance.center.best_center import BestCenter, best_center, whole_hull
-from dicedesign.balance.center.goals import FewestRests, Goal, Standing
-from dicedesign.balance.center.objectives import objective_of
-from dicedesign.balance.center.regions import Halfspaces, box_region
-from dicedesign.balance.center.rests_at import pose_odds
-from dicedesign.balance.options import BalanceOptions
-from dicedesign.balance.result import Balanced
-from dicedesign.balance.ways.cavity import CAVITY
-from dicedesign.balance.ways.way import Made, Way
-from dicedesign.balance.ways.ways import WAYS
+from dicedesign.balance.best_center import BestCenter, best_center, whole_hull
+from dicedesign.balance.goals import FewestRests, Goal, Standing, objective_of, pose_odds
+from dicedesign.balance.options import BalanceOptions, WayName
+from dicedesign.balance.regions import Halfspaces, box_region
+from dicedesign.balance.ways import Made, move_center, reachable_shifts
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.repair.repair import FINEST, input_surface
+from dicedesign.geometry.sphere import angle_between
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.tolerances import FILE_ODDS, LEAST_MM, MOST_MM
+from dicedesign.runtime.arrays import Floats
+from dicedesign.tolerances import FILE_ODDS, LEAST_MM, MOST_MM, SAME_REST_ANGLE
 
-__all__ = ["balanced"]
+
+@dataclass(frozen=True, eq=False)
+class Balanced:
+    """A body with its center of mass elsewhere. Lengths are in mm.
+
+    Attributes
+    ----------
+    reached: whether the file has what was wanted.
+    by: the way in which it was made.
+    directions: (c, 3) down in the poses that the goal is about, of fewest rests in all that are
+        left, in the file.
+    before: (c,) odds of these poses as the body came; odds: (c,) by the files read back.
+    wanted: (c,) or None where the goal is no number.
+    rests: by the files read back; rests_before.
+    center_before, center_wanted, center: (3,) of mass; the last by the files read back.
+    clearance: distance from the center of mass to the nearest at which a rest appears or vanishes.
+    made: the files.
+    poses_before, poses: rests of the body as it came, and by the files.
+    notes: what was done, and what would do more, a sentence each.
+    """
+
+    reached: bool
+    by: str
+    directions: Floats
+    before: Floats
+    odds: Floats
+    wanted: Floats | None
+    rests: int
+    rests_before: int
+    center_before: Floats
+    center_wanted: Floats
+    center: Floats
+    clearance: float
+    made: Made
+    poses_before: RestPoses
+    poses: RestPoses
+    notes: tuple[str, ...]
+
+    @property
+    def error(self) -> float | None:
+        """Largest difference of odds from what is wanted; None where that is no number."""
+        return None if self.wanted is None else float(np.abs(self.odds - self.wanted).max())
+
+    @property
+    def numbers(self) -> tuple[int | None, ...]:
+        """Of the poses as `dicedesign rest` lists them for the body as it came; None for those that
+        it had not."""
+        angles = angle_between(self.directions[:, None], self.poses_before.normals[None])
+        nearest = angles.argmin(axis=1)
+        near = angles.min(axis=1) <= SAME_REST_ANGLE
+        return tuple(int(k) + 1 if found else None for k, found in zip(nearest, near, strict=True))
+
+    def data(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "reached": self.reached,
+            "by": self.by,
+            "poses": [
+                {
+                    "pose": number,
+                    "normal": normal.tolist(),
+                    "before": float(before),
+                    "wanted": None if wanted is None else float(wanted),
+                    "odds": float(odds),
+                }
+                for number, normal, before, wanted, odds in zip(
+                    self.numbers,
+                    self.directions,
+                    self.before,
+                    [None] * len(self.odds) if self.wanted is None else self.wanted,
+                    self.odds,
+                    strict=True,
+                )
+            ],
+            "max_abs_error": self.error,
+            "rests_before": self.rests_before,
+            "rests": self.rests,
+            "center_before_mm": self.center_before.tolist(),
+            "center_wanted_mm": self.center_wanted.tolist(),
+            "center_mm": self.center.tolist(),
+            "clearance_mm": self.clearance,
+            "wall_mm": self.made.wall_mm,
+            "made": dict(self.made.facts),
+            "notes": list(self.notes),
+        }
+
 
 PARTS: Final = (1.0, 0.85, 0.7)
 """Of its reach that a way is asked for in turn, where it can do less than it seemed."""
@@ -61,10 +144,10 @@ def balanced(
         objective_of(goal, poses)
     found: list[Balanced] = []
     failed: list[InputError] = []
-    for name in WAYS if wanted.by is None else (wanted.by,):
+    for name in get_args(WayName) if wanted.by is None else (wanted.by,):
         on_way(name)
         try:
-            found.append(_by(WAYS[name], surface, poses, goal, wanted, notes))
+            found.append(_by(name, surface, poses, goal, wanted, notes))
         except InputError as error:
             failed.append(error)
             continue
@@ -93,19 +176,19 @@ def sized_surface(body: Body, size_mm: float | None) -> tuple[Surface, tuple[str
 
 
 def _by(
-    way: Way,
+    way: str,
     surface: Surface,
     poses: RestPoses,
     goal: Goal,
     options: BalanceOptions,
     notes: tuple[str, ...],
 ) -> Balanced:
-    shifts = way.reach(surface, options)
+    shifts = reachable_shifts(surface, way, options)
     for number, part in enumerate(PARTS):
         region = _region(surface, poses.hull, shifts, part, options)
         best = best_center(poses, goal, region, options.tolerance, options.search)
         try:
-            made = way.make(surface, best.center, options)
+            made = move_center(surface, best.center, way, options)
         except InputError:
             if number + 1 == len(PARTS):
                 raise
@@ -125,7 +208,7 @@ def _region(
     reached = convex_hull(surface.centroid + part * shifts.vertices)
     within = Halfspaces.of_hull(reached).and_within(Halfspaces.of_hull(whole_hull(hull)))
     if options.region == "hollow":
-        hollow = CAVITY.reach(surface, options)
+        hollow = reachable_shifts(surface, "cavity", options)
         allowed = Halfspaces.of_hull(convex_hull(surface.centroid + hollow.vertices))
         within = within.and_within(allowed)
     elif not isinstance(options.region, str):
@@ -137,13 +220,13 @@ def _region(
         raise InputError(
             "region: expected a place for the center of mass that can be had, got none; from "
             f"{', '.join(f'{x:.3g}' for x in low)} to {', '.join(f'{x:.3g}' for x in high)} is "
-            "within reach: move the box there, reduce wall_mm, or take weights"
+            "within reach: move the box there, or reduce wall_mm"
         )
     return region
 
 
 def _judged(
-    way: Way,
+    way: str,
     poses: RestPoses,
     goal: Goal,
     best: BestCenter,
@@ -169,10 +252,10 @@ def _judged(
             f"{best.clearance:.2g} mm away; allow more tolerance, or take another way"
         )
     elif not best.reached:
-        more.append(_remedy(goal, best, way.name))
+        more.append(_remedy(goal, best, way))
     return Balanced(
         reached=best.reached and kept,
-        by=way.name,
+        by=way,
         directions=directions,
         before=pose_odds(poses, directions),
         odds=odds,
@@ -195,7 +278,6 @@ def _remedy(goal: Goal, best: BestCenter, way: str) -> str:
     farther = {
         "cavity": "a thinner wall_mm reaches farther",
         "infill": "infills farther apart reach farther, and so does a cavity",
-        "weights": "heavier weights or a larger size reach farther",
     }[way]
     if isinstance(goal, FewestRests):
         return f"no center of mass within reach leaves fewer rests; {farther}"

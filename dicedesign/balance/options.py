@@ -1,17 +1,95 @@
-"""Options of balancing a body."""
+"""What a body is made of inside, and options of balancing it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final, Literal, get_args
 
-from dicedesign.balance.center.best_center import CenterSearch
-from dicedesign.balance.ways.material import Material
-from dicedesign.balance.ways.ways import WAYS
 from dicedesign.errors import InputError
 from dicedesign.runtime.checks import is_finite_number
+from dicedesign.runtime.registry import STRICT
 from dicedesign.tolerances import FILE_ODDS, LEAST_MM, MOST_MM
 
-__all__ = ["BalanceOptions"]
+WayName = Literal["cavity", "infill"]
+"""Ways to put a center of mass where it is wanted, in the order in which they are tried."""
+
+LEAST_WALL: Final = 0.05
+"""Thinner than any printer's, in mm."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """What a body is made of inside.
+
+    Raises InputError for a value out of its range.
+    """
+
+    __pydantic_config__ = STRICT
+
+    wall_mm: float = 1.2
+    """Least thickness of solid walls, from `LEAST_WALL` to half of `MOST_MM`."""
+    drain_mm: float | None = None
+    """Diameter of a hole from each cavity to the outside; None for closed ones."""
+    infill: tuple[float, float] = (0.1, 0.6)
+    """The two densities of the inside over that of the walls, from 0 to 1, the lesser first."""
+
+    def __post_init__(self) -> None:
+        most = 0.5 * MOST_MM
+        _check("wall_mm", self.wall_mm, LEAST_WALL, most, "1.2 is three lines of a 0.4 mm nozzle")
+        if self.drain_mm is not None:
+            _check("drain_mm", self.drain_mm, LEAST_WALL, most, "3 lets resin and powder out")
+        if len(self.infill) != 2 or not all(map(is_finite_number, self.infill)):
+            raise InputError(f"infill: expected two parts, got {self.infill}; 0.1,0.6, say")
+        if not 0.0 <= self.infill[0] < self.infill[1] <= 1.0:
+            raise InputError(
+                "infill: expected two parts from 0 to 1, the lesser first, got "
+                f"{self.infill[0]:g},{self.infill[1]:g}; 0.1,0.6 is 10 % and 60 %"
+            )
+
+
+def _check(name: str, value: float, least: float, most: float, remedy: str) -> None:
+    if not is_finite_number(value) or not least <= value <= most:
+        raise InputError(
+            f"{name}: expected a number from {least:g} to {most:g}, got {value!r}; {remedy}"
+        )
+
+
+@dataclass(frozen=True)
+class InsideOptions(Material):
+    """How the center of mass of a die gets to where it was given.
+
+    Raises InputError for a value out of its range.
+    """
+
+    __pydantic_config__ = STRICT
+
+    by: WayName = "cavity"
+    """By a "cavity" or by two densities of "infill"; a word alone, `inside: cavity`, is this."""
+
+
+MANY: Final = 1000
+"""Corners of a hull from which on less is tried."""
+
+
+@dataclass(frozen=True)
+class CenterSearch:
+    """How long is looked for a center of mass; `samples` are tried, `descents` start at the best of
+    them, each of at most `steps` steps of each kind."""
+
+    samples: int = 600
+    descents: int = 10
+    steps: int = 60
+
+    def for_corners(self, count: int) -> CenterSearch:
+        """The same for a hull of so many corners: fewer of all where they are many, as each center
+        takes as much longer."""
+        part = min(1.0, MANY / count)
+        least = min(self.descents, 3), min(self.steps, 15), min(self.samples, 60)
+        return CenterSearch(
+            samples=max(least[2], round(part * self.samples)),
+            descents=max(least[0], round(part * self.descents)),
+            steps=max(least[1], round(part * self.steps)),
+        )
 
 
 @dataclass(frozen=True)
@@ -23,8 +101,8 @@ class BalanceOptions(Material):
     ----------
     region: "hull", anywhere in the body's convex hull; "hollow", where cavities can bring it; or
         six numbers, the least x, y, z of a box and then its largest, in mm.
-    by: "cavity", "infill" or "weights"; None for the first of these that reaches the goal, or else
-        that which comes nearest.
+    by: "cavity" or "infill"; None for the first of these that reaches the goal, or else that which
+        comes nearest.
     size_mm: largest distance between two points of the body; None for a body that is in mm.
     tolerance: largest difference of odds with which a goal is reached.
     search: how long is looked for a center of mass.
@@ -51,18 +129,15 @@ class BalanceOptions(Material):
                 "region: expected six numbers for a box, its least x,y,z and then its largest, got "
                 f"{self.region}; or take hull"
             )
-        if self.by is not None and self.by not in WAYS:
+        ways = get_args(WayName)
+        if self.by is not None and self.by not in ways:
             raise InputError(
-                f"by: expected {', '.join(WAYS)}, got {self.by!r}; or leave it out for the first "
+                f"by: expected {', '.join(ways)}, got {self.by!r}; or leave it out for the first "
                 "that does it"
             )
-        if self.size_mm is not None and not (
-            is_finite_number(self.size_mm) and LEAST_MM <= self.size_mm <= MOST_MM
-        ):
-            raise InputError(
-                f"size_mm: expected a number from {LEAST_MM:g} to {MOST_MM:g}, got "
-                f"{self.size_mm!r}; it is the largest distance between two points"
-            )
+        if self.size_mm is not None:
+            remedy = "it is the largest distance between two points"
+            _check("size_mm", self.size_mm, LEAST_MM, MOST_MM, remedy)
         if not is_finite_number(self.tolerance) or not FILE_ODDS <= self.tolerance < 1.0:
             raise InputError(
                 f"tolerance: expected a number from {FILE_ODDS:g} to 1, got {self.tolerance!r}; "

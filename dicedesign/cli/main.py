@@ -31,7 +31,7 @@ COMMANDS: Final = {
     "scatter": "meshes:add_scatter_parser",
     "figure": "meshes:add_figure_parser",
     "repair": "meshes:add_repair_parser",
-    "balance": "bodies.balance:add_parser",
+    "balance": "balance:add_parser",
     "throw": "tables.throw:add_parser",
     "rolls": "tables.rolls:add_parser",
     "table": "tables.table:add_parser",

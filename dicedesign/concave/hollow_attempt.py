@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from dicedesign.balance.cavity import balancing_cavity, reach
+from dicedesign.balance.regions import is_shifted
 from dicedesign.concave.attempt import Attempts
 from dicedesign.concave.easing import nearer_draft
-from dicedesign.concave.hollow.cavity import balancing_cavity
-from dicedesign.concave.hollow.reach import reach
 from dicedesign.concave.hull_design import HullDraft
 from dicedesign.concave.hull_problem import HullProblem
-from dicedesign.concave.result import FilledHull, is_shifted, rank
+from dicedesign.concave.result import FilledHull, rank
 from dicedesign.concave.slopes import SlopeOptions
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dicedesign.concave.hollow.least_within import least_within
+from dicedesign.balance.regions import least_within
 from dicedesign.concave.space_elasticity import (
     Elasticity,
     HeldCorners,

@@ -11,7 +11,6 @@ from typing import TypeAlias
 
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.results.parts import Draft
 from dicedesign.runtime.arrays import Floats
@@ -191,10 +190,6 @@ nothing."""
 PREFERRED_MARGIN = 2.0
 """The same of the angle of tipping."""
 
-UNSHIFTED = 1e-6
-"""Distance of the center of mass from that of the uniform solid, over the diagonal, for which no
-cavity is made: in the single precision of a file it would be none."""
-
 
 def missing(die: FilledHull | Draft, options: ConcaveOptions) -> float:
     """How far odds, angles and surface are from what will do, over what will do, summed; 0 for a
@@ -225,9 +220,3 @@ def doubts(apart: float, margin: float, options: ConcaveOptions) -> float:
         if least > 0.0:
             total += min(max((preferred - angle / least) / (preferred - 1.0), 0.0), 1.0)
     return total
-
-
-def is_shifted(surface: Surface, center_of_mass: Floats) -> bool:
-    """Whether a center of mass (3,) is another than that of the uniform solid in a surface."""
-    shift = float(norms(center_of_mass - surface.centroid))
-    return shift > UNSHIFTED * surface.diagonal

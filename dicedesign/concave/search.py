@@ -11,6 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from dicedesign.balance.regions import is_shifted
 from dicedesign.concave.attempt import Attempts
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import (
@@ -19,7 +20,6 @@ from dicedesign.concave.result import (
     ConcaveStep,
     FilledHull,
     Hollow,
-    is_shifted,
     missing,
     rank,
 )

@@ -243,7 +243,7 @@ def _solid_of_surface(die: Design, made: ConcaveDie, size_mm: float) -> Solid:
     try:
         points, triangles, changes = printable_solid(placed)
         if hollow is not None:
-            from dicedesign.fabricate.solids.hollow import with_cavity
+            from dicedesign.balance.cavity import with_cavity
 
             whole = with_cavity(Surface(points, triangles), hollow.wall * size_mm, np.zeros(3))
             points, triangles = whole.points, whole.triangles

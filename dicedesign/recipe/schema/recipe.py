@@ -11,7 +11,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from dicedesign.balance.ways.material import InsideOptions
+from dicedesign.balance.options import InsideOptions
 from dicedesign.fabricate.file_formats import with_stl
 from dicedesign.fabricate.finish_options import EdgeOptions, EngravingOptions, core_scale
 from dicedesign.fabricate.print_options import PrintOptions

@@ -133,7 +133,7 @@ def _smallest_circle(solid: Solid) -> float:
 def _surface_flaws(work: Work) -> Iterator[Status]:
     """What is wrong with a die that keeps the shape of a surface, beside its odds. Its quality and
     measures go into `Work.concave`."""
-    from dicedesign.fabricate.solids.hollow import measured_cavities
+    from dicedesign.balance.cavity import measured_cavities
     from dicedesign.geometry.meshes.body import make_body
     from dicedesign.geometry.sphere import norms
     from dicedesign.geometry.surfaces.quality import surface_quality

@@ -13,7 +13,7 @@ from dicedesign.results.parts import Status
 from dicedesign.tolerances import FILE_ODDS
 
 if TYPE_CHECKING:
-    from dicedesign.balance.ways.way import Made
+    from dicedesign.balance.ways import Made
 
 __all__ = ["fill_inside"]
 
@@ -25,8 +25,7 @@ def fill_inside(work: Work) -> None:
     Raises InputError if the die converged and nothing inside of it can do that; one that did not
     only says so.
     """
-    from dicedesign.balance.ways.way import read_back
-    from dicedesign.balance.ways.ways import WAYS
+    from dicedesign.balance.ways import move_center, read_back
     from dicedesign.geometry.surfaces.surface import Surface
 
     options = work.recipe.inside
@@ -35,7 +34,8 @@ def fill_inside(work: Work) -> None:
     assert body.triangles is not None
     try:
         # The center that was given is at the origin.
-        made = WAYS[options.by].make(Surface(body.points, body.triangles), np.zeros(3), options)
+        surface = Surface(body.points, body.triangles)
+        made = move_center(surface, np.zeros(3), options.by, options)
     except InputError as error:
         if work.status is Status.CONVERGED:
             raise InputError(f"inside: {error}") from error
@@ -47,8 +47,8 @@ def fill_inside(work: Work) -> None:
 STAGES.register(
     Stage(
         name="inside",
-        line="puts the center of mass where it was given, by a cavity, infill or weights, and "
-        "reads die.stl back",
+        line="puts the center of mass where it was given, by a cavity or infill, and reads "
+        "die.stl back",
         rank=62,
         wanted=lambda work: work.recipe.inside is not None,
         run=fill_inside,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dicedesign.report.charts.bar_chart import OddsBars, odds_chart
-from dicedesign.report.charts.palette import ACCENT, DARK, FAINT, PALE, rgb
+from dicedesign.report.charts.palette import ACCENT, FAINT, PALE, rgb
 from dicedesign.report.charts.paper import Paper, Picture
 from dicedesign.report.charts.picture_grid import picture_grid, trimmed
 from dicedesign.report.render.raster import Camera
@@ -18,7 +18,7 @@ from dicedesign.runtime.arrays import Floats
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-    from dicedesign.balance.result import Balanced
+    from dicedesign.balance.balanced import Balanced
 
 __all__ = ["balance_figure"]
 
@@ -117,8 +117,6 @@ def _opened(found: Balanced) -> Picture:
 
 def _parts(found: Balanced) -> list[tuple[Manifold, Floats]]:
     """What the body is of, with the color of each."""
-    from manifold3d import Manifold
-
     from dicedesign.geometry.manifold import solid
 
     made = found.made
@@ -130,7 +128,4 @@ def _parts(found: Balanced) -> list[tuple[Manifold, Floats]]:
         assert made.sparse.triangles is not None
         sparse = solid(made.sparse.points, made.sparse.triangles)
         parts = [(body - sparse, plain), (body ^ sparse, rgb([PALE])[0])]
-    for place in made.facts.get("weights", ()):
-        ball = Manifold.sphere(0.5 * made.facts["diameter_mm"], 48).translate(tuple(place))
-        parts.append((ball, rgb([DARK])[0]))
     return parts

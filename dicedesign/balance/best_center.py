@@ -7,21 +7,182 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.balance.center.descent import Descent
-from dicedesign.balance.center.fewest import fewest_rests, steadiest
-from dicedesign.balance.center.goals import EqualOdds, FewestRests, Goal, Standing
-from dicedesign.balance.center.objectives import Objective, objective_of, pose_direction
-from dicedesign.balance.center.regions import Halfspaces, points_within
-from dicedesign.balance.center.rests_at import pose_odds, rests_at
-from dicedesign.balance.center.stability import Stability
-from dicedesign.concave.hollow.least_within import least_within
+from dicedesign.balance.goals import (
+    EqualOdds,
+    FewestRests,
+    Goal,
+    Objective,
+    Rests,
+    ServedGoal,
+    Standing,
+    objective_of,
+    pose_direction,
+    pose_odds,
+    rests_at,
+)
+from dicedesign.balance.options import CenterSearch
+from dicedesign.balance.regions import Halfspaces, Stability, least_within, points_within
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.rest.poses import RestPoses, analyse
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["BestCenter", "CenterSearch", "best_center", "whole_hull"]
+ENOUGH: Final = 1e-12
+"""Root of the sum of squares at which odds are as wanted."""
+
+DAMPING: Final = (1e-3, 0.2, 8.0, 1e12)
+"""Of the first step, relative to the largest squared slope; its factors after a step that was taken
+and after one that was not; and the most, where the descent stops."""
+
+FIRST_SEARCH: Final = 0.02
+"""Length of the first steps along the axes, over the size of the body."""
+
+LAST_SEARCH: Final = 1e-5
+"""Length below which none is tried."""
+
+
+class Descent:
+    """Descents of one objective for one hull.
+
+    share: how much it counts that little is left to other poses.
+    """
+
+    def __init__(
+        self, hull: ConvexHull, objective: Objective, within: Halfspaces, share: float
+    ) -> None:
+        self.hull, self.objective, self.within, self.share = hull, objective, within, share
+
+    def value(self, center: Floats) -> float:
+        """The sum of squares, infinite where the center of mass (3,) is not allowed."""
+        return self._served(center)[0]
+
+    def from_center(self, center: Floats, steps: int) -> tuple[Floats, float]:
+        """The center of mass that is reached, and the sum of squares there.
+
+        Steps are those of Levenberg and Marquardt, each the least of its quadratic model within the
+        half-spaces; where no such step leads down, as the odds jump or have a kink, steps along the
+        axes are tried, of smaller and smaller length. steps: most of each.
+        """
+        value = self.value(center)
+        for _ in range(3):
+            center, now = self.by_squares(center, value, steps)
+            center, now = self._along_axes(center, now, steps)
+            if now <= ENOUGH**2 or now >= (1.0 - 1e-6) * value:
+                return center, now
+            value = now
+        return center, value
+
+    def by_squares(self, center: Floats, value: float, steps: int) -> tuple[Floats, float]:
+        """The same by steps of Levenberg and Marquardt alone; value: the sum of squares at the
+        start."""
+        damping, factor_less, factor_more, most = DAMPING
+        found = self._served(center)
+        for _ in range(steps):
+            value, rests, served = found
+            if rests is None or served is None or value <= ENOUGH**2:
+                break
+            slopes = rests.slopes(served.weights)
+            form, slope = slopes.T @ slopes, slopes.T @ served.residuals
+            largest = float(np.diag(form).max())
+            heights = self.within.heights(center).clip(0.0)
+            while damping <= most and largest > 0.0:
+                damped = form + damping * largest * np.eye(3)
+                step = least_within(damped, slope, self.within.normals, heights)
+                following = self._served(center + step)
+                if following[0] < value:
+                    center, found, damping = center + step, following, damping * factor_less
+                    break
+                damping *= factor_more
+            else:
+                break
+            if found[0] > (1.0 - 1e-9) * value:
+                break
+        return center, found[0]
+
+    def _served(self, center: Floats) -> tuple[float, Rests | None, ServedGoal | None]:
+        if (self.within.heights(center) < -1e-12 * self.hull.diameter).any():
+            return np.inf, None, None
+        rests = rests_at(self.hull, center)
+        if rests is None:
+            return np.inf, None, None
+        served = self.objective(rests, self.share)
+        return float(served.residuals @ served.residuals), rests, served
+
+    def _along_axes(self, center: Floats, value: float, steps: int) -> tuple[Floats, float]:
+        length = FIRST_SEARCH * self.hull.diameter
+        axes = np.concatenate([np.eye(3), -np.eye(3)])
+        for _ in range(steps):
+            if value <= ENOUGH**2 or length < LAST_SEARCH * self.hull.diameter:
+                break
+            values = [self.value(center + length * axis) for axis in axes]
+            least = int(np.argmin(values))
+            if values[least] < value:
+                center, value = center + length * axes[least], values[least]
+            else:
+                length *= 0.5
+        return center, value
+
+
+NOTHING: Final = 1e-9
+"""Distance over the size of the body that a center of mass has to be beyond a side by."""
+
+
+def fewest_rests(
+    stability: Stability, within: Halfspaces, centers: Floats, steps: int
+) -> tuple[Floats, int]:
+    """The center of mass with fewest rests that is found from some (n, 3), and how many facets the
+    body rests on then.
+
+    From each, one facet after the other is left: over one of its edges, while the center of mass
+    stays beyond a side of each facet that the body does not rest on. That is a linear program for
+    each edge, which finds the center farthest beyond; it is solved for the facets first whose sides
+    are nearest. No way is known to all that would tell the least number of all centers.
+
+    within: where it may be; steps: most facets that are left from each.
+    """
+    best, fewest = centers[0], len(stability.hull.normals) + 1
+    for start in centers:
+        center, count = start, int(stability.counts(start[None])[0])
+        for _ in range(steps):
+            following = _one_less(stability, within, center)
+            if following is None:
+                break
+            center, count = following, int(stability.counts(following[None])[0])
+        if count < fewest:
+            best, fewest = center, count
+        if fewest == 1:
+            break
+    return steadiest(stability, within, best), fewest
+
+
+def steadiest(stability: Stability, within: Halfspaces, center: Floats) -> Floats:
+    """The center of mass farthest from where a rest appears, with no facet to rest on that there is
+    not with a center (3,)."""
+    edges, least = stability.outermost(center)
+    place, depth = within.and_within(stability.beyond(edges[least <= 0.0])).deepest
+    if not 0.0 < depth < np.inf or stability.counts(place[None])[0] > (least > 0.0).sum():
+        return center
+    return place
+
+
+def _one_less(stability: Stability, within: Halfspaces, center: Floats) -> Floats | None:
+    """A center of mass with which the body does not rest on one facet that it does now, and on no
+    other; None where none is found."""
+    hull = stability.hull
+    edges, least = stability.outermost(center)
+    room = within.and_within(stability.beyond(edges[least <= 0.0]))
+    resting = np.flatnonzero(least > 0.0)
+    if len(resting) == 1:
+        return None
+    heights = stability.sides.heights(center)
+    own = np.flatnonzero(np.isin(hull.facet, resting))
+    for edge in own[np.argsort(heights[own], kind="stable")]:
+        place, depth = room.and_within(stability.beyond(np.array([edge]))).deepest
+        if NOTHING * hull.diameter < depth < np.inf:
+            return place
+    return None
+
 
 INSIDE: Final = 0.95
 """Part of a hull, about its centroid, that a center of mass may be in: at its surface a body
@@ -40,31 +201,6 @@ to other poses."""
 CLEAR: Final = 2e-3
 """Distance over the size of the body that a center of mass is to keep from where a rest appears or
 vanishes, and its odds jump: a print of 50 mm is off by as much as that, 0.1 mm."""
-
-
-MANY: Final = 1000
-"""Corners of a hull from which on less is tried."""
-
-
-@dataclass(frozen=True)
-class CenterSearch:
-    """How long is looked for a center of mass; `samples` are tried, `descents` start at the best of
-    them, each of at most `steps` steps of each kind."""
-
-    samples: int = 600
-    descents: int = 10
-    steps: int = 60
-
-    def for_corners(self, count: int) -> CenterSearch:
-        """The same for a hull of so many corners: fewer of all where they are many, as each center
-        takes as much longer."""
-        part = min(1.0, MANY / count)
-        least = min(self.descents, 3), min(self.steps, 15), min(self.samples, 60)
-        return CenterSearch(
-            samples=max(least[2], round(part * self.samples)),
-            descents=max(least[0], round(part * self.descents)),
-            steps=max(least[1], round(part * self.steps)),
-        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,16 +13,18 @@ from typing import Final
 import numpy as np
 from manifold3d import Manifold, OpType
 
-from dicedesign.errors import InputError
+from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.manifold import mesh_of, solid
+from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.meshes.orientation import shells_of
 from dicedesign.geometry.repair.grid_surface import surface_nets, without_double_cuts
 from dicedesign.geometry.solid import solid_properties
-from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.sphere import even_directions, norms
 from dicedesign.geometry.surfaces.distances import DepthGrid, depth_grid
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.surfaces.surface import Surface, joined, surface_of
+from dicedesign.results.parts import Cavities
 from dicedesign.runtime.arrays import Floats, Integers
-
-__all__ = ["Cavity", "Cut", "balancing_cavity", "beyond_plane", "least_wall", "within_walls"]
 
 STEPS: Final = 48
 """Of the grid along the longest extent."""
@@ -66,20 +68,6 @@ REGULAR: Final = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Cavity:
-    """A cavity.
-
-    Attributes
-    ----------
-    surface: oriented outward, as if it were a solid; of one part or several.
-    wall: least distance from the surface of the solid around it.
-    """
-
-    surface: Surface
-    wall: float
-
-
-@dataclass(frozen=True, eq=False)
 class Cut:
     """The part of a solid where `normal @ x >= offset`, with normal (3,) a unit vector."""
 
@@ -88,9 +76,9 @@ class Cut:
     offset: float
 
 
-def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Cavity:
+def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Surface:
     """The least cavity deeper than a wall with which a uniform solid has its center of mass at a
-    place.
+    place, oriented outward as if it were a solid, of one part or several.
 
     surface: of the solid; wall: in its unit of length, above 0; center: (3,), another than that of
     the solid.
@@ -99,7 +87,7 @@ def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Cavity:
     ------
     InputError: no cavity leads there, or there is none as deep; the surface bounds no solid.
     """
-    room, least = within_walls(surface, wall)
+    room, _ = within_walls(surface, wall)
     cut = beyond_plane(room, center, surface.volume * (surface.centroid - center))
     if cut is None:
         far = float(norms(center - surface.centroid))
@@ -107,7 +95,7 @@ def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Cavity:
             f"hollow: expected a center of mass that cavities lead to, got one {far:.3g} from that "
             f"of the solid without, too far for walls of {wall:g}; reduce wall_mm"
         )
-    return Cavity(Surface(*mesh_of(cut.part)), least)
+    return Surface(*mesh_of(cut.part))
 
 
 def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> Cut | None:
@@ -243,3 +231,96 @@ class _Plane:
         # There is none where the room is not cut.
         least = REGULAR * np.trace(matrix) + np.finfo(np.float64).tiny
         return np.asarray(matrix + least * np.eye(3))
+
+
+REACH_STEPS: Final = 28
+"""Of the grid along the longest extent."""
+
+DIRECTIONS: Final = 60
+"""In which the farthest shift is found."""
+
+
+def reach(
+    surface: Surface, wall: float, part: float = 1.0, densities: tuple[float, float] = (0.0, 1.0)
+) -> ConvexHull:
+    """Shifts of the center of mass from that of the uniform solid.
+
+    Where cavities may be anywhere deeper than a wall, the centers of mass that they lead to are a
+    convex set: the moments of their complements are a zonoid (Lyapunov), of which these are an
+    image in perspective. It is farthest in a direction where all is hollow that lies behind the
+    center of mass itself. The hull of such shifts is inside of it. So it is with two densities in
+    place of none and that of the walls.
+
+    surface: of the solid; wall: least thickness, in its unit; part: of the shifts, to be safe;
+    densities: least and largest, deeper than the walls, over that of the walls. Depths are found on
+    a coarse grid, and directions are few: some hundredths are uncertain.
+
+    Raises InputError where there is no room, or only a thin one, that deep.
+    """
+    grid = depth_grid(surface, REACH_STEPS)
+    near = np.isfinite(grid.depths)
+    depths, nodes = grid.depths[near], grid.places(np.argwhere(near))
+    # Parts of the cubes about the nodes that are in the solid, and deeper than the wall: none of
+    # those whose middles are not, of which no part is where the solid is thin.
+    filled, deep = (np.clip((depths - least) / grid.spacing + 0.5, 0.0, 1.0) for least in (0, wall))
+    deep[depths <= wall] = 0.0
+    away = nodes - filled @ nodes / filled.sum()
+    # All that is deep is as dense as can be, but for what lies behind.
+    dense = filled + (densities[1] - 1.0) * deep
+    mass, moment = dense.sum(), dense @ away
+    lost = (densities[1] - densities[0]) * deep
+    moments = lost[:, None] * away
+    shifts = []
+    for direction in even_directions(DIRECTIONS):
+        order = np.argsort(nodes @ direction, kind="stable")
+        left = mass - np.concatenate([[0.0], np.cumsum(lost[order])])
+        along = moment @ direction - np.cumsum(moments[order] @ direction)
+        most = int(np.argmax(np.concatenate([[moment @ direction], along]) / left))
+        shifts.append((moment - moments[order[:most]].sum(axis=0)) / left[most])
+    try:
+        return convex_hull(part * np.array(shifts))
+    except DegenerateBodyError as error:
+        raise InputError(
+            f"hollow: expected walls that leave room for cavities, got walls of {wall:.3g} in a "
+            f"body with a largest depth of {depths.max(initial=0.0):.3g}, over its circumscribed "
+            "radius; reduce wall_mm, or leave hollow out"
+        ) from error
+
+
+def with_cavity(surface: Surface, wall: float, center: Floats) -> Surface:
+    """A solid with the least cavity that brings its center of mass to a place (3,), as the surfaces
+    of both together. Parameters, and what is raised, as `balancing_cavity`."""
+    return joined(surface, _reversed(balancing_cavity(surface, wall, center)))
+
+
+def measured_cavities(body: Body) -> Cavities:
+    """The cavities of a body in mm.
+
+    body: of one surface oriented outward and others, oriented inward, inside of it. Raises
+    InputError if it is none.
+    """
+    assert body.triangles is not None
+    shell = shells_of(body.triangles)
+    shells = [
+        surface_of(body.points, body.triangles[shell == k]) for k in range(int(shell.max()) + 1)
+    ]
+    outer = [each for each in shells if each.volume > 0.0]
+    inner = [_reversed(each) for each in shells if each.volume < 0.0]
+    if len(outer) != 1 or not inner:
+        raise InputError(
+            f"{body.name}: expected one surface with cavities inside, got {len(outer)} oriented "
+            f"outward and {len(inner)} inward; make the die again"
+        )
+    whole = Surface(body.points, body.triangles)
+    volume = sum(each.volume for each in inner)
+    return Cavities(
+        number=len(inner),
+        wall_mm=min(least_wall(outer[0], each) for each in inner),
+        volume_mm3=volume,
+        part=volume / outer[0].volume,
+        shift_mm=float(np.linalg.norm(whole.centroid - outer[0].centroid)),
+    )
+
+
+def _reversed(surface: Surface) -> Surface:
+    return Surface(surface.points, surface.triangles[:, ::-1])

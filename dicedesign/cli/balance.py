@@ -15,9 +15,8 @@ from dicedesign.runtime.files import atomic_write, json_text, make_writable_fold
 from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
-    from dicedesign.balance.center.goals import Goal
-    from dicedesign.balance.result import Balanced
-    from dicedesign.runtime.arrays import Floats
+    from dicedesign.balance.balanced import Balanced
+    from dicedesign.balance.goals import Goal
 
 __all__ = ["add_parser"]
 
@@ -31,9 +30,9 @@ def add_parser(commands: Any) -> None:
         "balance",
         help="move the center of mass of a mesh until it rests as is wanted",
         description="Find the center of mass with which a mesh rests as is wanted, and put it "
-        "there: by a cavity, by two densities of infill, or by weights of steel. The outside stays "
-        "as it is. The files are read back and judged; 0 where the goal is reached, 1 where it is "
-        "not and the best is written.",
+        "there: by a cavity, or by two densities of infill. The outside stays as it is. The files "
+        "are read back and judged; 0 where the goal is reached, 1 where it is not and the best is "
+        "written.",
     )
     parser.add_argument(
         "mesh", type=Path, metavar="MESH", help="closed surface of one solid: STL, OBJ, ..."
@@ -71,7 +70,7 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument(
         "--by",
-        metavar="cavity|infill|weights",
+        metavar="cavity|infill",
         help="how it gets there (default: by the first that does it)",
     )
     parser.add_argument(
@@ -88,17 +87,6 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument(
         "--infill", metavar="p,q", help="two infills from 0 to 1 (default: 0.1,0.6)"
-    )
-    parser.add_argument(
-        "--weights-mm",
-        metavar="d,e,...",
-        help="diameters of the balls that you have (default: 3,4,5,6,8,10,12,15,20)",
-    )
-    parser.add_argument(
-        "--weight-density", type=float, metavar="D", help="of these, in g/cm3 (default: 7.8, steel)"
-    )
-    parser.add_argument(
-        "--density", type=float, metavar="D", help="of what is printed (default: 1.24, PLA)"
     )
     parser.add_argument(
         "--tolerance", type=float, metavar="T", help="largest difference of odds (default: 0.005)"
@@ -121,32 +109,28 @@ def _balance(options: argparse.Namespace) -> int:
     from dicedesign.geometry.meshes.reading import read_body
 
     goal = _goal(options)
-    names = (
-        "wall_mm",
-        "drain_mm",
-        "infill",
-        "weights_mm",
-        "weight_density",
-        "density",
-        "tolerance",
-    )
-    given: dict[str, Any] = {}
-    for name in names:
-        value = getattr(options, name)
-        if value is not None:
-            given[name] = _numbers(name, value) if isinstance(value, str) else value
+    given: dict[str, Any] = {
+        "by": options.by,
+        "size_mm": options.size_mm,
+        "wall_mm": options.wall_mm,
+        "drain_mm": options.drain_mm,
+        "infill": None if options.infill is None else _numbers("infill", options.infill),
+        "tolerance": options.tolerance,
+    }
+    region = options.region
     wanted = BalanceOptions(
-        region=_region(options.region),
-        by=options.by,
-        size_mm=options.size_mm,
-        **given,
+        region=_numbers("region", region) if "," in region else region,
+        **{name: value for name, value in given.items() if value is not None},
     )
     file = _file(options.out)
     if file.exists() and options.mesh.exists() and file.samefile(options.mesh):
         raise InputError(
             f"--out: expected another file than the mesh, got {file}; the mesh is left as it is"
         )
-    found = balanced(read_body(options.mesh), goal, wanted, on_way=_tell_way)
+    body = read_body(options.mesh)
+    found = balanced(
+        body, goal, wanted, on_way=lambda way: print(f"note: by {way} ...", file=sys.stderr)
+    )
     files = list(_written(found, file))
     for note in found.notes:
         print(f"note: {printable(note)}", file=sys.stderr)
@@ -158,12 +142,8 @@ def _balance(options: argparse.Namespace) -> int:
     return 0 if found.reached else 1
 
 
-def _tell_way(name: str) -> None:
-    print(f"note: by {name} ...", file=sys.stderr)
-
-
 def _goal(options: argparse.Namespace) -> Goal:
-    from dicedesign.balance.center.goals import EqualOdds, FewestRests, GivenOdds, Standing
+    from dicedesign.balance.goals import EqualOdds, FewestRests, GivenOdds, Standing
 
     if options.poses is not None and options.target is None:
         raise InputError("--poses: expected --target p,q,... with it, got none; add it")
@@ -179,10 +159,6 @@ def _goal(options: argparse.Namespace) -> Goal:
     if options.poses is not None:
         poses = tuple(_whole(part) for part in options.poses.split(","))
     return GivenOdds(_numbers("target", options.target), poses)
-
-
-def _region(text: str) -> str | tuple[float, ...]:
-    return _numbers("region", text) if "," in text else text
 
 
 def _numbers(option: str, text: str) -> tuple[float, ...]:
@@ -263,15 +239,11 @@ def _table(mesh: Path, found: Balanced) -> Iterator[str]:
         ("now", found.center),
     ]
     for name, place in places:
-        yield f"center of mass {name:6}  {_place(place)} mm"
+        yield f"center of mass {name:6}  {'  '.join(f'{x + 0.0:10.5f}' for x in place)} mm"
     if found.made.wall_mm is not None:
         yield f"walls of at least {found.made.wall_mm:.4g} mm"
     yield ""
     yield from text_table([*columns, ("now", ">")], rows)
-
-
-def _place(place: Floats) -> str:
-    return "  ".join(f"{x + 0.0:10.5f}" for x in place)
 
 
 def _percent(part: float) -> str:

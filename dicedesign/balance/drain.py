@@ -13,7 +13,7 @@ import numpy as np
 from manifold3d import Manifold
 from scipy.stats import qmc
 
-from dicedesign.balance.center.rests_at import rests_at
+from dicedesign.balance.goals import rests_at
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.manifold import solid
@@ -22,8 +22,6 @@ from dicedesign.geometry.surfaces.distances import closest_points
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.runtime.arrays import Booleans, Floats
-
-__all__ = ["Hole", "drain_hole"]
 
 PLACES: Final = 3000
 """On the surface, of which one is the mouth."""

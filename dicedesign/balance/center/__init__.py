@@ -1,1 +1,0 @@
-"""The center of mass that serves a goal best, of a body whose hull is given."""

@@ -1,0 +1,321 @@
+"""What a center of mass is to do for the odds of a body: goals, the odds as functions of the center
+of mass, and goals as residuals that are to be zero, linear in the odds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+import torch
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.sphere import angle_between, unit_vectors
+from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.rest.basins import Basins, basin_areas
+from dicedesign.rest.equilibria import classify
+from dicedesign.rest.morse import separatrices
+from dicedesign.rest.outcomes import gathered
+from dicedesign.rest.poses import RestPoses
+from dicedesign.runtime.arrays import Booleans, Floats, Integers
+from dicedesign.runtime.checks import is_finite_number
+from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE, SAME_REST_ANGLE
+
+MOST_POSES: Final = 100
+"""That a goal is about: three coordinates do not lead many odds."""
+
+
+@dataclass(frozen=True)
+class EqualOdds:
+    """Equal odds of the most probable poses, whichever these are then (Figure 12).
+
+    `count`: of these poses, from 2 to `MOST_POSES`. Raises InputError for another.
+    """
+
+    count: int
+
+    def __post_init__(self) -> None:
+        if self.count != int(self.count) or not 2 <= self.count <= MOST_POSES:
+            raise InputError(
+                f"equal: expected a number of poses from 2 to {MOST_POSES}, got {self.count}; take "
+                "3, say"
+            )
+
+
+@dataclass(frozen=True)
+class Standing:
+    """The largest odds of one pose.
+
+    Give one of `pose`, its number as `dicedesign rest` lists it, 1 for the most probable, and
+    `down`, (x, y, z), the direction that points down then, to within 5 degrees. Raises InputError
+    for neither, both, or what is none.
+    """
+
+    pose: int | None = None
+    down: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if (self.pose is None) == (self.down is None):
+            raise InputError(
+                "stand: expected the number of a pose or the direction that points down, got "
+                f"{'neither' if self.pose is None else 'both'}; give one"
+            )
+        if self.pose is not None and (self.pose != int(self.pose) or self.pose < 1):
+            raise InputError(
+                f"stand: expected the number of a pose, 1 for the most probable, got {self.pose}; "
+                "dicedesign rest lists them"
+            )
+        if self.down is not None and (
+            len(self.down) != 3
+            or not all(map(is_finite_number, self.down))
+            or not 0.0 < sum(abs(x) for x in self.down) < 1e100
+        ):
+            raise InputError(
+                f"stand: expected a direction x,y,z other than 0,0,0, got {self.down}; 0,0,-1 is "
+                "down as the body is in its file"
+            )
+
+
+@dataclass(frozen=True)
+class FewestRests:
+    """As few rests as can be."""
+
+
+@dataclass(frozen=True)
+class GivenOdds:
+    """Odds of some poses; all others are left what remains.
+
+    Attributes
+    ----------
+    odds: above 0, with a sum of at most 1.
+    poses: as many numbers of poses, as `dicedesign rest` lists them, from 1; None for the most
+        probable ones, whichever these are then, in the order of their odds.
+
+    Raises InputError for what is none.
+    """
+
+    odds: tuple[float, ...]
+    poses: tuple[int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        _check_odds(self.odds)
+        if self.poses is None:
+            return
+        if len(self.poses) != len(self.odds) or len(set(self.poses)) < len(self.poses):
+            raise InputError(
+                f"poses: expected {len(self.odds)} numbers of poses, each once, as there are odds, "
+                f"got {self.poses}; give one for each"
+            )
+        if any(pose != int(pose) or pose < 1 for pose in self.poses):
+            raise InputError(
+                f"poses: expected numbers of poses, 1 for the most probable, got {self.poses}; "
+                "dicedesign rest lists them"
+            )
+
+
+Goal: TypeAlias = EqualOdds | Standing | FewestRests | GivenOdds
+"""What a center of mass is to do."""
+
+
+def _check_odds(odds: Sequence[float]) -> None:
+    if not 1 <= len(odds) <= MOST_POSES or not all(map(is_finite_number, odds)):
+        raise InputError(
+            f"target: expected from 1 to {MOST_POSES} probabilities, got {odds}; give some numbers"
+        )
+    if min(odds) <= 0.0 or sum(odds) > 1.0 + PROBABILITY_SUM_TOLERANCE:
+        raise InputError(
+            "target: expected probabilities above 0 with a sum of at most 1, got "
+            f"{', '.join(f'{p:g}' for p in odds)} with a sum of {sum(odds):.6g}; what they leave "
+            "is for all other poses"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Rests:
+    """The rests of a hull with one center of mass.
+
+    Attributes
+    ----------
+    basins: of the body; facets: (k,) of the hull; normals: (k, 3) theirs; odds: (k,).
+    """
+
+    basins: Basins
+    facets: Integers
+    normals: Floats
+    odds: Floats
+
+    def slopes(self, weights: Floats) -> Floats:
+        """(r, 3) gradients in the center of mass of sums of the odds times weights (r, k)."""
+        equilibria = self.basins.equilibria
+        center = torch.tensor(equilibria.center_of_mass, requires_grad=True)
+        vertices = torch.from_numpy(equilibria.hull.vertices)
+        odds = RestEvaluation(equilibria, vertices, center, self.basins).probabilities
+        found = [
+            torch.autograd.grad(odds, center, torch.from_numpy(row), retain_graph=True)[0].numpy()
+            for row in np.ascontiguousarray(weights)
+        ]
+        return np.stack(found)
+
+
+def rests_at(hull: ConvexHull, center: Floats) -> Rests | None:
+    """The rests of a hull with a center of mass (3,); None where there are none to be had: it is
+    not inside, or facets are too uneven for it.
+
+    A body that is tied to within rounding is taken for one beside it, unlike by `rest_poses`: a
+    search does not end where odds jump, and looking for ties takes up to a hundred times as long.
+    """
+    try:
+        equilibria = classify(hull, center)
+        paths = separatrices(equilibria)
+        basins = Basins(equilibria, paths, basin_areas(equilibria, paths))
+    except InputError:
+        return None
+    return Rests(basins, paths.rests, hull.normals[paths.rests], basins.areas / (4.0 * np.pi))
+
+
+def top_directions(rests: Rests, count: int) -> Floats:
+    """(c, 3) down in the most probable poses, c at most `count`, each a rest with all that are
+    within `SAME_REST_ANGLE` of it and not of a more probable one; by odds."""
+    order = np.argsort(-rests.odds, kind="stable")
+    left, own = rests.normals[order], []
+    while len(left) > 0:
+        own.append(left[0])
+        left = left[angle_between(left, left[0]) > SAME_REST_ANGLE]
+    directions = np.array(own)
+    odds = gathered(rests.normals, rests.odds, directions).odds
+    return directions[np.argsort(-odds, kind="stable")[:count]]
+
+
+def counted_for(rests: Rests, directions: Floats) -> Booleans:
+    """(c, k) whether each rest counts for each of the poses with directions (c, 3): as by
+    `outcome_odds`, but for poses that have no rest within `SAME_REST_ANGLE`, which have none."""
+    return _counted(rests.normals, rests.odds, directions)
+
+
+def pose_odds(poses: RestPoses, directions: Floats) -> Floats:
+    """(c,) odds of poses with directions (c, 3), by the same rule."""
+    counted = _counted(poses.normals, poses.probabilities, directions)
+    return np.asarray(counted @ poses.probabilities)
+
+
+def _counted(normals: Floats, odds: Floats, directions: Floats) -> Booleans:
+    found = gathered(normals, odds, directions)
+    counted = found.outcome_of_rest == np.arange(len(directions))[:, None]
+    near = angle_between(normals[found.main], directions) <= SAME_REST_ANGLE
+    return np.asarray(counted & (near & (found.main >= 0))[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class ServedGoal:
+    """How far rests are from a goal.
+
+    Attributes
+    ----------
+    directions: (c, 3) down in the poses that the goal is about.
+    odds: (c,) theirs; wanted: (c,).
+    residuals: (r,), of which the sum of squares is to be least.
+    weights: (r, k) derivatives of the residuals by the odds of the rests.
+    """
+
+    directions: Floats
+    odds: Floats
+    wanted: Floats
+    residuals: Floats
+    weights: Floats
+
+    @property
+    def error(self) -> float:
+        """Largest difference between odds and what is wanted."""
+        return float(np.abs(self.odds - self.wanted).max())
+
+
+Objective: TypeAlias = Callable[[Rests, float], ServedGoal]
+"""From rests, and how much it counts that little is left to other poses, to residuals."""
+
+
+def objective_of(goal: EqualOdds | Standing | GivenOdds, poses: RestPoses) -> Objective:
+    """The residuals of a goal.
+
+    poses: of the body as it is, whose numbers the goal has.
+
+    Raises InputError: no such pose.
+    """
+    if isinstance(goal, EqualOdds):
+        return _equal(goal.count)
+    if isinstance(goal, Standing):
+        return _given(pose_direction(goal, poses)[None], np.ones(1))
+    wanted = np.array(goal.odds, dtype=np.float64)
+    if goal.poses is None:
+        return _given(None, np.sort(wanted)[::-1])
+    directions = np.stack([_numbered("poses", pose, poses) for pose in goal.poses])
+    _check_apart(goal.poses, directions)
+    return _given(directions, wanted)
+
+
+def pose_direction(goal: Standing, poses: RestPoses) -> Floats:
+    """(3,) down in the pose that a body is to stand in. Raises InputError for none."""
+    if goal.down is None:
+        assert goal.pose is not None
+        return _numbered("stand", goal.pose, poses)
+    down = unit_vectors(np.array(goal.down, dtype=np.float64))
+    angles = angle_between(poses.hull.normals, down)
+    nearest = int(angles.argmin())
+    if angles[nearest] > SAME_REST_ANGLE:
+        other = ",".join(f"{x + 0.0:.4g}" for x in poses.hull.normals[nearest])
+        raise InputError(
+            "stand: expected a direction within 5 degrees of a facet's normal, got "
+            f"{','.join(f'{x:g}' for x in goal.down)}, {np.degrees(angles[nearest]):.3g} from the "
+            f"nearest, {other}; there is no face to stand on, take that one"
+        )
+    return poses.hull.normals[nearest]
+
+
+def _numbered(key: str, pose: int, poses: RestPoses) -> Floats:
+    count = len(poses.facets)
+    if pose > count:
+        raise InputError(
+            f"{key}: expected the number of a pose from 1 to {count}, got {pose}; dicedesign rest "
+            "lists them, and a direction will do for a face that the body does not rest on"
+        )
+    return poses.normals[pose - 1]
+
+
+def _check_apart(numbers: tuple[int, ...], directions: Floats) -> None:
+    angles = angle_between(directions[:, None], directions[None])
+    angles[np.tril_indices(len(directions))] = np.pi
+    first, second = np.unravel_index(int(angles.argmin()), angles.shape)
+    if angles[first, second] <= SAME_REST_ANGLE:
+        raise InputError(
+            f"poses: expected poses more than 5 degrees apart, got {numbers[first]} and "
+            f"{numbers[second]}, {np.degrees(angles[first, second]):.2g} degrees apart, which are "
+            "one to the eye; leave one out"
+        )
+
+
+def _given(directions: Floats | None, wanted: Floats) -> Objective:
+    def serve(rests: Rests, share: float) -> ServedGoal:
+        chosen = top_directions(rests, len(wanted)) if directions is None else directions
+        counted = counted_for(rests, chosen).astype(np.float64)
+        # Poses that are missing have no odds, and no direction.
+        counted = np.pad(counted, ((0, len(wanted) - len(counted)), (0, 0)))
+        odds = counted @ rests.odds
+        return ServedGoal(chosen, odds, wanted, odds - wanted, counted)
+
+    return serve
+
+
+def _equal(count: int) -> Objective:
+    def serve(rests: Rests, share: float) -> ServedGoal:
+        chosen = top_directions(rests, count)
+        counted = counted_for(rests, chosen).astype(np.float64)
+        counted = np.pad(counted, ((0, count - len(counted)), (0, 0)))
+        odds = counted @ rests.odds
+        mean = odds.mean()
+        # Their differences from the mean, and what all together lack of 1.
+        rows = np.vstack([counted - counted.mean(axis=0), share * counted.sum(axis=0)[None]])
+        residuals = np.append(odds - mean, share * (odds.sum() - 1.0))
+        return ServedGoal(chosen, odds, np.full(count, mean), residuals, rows)
+
+    return serve

@@ -1,0 +1,255 @@
+"""Ways to put a center of mass where it is wanted: cavities and infill.
+
+Lengths are in millimetres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from manifold3d import Manifold, OpType
+
+from dicedesign.balance.cavity import (
+    beyond_plane,
+    least_wall,
+    measured_cavities,
+    reach,
+    with_cavity,
+    within_walls,
+)
+from dicedesign.balance.drain import Hole, drain_hole
+from dicedesign.balance.options import Material
+from dicedesign.balance.regions import is_shifted
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.manifold import mesh_of, solid
+from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.geometry.meshes.formats import parsed_stl, stl_bytes
+from dicedesign.geometry.meshes.orientation import shells_of
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.runtime.arrays import Floats
+
+SAFE: Final = 0.95
+"""Part of a reach that is relied on."""
+
+MOST_HOLES: Final = 6
+
+LEAST_PIECE: Final = 1e-3
+"""Volume over that of the largest below which a piece of a difference of files is rounding."""
+
+MODIFIER: Final = "_sparse.stl"
+"""What follows the name in that of the part with less infill."""
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A body with its center of mass elsewhere, as files that were read back.
+
+    Attributes
+    ----------
+    files: contents by what follows the name of the first, such as "_sparse.stl"; that of the body
+        is "".
+    body: as it was read back.
+    center: (3,) of mass, of the files read back with their densities.
+    wall_mm: least thickness of the walls, measured in them; None where nothing is inside.
+    facts: plain data about what was made; notes: the same for people, a sentence each.
+    sparse: the part of less infill, as it was read back, where there is one.
+    """
+
+    files: Mapping[str, bytes]
+    body: Body
+    center: Floats
+    wall_mm: float | None
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    sparse: Body | None = None
+
+
+def read_back(data: bytes) -> Body:
+    """The body of an STL file."""
+    points, triangles = parsed_stl(data, Path("body.stl"))
+    return make_body(points, triangles, "body.stl", single_precision=True)
+
+
+def reachable_shifts(surface: Surface, by: str, material: Material) -> ConvexHull:
+    """Shifts of the center of mass from that of the uniform solid of a surface that a way does,
+    nearly; see `reach`. Raises InputError where walls leave no room."""
+    densities = material.infill if by == "infill" else (0.0, 1.0)
+    try:
+        return reach(surface, material.wall_mm, SAFE, densities)
+    except InputError as error:
+        raise InputError(
+            f"wall_mm: expected walls that leave room inside, got {material.wall_mm:g} mm in a "
+            f"body of {' x '.join(f'{x:.3g}' for x in np.ptp(surface.points, axis=0))} mm; reduce "
+            "wall_mm, or enlarge the body with size_mm"
+        ) from error
+
+
+def move_center(surface: Surface, center: Floats, by: str, material: Material) -> Made:
+    """The solid of a surface, whose coordinates are float32, with its center of mass at (3,): by
+    the least "cavity", or by two densities of "infill". Raises InputError where there is no room.
+    """
+    if by == "infill":
+        return _with_two_infills(surface, center, material)
+    if not is_shifted(surface, center):
+        data = stl_bytes(surface.points, surface.triangles)
+        return Made(
+            {"": data}, read_back(data), surface.centroid, None, {}, ("nothing is to be moved",)
+        )
+    if material.drain_mm is not None:
+        return _drained(surface, center, material.wall_mm, 0.5 * material.drain_mm)
+    whole = with_cavity(surface, material.wall_mm, center)
+    data = stl_bytes(whole.points, whole.triangles)
+    cavities = measured_cavities(read_back(data))
+    return _made_with_cavity(
+        data, cavities.wall_mm, cavities.number, cavities.volume_mm3, cavities.part
+    )
+
+
+def _made_with_cavity(
+    data: bytes,
+    wall: float,
+    number: int,
+    volume: float,
+    part: float,
+    holes: tuple[Hole, ...] = (),
+) -> Made:
+    body = read_back(data)
+    assert body.triangles is not None
+    facts: dict[str, Any] = {"cavities": number, "cavity_mm3": volume, "part": part}
+    several = f"{number} cavities" if number > 1 else "a cavity"
+    notes = [f"{several} of {volume:.4g} mm3, {100.0 * part:.3g} % of the body"]
+    if holes:
+        facts["drains"] = [hole.data() for hole in holes]
+        for hole in holes:
+            place = ", ".join(f"{x:.4g}" for x in hole.mouth)
+            notes.append(f"a hole of {2.0 * hole.radius:g} mm at {place} drains it")
+    else:
+        notes.append(
+            "the cavity is closed: filament leaves it empty, but powder and resin would stay in it"
+        )
+    center = solid_properties(body.points, body.triangles)[1]
+    return Made({"": data}, body, center, wall, facts, tuple(notes))
+
+
+def _drained(surface: Surface, center: Floats, wall: float, radius: float) -> Made:
+    """With a hole to each part of the cavity, which is found again with each hole."""
+    body = solid(surface.points, surface.triangles)
+    room, _ = within_walls(surface, wall)
+    holes: tuple[Hole, ...] = ()
+    for _ in range(MOST_HOLES):
+        rest = _without(body, [hole.solid for hole in holes])
+        free = _without(room, [hole.solid for hole in holes])
+        volume, middle = solid_properties(*mesh_of(rest))
+        cut = beyond_plane(free, center, volume * (middle - center))
+        if cut is None:
+            raise InputError(
+                f"drain_mm: expected a hole of {2.0 * radius:g} mm that leaves a cavity, got none "
+                "with its center of mass where it is wanted; reduce drain_mm or wall_mm"
+            )
+        closed = [
+            part
+            for part in cut.part.decompose()
+            if not any(hole.solid.min_gap(part, radius) < 1e-6 * radius for hole in holes)
+        ]
+        if not closed:
+            # All that is beyond the plane, as what lies within the holes is gone already.
+            inner = room.trim_by_plane(tuple(cut.normal), cut.offset)
+            return _drained_file(surface, rest - inner, holes, wall)
+        holes += (drain_hole(surface, Surface(*mesh_of(closed[0])), center, radius),)
+    raise InputError(
+        f"drain_mm: expected a cavity of at most {MOST_HOLES} parts to drain, got more; leave "
+        "drain_mm out, or reduce wall_mm"
+    )
+
+
+def _drained_file(surface: Surface, made: Manifold, holes: tuple[Hole, ...], wall: float) -> Made:
+    data = stl_bytes(*mesh_of(made))
+    body = read_back(data)
+    assert body.triangles is not None
+    shells = int(shells_of(body.triangles).max()) + 1
+    if shells > 1:
+        raise InputError(
+            f"drain_mm: expected a body of one surface, got {shells} with the holes; reduce "
+            "drain_mm"
+        )
+    # What is missing in the file, but for the holes.
+    missing = solid(surface.points, surface.triangles) - solid(body.points, body.triangles)
+    pieces = _without(missing, [hole.wider for hole in holes]).decompose()
+    largest = max(piece.volume() for piece in pieces)
+    parts = [piece for piece in pieces if piece.volume() > LEAST_PIECE * largest]
+    least = min(least_wall(surface, Surface(*mesh_of(part))) for part in parts)
+    if least < 0.9 * wall:
+        raise InputError(
+            f"drain_mm: expected walls of {wall:g} beside the holes, got {least:.3g}; reduce "
+            "drain_mm"
+        )
+    volume = float(missing.volume())
+    return _made_with_cavity(data, least, len(parts), volume, volume / surface.volume, holes)
+
+
+def _without(body: Manifold, others: list[Manifold]) -> Manifold:
+    return Manifold.batch_boolean([body, *others], OpType.Subtract) if others else body
+
+
+def _with_two_infills(surface: Surface, center: Floats, material: Material) -> Made:
+    """Walls are solid, and what is deeper than they are thick has the greater infill but
+    for the least part, beyond a plane, that has the lesser: the second file, for a slicer to take
+    as the place of other settings (a modifier)."""
+    less, more = material.infill
+    room, _ = within_walls(surface, material.wall_mm)
+    mass, middle = _weighed(surface, [(room, more - 1.0)])
+    files = {"": stl_bytes(surface.points, surface.triangles)}
+    if is_shifted(surface, surface.centroid + center - middle):
+        cut = beyond_plane(room, center, mass * (middle - center) / (more - less))
+        if cut is None:
+            raise InputError(
+                f"infill: expected two infills that lead {np.linalg.norm(center - middle):.3g} mm "
+                f"away, got {less:g} and {more:g}; take others"
+            )
+        part = solid(surface.points, surface.triangles).trim_by_plane(tuple(cut.normal), cut.offset)
+        files[MODIFIER] = stl_bytes(*mesh_of(part))
+    return _judge_infill(files, material)
+
+
+def _judge_infill(files: dict[str, bytes], material: Material) -> Made:
+    """By the files."""
+    body = read_back(files[""])
+    assert body.triangles is not None
+    less, more = material.infill
+    surface = Surface(body.points, body.triangles)
+    room, wall = within_walls(surface, material.wall_mm)
+    densities = [(room, more - 1.0)]
+    notes = [
+        f"print it with walls, floor and ceiling of {material.wall_mm:g} mm and "
+        f"{100.0 * more:g} % infill"
+    ]
+    modifier = None
+    if MODIFIER in files:
+        modifier = read_back(files[MODIFIER])
+        assert modifier.triangles is not None
+        sparse = room ^ solid(modifier.points, modifier.triangles)
+        densities.append((sparse, less - more))
+        notes.append(
+            f"the part in NAME{MODIFIER} is no body but the place of {100.0 * less:g} % infill: a "
+            "modifier in the slicer"
+        )
+    mass, center = _weighed(surface, densities)
+    facts = {"infill": [less, more], "part": mass / surface.volume}
+    return Made(files, body, center, wall, facts, tuple(notes), modifier)
+
+
+def _weighed(surface: Surface, densities: list[tuple[Manifold, float]]) -> tuple[float, Floats]:
+    """Mass, and center of mass (3,), of a solid of density 1 with others of some added."""
+    mass, moment = surface.volume, surface.volume * surface.centroid
+    for part, density in densities:
+        if part.is_empty():
+            continue
+        volume, middle = solid_properties(*mesh_of(part))
+        mass, moment = mass + density * volume, moment + density * volume * middle
+    return mass, moment / mass

@@ -1,1 +1,0 @@
-"""Ways to put a center of mass where it is wanted: cavities, infill, weights."""

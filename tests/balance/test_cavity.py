@@ -1,0 +1,116 @@
+"""Cavities that bring the center of mass to a place: reach, made, and measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from common.dented_cube import dented_cube
+
+from dicedesign.balance.cavity import (
+    balancing_cavity,
+    least_wall,
+    measured_cavities,
+    reach,
+    with_cavity,
+)
+from dicedesign.errors import InputError
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.surfaces.distances import distances_from_surface
+from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
+from dicedesign.geometry.surfaces.surface import Surface, joined
+from dicedesign.rest.poses import rest_poses
+
+
+def test_none_takes_less_than_a_slab_at_the_far_side() -> None:
+    center, half = 0.05, 0.7
+    cavity = balancing_cavity(dented_cube(0.0), 1.0 - half, np.array([center, 0.0, 0.0]))
+    # Moment of the slab from -half to x about the place, and that of the cube.
+    area, moment = 4.0 * half**2, 8.0 * center
+    x = center - np.sqrt((half + center) ** 2 - 2.0 * moment / area)
+    slab = area * (x + half)
+    assert slab <= cavity.volume < 1.03 * slab
+
+
+def test_a_surface_with_dents_has_walls_of_the_thickness() -> None:
+    surface, wall = dented_cube(), 0.2
+    center = surface.centroid + np.array([0.03, 0.04, 0.0])
+    cavity = balancing_cavity(surface, wall, center)
+    whole = joined(surface, Surface(cavity.points, cavity.triangles[:, ::-1]))
+    np.testing.assert_allclose(whole.centroid, center, atol=1e-12)
+    assert len(intersecting_triangles(whole.points, whole.triangles)) == 0
+    nearest = distances_from_surface(surface, cavity.points).min()
+    assert nearest >= wall
+    assert distances_from_surface(cavity, surface.points).min() >= wall
+    assert least_wall(surface, cavity) <= nearest + 1e-12
+
+
+def test_least_wall_of_a_cube_within_a_cube() -> None:
+    cube = dented_cube(0.0)
+    inner = cube.moved(0.25 * cube.points + np.array([0.1, -0.2, 0.3]))
+    assert least_wall(cube, inner) == pytest.approx(0.45, rel=1e-12)
+
+
+def test_a_place_that_no_cavity_leads_to() -> None:
+    with pytest.raises(InputError, match="hollow: expected a center of mass that cavities lead to"):
+        balancing_cavity(dented_cube(0.0), 0.3, np.array([0.4, 0.0, 0.0]))
+
+
+def test_walls_that_leave_no_room() -> None:
+    with pytest.raises(InputError, match="hollow: expected room for a cavity in walls of"):
+        balancing_cavity(dented_cube(0.0), 1.2, np.array([0.01, 0.0, 0.0]))
+
+
+def farthest(half: float) -> float:
+    """Shift x along an edge of a cube of side 2 with all hollow of an inner one, of half its side
+    as given, that lies behind the center of mass which it then has: the moment of the cube about
+    that, 8 x, is what the hollow takes away."""
+    x = 0.0
+    for _ in range(100):
+        x = 4.0 * half**2 * (half + x) ** 2 / 16.0
+    return x
+
+
+def test_reach_in_a_cube_along_its_edges() -> None:
+    wall = 0.3
+    expected = farthest(1.0 - wall)
+    shifts = reach(dented_cube(0.0), wall)
+    for direction in np.concatenate([np.eye(3), -np.eye(3)]):
+        most = float((shifts.vertices @ direction).max())
+        assert 0.75 * expected < most < 1.03 * expected
+
+
+def test_walls_that_leave_no_reach() -> None:
+    with pytest.raises(InputError, match="hollow: expected walls that leave room for cavities"):
+        reach(dented_cube(0.0), 1.1)
+
+
+def inward(size: float, middle: tuple[float, float, float]) -> Surface:
+    cube = dented_cube(0.0)
+    return Surface(size * cube.points + np.array(middle), cube.triangles[:, ::-1])
+
+
+def test_two_cavities_in_a_cube() -> None:
+    whole = joined(dented_cube(0.0), inward(0.2, (0.5, 0.0, 0.0)))
+    whole = joined(whole, inward(0.1, (-0.5, 0.0, 0.0)))
+    found = measured_cavities(make_body(whole.points, whole.triangles))
+    assert found.number == 2
+    assert found.wall_mm == pytest.approx(0.3, rel=1e-12)
+    assert found.volume_mm3 == pytest.approx(0.072, rel=1e-12)
+    assert found.part == pytest.approx(0.009, rel=1e-12)
+    assert found.shift_mm == pytest.approx((0.064 - 0.008) * 0.5 / (8.0 - 0.072), rel=1e-12)
+
+
+def test_a_body_without_any() -> None:
+    cube = dented_cube(0.0)
+    with pytest.raises(InputError, match="expected one surface with cavities inside, got 1 orient"):
+        measured_cavities(make_body(cube.points, cube.triangles))
+
+
+def test_a_solid_with_one_rests_as_its_center_of_mass_says() -> None:
+    center = np.array([0.01, 0.0, -0.03])
+    whole = with_cavity(dented_cube(), 0.3, center)
+    poses = rest_poses(make_body(whole.points, whole.triangles))
+    np.testing.assert_allclose(poses.center_of_mass, center, atol=1e-12)
+    assert poses.center_of_mass_source == "uniform solid"
+    given = rest_poses(make_body(dented_cube().points), center)
+    np.testing.assert_allclose(poses.probabilities, given.probabilities, atol=1e-9)

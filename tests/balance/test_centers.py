@@ -1,0 +1,266 @@
+"""Goals, regions, odds as functions of the center of mass, and centers that serve goals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from common.boxes import box
+from common.paths import public_data
+
+from dicedesign.balance.best_center import CenterSearch, best_center, whole_hull
+from dicedesign.balance.goals import (
+    EqualOdds,
+    FewestRests,
+    GivenOdds,
+    Standing,
+    counted_for,
+    pose_odds,
+    rests_at,
+    top_directions,
+)
+from dicedesign.balance.regions import Halfspaces, box_region, least_within, points_within
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.rest.poses import RestPoses, rest_poses
+from tests.reference.gear import gear
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: EqualOdds(1), "equal: expected a number of poses from 2"),
+        (lambda: Standing(), "stand: expected the number of a pose or the direction .* neither"),
+        (lambda: Standing(1, (0.0, 0.0, 1.0)), "got both"),
+        (lambda: Standing(pose=0), "1 for the most probable, got 0"),
+        (lambda: Standing(down=(0.0, 0.0, 0.0)), "other than 0,0,0"),
+        (lambda: Standing(down=(0.0, float("nan"), 1.0)), "stand: expected a direction"),
+        (lambda: GivenOdds((0.5, 0.6)), "a sum of at most 1, got 0.5, 0.6 with a sum of 1.1"),
+        (lambda: GivenOdds((0.5, -0.1)), "above 0"),
+        (lambda: GivenOdds(()), "from 1 to 100 probabilities"),
+        (lambda: GivenOdds((float("nan"),)), "from 1 to 100 probabilities"),
+        (lambda: GivenOdds((0.5, 0.2), (1,)), "poses: expected 2 numbers of poses"),
+        (lambda: GivenOdds((0.5, 0.2), (1, 1)), "each once"),
+        (lambda: GivenOdds((0.5, 0.2), (0, 1)), "1 for the most probable"),
+    ],
+)
+def test_goals_that_are_refused(make: Callable[[], object], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        make()
+
+
+def test_what_two_boxes_have_in_common() -> None:
+    one = box_region(np.array([0.0, 0.0, 0.0]), np.array([2.0, 2.0, 2.0]))
+    other = box_region(np.array([1.0, -1.0, 1.5]), np.array([3.0, 1.0, 4.0]))
+    common = one.and_within(other).corners()
+    assert common is not None
+    np.testing.assert_allclose(common.vertices.min(axis=0), [1.0, 0.0, 1.5], atol=1e-12)
+    np.testing.assert_allclose(common.vertices.max(axis=0), [2.0, 1.0, 2.0], atol=1e-12)
+    place, depth = one.and_within(other).deepest
+    assert depth == pytest.approx(0.25)
+    assert place[2] == pytest.approx(1.75)
+
+
+def test_boxes_apart_have_nothing_in_common() -> None:
+    one = box_region(np.zeros(3), np.ones(3))
+    other = box_region(np.full(3, 2.0), np.full(3, 3.0))
+    assert one.and_within(other).corners() is None
+
+
+@pytest.mark.parametrize("high", [(1.0, 0.0, 1.0), (1.0, np.nan, 1.0)])
+def test_what_is_no_box(high: tuple[float, float, float]) -> None:
+    with pytest.raises(InputError, match="region: expected a box"):
+        box_region(np.zeros(3), np.array(high))
+
+
+def test_points_fill_a_hull_evenly() -> None:
+    hull = convex_hull(box((1.0, 2.0, 3.0), (1.0, 0.0, 0.0)).points)
+    points = points_within(hull, 4000)
+    assert (hull.depths(points) >= -1e-12).all()
+    np.testing.assert_allclose(points.mean(axis=0), hull.centroid, atol=0.02)
+    # Second moments of the leaning box: those of its height, and of its width and lean.
+    np.testing.assert_allclose(np.var(points[:, 2]), 9.0 / 12.0, rtol=0.02)
+    np.testing.assert_allclose(np.var(points[:, 0]), 2.0 / 12.0, rtol=0.03)
+    assert np.array_equal(points, points_within(hull, 4000))
+    assert (Halfspaces.of_hull(hull).heights(hull.centroid) > 0.0).all()
+
+
+def solid_angle(a: float, b: float, height: float) -> float:
+    """Of a rectangle of sides 2 a and 2 b, from above its middle."""
+    return float(4.0 * np.arctan(a * b / (height * np.sqrt(a * a + b * b + height * height))))
+
+
+def test_odds_of_a_box_are_its_solid_angles() -> None:
+    hull = convex_hull(box((2.0, 4.0, 6.0)).points)
+    rests = rests_at(hull, np.array([1.0, 2.0, 1.0]))
+    assert rests is not None
+    down = rests.normals @ [0.0, 0.0, -1.0] > 0.9
+    assert rests.odds[down][0] == pytest.approx(solid_angle(1.0, 2.0, 1.0) / (4.0 * np.pi))
+    assert rests.odds.sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (0.03, -0.05, 0.02), (-0.1, 0.04, 0.05)])
+def test_slopes_are_those_of_finite_differences(shift: tuple[float, float, float]) -> None:
+    hull = convex_hull(box((1.0, 1.3, 1.7), (0.4, 0.2, 0.0)).points)
+    center = hull.centroid + np.array(shift)
+    rests = rests_at(hull, center)
+    assert rests is not None
+    slopes, step = rests.slopes(np.eye(len(rests.odds))), 1e-6
+    for axis in range(3):
+        beside = [rests_at(hull, center + s * step * np.eye(3)[axis]) for s in (-1.0, 1.0)]
+        before, after = (found.odds for found in beside if found is not None)
+        np.testing.assert_allclose(slopes[:, axis], (after - before) / (2.0 * step), atol=1e-8)
+
+
+def test_there_are_none_outside() -> None:
+    hull = convex_hull(box((1.0, 1.0, 1.0)).points)
+    assert rests_at(hull, np.array([0.5, 0.5, 1.5])) is None
+
+
+def test_rests_that_are_one_to_the_eye_are_one_pose() -> None:
+    hull = convex_hull(gear().points)
+    rests = rests_at(hull, hull.centroid)
+    assert rests is not None
+    directions = top_directions(rests, 3)
+    odds = counted_for(rests, directions) @ rests.odds
+    assert (np.diff(odds) <= 0.0).all()
+    angles = np.degrees(np.arccos((directions @ directions.T).clip(-1.0, 1.0)))
+    assert angles[np.triu_indices(3, 1)].min() > 5.0
+
+
+def test_a_pose_that_the_body_has_not_has_no_odds() -> None:
+    poses = rest_poses(box((1.0, 1.0, 1.0)).points)
+    odds = pose_odds(poses, np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 1.0]]) / [[np.sqrt(3.0)], [1.0]])
+    np.testing.assert_allclose(odds, [0.0, 1.0 / 6.0], atol=1e-12)
+
+
+QUICK = CenterSearch(samples=150, descents=4, steps=40)
+
+BLOCK = rest_poses(box((1.0, 1.3, 1.7), (0.5, 0.3, 0.0)).points)
+"""A leaning box without symmetry but about its middle."""
+
+
+def odds_with(poses: RestPoses, center: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Odds of the rests with directions, by the forward model alone."""
+    now = rest_poses(poses.hull.vertices, center)
+    near = directions @ now.normals.T > np.cos(np.radians(5.0))
+    return np.asarray(near @ now.probabilities)
+
+
+def test_a_cube_stands_as_well_as_its_solid_angle_lets_it() -> None:
+    poses = rest_poses(box((2.0, 2.0, 2.0)).points - 1.0)
+    found = best_center(poses, Standing(down=(0.0, 0.0, -1.0)), whole_hull(poses.hull), 1e-3, QUICK)
+    # It is 5 % of the half side above the face, in the middle.
+    height = 0.05
+    angle = 4.0 * np.arctan(1.0 / (height * np.sqrt(2.0 + height * height)))
+    assert found.odds[0] == pytest.approx(angle / (4.0 * np.pi), abs=1e-5)
+    np.testing.assert_allclose(found.center, [0.0, 0.0, -0.95], atol=5e-3)
+    assert found.reached
+
+
+def test_odds_that_a_center_of_mass_has_are_found() -> None:
+    given = BLOCK.center_of_mass + np.array([0.12, -0.1, 0.15])
+    wanted = odds_with(BLOCK, given, BLOCK.normals[:3])
+    goal = GivenOdds(tuple(wanted.tolist()), (1, 2, 3))
+    found = best_center(BLOCK, goal, whole_hull(BLOCK.hull), 1e-6, QUICK)
+    assert found.reached
+    np.testing.assert_allclose(odds_with(BLOCK, found.center, BLOCK.normals[:3]), wanted, atol=1e-6)
+
+
+def test_three_equal_odds() -> None:
+    found = best_center(BLOCK, EqualOdds(3), whole_hull(BLOCK.hull), 1e-3, QUICK)
+    assert found.reached
+    odds = odds_with(BLOCK, found.center, found.directions)
+    assert np.ptp(odds) <= 1e-3
+    now = rest_poses(BLOCK.hull.vertices, found.center)
+    assert now.probabilities[3:].max(initial=0.0) <= odds.min() + 1e-12
+
+
+def test_more_than_three_coordinates_can_do_is_told() -> None:
+    goal = GivenOdds((0.7, 0.05, 0.05, 0.2), (1, 2, 3, 4))
+    found = best_center(BLOCK, goal, whole_hull(BLOCK.hull), 1e-6, QUICK)
+    assert not found.reached
+    assert found.error is not None
+    assert found.error > 1e-3
+
+
+def test_a_box_rests_on_all_sides_wherever_its_center_of_mass_is() -> None:
+    poses = rest_poses(box((1.0, 2.0, 3.0)).points)
+    found = best_center(poses, FewestRests(), whole_hull(poses.hull), 1e-3, QUICK)
+    assert (found.rests, found.rests_before, found.reached) == (6, 6, False)
+
+
+def test_no_center_of_a_grid_has_fewer_rests() -> None:
+    poses = rest_poses(box((1.0, 1.2, 2.5), (1.6, 0.7, 0.0)).points)
+    region = whole_hull(poses.hull)
+    found = best_center(poses, FewestRests(), region, 1e-3, QUICK)
+    low, high = region.vertices.min(axis=0), region.vertices.max(axis=0)
+    grid = np.stack(np.meshgrid(*np.linspace(low, high, 8).T), axis=-1).reshape(-1, 3)
+    inside = grid[(region.depths(grid) > 1e-9).all(axis=1)]
+    counts = [len(rest_poses(poses.hull.vertices, center).facets) for center in inside]
+    assert found.rests <= min(counts) < len(poses.facets)
+    assert len(rest_poses(poses.hull.vertices, found.center).facets) == found.rests
+    assert found.clearance > 0.0
+
+
+def test_the_same_every_time() -> None:
+    one, other = (
+        best_center(BLOCK, EqualOdds(2), whole_hull(BLOCK.hull), 1e-3, QUICK) for _ in range(2)
+    )
+    np.testing.assert_array_equal(one.center, other.center)
+
+
+def test_a_region_is_kept_to() -> None:
+    low, high = BLOCK.center_of_mass - 0.1, BLOCK.center_of_mass + 0.1
+    region = convex_hull(low + box((1.0, 1.0, 1.0)).points * (high - low))
+    found = best_center(BLOCK, Standing(pose=2), region, 1e-3, QUICK)
+    assert (region.heights(found.center) >= -1e-9).all()
+    everywhere = best_center(BLOCK, Standing(pose=2), whole_hull(BLOCK.hull), 1e-3, QUICK)
+    assert found.before[0] < found.odds[0] < everywhere.odds[0]
+
+
+@pytest.mark.parametrize(
+    ("goal", "said"),
+    [
+        (Standing(pose=9), "stand: expected the number of a pose from 1 to 6, got 9"),
+        (Standing(down=(1.0, 1.0, 1.0)), "stand: expected a direction within 5 degrees"),
+        (GivenOdds((0.5, 0.1), (1, 8)), "poses: expected the number of a pose from 1 to 6, got 8"),
+    ],
+)
+def test_poses_that_a_body_has_not(goal: Standing | GivenOdds, said: str) -> None:
+    poses = rest_poses(box((1.0, 2.0, 3.0)).points)
+    with pytest.raises(InputError, match=said):
+        best_center(poses, goal, whole_hull(poses.hull), 1e-3, QUICK)
+
+
+def test_the_bunny_has_six_poses_of_nearer_odds_and_fewer_others() -> None:
+    """Figure 12."""
+    poses = rest_poses(read_body(public_data("models/bunny.obj")))
+    found = best_center(poses, EqualOdds(6), whole_hull(poses.hull), 1e-3)
+    now = rest_poses(poses.hull.vertices, found.center).probabilities
+    assert np.ptp(now[:6]) < 0.5 * np.ptp(poses.probabilities[:6])
+    assert now[:6].sum() > 0.9 > poses.probabilities[:6].sum()
+    assert len(now) < len(poses.probabilities)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_way_into_the_region_goes_downhill(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    region = convex_hull(random.normal(size=(20, 3)) + 0.2)
+    root = random.normal(size=(3, 3))
+    form, slope = root @ root.T, 3.0 * random.normal(size=3)
+    least = least_within(form, slope, region.normals, region.heights(np.zeros(3)))
+    assert region.depths(least[None]).min() >= -1e-9
+    # Of a convex function, that is what makes a place the least.
+    assert ((region.vertices - least) @ (form @ least + slope)).min() >= -1e-7
+
+
+def test_a_region_that_is_large_enough_does_not_matter() -> None:
+    form, slope = np.diag([1.0, 2.0, 4.0]), np.array([0.3, -0.2, 0.1])
+    region = convex_hull([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    expected = [-0.3, 0.1, -0.025]
+    np.testing.assert_allclose(
+        least_within(form, slope, region.normals, region.heights(np.zeros(3))), expected, rtol=1e-7
+    )
