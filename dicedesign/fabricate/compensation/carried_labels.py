@@ -17,20 +17,25 @@ __all__ = ["carried"]
 
 
 def carried(
-    placements: Sequence[Placement], before: ConvexHull, after: ConvexHull
+    placements: Sequence[Placement], before: ConvexHull, after: ConvexHull, moved_normals: Floats
 ) -> tuple[Placement, ...]:
     """Labels on the facets of one hull, moved onto those of another that is nearly the same.
 
     A label keeps its size and its place from the centroid of its facet, and turns no more than the
     facet does: so a small change of the shape is a small change of what the labels take away.
+
+    moved_normals: (m, 3) unit normals that the facets of the first hull have in the second one. The
+        nearest of the second hull's may be another facet's, where two lie almost in one plane.
     """
-    return tuple(_moved(placement, before, after) for placement in placements)
+    return tuple(_moved(placement, before, after, moved_normals) for placement in placements)
 
 
-def _moved(placement: Placement, before: ConvexHull, after: ConvexHull) -> Placement:
+def _moved(
+    placement: Placement, before: ConvexHull, after: ConvexHull, moved_normals: Floats
+) -> Placement:
     frame = placement.frame.copy()
-    outward = frame[:3, 2]
-    old, new = (int(np.argmax(hull.normals @ outward)) for hull in (before, after))
+    old = int(np.argmax(before.normals @ frame[:3, 2]))
+    new = int(np.argmax(after.normals @ moved_normals[old]))
     turn = rotation_between(before.normals[old], after.normals[new])
     from_centroid = frame[:3, 3] - _facet_centroid(before, old, frame)
     frame[:3, :3] = turn @ frame[:3, :3]

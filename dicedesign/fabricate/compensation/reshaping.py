@@ -19,10 +19,12 @@ from dicedesign.fabricate.compensation.carried_labels import carried
 from dicedesign.fabricate.compensation.convex_object import ConvexObject, Measured
 from dicedesign.fabricate.label_layout import Placement
 from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.coordinates.tied import TiedCoordinates
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
 from dicedesign.rest.outcomes import gathered
@@ -41,6 +43,10 @@ NUDGES: Final = (0.0, 1e-7, 1e-5, 1e-3, 1e-2)
 """Random changes of the parameters of a shape, tried in turn until one leads to the odds: those of
 a tied shape, as a symmetric one may be, have no derivatives, and those of a thrown one have kinks.
 """
+
+FOLD: Final = float(np.radians(2.0))
+"""Angle between two facets, in radians, below which they move as one. Where two planes almost
+coincide the edge between them runs away, and a label with it, as one of them is turned."""
 
 RANK: Final = 1e-8
 """Differences between guesses below this part of the largest tell nothing."""
@@ -110,10 +116,10 @@ def reshaped(
         if min(errors) <= BALANCED_ODDS or (len(errors) > 2 and errors[-1] > SLOW * errors[-3]):
             break
         try:
-            shape = _solved(core, directions, measured, target, model, guesses)
+            shape = _solved(core, directions, labels, measured, target, model, guesses)
             if shape is None:
                 break
-            labels = carried(labels, core, shape.rests.hull)
+            labels = carried(labels, core, shape.rests.hull, _moved_normals(core, shape))
             core, directions = shape.rests.hull, shape.directions
             surface = made.balanced(core, labels)
             measured = measure(surface, directions)
@@ -135,6 +141,16 @@ def largest_move(before: ConvexHull, after: ConvexHull) -> float:
     distances = before.vertices[before.tail] @ planes.T - offsets
     own = distances[np.arange(len(before.tail)), before.facet]
     return float(np.abs(own).max())
+
+
+def _moved_normals(core: ConvexHull, shape: Candidate) -> Floats:
+    """(m, 3) unit normals that the facets of a shape have in another, made by moving them."""
+    moved = shape.parameters
+    if isinstance(shape.coordinates, TiedCoordinates):
+        moved = shape.coordinates.half_spaces(moved)
+    _, first = FacetCoordinates.of(core.vertices, core.centroid)
+    first, moved = (whole[: 3 * len(whole) // 4].reshape(-1, 3) for whole in (first, moved))
+    return unit_vectors(moved[np.argmax(core.normals @ first.T, axis=1)])
 
 
 def _error(measured: Measured, target: Floats) -> float:
@@ -171,6 +187,7 @@ class _Guesses:
 def _solved(
     core: ConvexHull,
     directions: Floats,
+    labels: Sequence[Placement],
     measured: Measured,
     target: Floats,
     model: OddsModel | None,
@@ -183,7 +200,7 @@ def _solved(
     offset, rest = guesses.next(offset, measured.odds - plain)
     wanted, maker = target - rest, CandidateMaker(None, model, offset)
     best = None
-    for first in _candidates(core, directions, maker):
+    for first in _candidates(core, directions, labels, maker):
         approach = LevenbergMarquardt(
             wanted, maker, None, 0.1 * BALANCED_ODDS, lambda: False, lambda candidate: None
         )
@@ -204,9 +221,12 @@ def _plain_odds(
     return gathered(rests.hull.normals[rests.facets], odds, directions).odds
 
 
-def _candidates(hull: ConvexHull, directions: Floats, maker: CandidateMaker) -> Iterator[Candidate]:
+def _candidates(
+    hull: ConvexHull, directions: Floats, labels: Sequence[Placement], maker: CandidateMaker
+) -> Iterator[Candidate]:
     """The shape, and others beside it, of those that are no ties."""
-    coordinates, parameters = FacetCoordinates.of(hull.vertices, hull.centroid)
+    labelled = [label.frame[:3, 2] for label in labels]
+    coordinates, parameters = TiedCoordinates.of(hull, np.array([*directions, *labelled]), FOLD)
     random = np.random.default_rng(0)
     for nudge in NUDGES:
         moved = parameters + nudge * random.standard_normal(len(parameters))
