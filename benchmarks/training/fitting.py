@@ -12,7 +12,6 @@ import torch
 from torch import Tensor
 
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.throws.momentum_model import (
     CARRY_OUTPUTS,
     IMPACTS,
@@ -25,8 +24,6 @@ from dicedesign.throws.momentum_model import (
 from dicedesign.throws.momentum_odds import landing_odds
 from dicedesign.throws.table_terms import TABLE_NUMBERS, TABLE_TERMS, TableRange
 from dicedesign.throws.transition_features import Features, Transitions
-
-__all__ = ["TrainingDie", "new_model", "train"]
 
 TRANSITION_HIDDEN: Final = 64
 
@@ -67,9 +64,6 @@ WEIGHT_DECAY: Final = 1e-5
 
 SMALLEST_SHARE: Final = 1e-6
 """Below what any rest has in throws of a training die, if it has some; keeps logarithms finite."""
-
-EPOCHS: Final = "epochs"
-"""Rows of a checkpoint: parameters, the means of their gradients and squares, and the loss."""
 
 
 @dataclass(frozen=True)
@@ -155,40 +149,26 @@ class _Union:
 def train(
     dice: Sequence[TrainingDie],
     start: GeneralModel,
-    checkpoint: Checkpoint | None = None,
     *,
     epochs: int,
     step: float = FINE_STEP,
     seed: int = 0,
-    on_epoch: Callable[[float], None] | None = None,
 ) -> GeneralModel:
     """The model that fits dice by its mean Kullback-Leibler divergence, in NumPy.
 
-    start: to go on from. checkpoint: of the same dice, start, epochs and seed; epochs that were
-    made before are taken from it, and others are added. epochs: how often each die is seen; step:
-    length of the first steps; seed: of the order of the dice; on_epoch: called with the loss over
-    each epoch.
+    start: to go on from. epochs: how often each die is seen; step: length of the first steps; seed:
+    of the order of the dice.
     """
     parts, weights = _parameters(start)
     flat = torch.cat([part.reshape(-1) for part in parts])
     mean, square = torch.zeros_like(flat), torch.zeros_like(flat)
-    kept = checkpoint or Checkpoint()
-    known = kept.rows(EPOCHS)
-    kept.require(len(known) <= epochs and all(len(row) == 3 * len(flat) + 1 for row in known))
-    for row in known:
-        if on_epoch is not None:
-            on_epoch(float(row[-1]))
-    if known:
-        flat, mean, square = torch.tensor(known[-1][:-1]).split(len(flat))
     batches = -(-len(dice) // BATCH)
-    for epoch in range(len(known), epochs):
+    for epoch in range(epochs):
         order = np.random.default_rng([seed, epoch]).permutation(len(dice))
-        losses = []
         for number, batch in enumerate(np.array_split(order, batches)):
             union = _Union([dice[place] for place in batch])
             leaf = flat.clone().requires_grad_()
             loss = union.divergence(_with_parameters(start, leaf))
-            losses.append(float(loss.detach()))
             loss = loss + WEIGHT_DECAY * (leaf[weights] ** 2).sum()
             (gradient,) = torch.autograd.grad(loss, leaf)
             gradient = gradient * min(1.0, MOST_GRADIENT / (float(gradient.norm()) + 1e-12))
@@ -199,10 +179,6 @@ def train(
             length *= 0.5 + 0.5 * math.cos(math.pi * (count - 1) / (epochs * batches))
             size = (square / (1.0 - MEMORY[1] ** count)).sqrt() + 1e-8
             flat = flat - length * (mean / (1.0 - MEMORY[0] ** count)) / size
-        loss_seen = float(np.mean(losses))
-        kept.add(EPOCHS, [torch.cat([flat, mean, square, torch.tensor([loss_seen])]).numpy()])
-        if on_epoch is not None:
-            on_epoch(loss_seen)
     return _with_parameters(start, flat, Tensor.numpy)
 
 

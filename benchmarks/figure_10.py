@@ -1,0 +1,389 @@
+"""geometric odds of many shapes against simulated throws, as in the paper's figure 10
+
+Cut boxes, spheres and models into pieces by planes and Voronoi cells, throw each piece onto two
+tables, without momentum (carpet) and as in a board game, in the package's own simulator and in
+others that are installed, and compare all odds with each other: W, the Wasserstein distance on the
+sphere in radians, and TV, total variation, as means over the shapes; the floor is the mean of two
+right predictions at these numbers of drops, as if the drops were independent. r is Pearson's
+correlation of W with the asymmetry rho of equation 20. The package's own simulator throws each
+shape from the paper's 1,212 directions. Before that, the throughput of each simulator in processor
+time, and what half the time step changes. The picture has W against rho.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import combinations, islice, product
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from manifold3d import Manifold
+from scipy.spatial.distance import pdist
+from scipy.stats import pearsonr
+
+from benchmarks.frame import Report, panels, processes
+from dicedesign import (
+    ENGINES,
+    Body,
+    InputError,
+    RigidBody,
+    Table,
+    hendecahedron,
+    make_body,
+    read_body,
+    rest_poses,
+    rigid_body,
+    simulate,
+    table_named,
+)
+from dicedesign.concave.shapes import SHAPES
+from dicedesign.geometry.manifold import mesh_of, solid
+from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.geometry.surfaces.closed_surface import make_surface
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.rest.asymmetry import asymmetry
+from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.distances import effective_counts, total_variation, wasserstein_distance
+from dicedesign.throws.goodness_of_fit import two_sample_chi_square
+from dicedesign.throws.release import PAPER_DIRECTIONS
+from tests.reference.gear import gear
+
+TABLES: Final = ("carpet", "board-game")
+"""Without and with momentum."""
+
+GEOMETRIC: Final = "geometric"
+
+LEAST_THICKNESS: Final = 0.02
+"""Volume of a piece over the cube of the largest distance between two of its points, below which it
+is a sliver and left out."""
+
+BOXES: Final = ((1.0, 1.0, 1.0), (1.0, 1.0, 3.0), (1.0, 2.0, 3.0), (1.0, 3.0, 3.0))
+
+SEGMENTS: Final = (12, 20, 28)
+"""Edges around the equator of each sphere."""
+
+PLANES, SITES = (1, 2, 3), (4, 8, 16)
+"""How many planes a whole is cut by, and into how many Voronoi cells, each number once."""
+
+PIECES: Final = 2
+"""Most pieces that are taken of a cut."""
+
+PUBLISHED: Final = {
+    "OT_us_IPC": ("geometric vs Rigid IPC", 0.47, 1e-20),
+    "OT_us_Bullet": ("geometric vs Bullet", 0.13, 5e-4),
+    "OT_IPC_Bullet": ("Bullet vs Rigid IPC", 0.07, 0.06),
+}
+"""Columns of the table that the paper's authors published, and Pearson's coefficients with their
+p-values as the paper's text gives them."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Two models' odds of a shape on a table: distances W and TV, with their noise floors."""
+
+    models: str
+    wasserstein: float
+    wasserstein_floor: float
+    variation: float
+    variation_floor: float
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """What is thrown, and how often."""
+    parser.add_argument("meshes", nargs="*", type=Path, metavar="MESH", help="closed, to cut")
+    parser.add_argument(
+        "--drops", type=int, metavar="N", help="in other simulators (default: 202; quick: 40)"
+    )
+    parser.add_argument(
+        "--distances", type=Path, metavar="CSV", help="distances that the paper's authors published"
+    )
+
+
+def run(options: argparse.Namespace, report: Report) -> bool:
+    """Throughput, then all shapes, then the summary."""
+    engines = installed(report)
+    given = {path.name: make_surface(read_body(path))[0] for path in options.meshes}
+    own = {} if options.quick else {name: SHAPES[name]() for name in ("duck", "kitten", "knot")}
+    shapes = cut_shapes(given or (own and {**own, "gear": gear()}))[:: 13 if options.quick else 1]
+    drops = options.drops or (40 if options.quick else 202)
+    time_engines(shapes, engines, 0.2 if options.quick else 3.0, report)
+    if "native" in engines:
+        halve_step(2_000 if options.quick else 40_000, report)
+    row = report.table(
+        "shapes",
+        {"shape": "44s", "rests": "5d", "rho": "6.3f", "table": "10s", "models": "22s"}
+        | {"W": "6.3f", "floor": "6.3f", "TV": "6.3f"},
+    )
+    draws = 6 if options.quick else 16
+    places: dict[tuple[str, str], list[tuple[float, Compared]]] = {}
+    with processes(options.jobs) as workers:
+        tasks = [(shape, k, engines, drops, draws) for k, shape in enumerate(shapes)]
+        for shape, (rests, rho, on) in zip(shapes, workers.map(compare_shape, tasks), strict=True):
+            for table, compared in on.items():
+                for one in compared:
+                    distances = (one.wasserstein, one.wasserstein_floor, one.variation)
+                    row(shape.name, rests, rho, table, one.models, *distances)
+                    places.setdefault((table, one.models), []).append((rho, one))
+    summarise(places, report)
+    published = {} if options.distances is None else read_published(options.distances)
+    row = report.table(
+        "paper", {"the paper": "24s", "printed r": "6.2f", "p": "8.1g", "its table: r": "6.2f"}
+    )
+    for column, (models, coefficient, p_value) in PUBLISHED.items():
+        again = None
+        if published:
+            again = float(pearsonr(published["weight_ratio"], published[column]).statistic)
+        row(models, coefficient, p_value, again)
+    if options.out is not None:
+        report.figure = draw(places, published)
+    return True
+
+
+def installed(report: Report) -> tuple[str, ...]:
+    """Engines that can throw here. Raises InputError where none can."""
+    found = []
+    for engine in ENGINES:
+        try:
+            engine.require()
+            found.append(engine.name)
+        except InputError as error:
+            report.line(f"left out: {error}")
+    if not found:
+        raise InputError("engines: expected a simulator, got none; install the extra throws")
+    return tuple(found)
+
+
+def cut_shapes(models: Mapping[str, Surface], seed: int = 0) -> list[Body]:
+    """Pieces of four boxes, three spheres and the models, as if they had been broken.
+
+    Each whole is cut by 1, 2 and 3 random planes and into 4, 8 and 16 Voronoi cells of random
+    sites. Of each cut the first two pieces are taken that are no slivers, of a piece that falls
+    apart its largest part: 12 shapes of each whole, unless slivers are in the way.
+    """
+    wholes = {f"box {a:g}:{b:g}:{c:g}": Manifold.cube((a, b, c), True) for a, b, c in BOXES}
+    spheres = [Manifold.sphere(1.0, segments) for segments in SEGMENTS]
+    wholes |= {f"sphere of {whole.num_vert()} points": whole for whole in spheres}
+    wholes |= {name: solid(one.points, one.triangles) for name, one in models.items()}
+    return [
+        body
+        for number, (name, whole) in enumerate(wholes.items())
+        for cut, pieces in cuts(whole, np.random.default_rng([seed, number]))
+        for body in thick_pieces(f"{name}, {cut}", pieces)
+    ]
+
+
+def cuts(whole: Manifold, rng: np.random.Generator) -> Iterator[tuple[str, list[Manifold]]]:
+    """All pieces of each cut, with what the cut is called."""
+    corners, _ = mesh_of(whole)
+    for count in PLANES:
+        normals = unit_vectors(rng.normal(size=(count, 3)))
+        along = corners @ normals.T
+        low, high = along.min(axis=0), along.max(axis=0)
+        # A quarter to three quarters of the extent along each normal lie behind the plane.
+        offsets = low + rng.uniform(0.25, 0.75, size=count) * (high - low)
+        pieces = [whole]
+        for normal, offset in zip(normals.tolist(), offsets.tolist(), strict=True):
+            halves = [half for piece in pieces for half in piece.split_by_plane(normal, offset)]
+            pieces = [half for half in halves if not half.is_empty()]
+        yield ("1 plane" if count == 1 else f"{count} planes"), pieces
+    for count in SITES:
+        box = np.array(whole.bounding_box())
+        sites = rng.uniform(box[:3], box[3:], size=(count, 3))
+        cells = [voronoi_cell(whole, site, np.delete(sites, k, 0)) for k, site in enumerate(sites)]
+        yield f"{count} Voronoi cells", [cell for cell in cells if not cell.is_empty()]
+
+
+def voronoi_cell(whole: Manifold, site: Floats, others: Floats) -> Manifold:
+    """What of a solid is nearer to a site (3,) than to any of the others (m, 3)."""
+    normals = unit_vectors(site - others)
+    offsets = 0.5 * (normals * (site + others)).sum(-1)
+    for normal, offset in zip(normals.tolist(), offsets.tolist(), strict=True):
+        whole = whole.trim_by_plane(normal, offset)
+    return whole
+
+
+def thick_pieces(name: str, pieces: Iterable[Manifold]) -> Iterator[Body]:
+    """The first pieces that are no slivers."""
+    parts = (max(piece.decompose(), key=lambda part: part.volume()) for piece in pieces)
+    thick = (
+        part
+        for part in parts
+        if part.volume() >= LEAST_THICKNESS * float(pdist(mesh_of(part.hull())[0]).max()) ** 3
+    )
+    for number, part in enumerate(islice(thick, PIECES), 1):
+        yield make_body(*mesh_of(part), name=f"{name}, piece {number}")
+
+
+def time_engines(
+    shapes: list[Body], engines: tuple[str, ...], seconds: float, report: Report
+) -> None:
+    """Drops a second of one core, of a die of 11 facets and of the densest shape."""
+    row = report.table("throughput", {"body": "44s", "simulator": "10s", "drops a second": "9.0f"})
+    die = make_body(hendecahedron("bisymmetric").points, name="hendecahedron")
+    densest = max(shapes, key=lambda shape: len(shape.points))
+    for body, engine in product((die, densest), engines):
+        thrown, table = rigid_body(body, rest_poses(body)), table_named("board-game")
+
+        # The first drop loads what the simulator needs.
+        time_drops(thrown, table, 1, engine)
+        drops = min(max(round(seconds * 10 / time_drops(thrown, table, 10, engine)), 10), 20_000)
+        row(body.name, engine, drops / time_drops(thrown, table, drops, engine))
+
+
+def time_drops(thrown: RigidBody, table: Table, drops: int, engine: str) -> float:
+    """Processor seconds of so many drops."""
+    start = time.process_time()
+    simulate(thrown, table, drops, engine=engine)
+    return time.process_time() - start
+
+
+def halve_step(drops: int, report: Report) -> None:
+    """What half the time step changes in the package's own simulator."""
+    body = make_body(hendecahedron("bisymmetric").points)
+    thrown, table = rigid_body(body, rest_poses(body)), table_named("board-game")
+    whole, half = (
+        simulate(thrown, table, drops, seed, refinement=refinement).counts
+        for seed, refinement in enumerate((1.0, 2.0))
+    )
+    variation = total_variation(whole / whole.sum(), half / half.sum())
+    p_value = two_sample_chi_square(whole, half).p_value
+    report.record["half step"] = {"total variation": variation, "p": p_value, "drops": drops}
+    report.line(f"\nhalf the time step, {drops} drops: TV {variation:.4f}, p = {p_value:.2g}")
+
+
+def compare_shape(
+    task: tuple[Body, int, tuple[str, ...], int, int],
+) -> tuple[int, float, dict[str, list[Compared]]]:
+    """Rests, asymmetry, and what each two models say on each table.
+
+    task: the shape, its number, which seeds its drops, the engines, drops in others than the
+    package's own, and draws for the noise floors.
+    """
+    body, number, engines, drops, draws = task
+    poses = rest_poses(body)
+    thrown = rigid_body(body, poses)
+    on: dict[str, list[Compared]] = {}
+    for place, name in enumerate(TABLES):
+        odds: dict[str, Floats] = {GEOMETRIC: poses.probabilities}
+        counted: dict[str, int | None] = {GEOMETRIC: None}
+        for engine in engines:
+            count = PAPER_DIRECTIONS if engine == "native" else drops
+            throws = simulate(
+                thrown,
+                table_named(name),
+                count,
+                3 * number + ENGINES.names.index(engine),
+                engine=engine,
+                orientations="uniform" if count % PAPER_DIRECTIONS else "icosahedron",
+            )
+            landed = throws.outcomes >= 0
+            if landed.any():
+                came, weights = throws.outcomes[landed], throws.weights[landed]
+                worth = float(effective_counts(came, weights, throws.rests).sum())
+                odds[engine], counted[engine] = throws.frequencies, round(worth)
+        rng = np.random.default_rng([number, place])
+        on[name] = [
+            compare(poses.normals, odds, counted, pair, draws, rng)
+            for pair in combinations(odds, 2)
+        ]
+    return len(poses.probabilities), asymmetry(poses), on
+
+
+def compare(
+    normals: Floats,
+    odds: dict[str, Floats],
+    counted: dict[str, int | None],
+    pair: tuple[str, str],
+    draws: int,
+    rng: np.random.Generator,
+) -> Compared:
+    """Distances of two predictions of rests with normals (k, 3), and the means of two right ones.
+
+    counted: drops that each was counted in; None for exact odds.
+    """
+    weights = [counted[name] or 0 for name in pair]
+    right = odds[pair[0]]
+    if all(weights):
+        right = sum(w * odds[name] for w, name in zip(weights, pair, strict=True)) / sum(weights)
+
+    def distances(one: Floats, other: Floats) -> tuple[float, float]:
+        return wasserstein_distance(normals, one, normals, other), total_variation(one, other)
+
+    def drawn(drops: int) -> Floats:
+        return rng.multinomial(drops, right / right.sum()) / drops if drops else right
+
+    floors = np.mean([distances(*map(drawn, weights)) for _ in range(draws)], axis=0)
+    wasserstein, variation = distances(odds[pair[0]], odds[pair[1]])
+    return Compared(" vs ".join(pair), wasserstein, float(floors[0]), variation, float(floors[1]))
+
+
+def summarise(places: dict[tuple[str, str], list[tuple[float, Compared]]], report: Report) -> None:
+    """Means over the shapes, and correlations with the asymmetry."""
+    row = report.table(
+        "summary",
+        {"table": "10s", "models": "22s", "shapes": "6d", "W": "6.3f", "W floor": "6.3f"}
+        | {
+            "TV": "6.3f",
+            "TV floor": "6.3f",
+            "r": "6.2f",
+            "from": "6.2f",
+            "to": "6.2f",
+            "p": "8.1g",
+        },
+    )
+    for (table, models), found in places.items():
+        means = np.mean(
+            [
+                (one.wasserstein, one.wasserstein_floor, one.variation, one.variation_floor)
+                for _, one in found
+            ],
+            axis=0,
+        )
+        correlated = (None, None, None, None)
+        if len(found) > 3:
+            pearson = pearsonr([rho for rho, _ in found], [one.wasserstein for _, one in found])
+            interval = pearson.confidence_interval()
+            correlated = (pearson.statistic, *interval, pearson.pvalue)
+        row(table, models, len(found), *means.tolist(), *correlated)
+
+
+def read_published(path: Path) -> dict[str, Floats]:
+    """Columns of the table that the paper's authors published."""
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    columns = ("weight_ratio", *PUBLISHED)
+    try:
+        return {name: np.array([float(row[name]) for row in rows]) for name in columns}
+    except (KeyError, ValueError) as error:
+        raise InputError(
+            f"{path}: expected columns {', '.join(columns)} of numbers, got {error}; pass the "
+            "published table of distances"
+        ) from error
+
+
+def draw(
+    places: dict[tuple[str, str], list[tuple[float, Compared]]], published: dict[str, Floats]
+) -> Any:
+    """W of each two models against the asymmetry, a panel for each table, and one for the paper's
+    own shapes where they are given."""
+    figure, axes = panels(len(TABLES) + bool(published), len(TABLES) + bool(published))
+    for axis, table in zip(axes, TABLES, strict=False):
+        for (on, models), found in places.items():
+            if on == table:
+                distances = [one.wasserstein for _, one in found]
+                axis.scatter([rho for rho, _ in found], distances, s=9, label=models)
+        axis.set(title=f"table {table}")
+    if published:
+        for column, (models, _, _) in PUBLISHED.items():
+            axes[-1].scatter(published["weight_ratio"], published[column], s=3, label=models)
+        axes[-1].set(title=f"the paper's {len(published['weight_ratio'])} shapes")
+    for axis in axes:
+        axis.set(xlabel="asymmetry (eq. 20)", ylabel="Wasserstein distance (rad)")
+        axis.grid(alpha=0.3)
+        axis.legend(fontsize=7)
+    return figure
