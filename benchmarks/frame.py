@@ -116,17 +116,23 @@ def _cell(value: Any, form: str, width: int) -> str:
     return f"{text:{_alignment(form)}{width}}"
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Run a bench: exit code 0 where all is as it should be, 1 where not, 2 for bad input."""
-    name = arguments[0] if arguments and arguments[0] in BENCHES else None
+def parser_of(name: str | None) -> argparse.ArgumentParser:
+    """The command line, with a bench or with all of them."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Measurements.")
     benches = parser.add_subparsers(title="benches", required=True, metavar="NAME", dest="name")
     for one in BENCHES if name is None else (name,):
         module = import_module(f"benchmarks.{one}")
         line, _, description = (module.__doc__ or "").partition("\n")
-        own = benches.add_parser(one, help=line, description=f"{line}\n{description}")
-        _add_options(own, module)
-    options = parser.parse_args(arguments)
+        _add_options(
+            benches.add_parser(one, help=line, description=f"{line}\n{description}"), module
+        )
+    return parser
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run a bench: exit code 0 where all is as it should be, 1 where not, 2 for bad input."""
+    name = arguments[0] if arguments and arguments[0] in BENCHES else None
+    options = parser_of(name).parse_args(arguments)
     report = Report(show=not options.json)
     try:
         is_good = bool(options.run(options, report))

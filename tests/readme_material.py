@@ -1,7 +1,7 @@
 """Make what README.md and the pages of docs show from finished runs: the tables of
 recipes and the gallery.
 
-Usage, after `dicedesign run` of every recipe and the benches that draw:
+Usage, after `dicedesign run` of every recipe and benches with `--out outputs/bench`:
     python tests/readme_material.py outputs
 prints the tables in Markdown and writes outputs/gallery/*.png.
 """
@@ -93,7 +93,7 @@ def gallery(outputs: Path, target: Path) -> None:
     for name in ("table", "film"):
         save(narrowed(Image.open(outputs / "2d6_table" / f"{name}.png")), target / f"{name}.png")
     for path in sorted((outputs / "bench").glob("*.png")):
-        save(narrowed(Image.open(path)), target / f"bench_{path.name}")
+        save(narrowed(Image.open(path)), target / path.name)
     room(outputs, target)
     page(outputs / "2d6_hendecahedron", target)
 

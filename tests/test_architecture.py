@@ -25,7 +25,6 @@ FLOORS = (
     "batch",
     "search",
     "view",
-    "bench",
     "cli",
     "compat",
     "__init__",

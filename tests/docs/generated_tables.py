@@ -42,6 +42,9 @@ from dicedesign.throws.tables import HANDS, least_of, most_of
 
 ROOT = Path(__file__).resolve().parents[2]
 
+# Benches are not installed.
+sys.path.append(str(ROOT))
+
 REGISTRIES = {
     "starting shapes": "dicedesign.optimize.starts.start:STARTS",
     "energy terms": "dicedesign.optimize.energy.term:TERMS",
@@ -51,11 +54,10 @@ REGISTRIES = {
     "stages": "dicedesign.recipe.planning.stage:STAGES",
     "figures": "dicedesign.report.figures.figure:FIGURES",
     "kinds of figures": "dicedesign.report.body_figures.body_figure:BODY_FIGURES",
-    "benches": "dicedesign.bench.frame:BENCHES",
 }
 """Name of a table, and where its registry is: "module:attribute"."""
 
-COMMANDS = {"benches": "dicedesign bench ", "kinds of figures": "dicedesign figure "}
+COMMANDS = {"kinds of figures": "dicedesign figure "}
 """What is written before the names of a table's entries."""
 
 SUBJECTS = {
@@ -97,6 +99,7 @@ def tables() -> dict[str, Callable[[], str]]:
     return {
         "recipe keys": recipe_table,
         "public names": names_table,
+        "benches": bench_table,
         "statuses": status_table,
         "file formats": format_table,
         "priors": priors_table,
@@ -184,6 +187,15 @@ def sources_table() -> str:
         by_source.setdefault(material.source, []).append(f"`{name}`")
     rows += [(", ".join(names), source) for source, names in by_source.items()]
     return markdown(("of", "source"), rows)
+
+
+def bench_table() -> str:
+    """What each bench measures."""
+    rows = []
+    for name in import_module("benchmarks.frame").BENCHES:
+        line = (import_module(f"benchmarks.{name}").__doc__ or "").partition("\n")[0]
+        rows.append((f"`python -m benchmarks {name}`", line))
+    return markdown(("command", "meaning"), rows)
 
 
 def status_table() -> str:

@@ -13,12 +13,11 @@ import pytest
 from common.doc_pages import PAGES, blocks, commands, run_parts
 from common.paths import ROOT
 
-from dicedesign.bench.frame import BENCHES, add_options
+from benchmarks.frame import parser_of
 from dicedesign.cli.main import COMMANDS
 from dicedesign.recipe.schema.reading import read_recipe
 
 LONG = (
-    "bench ",
     "search ",
     "view",
     "run recipes/fair_d3_duck.yaml",
@@ -37,6 +36,8 @@ EXTENDS = ROOT / "docs" / "adding.md"
 
 TYPED = list(dict.fromkeys(line for page in PAGES for line in commands(page)))
 """All lines of all pages, each once."""
+
+PROGRAMS = ("dicedesign ", "python -m benchmarks ")
 
 INSTALLS = ("python3 -m venv .venv && ", "pip install 'dicedesign[")
 
@@ -78,16 +79,16 @@ def test_commands_examples_and_code_run(tmp_path: Path) -> None:
     told = run_parts(parts, tmp_path)
     assert list(told) == list(parts)
     silent = {name for name, text in told.items() if not text}
-    assert {name for name in silent if "BENCHES.register(" not in parts[name]} == set()
+    assert {name for name in silent if "def run(options, report)" not in parts[name]} == set()
 
 
-@pytest.mark.parametrize("line", [line for line in TYPED if line.startswith("dicedesign ")])
+@pytest.mark.parametrize("line", [line for line in TYPED if line.startswith(PROGRAMS)])
 def test_a_command_is_understood(line: str) -> None:
     command, *given = shlex.split(arguments(line))
     parser = argparse.ArgumentParser()
-    if command == "bench":
-        name, *given = given
-        add_options(parser, BENCHES[name])
+    if command == "python":
+        _, _, *given = given
+        parser = parser_of(given[0])
     else:
         module, _, add_parser = COMMANDS[command].partition(":")
         getattr(import_module(f"dicedesign.cli.{module}"), add_parser)(parser.add_subparsers())
@@ -99,8 +100,11 @@ def test_a_command_is_understood(line: str) -> None:
 
 
 def test_nothing_else_is_typed() -> None:
-    others = {line for line in TYPED if not line.startswith(("dicedesign ", *INSTALLS))}
-    assert others == {"pytest tests/fuzz --hypothesis-profile=nightly"}
+    others = {line for line in TYPED if not line.startswith((*PROGRAMS, *INSTALLS))}
+    assert others == {
+        "pytest tests/fuzz --hypothesis-profile=nightly",
+        "pytest tests/soak -m soak",
+    }
 
 
 @pytest.mark.parametrize(

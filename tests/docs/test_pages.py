@@ -13,7 +13,7 @@ from test_architecture import FLOORS
 
 from dicedesign.recipe.schema.recipe import Recipe
 
-MADE_UP = {"dicedesign/bench/benches/cubes.py", "recipes/NAME.yaml"}
+MADE_UP = {"benchmarks/cubes.py", "recipes/NAME.yaml"}
 """The bench of an example, and what stands for any recipe."""
 
 
@@ -52,7 +52,7 @@ def named_files(page: Path) -> set[str]:
     text = page.read_text(encoding="utf-8")
     code = IN_BACKTICKS.findall(re.sub(r"^```.*?^```", "", text, flags=re.S | re.M))
     folders = "|".join(path.name for path in (ROOT / "dicedesign").iterdir() if path.is_dir())
-    within = re.compile(rf"(dicedesign|tests|examples|docs|recipes|{folders})/[\w./]*")
+    within = re.compile(rf"(dicedesign|benchmarks|tests|examples|docs|recipes|{folders})/[\w./]*")
     return {word for span in code for word in span.split() if within.fullmatch(word)}
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from common.doc_pages import commands
 
-from dicedesign.bench.frame import BENCHES
+from benchmarks.frame import BENCHES
 from dicedesign.recipe.schema.reading import read_recipe
 from dicedesign.recipe.schema.recipe import Recipe
 from dicedesign.tolerances import FILE_ODDS
@@ -40,8 +40,8 @@ def test_two_commands_install(repository: Path) -> None:
 def test_every_bench_is_among_the_numbers(repository: Path) -> None:
     # The script that checks a change runs them as they stand.
     lines = commands(repository / "docs" / "numbers.md")
-    benches = [line.split()[2] for line in lines if line.startswith("dicedesign bench ")]
-    assert set(benches) == set(BENCHES.names)
+    benches = [line.split()[3] for line in lines if line.startswith("python -m benchmarks ")]
+    assert set(benches) == set(BENCHES)
 
 
 def test_every_recipe_is_in_the_table_within_its_tolerance(repository: Path) -> None:

@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
@@ -28,8 +28,6 @@ from tests.reference.random_hulls import random_hull
 from tests.reference.solids import PLATONIC, antiprism, bipyramid, box, platonic, prism
 from tests.soak.commands import Fault, before_main
 from tests.soak.mesh_files import BROKEN, mesh_file
-
-__all__ = ["Batch", "batch_faults", "make_meshes", "run_batches"]
 
 BROKEN_EVERY: Final = 50
 """One mesh in so many has no answer."""
@@ -124,12 +122,10 @@ def _known(problem: Problem) -> _Body:
     return _Body(hull.vertices, hull.triangles, np.sort(shares))
 
 
-def make_meshes(
-    folder: Path, count: int, seed: int, advance: Callable[[], None]
-) -> dict[str, Floats | None]:
+def make_meshes(folder: Path, count: int, seed: int) -> dict[str, Floats | None]:
     """Fill a folder with meshes, each a known body turned, moved and sized at random.
 
-    advance: called after each. Returns the odds of each file, by its path within the folder; None
+    Returns the odds of each file, by its path within the folder; None
     for a broken one.
     """
     known, answers = _bodies(), dict[str, Floats | None]()
@@ -150,7 +146,6 @@ def make_meshes(
             data = mesh_file(ending, points, body.triangles, text=bool(rng.integers(2)))
             (folder / name).write_bytes(data)
             answers[name] = body.shares
-        advance()
     return answers
 
 

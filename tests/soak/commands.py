@@ -22,19 +22,6 @@ from typing import Any, Final, Literal, TypeAlias
 
 from dicedesign.errors import InputError
 
-__all__ = [
-    "Case",
-    "Command",
-    "Ended",
-    "Fault",
-    "Kind",
-    "Tried",
-    "before_main",
-    "drive",
-    "faults_of",
-    "require_signals",
-]
-
 Kind: TypeAlias = Literal["hang", "traceback", "wrong", "lost"]
 """Of a fault: no end within the limit; an error that nobody foresaw; a wrong answer; a result that
 is missing, half-written or in the way."""
@@ -113,7 +100,7 @@ def require_signals() -> None:
     """Raise InputError on a system that cannot fork."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         raise InputError(
-            f"endurance: expected a system with signals and forks, got {sys.platform}; run it on "
+            f"soak: expected a system with signals and forks, got {sys.platform}; run it on "
             "Linux or macOS"
         )
 
@@ -263,9 +250,9 @@ class _Running:
 
 def _run(command: Command, printed: str, begun: Connection) -> None:
     """Become the command; to be called in a process of its own."""
-    # Interrupts from the terminal are for the bench.
+    # Interrupts from the terminal are for the test.
     os.setsid()
-    # A shell may have begun the bench with interrupts ignored.
+    # A shell may have begun the test with interrupts ignored.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # Locks go with the process, as those of a program that was not begun like this.
     multiprocessing.set_start_method("fork", force=True)

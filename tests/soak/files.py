@@ -24,8 +24,6 @@ from tests.reference.solids import box
 from tests.soak.commands import Case, Command, Ended, Fault, Tried, drive, faults_of
 from tests.soak.mesh_files import mesh_file
 
-__all__ = ["Samples", "damaged", "file_cases"]
-
 MEMORY: Final = 1 << 30
 """Bytes that reading a small file may take beside the program."""
 

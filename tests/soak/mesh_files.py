@@ -10,8 +10,6 @@ import numpy as np
 from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["BROKEN", "mesh_file"]
-
 
 def mesh_file(ending: str, points: Floats, triangles: Integers, *, text: bool = False) -> bytes:
     """The content of a mesh file: .stl (as text if asked for), .obj, .off, .ply, .xyz, .glb, .3mf.

@@ -8,8 +8,6 @@ from importlib import import_module
 
 from dicedesign.recipe.schema.reading import checked_recipe
 
-__all__: list[str] = []
-
 for _name in (
     "torch",
     "trimesh",

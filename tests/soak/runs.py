@@ -28,8 +28,6 @@ from tests.soak.commands import (
     faults_of,
 )
 
-__all__ = ["broken_recipe", "random_recipe", "run_cases"]
-
 BROKEN_EVERY: Final = 10
 """One recipe in so many is broken."""
 
