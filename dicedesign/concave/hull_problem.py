@@ -52,18 +52,14 @@ def coarse_corners(hull: ConvexHull) -> Integers:
         facet = above.argmax(axis=1)
         height = above[np.arange(len(corners)), facet]
         height[chosen] = 0.0
-        farthest = _farthest_of_each(facet, height)[: MOST_CORNERS - len(chosen)]
+        # Of those above each facet the highest, the highest of all first.
+        order = np.argsort(-height, kind="stable")
+        order = order[height[order] > CLOSE]
+        first = np.sort(np.unique(facet[order], return_index=True)[1])
+        farthest = order[first][: MOST_CORNERS - len(chosen)]
         if len(farthest) == 0:
             return np.sort(chosen)
         chosen = np.concatenate([chosen, farthest])
-
-
-def _farthest_of_each(facet: Integers, height: Floats) -> Integers:
-    """Of the points (n,) above each facet the highest, the highest of all first."""
-    order = np.argsort(-height, kind="stable")
-    order = order[height[order] > CLOSE]
-    first = np.sort(np.unique(facet[order], return_index=True)[1])
-    return order[first]
 
 
 SAMPLES = 600
@@ -90,20 +86,15 @@ def squared_displacement(held: HeldCorners, forces: Floats) -> Floats:
     moved -= np.tensordot(by_center, forces.sum(axis=0), (2, 0))
     moved *= weights[:, None, None, None]
     flat = moved.reshape(3 * len(samples), -1)
-    similar = _similarities(points[samples], weights)
-    flat -= similar @ (similar.T @ flat)
-    return np.asarray((flat.T @ flat).reshape(forces.shape))
-
-
-def _similarities(points: Floats, weights: Floats) -> Floats:
-    """(3 n, 7) orthonormal displacements, times their weights (n,), by which points (n, 3) are
-    shifted, turned and scaled."""
-    about = points - (weights**2) @ points
+    # Orthonormal displacements by which they are shifted, turned and scaled.
+    about = points[samples] - (weights**2) @ points[samples]
     axes = np.eye(3)
-    moves = [np.broadcast_to(axis, points.shape) for axis in axes]
+    moves = [np.broadcast_to(axis, about.shape) for axis in axes]
     moves += [np.cross(axis, about) for axis in axes]
     columns = np.stack([*moves, about], axis=-1) * weights[:, None, None]
-    return np.asarray(np.linalg.qr(columns.reshape(-1, 7))[0])
+    similar = np.linalg.qr(columns.reshape(-1, 7))[0]
+    flat -= similar @ (similar.T @ flat)
+    return np.asarray((flat.T @ flat).reshape(forces.shape))
 
 
 GIVING = 3.0

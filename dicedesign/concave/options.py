@@ -88,23 +88,16 @@ class ConcavePaperOptions:
     def __post_init__(self) -> None:
         require_choice("paper.step", self.step, "momentum", "line_search")
         require_choice("paper.finish", self.finish, "exact", "none")
-        if self.steps < 1:
-            raise refused("paper.steps", "a whole number above 0", self.steps, "600")
-        for name, weight, default in (
-            ("closest_point", self.closest_point, "1"),
-            ("membrane", self.membrane, "1"),
-            ("bending", self.bending, "0.02"),
-            ("center_of_mass", self.center_of_mass, "100"),
-        ):
-            if not 0.0 < weight < np.inf:
-                raise refused(f"paper.{name}", "a positive number", weight, default)
-        if not 1.0 < self.growth <= 100.0:
-            raise refused("paper.growth", "a number above 1 and at most 100", self.growth, "2")
-        if not 0.0 < self.gamma <= LARGEST_SMOOTHING:
-            expected = f"a number above 0 and at most {LARGEST_SMOOTHING:g}"
-            raise refused("paper.gamma", expected, self.gamma, "5")
-        if not 1 <= self.power <= 4:
-            raise refused("paper.power", "1 to 4", self.power, "2")
+        _require(self, "steps", self.steps >= 1, "a whole number above 0", "paper.")
+        for name in ("closest_point", "membrane", "bending", "center_of_mass"):
+            is_positive = 0.0 < getattr(self, name) < np.inf
+            _require(self, name, is_positive, "a positive number", "paper.")
+        is_growth = 1.0 < self.growth <= 100.0
+        _require(self, "growth", is_growth, "a number above 1 and at most 100", "paper.")
+        is_gamma = 0.0 < self.gamma <= LARGEST_SMOOTHING
+        expected = f"a number above 0 and at most {LARGEST_SMOOTHING:g}"
+        _require(self, "gamma", is_gamma, expected, "paper.")
+        _require(self, "power", 1 <= self.power <= 4, "1 to 4", "paper.")
 
 
 FEWEST_POINTS = 50
@@ -125,10 +118,7 @@ class HollowOptions:
     wall_mm: float = 2.0
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.wall_mm < np.inf:
-            raise InputError(
-                f"wall_mm: expected a positive number, got {self.wall_mm:g}; leave it out for 2"
-            )
+        _require(self, "wall_mm", 0.0 < self.wall_mm < np.inf, "a positive number")
 
 
 @dataclass(frozen=True)
@@ -176,22 +166,8 @@ class ConcaveOptions:
     seconds: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.tolerance < 1.0:
-            raise InputError(
-                f"tolerance: expected a number above 0 and below 1, got {self.tolerance:g}; leave "
-                "it out for 0.005"
-            )
         require_choice("hull", self.hull, "gauss_newton", "paper")
         require_choice("fill", self.fill, "correspondence", "paper")
-        for angle, degrees, limit, default in (
-            ("apart_deg", self.apart_deg, 180.0, 45),
-            ("margin_deg", self.margin_deg, 90.0, 10),
-        ):
-            if not 0.0 <= degrees < limit:
-                raise InputError(
-                    f"{angle}: expected degrees from 0 to below {limit:g}, got {degrees:g}; leave "
-                    f"it out for {default}"
-                )
         if self.paper is not None and "paper" not in (self.hull, self.fill):
             raise InputError(
                 f"paper: expected hull: paper or fill: paper with it, got {self.hull} and "
@@ -207,14 +183,18 @@ class ConcaveOptions:
                 f"points: expected at least {FEWEST_POINTS}, got {self.points}; raise it, or leave "
                 "it out to keep the surface as it is"
             )
-        for name, most, default in (("attempts", self.attempts, 60), ("enough", self.enough, 24)):
-            if most < 1:
-                raise InputError(
-                    f"{name}: expected a whole number above 0, got {most}; leave it out for "
-                    f"{default}"
-                )
-        for name, number in (("displacement", self.displacement), ("seconds", self.seconds)):
-            if number is not None and not 0.0 < number < np.inf:
-                raise InputError(
-                    f"{name}: expected a positive number, got {number:g}; leave it out"
-                )
+        _require(self, "tolerance", 0.0 < self.tolerance < 1.0, "a number above 0 and below 1")
+        _require(self, "apart_deg", 0.0 <= self.apart_deg < 180.0, "degrees from 0 to below 180")
+        _require(self, "margin_deg", 0.0 <= self.margin_deg < 90.0, "degrees from 0 to below 90")
+        _require(self, "attempts", self.attempts >= 1, "a whole number above 0")
+        _require(self, "enough", self.enough >= 1, "a whole number above 0")
+        _require(self, "displacement", 0.0 < self.displacement < np.inf, "a positive number")
+        if self.seconds is not None and not 0.0 < self.seconds < np.inf:
+            raise refused("seconds", "a positive number", self.seconds, "no limit")
+
+
+def _require(options: object, name: str, is_valid: bool, expected: str, prefix: str = "") -> None:
+    """Raise InputError for an option out of range."""
+    if not is_valid:
+        default = getattr(type(options), name)
+        raise refused(prefix + name, expected, getattr(options, name), f"{default:g}")

@@ -13,10 +13,10 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from dicedesign.concave.slopes import largest_rise
+from dicedesign.concave.slopes import great_arcs, largest_rise
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.geometry.sphere import even_directions, unit_vectors
+from dicedesign.geometry.sphere import even_directions
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -34,9 +34,6 @@ SAMPLES = 300
 
 HEIGHTS = (120, 240)
 """Heights of the body that are kept, by latitude and longitude: every degree and a half."""
-
-OPPOSITE = 1e-9
-"""Sine of the angle below which directions count as opposite, or as the same."""
 
 ARC = 24
 """Places on each great arc."""
@@ -106,14 +103,20 @@ def outcome_choices(hull: ConvexHull, target: Floats, apart: float, seed: int) -
     shares = target[order]
     sets = _sets(costs, candidates, count, apart, shares, random)
     price, sets = _ordered(costs, sets, shares)
+    alike = target[:, None] == target
     chosen: list[Floats] = []
     for place in np.argsort(price, kind="stable"):
         directions = np.empty((count, 3))
         directions[order] = candidates[sets[place]]
-        if all(_differ(directions, other, target) for other in chosen):
+        # Outcomes of equal probability count as the same.
+        cosines = [np.where(alike, directions @ other.T, -1.0) for other in chosen]
+        if all(
+            min(cosine.max(axis=1).min(), cosine.max(axis=0).min()) < DIFFERENT
+            for cosine in cosines
+        ):
             chosen.append(directions)
-            if len(chosen) == MOST_CHOICES:
-                break
+        if len(chosen) == MOST_CHOICES:
+            break
     return chosen
 
 
@@ -141,33 +144,14 @@ def _climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:
     latitude = (np.arange(rows) + 0.5) * math.pi / rows
     longitude = (np.arange(columns) + 0.5) * 2.0 * math.pi / columns - math.pi
     table = np.empty(HEIGHTS)
-    for row, angle in enumerate(latitude):
-        ring = np.stack(
-            [
-                math.sin(angle) * np.cos(longitude),
-                math.sin(angle) * np.sin(longitude),
-                np.full(columns, math.cos(angle)),
-            ],
-            axis=1,
-        )
+    for row, angle in enumerate(latitude.tolist()):
+        circle = math.sin(angle) * np.stack([np.cos(longitude), np.sin(longitude)])
+        ring = np.stack([*circle, np.full(columns, math.cos(angle))], axis=1)
         table[row] = (ring @ vertices.T).max(axis=1)
-    part = np.linspace(0.0, 1.0, ARC)
-    highest = np.empty((len(starts), len(ends)))
-    for column, end in enumerate(ends):
-        cosine = starts @ end
-        across = end - cosine[:, None] * starts
-        # Opposite directions have any tangent.
-        across[np.abs(across).max(axis=1) < OPPOSITE] = np.cross(
-            end, np.eye(3)[np.abs(end).argmin()]
-        )
-        angle = np.arccos(np.clip(cosine, -1.0, 1.0))[:, None] * part
-        aside = unit_vectors(across)
-        arc = np.cos(angle)[..., None] * starts[:, None] + np.sin(angle)[..., None] * aside[:, None]
-        row = np.minimum((np.arccos(np.clip(arc[..., 2], -1, 1)) / math.pi * rows), rows - 1)
-        turn = (np.arctan2(arc[..., 1], arc[..., 0]) + math.pi) / (2.0 * math.pi) * columns
-        heights = table[row.astype(np.int64), np.minimum(turn, columns - 1).astype(np.int64)]
-        highest[:, column] = largest_rise(heights)
-    return highest
+    x, y, z = np.moveaxis(great_arcs(starts, ends, math.inf, ARC), -1, 0)
+    row = np.minimum(np.arccos(np.clip(z, -1.0, 1.0)) / math.pi * rows, rows - 1)
+    turn = np.minimum((np.arctan2(y, x) + math.pi) / (2.0 * math.pi) * columns, columns - 1)
+    return largest_rise(table[row.astype(np.int64), turn.astype(np.int64)])
 
 
 def _sets(
@@ -184,13 +168,19 @@ def _sets(
         near = cosines > math.cos(apart) + 1e-12
         np.fill_diagonal(near, True)
         every = math.comb(len(candidates), count) <= MOST_SETS and count <= FEW
-        sets = _all_sets(near, count) if every else _drawn_sets(near, count, random)
+        if every:
+            sets = np.array(list(combinations(range(len(near)), count)), dtype=np.int64)
+            for one, other in combinations(range(count), 2):
+                sets = sets[~near[sets[:, one], sets[:, other]]]
+        else:
+            sets = _drawn_sets(near, count, random)
         if len(sets) > 0:
             break
         apart *= LOOSENED
     sets = _cheapest(costs, sets, MOST_ASSIGNED)
     for _ in range(0 if every else IMPROVED):
-        best = sets[np.argsort(_prices(costs, sets, shares), kind="stable")[:MOST_ORDERED]]
+        prices = _assigned(costs, _by_natural_share(costs, sets), shares)
+        best = sets[np.argsort(prices, kind="stable")[:MOST_ORDERED]]
         exchanged = _exchanged(near, best)
         sets = np.unique(np.concatenate([best, _cheapest(costs, exchanged, MOST_ASSIGNED)]), axis=0)
     return sets
@@ -200,14 +190,6 @@ def _at_a_time(most: int, count: int) -> int:
     """How many sets of so many candidates, of `most` that would be for few outcomes: what is
     computed grows with the square of their number, as there are more candidates too."""
     return max(1, round(most * min(1.0, (FEW / count) ** 2)))
-
-
-def _all_sets(near: np.ndarray, count: int) -> Integers:
-    sets = np.array(list(combinations(range(len(near)), count)), dtype=np.int64)
-    good = np.ones(len(sets), dtype=bool)
-    for one, other in combinations(range(count), 2):
-        good &= ~near[sets[:, one], sets[:, other]]
-    return sets[good]
 
 
 def _drawn_sets(near: np.ndarray, count: int, random: np.random.Generator) -> Integers:
@@ -251,10 +233,6 @@ def _by_natural_share(costs: Floats, sets: Integers) -> Integers:
     return np.take_along_axis(sets, np.argsort(-natural, axis=1, kind="stable"), axis=1)
 
 
-def _prices(costs: Floats, sets: Integers, shares: Floats) -> Floats:
-    return _assigned(costs, _by_natural_share(costs, sets), shares)
-
-
 def _ordered(costs: Floats, sets: Integers, shares: Floats) -> tuple[Floats, Integers]:
     """Costs (m,) of sets (m, k) in the orders that cost least."""
     sets = _by_natural_share(costs, sets)
@@ -284,9 +262,3 @@ def _assigned(costs: Floats, sets: Integers, shares: Floats) -> Floats:
         flow = kernel * rows[:, :, None] * weights
         prices[first : first + step] = (flow * climb).sum(axis=(0, 2))
     return prices
-
-
-def _differ(one: Floats, other: Floats, target: Floats) -> bool:
-    """Whether two choices differ in a direction, outcomes of equal odds counting as the same."""
-    cosines = np.where(target[:, None] == target, one @ other.T, -1.0)
-    return bool((cosines.max(axis=1) < DIFFERENT).any() or (cosines.max(axis=0) < DIFFERENT).any())

@@ -104,7 +104,7 @@ def climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:
     if len(starts) > 1 and len(starts) * len(ends) * len(vertices) > MOST_HEIGHTS:
         halves = np.array_split(starts, 2)
         return np.concatenate([climbs(vertices, half, ends) for half in halves])
-    arcs = _arcs(starts, ends, CLIMB_STRIDE)
+    arcs = great_arcs(starts, ends, CLIMB_STRIDE)
     return largest_rise((arcs @ vertices.T).max(axis=-1))
 
 
@@ -167,7 +167,7 @@ class SlopeMemory:
     ) -> None:
         far = (normals * outcomes[outcome_of_rest]).sum(-1) < math.cos(self.options.circle)
         for normal, outcome in zip(normals[far], outcome_of_rest[far].tolist(), strict=True):
-            arc = _arcs(normal[None], outcomes[outcome][None], STRIDE)[0, 0]
+            arc = great_arcs(normal[None], outcomes[outcome][None], STRIDE)[0, 0]
             arc = arc[arc @ outcomes[outcome] < math.cos(self.options.circle)]
             for cell, direction in zip(np.round(arc / CELL).astype(int).tolist(), arc, strict=True):
                 self.cells[tuple(cell)] = (direction, outcome, step)
@@ -214,14 +214,14 @@ def _tangents(directions: Floats, ends: Floats) -> Floats:
     return unit_vectors(aside)
 
 
-def _arcs(starts: Floats, ends: Floats, stride: float) -> Floats:
+def great_arcs(starts: Floats, ends: Floats, stride: float, fewest: int = 2) -> Floats:
     """(r, k, m, 3) directions from each start (r, 3) to each end (k, 3), both included, no farther
-    apart than the stride."""
+    apart than the stride, in radians."""
     shape = len(starts), len(ends)
     first = np.repeat(starts, shape[1], axis=0)
     last = np.tile(ends, (shape[0], 1))
     angles = angle_between(first, last)
-    parts = np.linspace(0.0, 1.0, max(2, math.ceil(float(angles.max()) / stride) + 1))
+    parts = np.linspace(0.0, 1.0, max(fewest, math.ceil(float(angles.max()) / stride) + 1))
     steps = angles[:, None, None] * parts[:, None]
     aside = _tangents(first, last)[:, None]
     arcs: Floats = np.cos(steps) * first[:, None] + np.sin(steps) * aside
@@ -268,7 +268,10 @@ def least_displacement(
     wanted = misses + np.einsum("knc,nc->k", jacobian, displacement)
     size = displacement.size
     flat = compliance.reshape(size, size)
-    along = _rows(tangents, corners, size)
+    # The inequalities, for displacements as one vector.
+    columns = 3 * corners[:, None] + np.arange(3)
+    starts = np.arange(0, columns.size + 1, 3)
+    along = csr_array((tangents.ravel(), columns.ravel(), starts), shape=(len(corners), size))
     raised = jacobian.reshape(len(jacobian), size) @ flat
     own = raised @ jacobian.reshape(len(jacobian), size).T
     softness = SOFTNESS * float(np.trace(flat)) / size
@@ -288,10 +291,3 @@ def least_displacement(
             break
         active = failing
     return np.asarray(moved.reshape(displacement.shape), dtype=np.float64)
-
-
-def _rows(tangents: Floats, corners: Integers, size: int) -> csr_array:
-    """(s, 3 n) of the inequalities, for displacements as one vector."""
-    columns = 3 * corners[:, None] + np.arange(3)
-    starts = np.arange(0, columns.size + 1, 3)
-    return csr_array((tangents.ravel(), columns.ravel(), starts), shape=(len(corners), size))
