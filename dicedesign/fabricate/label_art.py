@@ -11,7 +11,7 @@ from itertools import combinations, pairwise
 from typing import Final
 
 import numpy as np
-from manifold3d import CrossSection, OpType
+from manifold3d import CrossSection, FillRule, OpType
 
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.finish_options import BUNDLED_FONT, EngravingOptions
@@ -21,7 +21,6 @@ from dicedesign.fabricate.sections import (
     CHORD_TOLERANCE,
     grown,
     holes_and_parts,
-    non_zero,
     stroke_growth,
 )
 from dicedesign.runtime.arrays import Floats
@@ -91,7 +90,8 @@ def text_section(text: str, font: str = BUNDLED_FONT) -> CrossSection:
     ------
     EngravingError: the text draws nothing.
     """
-    section = non_zero(text_contours(text, font))
+    # Contours of TrueType fonts run clockwise, others do not, and those of variable fonts overlap.
+    section = CrossSection(text_contours(text, font), FillRule.NonZero)
     if section.area() <= 0.0:
         raise EngravingError(
             f"label {text!r}: expected outlines of positive area, got {section.area():g}; use at "

@@ -1,37 +1,24 @@
-"""Plane sections of closed contours by winding number, and sections with strokes that are wide
-enough to print.
-
-Contours run either way around: outer ones of TrueType fonts run clockwise, those of other fonts
-counter-clockwise, and variable fonts have contours that overlap.
-"""
+"""Outlines of curves as polylines, and plane sections with strokes that are wide enough to
+print."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final, TypeAlias
 
 import numpy as np
 from manifold3d import CrossSection, JoinType
 
-from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats
 
 CHORD_TOLERANCE: Final = 1e-3
 """Largest distance between a curve and the polyline drawn for it, in digit heights."""
 
+MOST_PIECES: Final = 10_000
+"""Of the polyline of a curve."""
+
 _Point: TypeAlias = tuple[float, float]
-
-
-def pieces_of(corners: Floats, tolerance: float) -> int:
-    """Number of chords, at equal parameters, that a curve of Bezier with control points (n, 2), n
-    from 2 to 4, is drawn with for a tolerance, above 0."""
-    degree = len(corners) - 1
-    bends = corners[:-2] - 2.0 * corners[1:-1] + corners[2:]
-    # A curve cut at n equal parameters leaves its chords by |second derivative| / 8n^2 at most.
-    turn = degree * (degree - 1) * float(np.linalg.norm(bends, axis=1).max(initial=0.0))
-    return max(1, math.ceil(math.sqrt(turn / (8.0 * tolerance))))
 
 
 class PolylinePen:
@@ -70,7 +57,11 @@ class PolylinePen:
         """All contours are closed anyway."""
 
     def _bend(self, corners: Floats) -> None:
-        pieces = pieces_of(corners, self.tolerance)
+        degree = len(corners) - 1
+        bends = corners[:-2] - 2.0 * corners[1:-1] + corners[2:]
+        # A curve cut at n equal parameters leaves its chords by |second derivative| / 8n^2 at most.
+        turn = degree * (degree - 1) * float(np.linalg.norm(bends, axis=1).max(initial=0.0))
+        pieces = min(max(1, math.ceil(math.sqrt(turn / (8.0 * self.tolerance)))), MOST_PIECES)
         t = (np.arange(1, pieces) / pieces)[:, None]
         points: list[Floats] = [np.broadcast_to(corner, (len(t), 2)) for corner in corners]
         while len(points) > 1:  # de Casteljau
@@ -89,9 +80,6 @@ class PolylinePen:
         return found
 
 
-MOST_LEVELS: Final = 64
-"""Winding numbers that the even-odd rule is applied to."""
-
 MITER: Final = 2.0
 """Corners stay sharp unless they stick out by more, over the distance of the offset."""
 
@@ -100,45 +88,6 @@ CORNERS: Final = 0.1
 
 HALVINGS: Final = 10
 """Of the interval in which the least growth is looked for."""
-
-
-def non_zero(contours: Sequence[Floats]) -> CrossSection:
-    """The points about which contours (n, 2) wind, in either sense."""
-    return _above(contours, 0) + _above(_reversed(contours), 0)
-
-
-def even_odd(contours: Sequence[Floats]) -> CrossSection:
-    """The points about which contours (n, 2) wind an odd number of times.
-
-    Raises InputError where they wind more than `MOST_LEVELS` times.
-    """
-    section = CrossSection()
-    for side in (contours, _reversed(contours)):
-        level = 0
-        while not (above := _above(side, level)).is_empty():
-            if level > MOST_LEVELS:
-                raise InputError(
-                    f"contours: expected at most {MOST_LEVELS} on top of each other, got more; "
-                    "simplify the path"
-                )
-            section += above - _above(side, level + 1)
-            level += 2
-    return section
-
-
-def _reversed(contours: Sequence[Floats]) -> list[Floats]:
-    return [contour[::-1] for contour in contours]
-
-
-def _above(contours: Sequence[Floats], level: int) -> CrossSection:
-    """The points with a winding number above a level, at least 0."""
-    if not contours:
-        return CrossSection()
-    points = np.concatenate(contours)
-    (left, bottom), (right, top) = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0
-    # Each frame, clockwise around them all, takes one off every winding number.
-    frame = np.array([(left, bottom), (left, top), (right, top), (right, bottom)])
-    return CrossSection([*contours, *[frame] * level])
 
 
 def holes_and_parts(section: CrossSection) -> tuple[int, int]:

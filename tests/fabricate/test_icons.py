@@ -56,6 +56,19 @@ SHAPES = [
     ('<rect transform="skewX(45)" width="10" height="10"/>', 2.0, 1.0),
     ('<rect transform=" translate( 5 ) , skewY(45)" width="10" height="10"/>', 0.5, 0.25),
     ('<title>a</title><desc>b</desc><defs><circle r="99"/></defs><circle r="5"/>', 1, math.pi / 4),
+    ('<circle r="4" fill="none" stroke="black" stroke-width="2"/>', 1.0, math.pi / 4 * 0.64),
+    ('<path d="M0 0h20" stroke="#111" stroke-width="10"/>', 2.0, 2.0),
+    (
+        '<path d="M0 0h20" stroke="#111" stroke-width="10" stroke-linecap="round"/>',
+        3.0,
+        2 + math.pi / 4,
+    ),
+    ('<circle r="5" stroke="white" stroke-width="2"/>', 1.0, math.pi / 4),
+    (
+        '<defs><rect id="a" width="5" height="5"/></defs><use href="#a"/><use x="5" href="#a"/>',
+        2.0,
+        2.0,
+    ),
     ('<x:view xmlns:x="urn:editor" width="3"/><circle r="5"/><!-- note -->', 1.0, math.pi / 4),
 ]
 
@@ -97,87 +110,58 @@ def test_an_icon_takes_the_place_of_its_label_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "unseen",
-    [
-        *(f'opacity="{zero}"' for zero in ("0", "0.0", ".0", "0.00", "0%", "0.0%", "-1")),
-        'fill-opacity=".0"',
-        'style="opacity: 0.0"',
-        'fill="None"',
-        'fill="rgba(0, 0, 0, 0.0)"',
-        'fill="#0000"',
-    ],
+    ['opacity="0"', 'fill-opacity=".0"', 'style="opacity: -1"', 'fill="None"', 'fill="#0000"'],
 )
 def test_what_has_no_opacity_is_not_there(tmp_path: Path, unseen: str) -> None:
     content = f'<rect width="10" height="10"/><rect width="99" height="20" {unseen}/>'
     assert icon_section(written(tmp_path, content), "x").area() == pytest.approx(1.0)
 
 
-COLOURS = [
-    *((dark, 1.0) for dark in ("black", "#000", "#1a1A1a", "rgb(9,9,9)", "rgb(12.5%, 0%, 3%)")),
-    *(
-        (dark, 1.0)
-        for dark in ("currentColor", "currentcolor", "RebeccaPurple", "rgb(0 0 99 / .5)")
-    ),
-    *(
-        (light, 0.75)
-        for light in ("white", "#fff", "#EEEEEE", "rgb(255,255,255)", "rgb(99.9%,90%,80%)")
-    ),
-    *((light, 0.75) for light in ("LightGray", "rgb(300 300 300)", "rgba(255,255,255,1)")),
-]
+DARK = ["#1a1A1a", "rgb(12.5%, 0%, 3%)", "currentColor", "RebeccaPurple", "rgb(0 0 99 / .5)"]
+LIGHT = ["white", "#EEE", "rgb(99.9%,90%,80%)", "LightGray", "rgba(255,255,255,1)"]
 
 
-@pytest.mark.parametrize(("colour", "area"), COLOURS)
-def test_dark_colours_are_cut_and_light_ones_are_not(
-    tmp_path: Path, colour: str, area: float
-) -> None:
+@pytest.mark.parametrize("colour", [*DARK, *LIGHT])
+def test_dark_colours_are_cut_and_light_ones_are_not(tmp_path: Path, colour: str) -> None:
     content = f'<rect width="10" height="10"/><rect width="5" height="5" fill="{colour}"/>'
+    area = 1.0 if colour in DARK else 0.75
     assert icon_section(written(tmp_path, content), "x").area() == pytest.approx(area)
 
 
+LAUGH = '<use href="#l{}"/>'
+LAUGHS = "".join(f'<g id="l{n}">{2 * LAUGH.format(n - 1)}</g>' for n in range(1, 25))
+
 BAD = [
-    ("<script>alert(1)</script><circle r='5'/>", "no scripts"),
     ("<defs><script href='x.js'/></defs><circle r='5'/>", "no scripts"),
     ("<circle r='5' onclick='x()'/>", "no scripts"),
     ("<style>.a{fill:none}</style><circle r='5'/>", "no style sheets"),
     ("<image href='http://example.org/a.png'/>", "paths and shapes only, got <image>"),
-    ("<use xlink:href='#a'/>", "paths and shapes only, got <use>"),
     ("<text>6</text>", "got <text>; convert everything to paths"),
-    ("<foreignObject/>", "got <foreignObject>"),
     ("<svg><circle r='5'/></svg>", "got <svg>"),
+    ("<use xlink:href='#a'/>", "a <use> that can be read"),
+    ("<g id='a'><use xlink:href='#a'/></g>", "groups within each other"),
+    (f"{LAUGHS}<g id='l0'><circle r='5'/></g>", "at most 1000 shapes"),
     ("<circle r='5' clip-path='url(#a)'/>", "plain shapes, got clip-path"),
     ("<circle r='5' style='filter:url(#a)'/>", "plain shapes, got filter"),
-    ("<circle r='5' fill='none' stroke='black'/>", "got a stroke without a fill .*convert strokes"),
-    ("", "at least one filled path or shape, got none"),
     ("<circle r='5' fill='none'/>", "at least one filled path or shape, got none"),
     ("<circle r='5' fill='white'/>", "a dark shape with an area, got none"),
     ("<path d='M0 0 L5 5'/>", "area, got none"),
-    ("<circle r='0'/>", "area, got none"),
     ("<path/>", "area, got none"),
-    ("<path d='M0 0 L5'/>", "an outline of <path>"),
-    ("<path d='M 0 0 what'/>", "an outline of <path>|area"),
-    ("<circle r='five'/>", "an outline of <circle>"),
-    ("<circle r='nan'/>", "an outline of <circle>"),
+    ("<path d='M0 0 L5'/>", "a <path> that can be read"),
+    ("<circle r='nan'/>", "a <circle> that can be read"),
     ("<circle r='1e9'/>", "coordinates below"),
-    ("<circle r='5' transform='rotate(x)'/>", "a transform such as"),
-    ("<circle r='5' transform='spin(3)'/>", "a transform such as"),
-    ("<circle r='5' transform='scale(inf)'/>", "a transform such as"),
-    ("<circle r='5' transform='translate(3'/>", "a transform such as"),
-    (f"<circle r='5' transform='{'scale(1)' * 240}'/>", "got more than 100 in a row"),
-    (f"<path d='M0 0A{'0' * 9000} 1 0 0 0 1 1'/>", "an outline of <path>, .* in a row"),
-    ("<circle r='5' fill='url(#g)'/>", r"a plain colour .* as fill of <circle>, got 'url\(#g\)'"),
-    ("<g style='fill: url(#g) black'><circle r='5'/></g>", r"got 'url\(#g\) black'"),
-    ("<circle r='5' fill='context-fill'/>", "got 'context-fill'"),
+    ("<circle r='1e308'/>", "coordinates below"),
+    ("<circle r='5' transform='scale(inf)'/>", "coordinates below"),
+    ("<circle r='5' transform='spin(3)'/>", r"can be read, got .*spin\(3\)"),
+    ("<circle r='5' transform='translate(3'/>", "a <circle> that can be read"),
+    (f"<path d='M0 0A{'0' * 9000} 1 0 0 0 1 1'/>", "at most 2000 characters as d of <path>"),
+    ("<circle r='5' fill='url(#g)'/>", r"plain colours .*, got 'url\(#g\)'"),
     ("<circle r='5' fill='#12'/>", "got '#12'"),
-    ("<circle r='5' fill='rgb(1, 2)'/>", "a plain colour"),
-    ("<circle r='5' fill='rgb(1, 2, nan)'/>", "a plain colour"),
-    ("<circle r='5' opacity='some'/>", "a number as opacity of <circle>, got 'some'"),
-    ("<circle r='5' fill-opacity='nan'/>", "a number as fill-opacity of <circle>, got 'nan'"),
+    ("<circle r='5' fill='rgb(1, 2, nan)'/>", "plain colours"),
+    ("<circle r='5' opacity='some'/>", "a <circle> that can be read, got .*'some'"),
     (f"<path d='M0 0L{'1 2 3 1 ' * 8000}z'/>", "at most 10000 corners, got 160[0-9]+; simplify"),
-    (
-        "<circle r='9e5' fill='white'/><circle r='9e5' fill='white'/><circle r='1'/>",
-        "at most 10000 corners, got [0-9]+; simplify",
-    ),
+    ("<circle r='9e5' fill='white'/><circle r='1'/>", "at most 10000 corners, got [0-9]+"),
     ("<g>" * 150 + "<circle r='5'/>" + "</g>" * 150, "groups within each other"),
-    ("<circle r='5'/>" * 1001, "at most 1000 shapes"),
     ("<circle r='5'>", "got no XML"),
 ]
 
@@ -193,7 +177,7 @@ def test_what_is_no_plain_picture_is_refused_by_name(
 @pytest.mark.parametrize("text", ["a" * 10**6, "rotate(0)" + " " * 10**6 + "x", "a(" * 10**5])
 def test_long_transforms_are_refused_unread(tmp_path: Path, text: str) -> None:
     """A search for calls in them would take minutes to hours."""
-    with pytest.raises(InputError, match=r"a transform .* got more than 2000 characters"):
+    with pytest.raises(InputError, match=r"at most 2000 characters as transform"):
         icon_section(written(tmp_path, f'<circle r="5" transform="{text}"/>'), "x")
 
 
