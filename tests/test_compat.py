@@ -12,7 +12,7 @@ from scipy.optimize import nnls
 
 import dicedesign as dd
 from dicedesign.compat import compute_stable_poses
-from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
+from dicedesign.errors import InputError, OutsideHullError
 
 
 def turned(mesh: trimesh.Trimesh, seed: int) -> trimesh.Trimesh:
@@ -68,20 +68,6 @@ def test_transforms_are_those_of_trimesh(seed: int) -> None:
         np.testing.assert_allclose(transform, nearest, atol=1e-9)
 
 
-def test_a_twenty_sided_die_has_twenty_poses_of_a_twentieth() -> None:
-    transforms, probabilities = compute_stable_poses(trimesh.creation.icosahedron())
-    assert transforms.shape == (20, 4, 4)
-    np.testing.assert_allclose(probabilities, 0.05, atol=1e-12)
-
-
-def test_a_cylinder_has_poses_with_and_without_samples() -> None:
-    mesh = trimesh.primitives.Cylinder(radius=1.0, height=10.0)
-    once, again = compute_stable_poses(mesh), compute_stable_poses(mesh, n_samples=10)
-    np.testing.assert_array_equal(once[0], again[0])
-    np.testing.assert_array_equal(once[1], again[1])
-    assert once[1].sum() == pytest.approx(1.0)
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_the_mesh_touches_the_plane_and_the_odds_fall(seed: int) -> None:
     mesh = blob(seed)
@@ -125,16 +111,6 @@ def test_a_threshold_leaves_poses_out_and_scales_none() -> None:
     assert odds.shape == (0,)
 
 
-def test_a_center_of_mass_is_taken_as_given_or_from_the_mesh() -> None:
-    mesh = blob(5)
-    center = mesh.center_mass + np.array([0.1, -0.05, 0.02])
-    given = compute_stable_poses(mesh, center_mass=center)
-    np.testing.assert_allclose(given[1], dd.rest_poses(mesh, center).probabilities, atol=1e-12)
-    weighted = mesh.copy()
-    weighted.center_mass = center
-    np.testing.assert_allclose(compute_stable_poses(weighted)[1], given[1], atol=1e-12)
-
-
 def test_sigma_is_the_mean_over_centers_of_mass() -> None:
     """The same draws, each analysed alone."""
     mesh, sigma, count = blob(6), 4e-3, 12
@@ -154,24 +130,6 @@ def test_sigma_is_the_mean_over_centers_of_mass() -> None:
     assert probabilities.sum() == pytest.approx(1.0, abs=1e-12)
 
 
-def test_sigma_has_the_variance_that_trimesh_gives_it() -> None:
-    """Over many samples both estimate the same odds of a body on all of whose facets they agree."""
-    mesh, arguments = trimesh.creation.box((1.0, 1.0, 1.3)), {"sigma": 2e-3, "n_samples": 600}
-    _, ours = compute_stable_poses(mesh, **arguments, seed=1)
-    _, theirs = trimesh.poses.compute_stable_poses(mesh, **arguments, seed=2)
-    np.testing.assert_allclose(ours, theirs, atol=0.01)
-    one = compute_stable_poses(mesh, sigma=2e-3, n_samples=1, seed=1)[1]
-    assert np.ptp(one[:4]) > 0.02
-
-
-def test_a_point_cloud_and_an_open_mesh_are_hulls() -> None:
-    mesh = blob(7)
-    expected = compute_stable_poses(mesh)[1]
-    np.testing.assert_allclose(compute_stable_poses(mesh.vertices)[1], expected, atol=1e-9)
-    opened = trimesh.Trimesh(mesh.vertices, mesh.faces[1:], process=False)
-    np.testing.assert_allclose(compute_stable_poses(opened)[1], expected, atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("arguments", "kind", "said"),
     [
@@ -188,9 +146,3 @@ def test_a_point_cloud_and_an_open_mesh_are_hulls() -> None:
 def test_what_cannot_be_meant(arguments: dict[str, Any], kind: type[Exception], said: str) -> None:
     with pytest.raises(kind, match=said):
         compute_stable_poses(trimesh.creation.box(), **arguments)
-
-
-def test_a_flat_mesh_is_refused() -> None:
-    flat = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2], [1, 3, 2]])
-    with pytest.raises(DegenerateBodyError):
-        compute_stable_poses(flat)

@@ -8,16 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.sphere import (
     angle_between,
-    oblique_projection,
     rotation_between,
     signed_solid_angle,
 )
-
-
-def test_an_octant_is_half_pi() -> None:
-    x, y, z = np.diag([1.0, 20.0, 0.3])
-    assert signed_solid_angle(x, y, z, np) == pytest.approx(np.pi / 2, rel=1e-15)
-    assert signed_solid_angle(z, y, x, np) == pytest.approx(-np.pi / 2, rel=1e-15)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -31,14 +24,6 @@ def test_facets_of_a_tetrahedron_cover_the_sphere(seed: int) -> None:
     assert abs(angles.sum()) == pytest.approx(4 * np.pi, rel=1e-14)
     np.testing.assert_allclose(signed_solid_angle(b, c, a, np), angles, rtol=1e-12)
     np.testing.assert_allclose(signed_solid_angle(b, a, c, np), -angles, rtol=1e-12)
-
-
-def test_a_thin_triangle_keeps_its_digits() -> None:
-    width = 1e-9
-    angle = signed_solid_angle(
-        np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), np.array([1.0, width, 0.0]), np
-    )
-    assert angle == pytest.approx(width, rel=1e-14)  # a lune of a quarter turn
 
 
 @pytest.mark.parametrize("angle", [1e-12, 1e-8, 1e-3, 1.0, 3.0, np.pi - 1e-3, np.pi - 1e-9])
@@ -65,19 +50,3 @@ def test_rotations_are_the_smallest(angle: float, seed: int) -> None:
     if 0.0 < angle < np.pi - 1e-6:
         axis = np.cross(a, b) / np.linalg.norm(np.cross(a, b))
         np.testing.assert_allclose(rotation @ axis, axis, rtol=0, atol=1e-15 / np.sin(angle))
-
-
-@pytest.mark.parametrize("axis", range(3))
-def test_opposite_axes_turn_by_pi(axis: int) -> None:
-    a = np.eye(3)[axis]
-    rotation = rotation_between(a, -a)
-    np.testing.assert_array_equal(rotation @ a, -a)
-    assert np.linalg.det(rotation) == pytest.approx(1.0)
-
-
-def test_an_oblique_projection_is_perpendicular_and_in_plane() -> None:
-    u, along, normal = np.random.default_rng(4).normal(size=(3, 50, 3))
-    moved = oblique_projection(u, along, normal)
-    moved /= np.linalg.norm(moved, axis=1, keepdims=True)
-    np.testing.assert_allclose((moved * normal).sum(-1), 0.0, atol=1e-13)
-    np.testing.assert_allclose(np.linalg.det(np.stack([moved, u, along], axis=1)), 0, atol=1e-13)

@@ -16,7 +16,6 @@ from common.corner_formula import corner_formula
 from common.kernels import compiled_only, without_kernels
 
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.gradient.differentiable_rest import differentiable_rest
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.gradient.solid_moments import centroid_gradient, hull_centroid
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
@@ -97,13 +96,6 @@ def assert_same(
     """Relative to the largest entry, or to a size that counts as large enough."""
     size = max(float(np.abs(expected).max()), least, np.finfo(np.float64).tiny)
     assert float(np.abs(found - expected).max()) <= tolerance * size
-
-
-def test_the_bodies_have_what_is_hard() -> None:
-    lengths = {name: both_ways(make())[0].paths.lengths for name, make in BODIES.items()}
-    assert max(lengths["long paths"]) > 40
-    assert max(lengths["ellipsoid"]) > 10
-    assert max(lengths["box"]) == 0
 
 
 @compiled_only
@@ -195,31 +187,6 @@ def test_energies(points: np.ndarray, outcomes: int) -> None:
             alone = Energy(state, WEIGHTS.changed(**others))
             assert alone.terms == {term: whole.terms[term] for term in ("dice", name)}
             assert_same(alone.gradient, slopes["dice"] + slopes[name], 1e-8, least)
-
-
-@compiled_only
-def test_equally_near_edges_share_a_depth() -> None:
-    """As symmetry wants it: the foot is as far from all four edges of a cube's face."""
-    cube = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-    rests = evaluate_rests(torch.tensor(cube, requires_grad=True), torch.zeros(3).double())
-    (slope,) = torch.autograd.grad(rests.facet_depths[0], rests.vertices)
-    normal = rests.hull.normals[0]
-    turned = np.linalg.cross(normal, rests.hull.vertices)
-    # A turn about the face's normal changes nothing, and corners of one face are all alike.
-    assert abs((slope.numpy() * turned).sum()) < 1e-15
-    lengths = np.round(np.linalg.norm(slope.numpy(), axis=1), 12)
-    assert len(np.unique(lengths)) == 2
-
-
-def test_derivatives_can_be_differentiated_again(random_points) -> None:
-    points = torch.tensor(random_points(3, 7), requires_grad=True)
-    center = evaluate_rests(points).center.detach().clone().requires_grad_()
-
-    def probabilities(*arguments: torch.Tensor) -> torch.Tensor:
-        return differentiable_rest(*arguments)[1]
-
-    assert torch.autograd.gradgradcheck(probabilities, (points, center), atol=1e-5, rtol=1e-4)
-    assert torch.autograd.gradgradcheck(probabilities, (points,), atol=1e-5, rtol=1e-4)
 
 
 @pytest.mark.parametrize("way", [nullcontext, without_kernels])

@@ -9,14 +9,7 @@ import torch
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.differentiable_rest import differentiable_rest
-from dicedesign.gradient.thrown_odds import TableSensitivity, ThrownOdds
-from dicedesign.optimize.options import ExactOptions
-from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.optimize.solvers.exact import solve_exactly
-from dicedesign.optimize.starts.repulsion import repulsion
-from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.parts import Status
 from dicedesign.throws.momentum_odds import thrown_odds
 
 POINTS = np.random.default_rng(5).normal(size=(9, 3))
@@ -29,13 +22,6 @@ def test_odds_are_those_of_the_forward_model() -> None:
     np.testing.assert_allclose(np.sort(odds.numpy()), np.sort(expected), atol=1e-12)
     assert np.abs(np.sort(poses.probabilities) - np.sort(expected)).max() > 0.01
     assert (np.diff(odds.numpy()) <= 0.0).all()
-
-
-def test_without_momentum_they_are_the_resting_odds() -> None:
-    normals, odds = differentiable_rest(torch.tensor(POINTS), table="carpet")
-    plain_normals, plain = differentiable_rest(torch.tensor(POINTS))
-    np.testing.assert_array_equal(odds.numpy(), plain.numpy())
-    np.testing.assert_array_equal(normals.numpy(), plain_normals.numpy())
 
 
 @pytest.mark.parametrize("given", [False, True])
@@ -61,18 +47,3 @@ def test_gradients_are_those_of_differences(given: bool) -> None:
 def test_an_unknown_table_is_an_error() -> None:
     with pytest.raises(InputError, match="table glass: expected board-game"):
         differentiable_rest(torch.tensor(POINTS), table="glass")
-
-
-def test_the_exact_method_meets_thrown_odds() -> None:
-    target = np.array([0.1, 0.12, 0.14, 0.16, 0.15, 0.17, 0.16])
-    found = solve_exactly(
-        shapes_like(repulsion(7, 1), 1),
-        target,
-        ExactOptions(prefer=Preferences()),
-        sensitivity=TableSensitivity(ThrownOdds.on("board-game"), (), target),
-    )
-    assert found.status is Status.CONVERGED
-    poses = rest_poses(found.hull.vertices, "hull")
-    odds = thrown_odds(make_body(found.hull.vertices), poses)
-    outcome = np.argmax(poses.normals @ found.directions.T, axis=1)
-    np.testing.assert_allclose(odds, target[outcome], atol=1e-11)

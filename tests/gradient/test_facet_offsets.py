@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from common.thrown import OCTAHEDRON
 
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.facet_offsets import offset_derivatives, offset_secants
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.gradient.thrown_odds import ThrownOdds
-from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.starts.repulsion import repulsion
 
 BOARD_GAME = ThrownOdds.on("board-game")
@@ -76,34 +74,3 @@ def test_secants_are_between_bodies_whose_facets_are_off(seed: int, step: float)
         moved = [evaluated(normals, distances + e) for e in offset * np.eye(9)]
         sides.append(np.stack([of_facets(one, one.odds, normals) for one in moved], axis=1))
     np.testing.assert_allclose(found, (sides[0] - sides[1]) / (2 * step), atol=1e-9)
-
-
-@pytest.mark.parametrize("thrown", [None, BOARD_GAME], ids=["set down", "thrown"])
-def test_secants_can_be_differentiated(thrown: ThrownOdds | None) -> None:
-    normals, distances = half_spaces(1)
-    coordinates = FacetCoordinates(np.zeros(3))
-    numbers = np.concatenate([normals.ravel(), np.log(distances)])
-    along, step = np.random.default_rng(1).normal(size=36), 1e-5
-
-    def squares(parameters: torch.Tensor) -> torch.Tensor:
-        rests = evaluate_rests(coordinates.points(parameters))
-        return (offset_secants(rests, thrown, 0.01) ** 2).sum()
-
-    parameters = torch.tensor(numbers, requires_grad=True)
-    (gradient,) = torch.autograd.grad(squares(parameters), parameters)
-    sides = [squares(torch.tensor(numbers + moved * along)).item() for moved in (step, -step)]
-    difference = (sides[0] - sides[1]) / (2 * step)
-    assert float(gradient.numpy() @ along) == pytest.approx(difference, rel=1e-4)
-
-
-def test_where_more_than_three_facets_meet_the_corner_goes_the_middle_way() -> None:
-    """All eight planes of an octahedron one further out make a larger one; two opposite ones at a
-    corner, pushed apart by as much as they are pulled together, leave it where it is."""
-    rests = evaluate_rests(torch.tensor(OCTAHEDRON, dtype=torch.float64))
-    hull = rests.hull
-    rows = np.eye(18)  # of the corners' coordinates themselves
-    moves = offset_derivatives(rests, rows).reshape(6, 3, 8)
-    np.testing.assert_allclose(moves.sum(axis=-1), np.sqrt(3.0) * hull.vertices, atol=1e-12)
-    corner = int(np.argmax(hull.vertices[:, 2]))
-    signs = np.sign(hull.normals[:, 0] * hull.normals[:, 1]) * (hull.normals[:, 2] > 0.0)
-    np.testing.assert_allclose(moves[corner] @ signs, 0.0, atol=1e-12)

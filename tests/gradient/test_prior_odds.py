@@ -73,17 +73,6 @@ def test_the_jacobian_has_the_gradients_as_rows(name: str) -> None:
     np.testing.assert_allclose(rows.reshape(len(rows), -1, 3).sum(axis=1), 0.0, atol=1e-12)
 
 
-def test_a_density_that_is_even_has_the_gradients_of_areas() -> None:
-    rests = dd.evaluate_rests(torch.tensor(POINTS, requires_grad=True))
-    for prior in (
-        dd.VonMisesFisher(AXIS, 0.0),
-        dd.SphericalCap(AXIS, 180.0),
-        dd.DensityFunction(lambda u: np.full(len(u), 2.0)),
-    ):
-        rows = OddsUnderPrior(prior).jacobian(rests)
-        np.testing.assert_allclose(rows, rests.jacobian, atol=1e-12)
-
-
 @pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated")
 def test_forward_mode_is_the_jacobian_and_second_derivatives_are_unknown() -> None:
     def odds(points: torch.Tensor) -> torch.Tensor:
@@ -95,26 +84,6 @@ def test_forward_mode_is_the_jacobian_and_second_derivatives_are_unknown() -> No
     np.testing.assert_allclose(tangent, (rows * move).sum((1, 2)), atol=1e-12)
     hessian = torch.autograd.functional.hessian(lambda x: odds(x)[0], points)
     assert torch.isnan(hessian).any()
-
-
-def test_rests_that_a_prior_leaves_out_stay() -> None:
-    cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-    points = torch.tensor(cube * [1.0, 1.1, 1.2], requires_grad=True)
-    normals, odds = dd.differentiable_rest(points, prior="cap:0,0,1:20")
-    assert len(odds) == 6
-    np.testing.assert_allclose(normals.norm(dim=1).detach(), 1.0)
-    np.testing.assert_allclose(odds.detach(), [1, 0, 0, 0, 0, 0], atol=1e-15)
-    odds[0].backward()
-    assert points.grad is not None
-    np.testing.assert_allclose(points.grad, 0.0, atol=1e-15)
-
-
-def test_many_bodies_at_once() -> None:
-    bodies = torch.stack([torch.tensor(POINTS), torch.tensor(POINTS[:, [1, 2, 0]])])
-    _, odds = dd.differentiable_rest_batch(bodies, prior=PRIORS["half"])
-    for body, row in zip(bodies, odds, strict=True):
-        alone = dd.differentiable_rest(body, prior=PRIORS["half"])[1]
-        np.testing.assert_allclose(row[: len(alone)], alone, atol=1e-15)
 
 
 def test_what_has_no_density_or_two_origins_is_refused() -> None:

@@ -151,41 +151,6 @@ def test_others_run_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
     assert counted[0] > 0
 
 
-def test_second_derivatives_and_transforms(way) -> None:
-    generator = torch.Generator().manual_seed(1)
-    bodies = torch.randn(2, 3, 6, 3, dtype=torch.float64, generator=generator)
-
-    def energy(points: Tensor) -> Tensor:
-        return rowwise(*differentiable_rest_batch(points))
-
-    with way():
-        alone = torch.stack([torch.func.grad(energy)(points) for points in bodies])
-        found = torch.func.vmap(torch.func.grad(energy))(bodies)
-        torch.testing.assert_close(found, alone, rtol=0, atol=1e-13)
-    leaf = bodies[0].clone().requires_grad_()
-    assert torch.autograd.gradgradcheck(energy, leaf, eps=1e-6, atol=1e-4)
-
-
-def test_nothing_of_no_bodies(way) -> None:
-    with way():
-        for bodies in ([], torch.zeros(0, 5, 3, requires_grad=True)):
-            normals, odds = differentiable_rest_batch(bodies)
-            assert normals.shape == (0, 0, 3)
-            assert odds.shape == (0, 0)
-        odds.sum().backward()
-    assert bodies.grad.shape == (0, 5, 3)
-
-
-def test_single_precision_comes_back() -> None:
-    bodies = [points.float().requires_grad_() for points in assorted()]
-    normals, odds = differentiable_rest_batch(bodies)
-    assert normals.dtype == odds.dtype == torch.float32
-    rowwise(normals.double(), odds.double()).backward()
-    assert all(points.grad.dtype == torch.float32 for points in bodies)
-    for row, points in enumerate(bodies):
-        assert torch.equal(odds[row][odds[row] > 0.0], differentiable_rest(points)[1])
-
-
 GOOD = torch.tensor(solids.box(1.0, 2.0, 3.0).points)
 
 

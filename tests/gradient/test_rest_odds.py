@@ -7,18 +7,11 @@ import re
 import numpy as np
 import pytest
 import torch
-from common.kernels import without_kernels
 
 from dicedesign import rest_poses
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
-from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.solid import solid_properties
-from dicedesign.gradient import rest_odds
 from dicedesign.gradient.differentiable_rest import differentiable_rest
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.gradient.solid_moments import hull_centroid
-from dicedesign.optimize.starts.kinds.prism import prism
-from dicedesign.optimize.starts.repulsion import repulsion
 
 SIZES = [4, 5, 6, 8, 10, 12, 16, 20]
 CUBE = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
@@ -129,167 +122,6 @@ def test_values_are_those_of_the_forward_model(random_points, seed: int) -> None
         np.testing.assert_allclose(normals.numpy(), poses.normals, atol=1e-14)
 
 
-def test_flat_polygons_count_as_one_rest() -> None:
-    normals, probabilities = differentiable_rest(leaf(CUBE))
-    assert normals.shape == (6, 3)
-    np.testing.assert_allclose(probabilities.detach().numpy(), 1 / 6, atol=1e-15)
-
-
-@pytest.mark.parametrize("count", [4, 8, 13, 20])
-@pytest.mark.parametrize("uniform", [True, False])
-def test_gradients_have_the_symmetries_of_probabilities(
-    random_points, count: int, uniform: bool
-) -> None:
-    """Sum 1, translation, scaling and rotation: each gives a linear relation of the gradients."""
-    points = random_points(30 + count, count)
-    vertices = leaf(points)
-    center = leaf(inside(points, count)) if not uniform else None
-    _, probabilities = differentiable_rest(vertices, center)
-    inputs = [vertices] if center is None else [vertices, center]
-    positions = [points] if center is None else [points, center.detach().numpy()[None]]
-    total = np.zeros(1)
-    for probability in probabilities:
-        parts = torch.autograd.grad(probability, inputs, retain_graph=True)
-        x = np.concatenate(positions)
-        g = np.concatenate([part.numpy().reshape(-1, 3) for part in parts])
-        size = np.abs(g).max()
-        assert size > 1e-3
-        np.testing.assert_allclose(g.sum(axis=0), 0.0, atol=1e-12 * size)
-        assert abs((x * g).sum()) < 1e-12 * size
-        np.testing.assert_allclose(np.linalg.cross(x, g).sum(axis=0), 0.0, atol=1e-12 * size)
-        total = total + g
-    assert np.abs(total).max() < 1e-12
-
-
-def test_points_inside_the_hull_have_no_gradient(random_points) -> None:
-    corners = random_points(2, 12)
-    hull = convex_hull(corners)
-    points = np.concatenate([0.3 * corners, corners, np.zeros((1, 3))])
-    vertices = leaf(points)
-    _, probabilities = differentiable_rest(vertices)
-    gradient = torch.autograd.grad(probabilities[0], vertices)[0].numpy()
-    is_corner = np.zeros(len(points), dtype=bool)
-    is_corner[12 + hull.source] = True
-    assert (gradient[~is_corner] == 0.0).all()
-    assert (np.abs(gradient[is_corner]).max(axis=1) > 0.0).any()
-
-
-def test_a_body_with_one_rest_has_probability_one_and_no_gradient() -> None:
-    rng = np.random.default_rng(0)
-    for _ in range(3000):
-        points = rng.normal(size=(6, 3))
-        center = rng.dirichlet(np.full(6, 0.3)) @ points
-        try:
-            alone = len(rest_poses(points, center).normals) == 1
-        except (DegenerateBodyError, OutsideHullError):
-            continue
-        if alone:
-            break
-    assert alone
-    vertices, middle = leaf(points), leaf(center)
-    normals, probabilities = differentiable_rest(vertices, middle)
-    assert normals.shape == (1, 3)
-    assert probabilities.tolist() == [1.0]
-    by_vertices, by_center = torch.autograd.grad(probabilities.sum(), [vertices, middle])
-    assert (by_vertices == 0.0).all()
-    assert (by_center == 0.0).all()
-
-
-def test_the_centroid_is_that_of_the_solid_and_so_is_its_gradient(random_points) -> None:
-    points = random_points(5, 15) + np.array([4.0, 5.0, 6.0])
-    hull = convex_hull(points)
-    vertices = leaf(hull.vertices)
-    centroid = hull_centroid(vertices, hull)
-    np.testing.assert_allclose(centroid.detach().numpy(), hull.centroid, atol=1e-14)
-    for axis in range(3):
-        gradient = torch.autograd.grad(centroid[axis], vertices, retain_graph=True)[0].numpy()
-        expected = np.empty_like(gradient)
-        for i, k in np.ndindex(*hull.vertices.shape):
-            step = np.zeros_like(hull.vertices)
-            step[i, k] = 1e-5
-            above = solid_properties(hull.vertices + step, hull.triangles)[1]
-            below = solid_properties(hull.vertices - step, hull.triangles)[1]
-            expected[i, k] = (above[axis] - below[axis]) / 2e-5
-        np.testing.assert_allclose(gradient, expected, atol=1e-9)
-
-
-@pytest.mark.parametrize("factors", [[1.0, 1.0, 1e6], [1.0, 1.0, 1e-6]])
-def test_the_centroid_of_a_thin_body_in_any_direction(random_points, factors) -> None:
-    hull = convex_hull(random_points(5, 15))
-    direction = np.array([0.3, -0.7, 0.5])
-    vertices = leaf(hull.vertices)
-    plain = hull_centroid(vertices, hull)
-    expected = torch.autograd.grad(plain, vertices, torch.tensor(direction))[0].numpy()
-    # An affine map of the vertices maps the centroid too, and gradients by its inverse transposed.
-    matrix = np.array(factors)[:, None] * np.linalg.qr(random_points(6, 3))[0]
-    turned = leaf(hull.vertices @ matrix)
-    centroid = hull_centroid(turned, convex_hull(hull.vertices @ matrix))
-    back = np.linalg.inv(matrix)
-    gradient = torch.autograd.grad(centroid, turned, torch.tensor(back @ direction))[0].numpy()
-    found, wanted = centroid.detach().numpy() @ back, plain.detach().numpy()
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(gradient @ matrix.T, expected, rtol=0, atol=1e-9)
-
-
-def test_the_gradient_of_a_fixed_center_is_part_of_the_uniform_one(random_points) -> None:
-    points = random_points(6, 10)
-    hull = convex_hull(points)
-    vertices = leaf(hull.vertices)
-    whole = torch.autograd.grad(differentiable_rest(vertices)[1][0], vertices)[0]
-    middle = leaf(hull.centroid)
-    part, by_center = torch.autograd.grad(
-        differentiable_rest(vertices, middle)[1][0], [vertices, middle]
-    )
-    moved = torch.autograd.grad(hull_centroid(vertices, hull), vertices, by_center)[0]
-    np.testing.assert_allclose(whole.numpy(), (part + moved).numpy(), atol=1e-13)
-
-
-def test_facet_normals_and_vertex_directions(random_points) -> None:
-    points = random_points(9, 14)
-    rests = evaluate_rests(torch.tensor(points))
-    facets = np.arange(len(rests.hull.normals))[::-1].copy()
-    np.testing.assert_allclose(
-        rests.facet_normals(facets).numpy(), rests.hull.normals[facets], atol=1e-15
-    )
-    radii = rests.hull.vertices - rests.hull.centroid
-    directions = rests.vertex_directions(np.arange(len(radii))).numpy()
-    np.testing.assert_allclose(directions * np.linalg.norm(radii, axis=1)[:, None], radii)
-
-
-@pytest.mark.parametrize("sides", range(3, 13))
-def test_ties_of_a_symmetric_body_are_decided_as_in_the_forward_model(sides: int) -> None:
-    """Separatrices of these prisms run along edges into corners."""
-    points = prism(sides, height=1.0, cap=2.0).points
-    vertices = leaf(points)
-    _, probabilities = differentiable_rest(vertices)
-    np.testing.assert_allclose(probabilities.detach().numpy(), 1.0 / sides, atol=1e-12)
-    np.testing.assert_allclose(rest_poses(points).probabilities, 1.0 / sides, atol=1e-12)
-    gradient = torch.autograd.grad(probabilities[0], vertices)[0]
-    assert torch.isfinite(gradient).all()
-
-
-@without_kernels()
-def test_basins_that_do_not_close_are_an_error(monkeypatch) -> None:
-    original = rest_odds.border_areas
-
-    def torn(*arguments):
-        return original(*arguments) * (1.0 + 1e-6)
-
-    monkeypatch.setattr(rest_odds, "border_areas", torn)
-    text = "body: expected basins that cover the sphere once, got a difference of "
-    vertices = leaf(CUBE)
-    with pytest.raises(DegenerateBodyError, match=text):
-        differentiable_rest(vertices)[1][0].backward()
-
-
-def test_a_polished_start_has_finite_gradients() -> None:
-    for outcomes in (4, 6, 12, 20):
-        vertices = leaf(repulsion(outcomes, 0).points)
-        normals, probabilities = differentiable_rest(vertices)
-        total = (probabilities**2).sum() + normals[:, 0].sum()
-        assert torch.isfinite(torch.autograd.grad(total, vertices)[0]).all()
-
-
 @pytest.mark.parametrize(
     ("vertices", "center", "error", "text"),
     [
@@ -354,17 +186,6 @@ def test_single_precision_is_carried_there_and_back() -> None:
         assert slope.dtype == torch.float32
         torch.testing.assert_close(slope.double(), wanted, rtol=0, atol=1e-5)
     assert len(evaluate_rests(rounded, center).hull.normals) == 6
-
-
-def test_rests_of_moved_and_sliced_tensors(random_points) -> None:
-    """Whatever strides they have."""
-    points = torch.tensor(random_points(2, 8))
-    sliced = torch.zeros(3, 16).double()
-    sliced[:, ::2] = points.T
-    for found, wanted in zip(
-        differentiable_rest(sliced[:, ::2].T), differentiable_rest(points), strict=True
-    ):
-        assert torch.equal(found, wanted)
 
 
 def test_saddles_and_maxima_are_those_of_the_forward_model(random_points) -> None:

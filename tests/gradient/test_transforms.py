@@ -12,12 +12,10 @@ import pytest
 import torch
 from common.kernels import without_kernels
 from torch import Tensor
-from torch.func import functional_call, grad, hessian, jacfwd, jacrev, jvp, vmap
+from torch.func import grad, hessian, jacfwd, jacrev, jvp, vmap
 
-from dicedesign.errors import InputError, OutsideHullError
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.gradient.differentiable_rest import differentiable_rest
-from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.coordinates.shape import Coordinates
 from dicedesign.optimize.coordinates.symmetric import SymmetricCoordinates
@@ -104,24 +102,6 @@ def test_second_derivatives(way) -> None:
     torch.testing.assert_close(second, second.permute(2, 3, 0, 1), rtol=0, atol=1e-10)
 
 
-def test_derivatives_of_all_kinds_agree_with_differences() -> None:
-    points = die(8).requires_grad_()
-    center = die(8).mean(0).requires_grad_()
-    assert torch.autograd.gradcheck(differentiable_rest, (points, center), check_forward_ad=True)
-    assert torch.autograd.gradgradcheck(
-        energy, (points, center), atol=1e-5, check_fwd_over_rev=True
-    )
-
-
-def test_a_body_that_balances_has_them_too(way) -> None:
-    cube = torch.tensor(solids.box(1.0, 1.0, 1.0).points)
-    with way():
-        torch.testing.assert_close(grad(energy)(cube), by_autograd(cube)[0], rtol=0, atol=1e-13)
-        _, tangent = jvp(odds, (cube,), (die(1, 8),))
-        expected = (jacrev(odds)(cube) * die(1, 8)).sum((1, 2))
-    torch.testing.assert_close(tangent, expected, rtol=0, atol=1e-12)
-
-
 def test_maps_over_bodies_of_every_kind(way) -> None:
     """One balances, and all have different numbers of rests."""
     cube = torch.tensor(solids.box(1.0, 1.0, 1.0).points)
@@ -161,41 +141,6 @@ def test_maps_and_derivatives_in_any_order(way) -> None:
         torch.testing.assert_close(second[1], alone, rtol=0, atol=1e-11)
 
 
-def test_one_body_with_many_centers() -> None:
-    points = die(1)
-    centers = points.mean(0) + 0.02 * die(2)
-    slopes = vmap(grad(energy, argnums=1), in_dims=(None, 0))(points, centers)
-    for center, slope in zip(centers, slopes, strict=True):
-        torch.testing.assert_close(slope, by_autograd(points, center)[1], rtol=0, atol=1e-14)
-
-
-def test_an_error_says_which_body_of_a_map() -> None:
-    centers = torch.tensor([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0]]).double()
-    with pytest.raises(OutsideHullError, match=r"^body 1: center of mass"):
-        vmap(odds, in_dims=(None, 0))(die(1), centers)
-
-
-def test_what_a_hull_tells_besides_can_be_differentiated_too(way) -> None:
-    def parts(points: Tensor) -> Tensor:
-        rests = evaluate_rests(points)
-        return (
-            rests.probabilities[0] * rests.facet_depths.sum()
-            + rests.center.sum()
-            + rests.rest_normals[1, 0]
-            + rests.facet_areas[0]
-        )
-
-    points = die(9).requires_grad_()
-    with way():
-        (expected,) = torch.autograd.grad(parts(points), points)
-        found = grad(parts)(points.detach())
-        _, tangent = jvp(parts, (points.detach(),), (die(3),))
-    torch.testing.assert_close(found, expected, rtol=0, atol=1e-13)
-    torch.testing.assert_close(tangent, (expected * die(3)).sum(), rtol=0, atol=1e-12)
-    with pytest.raises(InputError, match="expected one body, got 2 that vmap maps over"):
-        vmap(parts)(torch.stack([die(1), die(2)]))
-
-
 def shaped(name: str) -> tuple[Coordinates, Tensor]:
     if name == "symmetric":
         box = solids.box(1.0, 1.0, 1.3).points
@@ -233,33 +178,3 @@ def test_parameters_of_every_kind(name: str) -> None:
     many = parameters + 0.03 * torch.randn(3, len(parameters), generator=torch.manual_seed(0))
     alone = torch.stack([grad(through)(row) for row in many])
     torch.testing.assert_close(vmap(grad(through))(many), alone, rtol=0, atol=1e-13)
-
-
-def test_parameters_of_another_number_are_refused() -> None:
-    for name, text in (("facets", "a normal and one of a distance"), ("vertices", "of n points")):
-        coordinates, parameters = shaped(name)
-        with pytest.raises(InputError, match=text):
-            coordinates.points(parameters[:-1])
-    coordinates, parameters = shaped("symmetric")
-    with pytest.raises(InputError, match="parameters: expected a float32 or float64 tensor of sha"):
-        coordinates.points(parameters[:-1])
-
-
-def test_a_network_whose_weights_are_mapped_over() -> None:
-    """An ensemble: gradients in the weights of each network, as one after the other has them."""
-    torch.manual_seed(0)
-    network = torch.nn.Linear(2, 18, dtype=torch.float64)
-    given, base = torch.tensor([0.3, -0.2]).double(), die(2)
-
-    def loss(weights: dict[str, Tensor]) -> Tensor:
-        return energy(base + 0.1 * functional_call(network, weights, given).reshape(6, 3))
-
-    weights = {
-        key: torch.randn(3, *value.shape, dtype=torch.float64)
-        for key, value in network.named_parameters()
-    }
-    found = vmap(grad(loss))(weights)
-    for row in range(3):
-        expected = grad(loss)({key: value[row] for key, value in weights.items()})
-        for key, slope in expected.items():
-            torch.testing.assert_close(found[key][row], slope, rtol=0, atol=1e-14)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import product
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import make_body, weld
+from dicedesign.geometry.meshes.body import weld
 from dicedesign.kernels import ops as kernels
 from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32
 
@@ -140,31 +140,6 @@ def test_it_is_the_exact_hull_of_lattice_points(reach: int) -> None:
         assert polygons(convex_hull(points)) == polygons(exact)
 
 
-def test_a_lattice_turned_by_rounding_is_still_one() -> None:
-    """Nearly all heights above a facet are rounding noise there."""
-    rng = np.random.default_rng(1)
-    grid = np.array(list(product(np.arange(7.0), repeat=3)))
-    for _ in range(10):
-        points = turned(grid, rng)
-        assert asked(points) is not None
-        assert np.diff(convex_hull(points).facet_start).tolist() == [4] * 6
-
-
-def test_many_points_come_in_an_order_of_their_own() -> None:
-    rng = np.random.default_rng(3)
-    points = np.concatenate([sphere(rng, 24000) * [1.0, 2.0, 0.5], rng.uniform(-0.3, 0.3, (99, 3))])
-    points = points[rng.permutation(len(points))]
-    assert asked(points) is not None
-    assert_same(convex_hull(points), plain(points))
-
-
-def test_large_flat_facets_have_all_their_corners() -> None:
-    points = np.concatenate([ring(11000), ring(11000, 1.0)])
-    hull = convex_hull(points)
-    assert len(hull.source) == 22000
-    np.testing.assert_array_equal(np.sort(np.diff(hull.facet_start)), [4] * 11000 + [11000] * 2)
-
-
 def test_the_first_of_repeated_points_stands_for_all() -> None:
     for seed in range(20):
         rng = np.random.default_rng(seed)
@@ -174,49 +149,6 @@ def test_the_first_of_repeated_points_stands_for_all() -> None:
         first = np.sort(np.unique(points, axis=0, return_index=True)[1])
         np.testing.assert_array_equal(hull.source, first)
         np.testing.assert_array_equal(hull.tail, convex_hull(points[first]).tail)
-
-
-@pytest.mark.parametrize("distance", [1e-13, 1e-12, 5e-12])
-def test_points_almost_repeated_are_left_to_numpy(distance: float) -> None:
-    given_up = 0
-    for seed in range(20):
-        rng = np.random.default_rng(seed)
-        points = sphere(rng, 20)
-        points = np.concatenate([points, points[:8] + distance * sphere(rng, 8)])
-        points = points[rng.permutation(28)]
-        given_up += asked(points) is None
-        assert_same(convex_hull(points), plain(points))
-    assert given_up > 10
-
-
-def undecided() -> Iterator[np.ndarray]:
-    rng = np.random.default_rng(0)
-    yield CUBE * [1, 1, 0]
-    yield turned(CUBE * [1, 1, 0], rng)
-    yield CUBE * [1, 0, 0]
-    yield CUBE * 0.0
-    yield CUBE[:3]
-    yield np.where(CUBE > 0, CUBE, np.nan)
-    yield np.where(CUBE > 0, CUBE, -np.inf)
-    yield turned(CUBE * [1, 1, 1e-12], rng)
-    yield CUBE * 5e-324
-
-
-def test_what_is_no_solid_or_hardly_one_is_left_to_numpy() -> None:
-    for points in undecided():
-        assert asked(points) is None
-
-
-@pytest.mark.parametrize("order", ["C", "F"])
-@pytest.mark.parametrize("kind", [np.float64, np.float32, np.int64, np.longdouble, ">f8"])
-def test_arrays_of_any_layout_are_taken(kind: type | str, order: str) -> None:
-    points = np.asarray(CUBE, dtype=kind, order=order)
-    for given in (points, points[::-1], np.repeat(points, 2, axis=0)[::2]):
-        assert np.diff(convex_hull(given).facet_start).tolist() == [4] * 6
-    before = points.copy()
-    hull = convex_hull(points)
-    points *= 2
-    np.testing.assert_array_equal(hull.vertices, before)
 
 
 def test_slivers_and_thin_bodies_have_their_measures_from_numpy() -> None:
@@ -250,15 +182,3 @@ def test_welding_finds_the_same_positions() -> None:
             assert theirs is not None
             np.testing.assert_array_equal(ours, theirs)
             np.testing.assert_array_equal(np.signbit(ours), np.signbit(theirs))
-
-
-def test_a_body_is_checked_and_copied_all_the_same() -> None:
-    points = sphere(np.random.default_rng(8), 12)
-    body = make_body(points)
-    np.testing.assert_array_equal(body.points, points)
-    assert body.notes == ()
-    assert not np.shares_memory(body.points, points)
-    assert make_body(np.asfortranarray(points)).points.flags.c_contiguous
-    again = make_body(np.concatenate([points, points[:2], -0.0 * points[:1], 0.0 * points[:1]]))
-    assert again.notes == ("welded 3 points to others at equal positions",)
-    assert len(again.points) == 13

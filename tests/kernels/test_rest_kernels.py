@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -99,18 +98,6 @@ def test_separatrices_are_those_of_numpy(ties: bool) -> None:
     assert undecided < 0.02 * bodies
 
 
-def test_long_separatrices_are_those_of_numpy() -> None:
-    rng = np.random.default_rng(0)
-    points = rng.normal(size=(400, 3))
-    points *= np.array([1.0, 3.0, 9.0]) / np.linalg.norm(points, axis=1)[:, None]
-    hull = convex_hull(points)
-    found = separatrices(classify(hull, hull.centroid))
-    expected = by_numpy(classify(hull, hull.centroid))
-    assert found.lengths.max() > 10
-    for name in ARRAYS:
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
-
-
 def brink(hull: ConvexHull, direction: Floats) -> tuple[Floats, Floats] | None:
     """Two centers of mass with no float64 position between them on a line from the centroid, for
     which the body does not do the same; None where nothing changes on the way."""
@@ -182,53 +169,6 @@ def test_areas_are_those_of_numpy() -> None:
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=2e-14)
 
 
-def test_a_border_through_the_antipode_of_its_rest_costs_no_digits() -> None:
-    # A prism over a spiral: its left side rolls all the way down to the bottom, so that the ridge
-    # on top, opposite to the bottom's normal, is on the border of the bottom's basin. Triangles
-    # between such directions have no area to speak of.
-    oracle = pytest.importorskip("tests.reference.oracle")
-    angles = np.radians(np.linspace(90.0, 240.0, 16))
-    spiral = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    spiral *= 1.6 * 0.98 ** np.arange(16)[:, None]
-    profile = np.concatenate([spiral, [[0.9, spiral[-1, 1]], [1.2, 0.9]]])
-    ends = [np.column_stack([profile, np.full(len(profile), z)]) for z in (-4.0, 4.0)]
-    for tilt in (0.0, 1e-12, 1e-9, 1e-6):
-        points = np.concatenate(ends) @ _turned(tilt)
-        hull = convex_hull(points)
-        (basins,) = find_basins(hull, np.zeros(3))
-        bottom = hull.normals[basins.paths.rests] @ _turned(tilt)[1]
-        assert bottom.min() < -1.0 + 1e-11
-        saddles = basins.points[::2, 0] / np.linalg.norm(basins.points[::2, 0], axis=1)[:, None]
-        own = hull.normals[basins.paths.rests][basins.paths.basins]
-        assert (1.0 + (own * saddles[:, None]).sum(-1)).min() < 1e-14
-        exact = oracle.hull_probabilities(hull, [np.zeros(3)])
-        assert kernels.basin_areas(hull, basins.paths, np.zeros(3)) is not None
-        for way in (nullcontext, without_kernels):
-            with way():
-                areas = basin_areas(basins.equilibria, basins.paths)
-            odds = areas / (4.0 * np.pi)
-            found = dict(zip(basins.paths.rests.tolist(), odds, strict=True))
-            for facet, probability in enumerate(exact):
-                assert abs(found.get(facet, 0.0) - float(probability)) < 1e-15
-
-
-def _turned(angle: float) -> Floats:
-    """A rotation about the first axis (3, 3)."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
-
-
-def test_surroundings_are_those_of_numpy() -> None:
-    for hull in hulls(100):
-        point = 0.3 * hull.vertices[0] + 0.7 * hull.centroid
-        found = surroundings(hull, point)
-        with without_kernels():
-            expected = surroundings(hull, point)
-        np.testing.assert_allclose(found[1:], expected[1:], rtol=1e-12, atol=1e-15 * expected.far)
-        heights = hull.heights(point)
-        assert heights[found.facet] <= heights.min() + 1e-14 * expected.far
-
-
 def test_destinations_are_those_of_numpy() -> None:
     answers = []
     for hull in hulls(200):
@@ -263,25 +203,3 @@ def test_slides_are_those_of_numpy(error: float) -> None:
     assert np.mean(answers) > 0.98
     # Directions that are not known well are decided about less often.
     assert np.mean(certain) > 0.9 if error == 0.0 else 0.1 < np.mean(certain) < 0.95
-
-
-@pytest.mark.parametrize("way", [nullcontext, without_kernels])
-@pytest.mark.parametrize("size", [1e-39, 1e39])
-def test_size_does_not_matter(way: Callable[[], AbstractContextManager], size: float) -> None:
-    points = np.random.default_rng(0).normal(size=(30, 3))
-    with way():
-        expected, poses = rest_poses(points), rest_poses(size * points)
-    np.testing.assert_allclose(poses.probabilities, expected.probabilities, atol=1e-15)
-    branches = poses.morse.branches
-    np.testing.assert_allclose(branches, expected.morse.branches, atol=1e-13)
-
-
-@pytest.mark.parametrize("way", [nullcontext, without_kernels])
-def test_edges_below_rounding_do_not_spoil_the_exact_hull(
-    way: Callable[[], AbstractContextManager],
-) -> None:
-    tiny = np.concatenate([1e-40 * np.eye(3), np.eye(3)])
-    with way():
-        poses = rest_poses(tiny, coplanar_tolerance=0.0)
-        corner = rest_poses(np.concatenate([np.zeros((1, 3)), np.eye(3)]))
-    assert abs(poses.probabilities[0] - corner.probabilities[0]) < 1e-12

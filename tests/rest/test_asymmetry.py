@@ -6,17 +6,14 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
-import torch
 from scipy.spatial.transform import Rotation
 
-from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import angle_between, unit_vectors
 from dicedesign.rest.asymmetry import asymmetry, basin_moments, border_margins
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.morse import separatrices, separatrix_points
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import roll_steps
-from tests.reference.monostatic import conway_guy
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 BOX = (1.0, 2.0, 3.5)
@@ -52,54 +49,9 @@ def test_the_asymmetry_of_a_box() -> None:
     assert asymmetry(poses) == pytest.approx(expected, abs=1e-13)
 
 
-def test_basins_that_meet_at_many_saddles_count_once() -> None:
-    """A coin stands on its two sides only; its rim is as long however many corners it has, and
-    lies lowest at the middles of its edges."""
-    for corners in (12, 40):
-        angles = 2 * np.pi * np.arange(corners) / corners
-        ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(corners)], axis=1)
-        points = np.concatenate([ring, 0.9 * ring + [0.0, 0.0, 0.2]])
-        poses = rest_poses(points)
-        assert len(poses.normals) == 2
-        assert len(poses.morse.saddles) == corners
-        center = poses.center_of_mass[2]
-        # The saddles are the feet of the center on the longer edges.
-        down = np.arctan2(np.cos(np.pi / corners), center)
-        phi = max(down, np.pi - down) / np.pi
-        expected = poses.probabilities.min() * (phi - 0.5)
-        assert asymmetry(poses) == pytest.approx(expected, abs=1e-12)
-
-
-def test_the_lowest_of_several_saddles_counts() -> None:
-    """By the definition, on bodies some of whose basins meet twice."""
-    twice = 0
-    for seed in range(8):
-        poses = random_body(seed, 30)
-        lowest: dict[tuple[int, ...], tuple[float, float]] = {}
-        points = poses.hull.vertices - poses.center_of_mass
-        for saddle, basins in zip(poses.morse.saddles, poses.morse.saddle_basins, strict=True):
-            pair = tuple(sorted(basins.tolist()))
-            twice += pair in lowest
-            angles = [float(angle_between(poses.normals[i], saddle)) for i in pair]
-            term = poses.probabilities[list(pair)].min() * (max(angles) / sum(angles) - 0.5)
-            entry = (float((points @ saddle).max()), float(term))
-            lowest[pair] = min(lowest.get(pair, entry), entry)
-        expected = sum(term for _, term in lowest.values())
-        assert asymmetry(poses) == pytest.approx(expected, abs=1e-13)
-    assert twice
-
-
 def solid_angle(a: float, b: float, height: float) -> float:
     """Of a rectangle with half lengths a, b, seen from above its middle."""
     return 4 * np.arcsin(a * b / np.sqrt((a * a + height**2) * (b * b + height**2)))
-
-
-def test_the_margins_of_a_box_are_at_the_nearest_saddle() -> None:
-    poses = rest_poses(box(*BOX))
-    heights = poses.hull.heights(poses.center_of_mass)[poses.facets]
-    for height, margin in zip(heights, border_margins(poses), strict=True):
-        others = [length for length in BOX if abs(length - height) > 1e-9]
-        assert margin == pytest.approx(np.arctan2(min(others), height), abs=1e-14)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -119,18 +71,6 @@ def test_margins_are_the_least_angles_of_points_along_the_border(seed: int) -> N
     assert (margins <= poses.margins + 1e-12).all()
 
 
-def test_a_border_can_be_nearer_than_every_saddle() -> None:
-    nearer = [border_margins(poses) < poses.margins - 1e-6 for poses in map(random_body, range(8))]
-    assert np.concatenate(nearer).any()
-
-
-def test_a_body_with_one_rest_has_no_border() -> None:
-    body = conway_guy()
-    poses = rest_poses(body.points, body.center)
-    assert border_margins(poses).tolist() == [np.pi]
-    assert asymmetry(poses) == 0.0
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_moments_of_basins_are_mean_directions_of_what_rolls_there(seed: int) -> None:
     """Within four standard errors, which are at most the root of odds over number."""
@@ -148,16 +88,3 @@ def test_moments_of_basins_are_mean_directions_of_what_rolls_there(seed: int) ->
         inside = normals @ hull.normals[facet] > 1.0 - 1e-9
         sampled = 4 * np.pi * directions[inside].sum(axis=0) / count
         assert np.abs(sampled - moment).max() < 4 * 4 * np.pi * np.sqrt(inside.mean() / count)
-
-
-def test_moments_of_a_cube_and_in_torch() -> None:
-    hull = convex_hull(CUBE)
-    paths = separatrices(classify(hull, np.zeros(3)))
-    points = separatrix_points(paths, hull.vertices, np.zeros(3), np)
-    moments = basin_moments(paths, points, np)
-    # The border has four arcs of angle acos(1/3) at 45 degrees to the normal.
-    size = 4 * np.arccos(1 / 3) * np.sqrt(0.5) / 2
-    np.testing.assert_allclose(moments, size * hull.normals[paths.rests], atol=1e-14)
-    np.testing.assert_allclose(
-        basin_moments(paths, torch.tensor(points), torch).numpy(), moments, atol=1e-15
-    )

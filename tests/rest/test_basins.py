@@ -7,19 +7,17 @@ from itertools import product
 
 import numpy as np
 import pytest
-import trimesh
 from common.flow_oracle import flow_frequencies
 from common.paths import public_data
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dicedesign.errors import DegenerateBodyError, OutsideHullError
+from dicedesign.errors import OutsideHullError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.rest.basins import closed_areas
 from dicedesign.rest.morse import border_areas, separatrices, separatrix_points, wraps
-from dicedesign.rest.poses import RestPoses, analyse, rest_poses
+from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import roll_steps
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
@@ -62,10 +60,10 @@ def needle(seed: int, spread: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_sampled_flow_gives_the_same_probabilities() -> None:
-    """50 hulls, 1024 rolls each. A frequency may differ by 5 standard deviations of independent
+    """20 hulls, 1024 rolls each. A frequency may differ by 5 standard deviations of independent
     samples, and by what finite steps shift a basin's border: less than one step of 0.01 along
     borders of length up to 2 pi, over 4 pi. Evenly spread samples do much better on average."""
-    count, step, seeds = 1024, 0.01, range(50)
+    count, step, seeds = 1024, 0.01, range(20)
     distances = []
     for seed in seeds:
         points, center = random_body(seed)
@@ -154,22 +152,6 @@ def test_a_body_with_one_rest_always_ends_on_it(seed: int) -> None:
         np.testing.assert_array_equal(ended, rests.normals[0])
 
 
-def test_a_weighted_sphere_comes_to_rest_on_its_heavy_side() -> None:
-    points = np.asarray(trimesh.creation.icosphere(subdivisions=2).vertices)
-    normal = convex_hull(points).normals[5]
-    rests = rest_poses(points, 0.8 * normal)
-    assert rests.probabilities[0] > 0.99
-    np.testing.assert_allclose(rests.normals[0], normal, rtol=0, atol=1e-14)
-
-
-def test_a_lens_has_two_rests() -> None:
-    angles = 2 * np.pi * np.arange(7) / 7
-    ring = np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
-    lens = np.concatenate([ring, 0.8 * ring + [0, 0, 0.1], 0.8 * ring - [0, 0, 0.1]])
-    rests = rest_poses(lens @ rotation(3).T)
-    np.testing.assert_allclose(rests.probabilities, [0.5, 0.5], rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize("seed", [5, 102, 255, 278, 463, 482, 623, 874])
 def test_a_basin_may_hold_the_antipode_of_its_normal(seed: int) -> None:
     points, center = needle(seed)
@@ -205,21 +187,3 @@ def test_a_center_that_is_not_inside_is_refused(center: list[float], where: str)
         rest_poses(CUBE, center)
     assert "expected a point strictly inside the hull" in str(caught.value)
     assert "Give one within the hull or leave it out" in str(caught.value)
-
-
-def test_a_center_just_inside_sees_half_the_sphere_below() -> None:
-    rests = analyse(convex_hull(CUBE), np.array([0.0, 0.0, -1.0 + 1e-9]))
-    top = np.arcsin(0.2) / np.pi
-    expected = [0.5, *[(0.5 - top) / 4] * 4, top]
-    np.testing.assert_allclose(rests.probabilities, expected, rtol=0, atol=1e-9)
-
-
-def test_areas_that_do_not_cover_the_sphere_once_are_no_basins() -> None:
-    whole = 4.0 * np.pi
-    np.testing.assert_allclose(closed_areas(np.array([1.0, -1.0])), [1.0, whole - 1.0])
-    np.testing.assert_allclose(closed_areas(np.array([1.0, whole - 1.0])), [1.0, whole - 1.0])
-    # Rounding may leave a little, and an area is above 0.
-    assert (closed_areas(np.array([-1e-10, whole + 1.5e-10])) > 0.0).all()
-    for areas in ([1.0, whole - 1.1], [-0.1, whole + 0.1], [1.0, whole - 1.0 + 1e-8]):
-        with pytest.raises(DegenerateBodyError):
-            closed_areas(np.array(areas))

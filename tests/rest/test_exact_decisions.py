@@ -16,9 +16,9 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.kernels.ops import Tie
 from dicedesign.rest import equilibria as equilibria_module
 from dicedesign.rest import tracing as tracing_module
-from dicedesign.rest.equilibria import Equilibria, ExactSigns, classify, surroundings
+from dicedesign.rest.equilibria import Equilibria, classify, surroundings
 from dicedesign.rest.morse import separatrices
-from dicedesign.rest.tracing import destined_facets, slide
+from dicedesign.rest.tracing import destined_facets
 from dicedesign.runtime.arrays import Floats
 
 Body = tuple[ConvexHull, Floats]
@@ -163,24 +163,6 @@ def test_exact_arithmetic_decides_as_fractions(monkeypatch: pytest.MonkeyPatch) 
             continue
 
 
-def test_what_is_exactly_zero_counts_as_negative() -> None:
-    """Of bodies on a lattice, where the least values are exactly 1."""
-    values = set()
-    for seed in range(3, 60, 4):
-        points = np.random.default_rng(seed).integers(-2, 3, size=(9, 3)).astype(np.float64)
-        hull, center = convex_hull(points, 0.0), points[0] + points[1] - points[2]
-        exact = ExactSigns(hull, center)
-        for half_edge, facet in enumerate(hull.facet):
-            corners = hull.polygon(facet)
-            normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
-            p, q = hull.vertices[[hull.tail[half_edge], hull.head[half_edge]]]
-            growth, side = (p - center) @ (q - p), (p - center) @ np.cross(q - p, normal)
-            assert exact.growth(half_edge) == (1 if growth > 0.0 else -1)
-            assert exact.side(half_edge) == (1 if side > 0.0 else -1)
-            values |= {growth, side}
-    assert {-1.0, 0.0, 1.0} <= values
-
-
 def nearest_change(equilibria: Equilibria) -> float:
     """How far the center of mass is from where a sign about an edge changes."""
     hull, r, v = equilibria.hull, equilibria.radii, equilibria.edge_vectors
@@ -230,22 +212,3 @@ def test_a_move_within_the_tie_distance_that_changes_a_path_is_a_tie(
                 tied += 1
     assert asked > 25
     assert tied < 0.1 * asked
-
-
-@pytest.mark.parametrize("way", [nullcontext, without_kernels])
-def test_a_line_into_a_facet_normal_or_a_saddle_is_uncertain(
-    way: Callable[[], AbstractContextManager[None]],
-) -> None:
-    """However well its direction is known."""
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
-    hull = convex_hull(corners)
-    body = classify(hull, np.zeros(3))
-    corner = np.tile([i for i, x in enumerate(hull.vertices) if (x == 1.0).all()], 6)
-    ends = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.7, 0.0]])
-    # The second three begin hardly beside the corner.
-    down = np.concatenate([ends + 0.25, 1e-3 * ends + 0.25])
-    down /= np.linalg.norm(down, axis=1)[:, None]
-    with way():
-        facets, certain = slide(body, corner, down, np.zeros(6))
-    assert certain.tolist() == 2 * [False, False, True]
-    np.testing.assert_array_equal(hull.normals[facets[[2, 5]]], 2 * [[1.0, 0.0, 0.0]])

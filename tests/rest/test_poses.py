@@ -13,15 +13,8 @@ from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.sphere import angle_between
-from dicedesign.kernels.ops import Tie
-from dicedesign.report.figures.gauss_map import basin_of_directions
-from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import roll_steps
-from dicedesign.rest.tracing import destined_facets
-from tests.reference.extremes import weighted_sphere
-from tests.reference.monostatic import conway_guy
-from tests.reference.problem import Problem
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 
@@ -63,13 +56,6 @@ def test_rests_are_sorted_and_sum_to_one(seed: int) -> None:
     np.testing.assert_array_equal(rests.normals, rests.hull.normals[rests.facets])
     np.testing.assert_array_equal(rests.areas, rests.hull.areas[rests.facets])
     np.testing.assert_array_equal(rests.morse.minima, rests.normals)
-
-
-def test_a_cube_has_margins_of_45_degrees() -> None:
-    rests = rest_poses(CUBE)
-    np.testing.assert_allclose(rests.margins, np.full(6, np.pi / 4), rtol=1e-14)
-    assert len(rests.morse.saddles) == 12
-    assert len(rests.morse.maxima) == 8
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -135,21 +121,6 @@ def test_basins_of_facets_agree_with_rolls(seed: int) -> None:
         np.testing.assert_array_equal(ended, rests.normals[basin])
 
 
-@pytest.mark.parametrize("problem", [conway_guy(), weighted_sphere()], ids=["spiral", "sphere"])
-def test_a_balance_that_no_basin_depends_on_stops_no_roll(problem: Problem) -> None:
-    rests = rest_poses(problem.points, problem.center)
-    equilibria = rests.morse.equilibria
-    assert len(rests.probabilities) == 1
-    watchful = classify(rests.hull, rests.center_of_mass, 1e-13)
-    with pytest.raises(Tie):
-        destined_facets(watchful, np.arange(len(rests.hull.normals)))
-    assert (rests.morse.basin_of_facet == 0).all()
-    for normal in rests.hull.normals[::7]:
-        np.testing.assert_array_equal(roll_steps(equilibria, normal)[-1].down, rests.normals[0])
-    directions = np.random.default_rng(0).normal(size=(50, 3))
-    assert (basin_of_directions(rests, directions) == 0).all()
-
-
 def test_meshes_arrays_and_bodies_are_taken() -> None:
     mesh = trimesh.creation.box((1.0, 2.0, 3.0))
     points = np.asarray(mesh.vertices)
@@ -167,33 +138,10 @@ def test_meshes_arrays_and_bodies_are_taken() -> None:
     np.testing.assert_array_equal(given_center.center_of_mass, [0.1, 0.2, 0.3])
 
 
-def test_a_concave_mesh_has_its_own_center_of_mass() -> None:
-    tall = trimesh.creation.box((1.0, 1.0, 4.0)).apply_translation([0, 0, 2.0])
-    wide = trimesh.creation.box((4.0, 4.0, 0.5)).apply_translation([0, 0, 0.25])
-    mesh = trimesh.util.concatenate([tall.apply_translation([0, 0, 0.5]), wide])
-    rests = rest_poses(mesh)
-    assert rests.center_of_mass[2] == pytest.approx((4 * 2.5 + 8 * 0.25) / 12)
-    assert rest_poses(mesh, "hull").center_of_mass[2] > rests.center_of_mass[2]
-
-
-def test_single_precision_bodies_use_the_wider_tolerance() -> None:
-    turned = CUBE @ np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
-    assert len(rest_poses(turned.astype(np.float32)).hull.normals) == 6
-    assert len(rest_poses(turned.astype(np.float32), coplanar_tolerance=0.0).hull.normals) > 6
-
-
 @pytest.mark.parametrize("center", ["middle", [1, 2], [np.nan, 0, 0]])
 def test_bad_centers_are_refused(center: object) -> None:
     with pytest.raises(InputError, match=r"^center of mass: expected .*three"):
         rest_poses(CUBE, center)  # type: ignore[arg-type]
-
-
-def test_an_stl_file_has_the_same_rests_by_any_reader(tmp_path: Path) -> None:
-    """Float32 coordinates count as such also where trimesh hands them out as float64."""
-    turn = trimesh.transformations.random_rotation_matrix(np.array([0.2, 0.5, 0.7]))
-    trimesh.creation.box((1.0, 2.0, 3.0), turn).export(tmp_path / "box.stl")
-    for body in (read_body(tmp_path / "box.stl"), trimesh.load(tmp_path / "box.stl")):
-        assert len(rest_poses(body).probabilities) == 6
 
 
 def test_a_flat_body_is_named(tmp_path: Path) -> None:

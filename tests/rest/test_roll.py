@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from itertools import pairwise, product
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from dicedesign.errors import InputError, OutsideHullError
+from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.sphere import angle_between
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.poses import rest_poses
-from dicedesign.rest.roll import RollStep, roll, roll_steps
+from dicedesign.rest.roll import RollStep, roll_steps
 from dicedesign.rest.tracing import destined_facets
 
 
@@ -57,15 +53,6 @@ def test_the_body_moves_rigidly_on_the_table(seed: int, max_angle: float | None)
         np.testing.assert_allclose(placed(steps[0], equilibria.center_of_mass)[:2], 0.0, atol=1e-12)
 
 
-def test_turns_are_cut_into_as_few_pieces_as_do() -> None:
-    for (_, whole), (_, cut) in zip(rolls(2, None), rolls(2, 0.3), strict=True):
-        turns = [angle_between(before.down, after.down) for before, after in pairwise(whole)]
-        assert len(cut) == 1 + sum(max(1, math.ceil(turn / 0.3)) for turn in turns)
-        # Whole turns go from one contact to the next.
-        contacts = [step.vertices for step in whole]
-        assert all(before != after for before, after in pairwise(contacts))
-
-
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("max_angle", [None, 0.05])
 def test_it_rolls_downhill_without_slip(seed: int, max_angle: float | None) -> None:
@@ -89,15 +76,6 @@ def test_no_step_turns_farther_than_asked(seed: int) -> None:
                 turn = after.transform[:3, :3] @ before.transform[:3, :3].T
                 angle = np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))
                 assert angle <= max_angle + 1e-7
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_a_split_roll_passes_the_same_contacts(seed: int) -> None:
-    for (_, whole), (_, split) in zip(rolls(seed, None), rolls(seed, 0.1), strict=True):
-        np.testing.assert_allclose(split[-1].transform, whole[-1].transform, rtol=0, atol=1e-12)
-        downs = np.array([step.down for step in split])
-        for step in whole:
-            assert np.abs(downs - step.down).max(axis=1).min() == 0.0
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -140,49 +118,3 @@ def test_a_body_at_rest_stays() -> None:
 def test_bad_directions_are_refused(down: ArrayLike) -> None:
     with pytest.raises(InputError, match=r"^down: expected three finite numbers, not all zero, go"):
         roll_steps(body(0), down)
-
-
-@pytest.mark.parametrize("angle", [0.0, -1.0, 1e-9, float("nan")])
-def test_bad_angles_are_refused(angle: float) -> None:
-    with pytest.raises(InputError, match=r"^max angle: expected at least 0.0001 radians, got "):
-        roll_steps(body(0), [0, 0, 1], angle)
-
-
-def test_a_body_let_go_on_a_balancing_corner_rolls_all_the_same() -> None:
-    cube = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-    for points in (cube, np.random.default_rng(3).normal(size=(20, 3))):
-        equilibria = rest_poses(points).morse.equilibria
-        for peak in equilibria.radii[equilibria.maximum]:
-            steps = roll_steps(equilibria, peak, max_angle=0.1)
-            assert np.isfinite([step.height for step in steps]).all()
-            assert steps[-1].contact == "facet"
-
-
-@pytest.mark.parametrize("size", [1e-300, 1e-5, 1e300])
-def test_the_length_of_a_direction_does_not_matter(size: float) -> None:
-    expected = roll_steps(body(0), [0.3, -0.2, 1.0])
-    found = roll_steps(body(0), [0.3 * size, -0.2 * size, size])
-    assert [step.contact for step in found] == [step.contact for step in expected]
-    np.testing.assert_allclose(found[-1].transform, expected[-1].transform, atol=1e-12)
-
-
-def test_a_body_rolls_as_it_comes() -> None:
-    """Points, a mesh or a body, with the center of mass and the facets of its rests."""
-    points = np.random.default_rng(4).normal(size=(14, 3))
-    down = [0.3, -0.2, 1.0]
-    expected = roll_steps(rest_poses(points).morse.equilibria, down, 0.2)
-    hull = convex_hull(points)
-    triangles = hull.source[hull.triangles]
-    for given in (
-        points,
-        points.tolist(),
-        make_body(points, triangles),
-        SimpleNamespace(vertices=points, faces=triangles),
-    ):
-        steps = roll(given, down, 0.2)
-        assert [step.vertices for step in steps] == [step.vertices for step in expected]
-        np.testing.assert_allclose(steps[-1].transform, expected[-1].transform, atol=1e-12)
-    aside = 0.8 * hull.centroid + 0.2 * hull.vertices[0]
-    assert roll(points, down, center_of_mass=aside)[-1].down in rest_poses(points, aside).normals
-    with pytest.raises(OutsideHullError, match="center of mass"):
-        roll(points, down, center_of_mass=[9.0, 0.0, 0.0])

@@ -11,7 +11,6 @@ from scipy.stats import binomtest, kstest
 from dicedesign import rest_poses
 from dicedesign.errors import InputError
 from dicedesign.rest.poses import RestPoses
-from tests.reference.monostatic import conway_guy
 
 DRAWS = 4000
 
@@ -60,20 +59,7 @@ def test_one_seed_is_one_result(poses: RestPoses) -> None:
     assert (poses.sample(20, 8).transforms != once.transforms).any()
 
 
-def test_none_and_a_body_with_one_rest(poses: RestPoses) -> None:
-    assert poses.sample(0, 1).transforms.shape == (0, 4, 4)
-    only = rest_poses(conway_guy().points)
-    assert len(only.probabilities) == 1
-    assert set(only.sample(30, 1).rests) == {0}
-
-
 @pytest.mark.parametrize("n", [-1, 1.5, "3", True, 10**12])
 def test_a_number_of_draws_that_cannot_be_meant(poses: RestPoses, n: Any) -> None:
     with pytest.raises(InputError, match="n: expected a whole number"):
         poses.sample(n, 1)
-
-
-@pytest.mark.parametrize("rng", [-1, "seed", np.random.RandomState(1), True])
-def test_chance_that_is_none(poses: RestPoses, rng: Any) -> None:
-    with pytest.raises(InputError, match="rng: expected a seed"):
-        poses.sample(3, rng)

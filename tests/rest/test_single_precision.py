@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 from scipy.spatial.transform import Rotation
 
 from dicedesign import read_body, rest_poses
@@ -68,24 +67,3 @@ def test_an_stl_rests_as_its_source(
     path = tmp_path / "body.stl"
     path.write_bytes(stl_bytes(points, hull.triangles))
     compare(path, rest_poses(points), RESTS[name])
-
-
-@pytest.mark.parametrize("name", RESTS)
-def test_an_stl_of_another_library_rests_as_its_source(name: str, tmp_path: Path) -> None:
-    hull = body(name)
-    points = 20.0 * hull.vertices @ Rotation.random(random_state=4).as_matrix().T + [
-        9.0,
-        -4.0,
-        20.0,
-    ]
-    path = tmp_path / "body.stl"
-    trimesh.Trimesh(points, hull.triangles, process=False).export(path)
-    compare(path, rest_poses(points), RESTS[name])
-
-
-def test_the_designed_die_has_facets_of_more_than_three_corners() -> None:
-    hull = body("die")
-    assert len(hull.normals) == 11
-    assert np.diff(hull.facet_start).max() > 3
-    uneven = rest_poses(hull.vertices).probabilities
-    assert uneven.max() > 2.0 * uneven.min()

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from contextlib import nullcontext
 from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
-from common.kernels import without_kernels
 from scipy.spatial import ConvexHull as QhullHull
 from scipy.spatial.transform import Rotation
 
@@ -128,17 +126,6 @@ def test_prisms_have_two_polygons_and_n_quads(n: int) -> None:
         assert_sound(hull, points)
 
 
-def test_points_that_are_no_corners_are_left_out() -> None:
-    rng = np.random.default_rng(2)
-    grid = np.array(list(product([-1.0, -0.5, 0.0, 0.5, 1.0], repeat=3)))
-    points = np.concatenate([grid, grid, rng.uniform(-1, 1, size=(50, 3))])
-    for seed in range(3):
-        hull = convex_hull(turned(points, seed))
-        assert sizes(hull) == [4] * 6
-        assert len(hull.vertices) == 8
-        assert_sound(hull, turned(points, seed))
-
-
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("noise", [0.0, 1e-15, 1e-14])
 def test_slivers_along_edges_are_no_facets(seed: int, noise: float) -> None:
@@ -175,35 +162,6 @@ def test_the_tolerance_tells_a_bend_from_rounding() -> None:
     assert len(convex_hull(points, coplanar_tolerance=1e-6).normals) == 6
 
 
-def test_the_tolerance_of_single_precision_is_some_roundings_wide() -> None:
-    """One rounding of a coordinate is up to 2^-24; sixteen of them are still none to speak of, a
-    hundred are a bend, which a file of single precision tells well."""
-    for lift, facets in ((2.0**-20, 6), (2.0**-17, 9)):
-        points = CUBE.astype(np.float32)
-        points[7] *= 1.0 + np.float32(lift)
-        for way in (nullcontext, without_kernels):
-            with way():
-                assert len(convex_hull(points).normals) == facets
-                assert (
-                    len(convex_hull(points.astype(float), single_precision=True).normals) == facets
-                )
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_single_precision_is_wide_enough_for_rounded_corners(seed: int) -> None:
-    for points, facets in ((CUBE, 6), (DODECAHEDRON, 12), (prism(20, 5.0), 22)):
-        assert len(convex_hull(turned(points, seed).astype(np.float32)).normals) == facets
-
-
-@pytest.mark.parametrize("scale", [1e-9, 1e9])
-def test_scale_does_not_matter(scale: float) -> None:
-    points = turned(DODECAHEDRON, 3)
-    hull = convex_hull(points * scale)
-    assert sizes(hull) == [5] * 12
-    assert volume(hull) == pytest.approx(volume(convex_hull(points)) * scale**3, rel=1e-12)
-    np.testing.assert_allclose(hull.normals, convex_hull(points).normals, rtol=0, atol=1e-14)
-
-
 @pytest.mark.parametrize("tolerance", [None, 0.0])
 @pytest.mark.parametrize("exponent", [-1000, -600, -280, 280, 600, 1020])
 def test_a_hull_has_normals_where_products_of_its_coordinates_are_no_floats(
@@ -221,16 +179,6 @@ def test_a_hull_has_normals_where_products_of_its_coordinates_are_no_floats(
     else:
         assert set(hull.areas) == {0.0 if exponent < 0 else np.inf}
     assert hull.warp == 0.0
-
-
-def test_cubes_at_both_ends_of_the_floats() -> None:
-    for scale in (5e-324, 1e-160, 1e160, 1e300, np.finfo(np.float64).max):
-        hull = convex_hull(CUBE * scale)
-        assert sizes(hull) == [4] * 6
-        np.testing.assert_array_equal(np.sort(hull.normals.sum(-1)), [-1, -1, -1, 1, 1, 1])
-        for flat, where in (([1, 1, 0], "on one plane"), ([0, 1, 0], "on one line")):
-            with pytest.raises(DegenerateBodyError, match=f"got 8 points {where}"):
-                convex_hull(CUBE * flat * scale)
 
 
 def test_far_away_a_cube_is_still_a_cube() -> None:
@@ -283,32 +231,6 @@ def test_a_tolerance_out_of_range_is_refused(tolerance: Any) -> None:
             f"coplanar tolerance: expected a number in [0, 1), got {tolerance!r}; leave it out for "
             "the default"
         )
-
-
-def test_a_coarse_tolerance_comes_to_an_end() -> None:
-    assert len(convex_hull(DODECAHEDRON, 0.9).normals) < 12
-
-
-def test_what_is_nearly_flat_is_called_so() -> None:
-    thin = turned(CUBE * [1.0, 1.0, 3e-12], 4)
-    with pytest.raises(DegenerateBodyError, match="got 8 points too close to one plane"):
-        convex_hull(thin)
-
-
-@without_kernels()
-def test_facets_that_make_no_polyhedron_are_merged_again_and_then_refused(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    tolerances = []
-
-    def labels(points: object, triangles: np.ndarray, neighbors: object, tolerance: float):
-        tolerances.append(tolerance)
-        return np.zeros(len(triangles), dtype=np.int64)
-
-    monkeypatch.setattr("dicedesign.geometry.hulls.numpy_hull.facet_labels", labels)
-    with pytest.raises(DegenerateBodyError, match=r"told apart, got none .* pass another"):
-        convex_hull(CUBE, 1e-3)
-    np.testing.assert_allclose(tolerances, [1e-3, 1e-2, 1e-1, 1.0])
 
 
 def test_slivers_have_normals() -> None:

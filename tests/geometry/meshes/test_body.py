@@ -6,32 +6,12 @@ import re
 
 import numpy as np
 import pytest
-import trimesh
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import is_rounded, make_body, weld
-from dicedesign.geometry.solid import is_closed
 
 CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
 TETRAHEDRON = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
-
-
-def test_points_come_back_as_float64_in_their_order() -> None:
-    points = np.random.default_rng(0).normal(size=(50, 3))
-    body = make_body(points)
-    assert body.points.dtype == np.float64
-    np.testing.assert_array_equal(body.points, points)
-    assert body.triangles is None
-    assert body.name == "points"
-    assert not body.single_precision
-    assert body.notes == ()
-
-
-def test_the_caller_s_array_is_left_alone() -> None:
-    points = np.array(CORNERS, dtype=np.float64)
-    body = make_body(points)
-    points[0] = 7.0
-    assert (body.points != 7.0).all()
 
 
 def test_float32_counts_as_single_precision_and_integers_do_not() -> None:
@@ -40,14 +20,6 @@ def test_float32_counts_as_single_precision_and_integers_do_not() -> None:
     assert not make_body(CORNERS).single_precision
     assert not make_body(np.array(CORNERS, dtype=np.float64)).single_precision
     assert make_body(CORNERS, single_precision=True).single_precision
-
-
-def test_precision_is_told_by_the_digits() -> None:
-    exact = np.random.default_rng(5).normal(size=(20, 3))
-    assert not is_rounded(exact)
-    assert not is_rounded(np.round(exact, 12))
-    assert is_rounded(np.round(exact, 6))
-    assert is_rounded(exact.astype(np.float32).astype(np.float64))
 
 
 @pytest.mark.parametrize("digits", [1, 6, 11, 12, 13, 15])
@@ -59,26 +31,6 @@ def test_decimal_digits_are_counted_at_every_magnitude(digits: int) -> None:
         points = np.array([[float(f"{n}e{exponent}") for n in row] for row in numbers.tolist()])
         assert is_rounded(points) == (digits <= 12), exponent
         assert is_rounded(-points) == (digits <= 12), exponent
-
-
-def test_zeros_and_what_is_not_finite_tell_nothing_about_digits() -> None:
-    assert is_rounded(np.array([[0.0, -0.0, 0.1], [np.nan, np.inf, -np.inf]]))
-    assert not is_rounded(np.array([[0.0, -0.0, 1 / 3], [np.nan, np.inf, -np.inf]]))
-
-
-def test_a_split_surface_is_welded_closed() -> None:
-    mesh = trimesh.creation.icosphere(subdivisions=1)
-    split = np.asarray(mesh.triangles).reshape(-1, 3)
-    faces = np.arange(len(split)).reshape(-1, 3)
-    assert not is_closed(faces)
-    body = make_body(split, faces)
-    assert body.triangles is not None
-    assert len(body.points) == len(mesh.vertices)
-    assert is_closed(body.triangles)
-    np.testing.assert_array_equal(body.points[body.triangles], mesh.triangles)
-    assert body.notes == (
-        f"welded {len(split) - len(mesh.vertices)} points to others at equal positions",
-    )
 
 
 def test_welding_keeps_the_first_of_equal_positions_and_ignores_the_sign_of_zero() -> None:
@@ -101,11 +53,6 @@ def test_stray_points_and_collapsed_triangles_are_dropped_with_a_note() -> None:
         "welded 1 points to others at equal positions",
         "dropped 1 triangles with a repeated corner",
     )
-
-
-def test_a_mesh_without_whole_triangles_is_a_point_cloud() -> None:
-    assert make_body(CORNERS, np.empty((0, 3), dtype=np.int64)).triangles is None
-    assert make_body(CORNERS, [[0, 1, 1], [2, 3, 3]]).triangles is None
 
 
 @pytest.mark.parametrize(

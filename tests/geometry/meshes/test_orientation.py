@@ -1,4 +1,4 @@
-"""The kernels for triangle surfaces agree with NumPy and SciPy."""
+"""Triangles are wound alike and outward, told apart from repeated ones, and grouped in shells."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from common.kernels import compiled_only
 
-from dicedesign.geometry.meshes.orientation import oriented_shells, shells_of
+from dicedesign.geometry.meshes.orientation import distinct_triangles, outward_patches, shells_of
 from dicedesign.geometry.solid import is_closed
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Integers
@@ -48,9 +48,44 @@ def test_closed_surfaces_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert answers[-5:] == [True, True, True, False, True]
 
 
-def test_one_shell_is_never_turned() -> None:
-    sphere = trimesh.creation.icosphere(subdivisions=1)
-    for faces in (sphere.faces, sphere.faces[:, ::-1]):
-        triangles, turned = oriented_shells(np.asarray(sphere.vertices), np.array(faces))
-        assert turned == 0
-        np.testing.assert_array_equal(triangles, faces)
+SPHERE = trimesh.creation.icosphere(subdivisions=2)
+POINTS = np.asarray(SPHERE.vertices)
+OUTWARD = np.asarray(SPHERE.faces, dtype=np.int64)
+
+
+def rows(triangles: np.ndarray) -> set[tuple[int, ...]]:
+    """Triangles, from their lowest corner on."""
+    turned = [np.roll(row, -int(row.argmin())) for row in triangles]
+    return {tuple(int(corner) for corner in row) for row in turned}
+
+
+def test_of_repeated_triangles_one_is_kept_however_it_begins() -> None:
+    rng = np.random.default_rng(0)
+    again = np.roll(OUTWARD[rng.integers(0, len(OUTWARD), 500)], 1, axis=1)
+    mixed = rng.permutation(np.concatenate([OUTWARD, again]))
+    kept = distinct_triangles(mixed)
+    assert len(kept) == len(OUTWARD)
+    assert rows(kept) == rows(OUTWARD)
+
+
+def test_a_wall_with_two_sides_goes_and_a_triangle_with_more_on_one_stays() -> None:
+    wall = np.array([[0, 5, 9]])
+    mixed = np.concatenate([wall, OUTWARD, wall[:, ::-1], OUTWARD[:3, ::-1], OUTWARD[:3]])
+    assert rows(distinct_triangles(mixed)) == rows(OUTWARD)
+
+
+def test_a_surface_with_two_sides_keeps_one() -> None:
+    both = np.concatenate([OUTWARD, OUTWARD[:, ::-1]])
+    assert rows(distinct_triangles(both[:-4])) == rows(OUTWARD)
+
+
+def test_closed_and_nearly_closed_patches_are_turned_outward() -> None:
+    shells = [POINTS, 0.5 * POINTS, POINTS + np.array([3.0, 0.0, 0.0])]
+    count = len(POINTS)
+    triangles = np.concatenate([OUTWARD, OUTWARD[:, ::-1] + count, OUTWARD[2:, ::-1] + 2 * count])
+    reversed_too = np.random.default_rng(1).random(len(triangles)) < 0.1
+    given = np.where(reversed_too[:, None], triangles[:, ::-1], triangles)
+    turned = outward_patches(np.concatenate(shells), given)
+    wanted = np.concatenate([OUTWARD, OUTWARD + count, OUTWARD[2:] + 2 * count])
+    assert rows(turned) == rows(wanted)
+    assert is_closed(turned[: 2 * len(OUTWARD)])

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial.transform import Rotation
 
 import dicedesign as dd
 from dicedesign.cli.main import main
@@ -60,15 +59,6 @@ def test_a_part_of_no_density_is_a_cavity_and_one_of_the_same_is_nothing() -> No
     np.testing.assert_allclose(even.inertia, box_inertia(SIDES), atol=1e-13)
 
 
-def test_the_later_of_parts_that_overlap_counts() -> None:
-    left, right = block((2, 2, 2), (0, 0, 0)), block((2, 2, 2), (1, 0, 0))
-    found = dd.weighted_body([(left, 1.0), (right, 3.0)]).mass_properties
-    assert found is not None
-    # Half of the left one is left, with its middle at -0.5.
-    assert found.mass == pytest.approx(4.0 + 24.0, rel=1e-12)
-    np.testing.assert_allclose(found.center_of_mass, [(-2.0 + 24.0) / 28.0, 0, 0], atol=1e-12)
-
-
 def test_a_part_beside_is_fixed_and_belongs_to_the_hull() -> None:
     body = dd.weighted_body([(block((2, 2, 2), (0, 0, 0)), 1), (block((2, 2, 2), (0, 0, 2)), 3)])
     assert any("not inside" in note for note in body.notes)
@@ -81,28 +71,6 @@ def test_a_part_beside_is_fixed_and_belongs_to_the_hull() -> None:
         > poses.probabilities[np.argmax(poses.normals @ [0, 0, -1])]
     )
     assert abs(down[2]) < 1e-12
-
-
-@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
-def test_turned_and_in_any_unit(unit: float) -> None:
-    turn = Rotation.from_rotvec([0.4, -0.2, 1.1]).as_matrix()
-    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.4)
-    ball.apply_translation([1.0, 0.2, 0.3])
-    parts = [block((4, 2, 2), (0, 0, 0)), ball]
-    there = []
-    for part in parts:
-        moved = part.copy()
-        moved.vertices = unit * (np.asarray(part.vertices) @ turn.T + [100.0, 0, 0])
-        there.append(moved)
-    here = dd.weighted_body(zip(parts, (1.0, 5.0), strict=True)).mass_properties
-    away = dd.weighted_body(zip(there, (1.0, 5.0), strict=True)).mass_properties
-    assert here is not None
-    assert away is not None
-    expected = unit * (turn @ here.center_of_mass + [100.0, 0, 0])
-    np.testing.assert_allclose(away.center_of_mass, expected, rtol=1e-11, atol=1e-11 * unit)
-    np.testing.assert_allclose(
-        away.inertia, unit**2 * turn @ here.inertia @ turn.T, atol=1e-9 * unit**2
-    )
 
 
 @pytest.mark.parametrize("density", [-1.0, np.nan, np.inf, "1", None])

@@ -1,17 +1,22 @@
-"""Every way in which a mesh is no surface of one solid is named, and what can be repaired is."""
+"""Closed surfaces are taken, repaired, refused in words, and made of more or fewer points."""
 
 from __future__ import annotations
+
+import sys
 
 import numpy as np
 import pytest
 import trimesh
-from common.bumpy import pushed_through
-from common.paths import public_data
+from common.bumpy import ball, bent_capsule, bumpy_sphere, pushed_through, surface_of
+from scipy.spatial import cKDTree
 
+from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.surfaces.closed_surface import make_surface
+from dicedesign.geometry.surfaces.closed_surface import make_surface, require_dents
+from dicedesign.geometry.surfaces.quality import surface_quality
+from dicedesign.geometry.surfaces.remeshing import decimated, refined
+from dicedesign.geometry.surfaces.surface import Surface
 
 
 def sphere(radius: float = 1.0, x: float = 0.0) -> trimesh.Trimesh:
@@ -55,23 +60,6 @@ def test_triangles_against_their_neighbors_are_reversed() -> None:
     surface, notes = make_surface(make_body(mesh.vertices, faces, name="thing"))
     assert notes == ("reversed 7 triangles that were wound against their neighbors",)
     assert surface.volume == pytest.approx(mesh.volume)
-
-
-def test_points_on_no_triangle_are_dropped() -> None:
-    mesh = sphere()
-    points = np.vstack((np.full((1, 3), 9.0), mesh.vertices))
-    body = Body(points, np.asarray(mesh.faces, dtype=np.int64) + 1, "thing", False, ())
-    surface, notes = make_surface(body)
-    assert notes == ("dropped 1 points that are on no triangle",)
-    np.testing.assert_array_equal(surface.points, mesh.vertices)
-    np.testing.assert_array_equal(surface.triangles, mesh.faces)
-
-
-def test_notes_of_the_body_come_first() -> None:
-    mesh = sphere()
-    points = np.vstack((mesh.vertices, np.full((1, 3), 9.0)))
-    _, notes = make_surface(make_body(points, mesh.faces[:, ::-1], name="thing"))
-    assert [note.split()[0] for note in notes] == ["ignored", "turned"]
 
 
 def test_a_point_cloud_is_refused() -> None:
@@ -152,17 +140,101 @@ def test_a_surface_without_volume_is_refused() -> None:
     )
 
 
-@pytest.mark.parametrize("name", ["spot", "penguin", "koala", "bunny", "armadillo"])
-def test_models_are_good(name: str) -> None:
-    path = public_data(f"models/{name}.obj")
-    surface, _ = make_surface(read_body(path))
-    assert surface.volume > 0
+def subdivided_cube() -> Surface:
+    mesh = trimesh.creation.box()
+    for _ in range(3):
+        mesh = mesh.subdivide()
+    return surface_of(mesh)
 
 
-@pytest.mark.parametrize("scale", [1e-6, 1e6])
-def test_a_tilted_sheet_is_told_to_be_flat(scale: float) -> None:
-    tilt = np.array([[0.6, 0.8, 0.0], [0.0, 0.6, 0.8]])
-    points = scale * (np.random.default_rng(0).normal(size=(40, 2)) @ tilt + [5.0, 1.0, -3.0])
-    triangles = np.arange(39).reshape(-1, 3)
-    body = make_body(points, triangles, name="thing")
-    refused(body, "encloses a volume", "flat sheet", error=DegenerateBodyError)
+def egg() -> Surface:
+    surface = ball(3)
+    return surface.moved(surface.points * [1.0, 1.0, 1.4] * (1.0 + 0.1 * surface.points[:, 2:]))
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("made", [subdivided_cube, egg])
+def test_convex_surfaces_are_sent_to_the_exact_method(made: object, scale: float) -> None:
+    assert callable(made)
+    surface = made()
+    with pytest.raises(InputError, match="a convex one; take method"):
+        require_dents(surface.moved(scale * surface.points + 3.0 * scale))
+
+
+@pytest.mark.parametrize("height", [0.0, 0.01])
+def test_no_die_is_near_a_sphere(height: float) -> None:
+    surface = ball(3)
+    ripples = 1.0 + height * np.sin(7.0 * surface.points[:, :1])
+    with pytest.raises(InputError, match="nearly a sphere"):
+        require_dents(surface.moved(surface.points * ripples))
+
+
+def test_surfaces_with_dents_pass() -> None:
+    for surface in (bumpy_sphere(), bent_capsule(), *(shape(name) for name in SHAPES)):
+        require_dents(surface)
+
+
+def torus() -> Surface:
+    mesh = trimesh.creation.torus(2.0, 0.5, major_sections=48, minor_sections=24)
+    return Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64))
+
+
+def check(surface: Surface, genus: int) -> None:
+    """A surface is one that is taken as input without any repair."""
+    taken, notes = make_surface(make_body(surface.points, surface.triangles))
+    assert notes == ()
+    assert len(taken.points) == len(surface.points)
+    assert surface_quality(surface).genus == genus
+
+
+@pytest.mark.parametrize("points", [600, 200, 60])
+def test_a_decimated_torus_is_a_torus_of_so_many_points(points: int) -> None:
+    pytest.importorskip("fast_simplification")
+    before = torus()
+    after, done = decimated(before, points)
+    assert abs(len(after.points) - points) <= 1
+    check(after, genus=1)
+    aside = np.hypot(np.hypot(after.points[:, 0], after.points[:, 1]) - 2.0, after.points[:, 2])
+    np.testing.assert_allclose(aside, 0.5, atol=0.15)
+    assert done.startswith(f"decimated the surface from 1152 to {len(after.points)} points")
+    change = 100 * (after.volume / before.volume - 1)
+    assert f"changes the volume by {change:+.2g} %" in done
+
+
+def test_fewer_points_than_a_tetrahedron_are_refused() -> None:
+    with pytest.raises(InputError, match="expected at least 4 points, got 3; ask for more"):
+        decimated(torus(), 3)
+
+
+def test_without_the_extra_the_error_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "fast_simplification", None)
+    with pytest.raises(InputError, match=r"decimation: .*pip install 'dicedesign\[concave\]'"):
+        decimated(torus(), 100)
+
+
+def test_what_meets_itself_in_every_reduction_is_refused() -> None:
+    pytest.importorskip("fast_simplification")
+    first, second = torus(), torus()
+    points = np.vstack((first.points, second.points + np.array([0.3, 0.2, 0.1])))
+    both = Surface(points, np.vstack((first.triangles, second.triangles + 1152)))
+    with pytest.raises(InputError, match="got none from 2304 points by any reduction; remesh"):
+        decimated(both, 1500)
+
+
+@pytest.mark.parametrize("points", [1153, 3000])
+def test_a_refined_torus_is_the_same_torus(points: int) -> None:
+    before = torus()
+    after, done = refined(before, points)
+    assert points <= len(after.points) <= 3 * points
+    check(after, genus=1)
+    assert after.volume == pytest.approx(before.volume, rel=1e-12)
+    np.testing.assert_allclose(after.centroid, before.centroid, rtol=0, atol=1e-12)
+    distance, _ = cKDTree(after.points).query(before.points)
+    assert distance.max() < 1e-12
+    assert done.startswith(f"refined the surface from 1152 to {len(after.points)} points")
+
+
+def test_a_mesh_is_refined_to_solid_only() -> None:
+    before = torus()
+    with pytest.raises(InputError, match="NotManifold"):
+        refined(Surface(before.points, before.triangles[1:]), 2000)

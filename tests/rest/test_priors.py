@@ -1,4 +1,4 @@
-"""Odds under priors, against closed forms, other quadratures, drawn directions and each other."""
+"""Odds under priors, against closed forms, other ways to the same, and rolled bodies."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from scipy import integrate
 from scipy.spatial.transform import Rotation
 
 import dicedesign as dd
+from dicedesign.geometry.sphere import signed_solid_angle
+from dicedesign.rest.quadrature import integrals, triangle_integrals
 from dicedesign.runtime.arrays import Floats
 from tests.reference.extremes import (
     ANTIPODE_SEEDS,
-    lens,
     lopsided_needle,
-    weighted_sphere,
 )
 
 CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
@@ -74,15 +74,6 @@ def test_all_directions_alike_in_three_ways(axis: Floats, seed: int) -> None:
         np.testing.assert_allclose(by_facet(poses.under(prior)), by_facet(poses), atol=1e-13)
 
 
-@pytest.mark.parametrize("axis", AXES)
-@pytest.mark.parametrize("seed", range(3))
-def test_opposite_half_spheres_mix_to_all_directions(axis: Floats, seed: int) -> None:
-    poses = dd.rest_poses(random_body(seed))
-    halves = [by_facet(poses.under(dd.SphericalCap(side))) for side in (axis, -axis)]
-    np.testing.assert_allclose(np.mean(halves, axis=0), by_facet(poses), atol=1e-14)
-    assert halves[0].sum() == pytest.approx(1.0, abs=1e-14)
-
-
 def test_a_cube_in_half_spheres() -> None:
     poses = dd.rest_poses(CUBE)
     face = poses.under("half:0,0,-3")
@@ -101,16 +92,6 @@ def test_a_cube_in_half_spheres() -> None:
     near = (4.0 * np.pi / 6.0 - excess) / (2.0 * np.pi)
     np.testing.assert_allclose(corner.probabilities[:3], near, atol=1e-15)
     np.testing.assert_allclose(corner.probabilities[3:], 1.0 / 3.0 - near, atol=1e-15)
-
-
-def test_a_cap_within_one_basin() -> None:
-    poses = dd.rest_poses(CUBE)
-    np.testing.assert_allclose(
-        poses.under("cap:0,0,1:34").probabilities, [1, 0, 0, 0, 0, 0], atol=1e-14
-    )
-    # At 45 degrees it touches the arcs to the four sides; at 46 it reaches over them.
-    assert poses.under("cap:0,0,1:46").probabilities[4] > 1e-4
-    assert poses.under("cap:1,0,1:20").probabilities[:2] == pytest.approx([0.5, 0.5], abs=1e-14)
 
 
 @pytest.mark.parametrize("concentration", [0.5, 20.0])
@@ -144,41 +125,6 @@ def test_drawn_directions_roll_as_often_as_said(concentration: float) -> None:
     np.testing.assert_allclose(found.probabilities, said[found.facets], atol=0.01)
 
 
-def test_samples_end_where_single_rolls_do() -> None:
-    points = random_body(5)
-    poses = dd.rest_poses(points)
-    directions = np.random.default_rng(3).normal(size=(60, 3))
-    counts = np.zeros(len(poses.hull.normals))
-    for down in directions:
-        counts[np.argmax(poses.hull.normals @ dd.roll(points, down)[-1].down)] += 1
-    found = poses.under(dd.SampledDirections(directions))
-    np.testing.assert_allclose(by_facet(found), counts / 60, atol=1e-15)
-
-
-def test_one_rest_has_it_all() -> None:
-    body = weighted_sphere()
-    poses = dd.rest_poses(body.points, body.center)
-    for prior in ("vmf:1,2,3:40", "half:1,2,3", dd.DensityFunction(lambda u: 1.0 + u[:, 0])):
-        np.testing.assert_allclose(poses.under(prior).probabilities, [1.0], atol=1e-14)
-
-
-def test_a_tied_body_has_the_mean_of_both_sides() -> None:
-    # The center of mass over an edge of a face.
-    wedge = np.array([[0, 0, 0], [2, 0, 0], [0, 1, 0], [2, 1, 0], [-1, 0, 2], [2, 0, 2.0]])
-    wedge = np.concatenate([wedge, wedge[4:] + np.array([0, 1, 0])])
-    poses = dd.rest_poses(wedge, [0.0, 0.5, 0.9])
-    assert len(poses.basins) > 1
-    for axis in AXES:
-        halves = [by_facet(poses.under(dd.SphericalCap(side))) for side in (axis, -axis)]
-        np.testing.assert_allclose(np.mean(halves, axis=0), by_facet(poses), atol=1e-13)
-        aside = [
-            by_facet(dd.rest_poses(wedge, [x, 0.5, 0.9]).under(dd.VonMisesFisher(axis, 3.0)))
-            for x in (1e-7, -1e-7)
-        ]
-        found = by_facet(poses.under(dd.VonMisesFisher(axis, 3.0)))
-        np.testing.assert_allclose(found, np.mean(aside, axis=0), atol=1e-6)
-
-
 def test_prior_and_body_may_turn_together_and_units_do_not_matter() -> None:
     points, turn = random_body(6), Rotation.from_rotvec([0.3, -1.0, 0.7])
     for axis in AXES:
@@ -186,30 +132,6 @@ def test_prior_and_body_may_turn_together_and_units_do_not_matter() -> None:
             here = dd.rest_poses(points).under(made(1e-200 * axis))
             there = dd.rest_poses(1e6 * turn.apply(points)).under(made(turn.apply(axis)))
             np.testing.assert_allclose(here.probabilities, there.probabilities, atol=1e-13)
-
-
-def test_a_flat_body_on_its_two_sides() -> None:
-    body = lens()
-    poses = dd.rest_poses(body.points, body.center)
-    np.testing.assert_allclose(poses.under("half:0,0,1").probabilities, [1.0, 0.0], atol=1e-15)
-    np.testing.assert_allclose(poses.under("half:1,0,0").probabilities, [0.5, 0.5], atol=1e-15)
-
-
-def test_odds_without_a_prior_come_back() -> None:
-    poses = dd.rest_poses(random_body(7))
-    back = poses.under("vmf:0,0,1:4").under(None)
-    np.testing.assert_array_equal(back.probabilities, poses.probabilities)
-    assert back.prior is None
-    assert back.errors is None
-
-
-def test_what_is_thrown_has_no_prior() -> None:
-    points = random_body(8)
-    poses = dd.rest_poses(points)
-    body = dd.make_body(points)
-    with pytest.raises(dd.InputError, match=r"under\(None\)"):
-        dd.thrown_odds(body, poses.under("half:0,0,1"))
-    assert dd.thrown_odds(body, poses.under("half:0,0,1").under(None)).sum() == pytest.approx(1.0)
 
 
 def test_a_fit_finds_the_axis_and_the_concentration() -> None:
@@ -243,26 +165,6 @@ def test_a_prior_that_is_none_is_refused(text: str, said: str) -> None:
         dd.rest_poses(CUBE).under(text)
 
 
-@pytest.mark.parametrize(("body", "direction"), [(1, 5), (3, 0), (7, 1)])
-def test_a_peak_that_one_of_two_sums_misses_is_told(body: int, direction: int) -> None:
-    peak = dd.VonMisesFisher(np.random.default_rng(direction).normal(size=3).tolist(), 1e6)
-    poses = dd.rest_poses(random_body(body))
-    exact = (by_facet(poses.under(peak)) + by_facet(poses)) / 2.0
-    under = poses.under(dd.DensityFunction(lambda u: peak.density(u) + 1.0 / (4.0 * np.pi)))
-    assert under.errors is not None
-    assert np.abs(by_facet(under) - exact).max() <= under.errors.max() + 1e-12
-
-
-@pytest.mark.parametrize("number", ["3", None, True, np.array([1.0, 2.0])])
-def test_what_is_no_number_is_refused(number: object) -> None:
-    with pytest.raises(dd.InputError, match="concentration"):
-        dd.VonMisesFisher([0, 0, 1], number)  # type: ignore[arg-type]
-    with pytest.raises(dd.InputError, match="angle"):
-        dd.SphericalCap([0, 0, 1], number)  # type: ignore[arg-type]
-    with pytest.raises(dd.InputError, match="prior"):
-        dd.rest_poses(CUBE).under([number])  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize(
     "function",
     [
@@ -282,3 +184,29 @@ def test_a_function_that_is_no_density_is_refused(function: object) -> None:
 def test_samples_that_are_no_directions_are_refused(directions: object) -> None:
     with pytest.raises(dd.InputError, match="directions"):
         dd.SampledDirections(directions)  # type: ignore[arg-type]
+
+
+def test_peaks_and_kinks_and_empty_intervals() -> None:
+    widths = np.array([1.0, 1e-3, 1e-6])
+
+    def peak(rows: np.ndarray, x: np.ndarray) -> np.ndarray:
+        w = widths[rows, None]
+        return np.stack([w / (w**2 + x**2), np.sqrt(np.abs(x))], axis=-1)
+
+    edges = np.array([[0.0, 0.0, 2.0]] * 3)
+    values, errors = integrals(peak, edges, 1e-13)
+    np.testing.assert_allclose(values[:, 0], np.arctan(2.0 / widths), rtol=1e-12)
+    np.testing.assert_allclose(values[:, 1], 2.0**1.5 * 2.0 / 3.0, rtol=1e-12)
+    assert errors.max() < 1e-11
+
+
+def test_areas_of_triangles_with_their_signs() -> None:
+    corners = np.random.default_rng(0).normal(size=(20, 3, 3))
+    # Of a triangle through the far side of the sphere the flat one tells nothing.
+    corners[:, :, 2] = np.abs(corners[:, :, 2])
+    values, errors = triangle_integrals(lambda u: np.ones(len(u)), corners, 1e-12)
+    exact = signed_solid_angle(corners[:, 0], corners[:, 1], corners[:, 2], np)
+    assert (np.abs(values - exact) <= errors + 1e-14).all()
+    np.testing.assert_allclose(values, exact, atol=1e-12)
+    flat = np.array([[[1.0, 0, 0], [0, 1.0, 0], [1.0, 1.0, 0]]])
+    assert triangle_integrals(lambda u: np.ones(len(u)), flat, 1e-12)[0].tolist() == [0.0]

@@ -1,4 +1,4 @@
-"""Odds of clusters of rests, on bodies whose odds are known."""
+"""Odds of outcomes, on bodies whose odds are known; and counted outcomes matched with rests."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ from common.dented_cube import CORNERS, NORMALS
 from numpy.typing import NDArray
 
 from dicedesign import rest_poses
-from dicedesign.rest.outcomes import gathered, outcome_margins, outcome_odds
+from dicedesign.errors import InputError
+from dicedesign.rest.outcomes import (
+    gathered,
+    match_by_normals,
+    match_by_odds,
+    outcome_margins,
+    outcome_odds,
+)
 
 Floats = NDArray[np.float64]
 
@@ -69,28 +76,6 @@ def test_margins_are_the_angles_at_which_a_box_tips() -> None:
     assert outcome_margins(split, outcome_odds(split, below))[0] > 0.7
 
 
-def test_the_least_angle_is_between_two_outcomes() -> None:
-    poses = rest_poses(roof(20.0))
-    below = poses.normals[poses.normals[:, 2] < -0.5]
-    assert outcome_odds(poses, below).least_angle == pytest.approx(np.radians(20.0), rel=1e-12)
-    assert outcome_odds(poses, below[:1]).least_angle == np.pi
-
-
-def test_without_a_rest_nothing_is_shown() -> None:
-    found = gathered(NORMALS[:1], np.array([1.0]), NORMALS[:2])
-    assert found.odds.tolist() == [1.0, 0.0]
-    assert found.main.tolist() == [0, -1]
-    assert found.rest_counts.tolist() == [1, 0]
-    assert found.rest_counts.dtype.kind == "i"
-
-
-def test_an_outcome_without_a_rest_near_it_counts_the_nearest() -> None:
-    away = np.array([[0.3, 0.1, 1.0]]) / np.sqrt(1.1)
-    found = outcome_odds(rest_poses(CORNERS), away)
-    np.testing.assert_allclose(found.odds, [1.0 / 6.0], rtol=1e-12)
-    assert found.elsewhere == pytest.approx(5.0 / 6.0)
-
-
 def test_an_outcome_has_no_rest_that_is_nearer_to_another() -> None:
     """However far the rest is that is nearest to it."""
     angles = np.radians([[0.0, 20.0], [150.0, 20.0]])
@@ -100,3 +85,51 @@ def test_an_outcome_has_no_rest_that_is_nearer_to_another() -> None:
     assert found.main.tolist() == [0, 1]
     np.testing.assert_array_equal(found.odds, [0.1, 0.9])
     assert found.elsewhere == 0.0
+
+
+AXES = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [-1.0, 0, 0]])
+
+
+def test_outcomes_take_the_rests_of_their_rank() -> None:
+    groups = match_by_odds("die", AXES, np.array([0.4, 0.3, 0.2, 0.1]), [0.101, 0.4, 0.199, 0.3])
+    assert groups.members == ((1,), (3,), (2,), (0,))
+    assert groups.group_of_rest.tolist() == [0, 1, 2, 3]
+
+
+def test_equal_odds_are_one_group() -> None:
+    groups = match_by_odds(
+        "die", AXES, np.array([0.38, 0.36, 0.13, 0.13]), [0.13, 0.37, 0.37, 0.13]
+    )
+    assert groups.members == ((1, 2), (0, 3))
+    assert groups.group_of_rest.tolist() == [0, 0, 1, 1]
+
+
+def test_a_facet_in_two_is_one_outcome() -> None:
+    normals = np.array([[1.0, 0, 0], [0, 1.0, 0], [-1.0, 0.01, 0], [-1.0, -0.01, 0]])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    odds = np.array([0.26, 0.24, 0.255, 0.245])
+    groups = match_by_odds("die", normals, odds, [0.25, 0.5, 0.25])
+    assert groups.members == ((1,), (0, 2))
+    assert groups.group_of_rest.tolist() == [1, 1, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("odds", "wanted", "message"),
+    [
+        ([0.5, 0.5], [0.5, 0.25, 0.25], "expected at least as many rests as outcomes, got 2 rests"),
+        ([0.5, 0.3, 0.2], [0.5, 0.25, 0.25], "got 0.3000 for 0.2500"),
+        ([0.5, 0.5], [0.5, 0.5], "expected outcomes that differ in their geometric odds"),
+    ],
+)
+def test_dice_that_cannot_be_matched(odds: list[float], wanted: list[float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        match_by_odds("die", AXES[: len(odds)], np.array(odds), wanted)
+
+
+def test_by_normals() -> None:
+    """Rests show what the facet within five degrees shows, and others nothing."""
+    shown = AXES[[0, 1, 3]]
+    tilted = np.array([np.cos(np.radians(4.0)), np.sin(np.radians(4.0)), 0.0])
+    groups = match_by_normals(np.vstack([AXES, tilted]), shown, [0, 1, 0])
+    assert groups.members == ((0,), (1,))
+    assert groups.group_of_rest.tolist() == [0, 1, -1, 0, 0]
