@@ -38,7 +38,7 @@ from dicedesign import (
 )
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.solvers.finish import finished
-from dicedesign.recipe.methods.convex import normalised_center, wanted_odds
+from dicedesign.recipe.convex import normalised_center, wanted_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.distances import total_variation

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from dicedesign import InputError, Recipe, Start, Step, read_recipe
-from dicedesign.recipe.planning.stage import plan
-from dicedesign.recipe.planning.work import Listeners, Work
+from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.work import Listeners, Work
 
 __all__ = ["Work", "add_recipes", "begin", "continue_to", "make_die", "read_recipes", "start_of"]
 
@@ -17,20 +17,20 @@ __all__ = ["Work", "add_recipes", "begin", "continue_to", "make_die", "read_reci
 def begin(recipe: Recipe, on_step: Callable[[Step], None] | None = None) -> Work:
     """The work of a recipe whose start, or surface, is made; nothing will be written."""
     work = Work(recipe, None, Listeners() if on_step is None else Listeners(on_step=on_step))
-    plan(work, last="start")
+    run_stages(work, last="start")
     return work
 
 
 def continue_to(work: Work, last: str, after: str) -> None:
     """Run the stages behind one, up to another."""
-    plan(work, after=after, last=last)
+    run_stages(work, after=after, last=last)
 
 
 def make_die(recipe: Recipe, last: str = "check") -> Work:
     """The work of a recipe up to and with a stage. Raises NoStartError where nothing leads there,
     InputError where the start does not suit the target."""
     work = Work(recipe, None, Listeners())
-    plan(work, last=last)
+    run_stages(work, last=last)
     return work
 
 

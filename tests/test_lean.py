@@ -355,7 +355,7 @@ PLAIN = "name: d4\nseed: 1\ntarget: {fair: 4}\nstart: {repulsion: {}}\nengrave: 
 def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -> None:
     (tmp_path / "d4.yaml").write_text(PLAIN)
     loaded = modules_after(["run", "d4.yaml", "--out", "d4"], tmp_path)
-    assert {"torch", "dicedesign.recipe.run"} <= loaded
+    assert {"torch", "dicedesign.recipe.pipeline"} <= loaded
     others = {"manifold3d", "trimesh", "lxml", "fontTools", "uharfbuzz", "matplotlib"}
     others |= {"sympy", "mpmath", "functorch", "torch._dynamo", "reportlab", "OCP"}
     assert loaded & (others | SOLVERS) == set()
@@ -392,7 +392,7 @@ def test_a_plain_concave_recipe_loads_no_engraver_no_solver_and_no_remesher(tmp_
     (tmp_path / "cube.yaml").write_text(CONCAVE)
     loaded = modules_after(["run", "cube.yaml", "--out", "cube"], tmp_path)
     assert {"dicedesign.concave.search", "dicedesign.concave.hull_design"} <= loaded
-    assert {"dicedesign.recipe.methods.concave", "manifold3d"} <= loaded
+    assert {"dicedesign.recipe.concave", "manifold3d"} <= loaded
     others = {"fast_simplification", "trimesh", "fontTools", "uharfbuzz", "matplotlib"}
     engravers = {"fonts", "label_layout", "label_art", "marks"}
     others |= {f"dicedesign.fabricate.{name}" for name in engravers}

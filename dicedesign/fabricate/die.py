@@ -17,7 +17,7 @@ from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.meshes.formats import parsed_stl
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.optimize.targets import Target
-from dicedesign.rest.asymmetry import border_margins
+from dicedesign.rest.asymmetry import asymmetry, border_margins
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_margins, outcome_odds
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
 from dicedesign.rest.prior import Prior
@@ -96,6 +96,11 @@ class Assessment:
     def margins(self) -> Floats:
         """(k,) least angle in radians by which the die must be tipped to leave each outcome."""
         return outcome_margins(self.poses, self.outcomes)
+
+    @cached_property
+    def asymmetry(self) -> float:
+        """rho of eq. 20 and 21."""
+        return asymmetry(self.poses)
 
     def flaws(self, tolerance: float | None) -> Iterator[Status]:
         """What is wrong with the die, the worst first.

@@ -11,18 +11,15 @@ import numpy as np
 
 from dicedesign.errors import EngravingError, InputError
 from dicedesign.optimize.targets import Target
-from dicedesign.recipe.planning.stage import plan
-from dicedesign.recipe.planning.work import Listeners, Work
-from dicedesign.recipe.run import finish
-from dicedesign.recipe.schema.reading import checked_recipe
-from dicedesign.recipe.schema.recipe import NAME, Recipe
+from dicedesign.recipe.pipeline import finish, run_stages
+from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.recipe import NAME, Recipe
+from dicedesign.recipe.work import Listeners, Work
 from dicedesign.results.parts import Status
 
 if TYPE_CHECKING:
     from dicedesign.results.result import Result, Step
     from dicedesign.runtime.arrays import Floats, Integers
-
-__all__ = ["Die", "design", "design_recipe"]
 
 
 class Die:
@@ -42,7 +39,7 @@ class Die:
         """The work up to the throws, of a recipe that differs in what comes after the check."""
         work = self._checked.copy()
         work.recipe = recipe
-        plan(work, after="check", last="throws")
+        run_stages(work, after="check", last="throws")
         return work
 
     def __repr__(self) -> str:
@@ -53,7 +50,7 @@ class Die:
         """All that is known of the die, as in result.json, with what a printer makes of it."""
         if self._result is None:
             work = self._work.copy()
-            plan(work, after="throws", last="tolerances")
+            run_stages(work, after="throws", last="tolerances")
             self._result = work.result()
         return self._result
 
@@ -148,7 +145,7 @@ class Die:
         and OutputError where the file cannot be written.
         """
         from dicedesign.fabricate.file_formats import save_contents
-        from dicedesign.recipe.stages.files import die_contents
+        from dicedesign.recipe.files import die_contents
 
         save_contents(Path(path), die_contents(self._work))
 
@@ -165,7 +162,7 @@ class Die:
         if re.fullmatch(NAME, folder.name):
             work.recipe = self.recipe.model_copy(update={"name": folder.name})
         with folder_of_results(folder):
-            plan(work, after="throws")
+            run_stages(work, after="throws")
             return finish(work)
 
 
@@ -247,7 +244,7 @@ def design(
 def design_recipe(recipe: Recipe, listeners: Listeners | None = None, last: str = "throws") -> Work:
     """The work of a recipe up to and with a stage; nothing is written. Raises as `design`."""
     work = Work(recipe, None, listeners or Listeners())
-    plan(work, last=last)
+    run_stages(work, last=last)
     return work
 
 

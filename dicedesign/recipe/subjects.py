@@ -21,10 +21,8 @@ from dicedesign.rest.outcomes import facet_of_rest
 from dicedesign.rest.poses import rest_poses
 
 if TYPE_CHECKING:
-    from dicedesign.recipe.schema.recipe import Recipe
+    from dicedesign.recipe.recipe import Recipe
     from dicedesign.report.body_figures.body_figure import Ablation
-
-__all__ = ["subject_of"]
 
 RECIPES = (".yaml", ".yml")
 """Endings of recipe files."""
@@ -108,7 +106,7 @@ def _of_recipe(
     steps: int | None,
     on_step: Callable[[], None],
 ) -> Subject:
-    from dicedesign.recipe.schema.reading import read_recipe
+    from dicedesign.recipe.reading import read_recipe
     from dicedesign.results.folder import RECIPE
 
     folder = os.path.isdir(path)
@@ -141,7 +139,7 @@ def _finished(folder: Path, recipe: Recipe) -> Lain:
 def _designed(recipe: Recipe, on_step: Callable[[], None]) -> Lain:
     """The die of a recipe, designed and read back from its file."""
     from dicedesign.recipe.design_die import design_recipe
-    from dicedesign.recipe.planning.work import Listeners
+    from dicedesign.recipe.work import Listeners
 
     work = design_recipe(recipe, Listeners(on_step=lambda _: on_step()), last="check")
     labels = [facet.label or "" for facet in work.plain.facets]
@@ -150,11 +148,11 @@ def _designed(recipe: Recipe, on_step: Callable[[], None]) -> Lain:
 
 def _start(recipe: Recipe, path: Path, after: Lain) -> Surface:
     """What a recipe's design begins with, as large as the die and about the same middle."""
-    from dicedesign.recipe.planning.stage import plan
-    from dicedesign.recipe.planning.work import Listeners, Work
+    from dicedesign.recipe.pipeline import run_stages
+    from dicedesign.recipe.work import Listeners, Work
 
     work = Work(recipe, None, Listeners())
-    plan(work, last="start")
+    run_stages(work, last="start")
     if work.surface is not None:
         points, triangles = work.surface.points, work.surface.triangles
         hull = convex_hull(points)
@@ -174,12 +172,65 @@ def _start(recipe: Recipe, path: Path, after: Lain) -> Surface:
 def _ablations(
     recipe: Recipe, path: Path, steps: int | None, on_step: Callable[[], None]
 ) -> list[Ablation]:
-    # It brings torch along.
-    from dicedesign.recipe.methods.ablation import ablated
-
     if recipe.method.paper is None:
         raise InputError(
             f"ablation: expected a recipe by the paper's method, got {path} by method "
             f"{recipe.method.name}; recipes/paper has some"
         )
-    return ablated(recipe, steps, on_step)
+    return _ablated(recipe, steps, on_step)
+
+
+def _ablated(
+    recipe: Recipe, steps: int | None = None, on_step: Callable[[], None] = lambda: None
+) -> list[Ablation]:
+    """Dice of a recipe by the paper's descent, without a finish: with all terms, without one that
+    has a weight after the other, and by the dice energy alone.
+
+    steps: most of each descent; None for the recipe's. on_step: called after each. Raises as the
+    recipe's design.
+    """
+    from dataclasses import replace
+
+    from dicedesign.optimize.energy.clusters import cluster
+    from dicedesign.optimize.paper_options import PaperWeights
+    from dicedesign.optimize.solvers.paper import descend_as_paper
+    from dicedesign.recipe.convex import normalised_center, wanted_odds
+    from dicedesign.recipe.pipeline import run_stages
+    from dicedesign.recipe.work import Listeners, Work
+    from dicedesign.report.body_figures.body_figure import Ablation
+    from dicedesign.rest.poses import analyse
+    from dicedesign.runtime.workers import one_tensor_thread
+
+    paper = recipe.method.paper
+    assert paper is not None
+    work = Work(recipe, None, Listeners())
+    run_stages(work, last="start")
+    assert work.start is not None
+    center = normalised_center(recipe, work.start)
+    weighted = [term.name for term, _ in paper.weights.active if term.weight is not None]
+    cases = {"all terms": list[str](), **{f"without {name}": [name] for name in weighted}}
+    if len(weighted) > 1:
+        cases["odds alone"] = weighted
+    dice = []
+    with one_tensor_thread():
+        for name, left_out in cases.items():
+            weights = PaperWeights(**{**paper.weights.as_dict(), **dict.fromkeys(left_out, 0.0)})
+            options = replace(
+                paper,
+                weights=weights,
+                finish="none",
+                tolerance=None,
+                steps=paper.steps if steps is None else min(steps, paper.steps),
+            )
+            die = descend_as_paper(
+                work.start,
+                wanted_odds(recipe),
+                options,
+                center_of_mass=center,
+                seed=recipe.seed,
+                on_step=lambda _: on_step(),
+            )
+            poses = analyse(die.hull, die.hull.centroid if center is None else center)
+            outcomes = cluster(poses.normals, die.directions).of_rest
+            dice.append(Ablation(name, die.error, poses, outcomes))
+    return dice

@@ -45,11 +45,14 @@ class Registry(Generic[Kind]):
     ----------
     kind: what they are, for messages, in the singular.
     type: their class.
-    builtin: addresses "module:NAME" of those that come with the package, imported on first use.
+    builtin: those that come with the package, or their addresses "module:NAME", which are imported
+        on first use.
     group: of entry points by which installed packages add theirs, with such addresses as values.
     """
 
-    def __init__(self, kind: str, type: type[Kind], builtin: Sequence[str], group: str) -> None:
+    def __init__(
+        self, kind: str, type: type[Kind], builtin: Sequence[Kind | str], group: str
+    ) -> None:
         self.kind = kind
         self.type = type
         self.builtin = tuple(builtin)
@@ -89,9 +92,11 @@ class Registry(Generic[Kind]):
         if self._entries is not None:
             return self._entries
         entries: dict[str, Kind] = {}
-        for address in self.builtin:
-            module, _, name = address.partition(":")
-            self._add(entries, getattr(import_module(module), name))
+        for each in self.builtin:
+            if isinstance(each, str):
+                module, _, name = each.partition(":")
+                each = getattr(import_module(module), name)
+            self._add(entries, each)
         for point in _entry_points().select(group=self.group):
             try:
                 self._add(entries, point.load())

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from dicedesign.errors import OutputError
-from dicedesign.recipe.schema.reading import checked_recipe, recipe_text
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.reading import checked_recipe, recipe_text
+from dicedesign.recipe.recipe import Recipe
 from dicedesign.runtime.arrays import Booleans, Floats
 from dicedesign.runtime.files import atomic_write, json_text
 from dicedesign.search.study import varies_assignment

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dicedesign.errors import DiceError, InputError, OutputError, missing_extra
-from dicedesign.recipe.schema.reading import checked_recipe, read_recipe, recipe_text
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.reading import checked_recipe, read_recipe, recipe_text
+from dicedesign.recipe.recipe import Recipe
 from dicedesign.runtime.files import (
     atomic_write,
     locked_folder,

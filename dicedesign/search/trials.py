@@ -10,7 +10,7 @@ from typing import Any
 
 from dicedesign.errors import DiceError, NoStartError, OutsideHullError
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.reading import checked_recipe
 from dicedesign.runtime.workers import MOST_LOSSES, as_ended, is_lost_worker
 from dicedesign.search.study import SearchStudy
 

@@ -19,10 +19,10 @@ from dicedesign.optimize.paper_options import PaperWeights
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.starts.repulsion import FEWEST_FACETS
 from dicedesign.optimize.starts.start import Start
-from dicedesign.recipe.planning.stage import plan
-from dicedesign.recipe.planning.work import Listeners, Work
-from dicedesign.recipe.schema.reading import checked_recipe
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.recipe import Recipe
+from dicedesign.recipe.work import Listeners, Work
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import RestPoses, analyse
 from dicedesign.results.result import Step
@@ -304,11 +304,11 @@ class DesignRun:
         listeners = Listeners(on_start=self._start, on_shape=self._shape, on_step=self._step)
         work = Work(self._recipe, listeners=listeners)
         if self._origin is None:
-            plan(work, last="design")
+            run_stages(work, last="design")
         else:
             labels = work.target.labels
             work.start = self._origin.start(tuple(labels.index(each) for each in self._pinned))
-            plan(work, after="start", last="design")
+            run_stages(work, after="start", last="design")
         return work.die
 
     def _start(self, number: int) -> None:

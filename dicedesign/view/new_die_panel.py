@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from dicedesign.errors import DiceError
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.recipe.schema.typed_target import typed_target, written_odds
+from dicedesign.recipe.reading import typed_target, written_odds
 from dicedesign.view.design_run import PRESETS, DesignedShape, DieRequest
 from dicedesign.view.design_session import DesignSession
 from dicedesign.view.exhibit import Exhibit

@@ -16,11 +16,11 @@ from dicedesign.fabricate.file_formats import FILE_FORMATS, Contents, file_bytes
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.optimize.starts.kinds.mesh import mesh_start
-from dicedesign.recipe.planning.stage import plan
-from dicedesign.recipe.planning.work import Listeners, Work
-from dicedesign.recipe.schema.reading import checked_recipe, recipe_text
-from dicedesign.recipe.schema.recipe import Recipe
-from dicedesign.recipe.stages.files import die_contents
+from dicedesign.recipe.files import die_contents
+from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.reading import checked_recipe, recipe_text
+from dicedesign.recipe.recipe import Recipe
+from dicedesign.recipe.work import Listeners, Work
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SAME_REST_ANGLE
@@ -149,7 +149,7 @@ def printable_die(
     recipe = checked_recipe(entries)
     work = Work(recipe, listeners=Listeners(on_stage), enlarge=size_mm is None)
     work.die = designed or _as_it_is(shape, recipe)
-    plan(work, after="design", last="throws")
+    run_stages(work, after="design", last="throws")
     return PrintableDie.of(work, shape, is_kept=is_kept)
 
 

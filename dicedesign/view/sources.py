@@ -23,8 +23,8 @@ from dicedesign.runtime.text import printable
 from dicedesign.view.viewed_body import MOST_POINTS, Outcomes, ViewedBody, farthest_points
 
 if TYPE_CHECKING:
-    from dicedesign.recipe.planning.work import Work
-    from dicedesign.recipe.schema.recipe import Recipe
+    from dicedesign.recipe.recipe import Recipe
+    from dicedesign.recipe.work import Work
     from dicedesign.results.result import Result
 
 __all__ = ["Source", "Tell", "source_of", "viewed_work"]
@@ -83,7 +83,7 @@ def source_of(path: Path) -> Source:
         quick = (path / names[0]).stat().st_size <= QUICK
         return Source(title, names, lambda name, tell: _read(path / name, name, tell), quick)
     if path.suffix.lower() in RECIPES:
-        from dicedesign.recipe.schema.reading import read_recipe
+        from dicedesign.recipe.reading import read_recipe
 
         recipe = read_recipe(path)
         return Source(title, (recipe.name,), lambda _, tell: _designed(recipe, tell), False)
@@ -149,7 +149,7 @@ def _finished(result: Result, tell: Tell) -> ViewedBody:
 
 def _designed(recipe: Recipe, tell: Tell) -> ViewedBody:
     from dicedesign.recipe.design_die import design_recipe
-    from dicedesign.recipe.planning.work import Listeners
+    from dicedesign.recipe.work import Listeners
     from dicedesign.results.result import Step
 
     def on_step(step: Step) -> None:

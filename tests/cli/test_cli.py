@@ -209,7 +209,7 @@ def test_tiny_odds_are_printed_with_all_their_digits(
         finished_result(["1", "22", "3"], [1e-6, 0.083, 0.916999]),
         probabilities=(0.000384711, 1.0, 0.0),
     )
-    monkeypatch.setattr("dicedesign.recipe.run.run", lambda *a, **k: result)
+    monkeypatch.setattr("dicedesign.recipe.pipeline.run", lambda *a, **k: result)
     assert main(["run", str(recipe)]) == 0
     assert capsys.readouterr().out.splitlines()[1:5] == [
         "label      target    achieved",
@@ -267,7 +267,7 @@ def test_an_interrupt_that_a_library_wraps_is_an_interrupt(
         raise KeyboardInterrupt
 
     # As by Ctrl-C while the recipe is written out again.
-    monkeypatch.setattr("dicedesign.recipe.schema.entries.TypeAdapter", interrupted)
+    monkeypatch.setattr("dicedesign.recipe.entries.TypeAdapter", interrupted)
     recipe = tmp_path / "four.yaml"
     recipe.write_text("name: four\ntarget: {fair: 5}\nstart: {prism: {}}\nengrave: false\n")
     assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 130

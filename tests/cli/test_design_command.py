@@ -16,8 +16,8 @@ from common.kernels import usual_notes
 from benchmarks.models import random_model
 from dicedesign import read_body, rest_poses
 from dicedesign.cli.main import main
-from dicedesign.recipe.schema.reading import checked_recipe, read_recipe
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.reading import checked_recipe, read_recipe
+from dicedesign.recipe.recipe import Recipe
 
 
 def test_fractions_and_labels_become_a_die_with_these_odds(
@@ -110,7 +110,7 @@ def test_the_size_grows_until_the_labels_fit(
 def test_labels_that_need_more_than_the_largest_size(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("dicedesign.recipe.stages.size.MOST_MM", 31.0)
+    monkeypatch.setattr("dicedesign.recipe.solid.MOST_MM", 31.0)
     target = ["design", "--target", "1/4,1/4,1/4,1/4", "--labels", "a,b,c,incomprehensibility"]
     assert main([*target, "--out", str(tmp_path)]) == 2
     assert "label 'incomprehensibility': expected room on facet" in capsys.readouterr().err
@@ -123,7 +123,7 @@ def design_with(monkeypatch: pytest.MonkeyPatch, method: dict[str, Any]) -> None
     def changed(entries: dict[str, Any]) -> Recipe:
         return checked_recipe({**entries, "method": method})
 
-    monkeypatch.setattr("dicedesign.recipe.schema.reading.checked_recipe", changed)
+    monkeypatch.setattr("dicedesign.recipe.reading.checked_recipe", changed)
 
 
 def test_a_target_out_of_reach_is_told(

@@ -8,9 +8,9 @@ import numpy as np
 
 from dicedesign.fabricate.die import Design
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.recipe.planning.stage import plan
-from dicedesign.recipe.planning.work import Work
-from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.work import Work
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
@@ -52,5 +52,5 @@ def designed(
 def checked(*arguments: Any, **options: Any) -> Work:
     """`designed`, up to and with the stage check."""
     work = designed(*arguments, **options)
-    plan(work, after="design", last="check")
+    run_stages(work, after="design", last="check")
     return work

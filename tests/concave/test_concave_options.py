@@ -9,7 +9,7 @@ import pytest
 
 from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions, HollowOptions
 from dicedesign.errors import InputError, RecipeError
-from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.reading import checked_recipe
 
 
 @pytest.mark.parametrize(

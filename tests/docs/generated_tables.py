@@ -32,8 +32,8 @@ import dicedesign
 from dicedesign.fabricate.file_formats import FILE_FORMATS
 from dicedesign.fabricate.printers import MATERIALS, PRINTERS, Printer
 from dicedesign.optimize.starts.start import STARTS
-from dicedesign.recipe.schema.entries import StartRecipe
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.entries import StartRecipe
+from dicedesign.recipe.recipe import Recipe
 from dicedesign.rest.prior import PRIORS
 from dicedesign.results.parts import Status
 from dicedesign.runtime.folder_registry import FolderRegistry
@@ -51,7 +51,7 @@ REGISTRIES = {
     "preferences": "dicedesign.optimize.preferences.preference:PREFERENCES",
     "engines": "dicedesign.throws.engines:ENGINES",
     "printers": "dicedesign.fabricate.printers:PRINTERS",
-    "stages": "dicedesign.recipe.planning.stage:STAGES",
+    "stages": "dicedesign.recipe.pipeline:STAGES",
     "figures": "dicedesign.report.figures.figure:FIGURES",
     "kinds of figures": "dicedesign.report.body_figures.body_figure:BODY_FIGURES",
 }
@@ -63,7 +63,6 @@ COMMANDS = {"kinds of figures": "dicedesign figure "}
 SUBJECTS = {
     "recipe.design_die": "dice",
     "results": "dice",
-    "recipe.planning": "recipes and stages of a run",
     "recipe": "recipes and stages of a run",
     "optimize.targets": "targets",
     "geometry.meshes": "bodies",

@@ -15,7 +15,7 @@ from common.paths import ROOT
 
 from benchmarks.frame import parser_of
 from dicedesign.cli.main import COMMANDS
-from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.reading import read_recipe
 
 LONG = (
     "search ",

@@ -11,7 +11,7 @@ from common.doc_pages import PAGES
 from common.paths import ROOT
 from test_architecture import FLOORS
 
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.recipe import Recipe
 
 MADE_UP = {"benchmarks/cubes.py", "recipes/NAME.yaml"}
 """The bench of an example, and what stands for any recipe."""

@@ -9,8 +9,8 @@ from pathlib import Path
 from common.doc_pages import commands
 
 from benchmarks.frame import BENCHES
-from dicedesign.recipe.schema.reading import read_recipe
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.reading import read_recipe
+from dicedesign.recipe.recipe import Recipe
 from dicedesign.tolerances import FILE_ODDS
 
 MOST_LINES = 180

@@ -9,7 +9,7 @@ import pytest
 from dicedesign.errors import InputError
 from dicedesign.fabricate.print_options import PrintErrors, PrintOptions
 from dicedesign.fabricate.printers import MATERIALS, PRINTERS
-from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.reading import checked_recipe
 
 RECIPE = {"name": "d4", "target": {"fair": 4}}
 

@@ -17,8 +17,8 @@ from dicedesign.fabricate.printability import checked_file
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.formats import parsed_stl
-from dicedesign.recipe.planning.stage import plan
-from dicedesign.recipe.planning.work import Work
+from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.work import Work
 from dicedesign.results.parts import Printability
 
 
@@ -27,7 +27,7 @@ def printed(
 ) -> Work:
     given = {"engrave": True, "size_mm": 30.0, **entries}
     work = checked(points, directions, target=target, entries=given)
-    plan(work, after="check", last="printing")
+    run_stages(work, after="check", last="printing")
     return work
 
 
@@ -190,7 +190,7 @@ def test_a_die_with_a_given_center_of_mass_is_judged_too() -> None:
         },
         center_of_mass=np.zeros(3),
     )
-    plan(work, after="check", last="printing")
+    run_stages(work, after="check", last="printing")
     assert work.engraved is not None
     assert work.engraved.assessment is None
     assert found(work).file.is_solid

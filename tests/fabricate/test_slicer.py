@@ -17,9 +17,8 @@ from dicedesign.fabricate.printers import PRINTERS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.solid import solid_properties
-from dicedesign.recipe.planning.stage import plan
-from dicedesign.recipe.run import run
-from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.pipeline import run, run_stages
+from dicedesign.recipe.reading import read_recipe
 from dicedesign.results.result import Result
 
 LAYER = PRINTERS["fdm"].layer_mm
@@ -80,7 +79,7 @@ def test_a_marked_concave_die_is_sliced_without_repair(tmp_path: Path) -> None:
 
 def test_other_files_of_the_same_die_are_sound_too(tmp_path: Path) -> None:
     work = checked(box(1.0, 1.2, 1.4), SIDES, entries={"engrave": True})
-    plan(work, after="check", last="engrave")
+    run_stages(work, after="check", last="engrave")
     assert work.engraved is not None
     for ending in (".3mf", ".obj", ".stl"):
         file = tmp_path / f"die{ending}"

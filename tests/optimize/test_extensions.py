@@ -28,8 +28,8 @@ from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.optimize.starts.repulsion import repulsion
 from dicedesign.optimize.starts.start import STARTS, Task
 from dicedesign.optimize.starts.variations import shapes_like
-from dicedesign.recipe.schema.reading import read_recipe
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.reading import read_recipe
+from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import Status
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.rigid_body import rigid_body
@@ -257,7 +257,7 @@ def test_an_engine_throws() -> None:
 def test_reading_a_recipe_loads_no_torch_and_no_scipy(repository: Path) -> None:
     code = (
         "import sys; from pathlib import Path; "
-        "from dicedesign.recipe.schema.reading import read_recipe; "
+        "from dicedesign.recipe.reading import read_recipe; "
         "[read_recipe(path) for path in Path('recipes').glob('*.yaml')]; "
         "print({'torch', 'scipy', 'matplotlib', 'manifold3d', 'mujoco'} & set(sys.modules))"
     )

@@ -24,11 +24,11 @@ from dicedesign import rest_poses
 from dicedesign.cli.main import main
 from dicedesign.errors import InputError, LabelRoomError, OutputError
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.recipe import run as pipeline
+from dicedesign.recipe import pipeline
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.planning.work import Listeners
-from dicedesign.recipe.schema.reading import read_recipe
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.reading import read_recipe
+from dicedesign.recipe.recipe import Recipe
+from dicedesign.recipe.work import Listeners
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import Result
 
@@ -65,7 +65,7 @@ def recipe_path(tmp_path: Path) -> Path:
 def search(monkeypatch: pytest.MonkeyPatch) -> MadeUpSearch:
     """Takes the place of the real one."""
     made_up = MadeUpSearch()
-    monkeypatch.setattr("dicedesign.recipe.methods.concave.make_concave_die", made_up)
+    monkeypatch.setattr("dicedesign.recipe.concave.make_concave_die", made_up)
     return made_up
 
 
@@ -396,7 +396,7 @@ def test_a_checkpoint_of_another_search_is_refused(
 def test_an_interrupt_while_a_checkpoint_is_written_keeps_the_one_before(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dicedesign.recipe.methods import concave
+    from dicedesign.recipe import concave
     from dicedesign.runtime import files
 
     folder, calls = tmp_path / "out", []
@@ -451,7 +451,7 @@ def test_an_interrupt_before_anything_is_kept_says_no_more_than_that(
     def interrupted(*arguments: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("dicedesign.recipe.methods.concave.make_concave_die", interrupted)
+    monkeypatch.setattr("dicedesign.recipe.concave.make_concave_die", interrupted)
     with pytest.raises(KeyboardInterrupt) as caught:
         run(recipe_path, tmp_path / "out")
     assert str(caught.value) == ""
@@ -464,7 +464,7 @@ def test_an_error_of_the_search_leaves_no_new_folder(
     def refused(*arguments: object, **options: object) -> None:
         raise InputError("target: expected at most 6 outcomes, got 9; take fewer")
 
-    monkeypatch.setattr("dicedesign.recipe.methods.concave.make_concave_die", refused)
+    monkeypatch.setattr("dicedesign.recipe.concave.make_concave_die", refused)
     with pytest.raises(InputError, match="at most 6"):
         run(recipe_path, tmp_path / "new")
     assert not (tmp_path / "new").exists()

@@ -11,8 +11,8 @@ from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.surfaces.distances import distances_from_surface
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.recipe.run import run
-from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.pipeline import run
+from dicedesign.recipe.reading import checked_recipe
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 

@@ -10,8 +10,8 @@ import pytest
 import trimesh
 
 from dicedesign.errors import InputError, RecipeError
-from dicedesign.recipe.run import run
-from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.pipeline import run
+from dicedesign.recipe.reading import checked_recipe
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import read_result
 

@@ -18,10 +18,10 @@ from dicedesign.errors import EngravingError, OutputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.optimize.starts.kinds.mesh import mesh_start
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.planning.work import Listeners
-from dicedesign.recipe.run import run
-from dicedesign.recipe.schema.reading import read_recipe
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.pipeline import run
+from dicedesign.recipe.reading import read_recipe
+from dicedesign.recipe.recipe import Recipe
+from dicedesign.recipe.work import Listeners
 from dicedesign.results.folder import read_result
 from dicedesign.results.parts import Status
 from dicedesign.results.result import Result

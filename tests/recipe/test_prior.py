@@ -10,8 +10,8 @@ import pytest
 import dicedesign as dd
 from dicedesign.errors import RecipeError
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.planning.stage import plan
-from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.reading import checked_recipe
 from dicedesign.report.pages.throwing import throwing_advice
 from dicedesign.rest.outcomes import outcome_odds
 
@@ -62,7 +62,7 @@ def test_the_labelled_file_has_the_odds_of_directions_that_are_drawn(tmp_path: P
     counted = outcome_odds(rolled, work.die.directions)
     # Four standard deviations.
     assert counted.max_abs_error(work.target.probabilities) < 4.0 * np.sqrt(0.16 / 20_000)
-    plan(work, after="engrave", last="tolerances")
+    run_stages(work, after="engrave", last="tolerances")
     result = work.result()
     assert result.prior == text
     assert f"the prior {text}" in throwing_advice(result.thrown, result.prior)

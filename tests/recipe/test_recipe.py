@@ -14,8 +14,8 @@ from dicedesign.concave.shapes import SHAPES
 from dicedesign.errors import RecipeError
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.schema.reading import read_recipe, recipe_text
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.reading import read_recipe, recipe_text
+from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import Status
 
 GOOD: dict[str, Any] = {

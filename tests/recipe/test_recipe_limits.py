@@ -9,8 +9,8 @@ import pytest
 from pydantic import ValidationError
 
 from dicedesign.errors import RecipeError
-from dicedesign.recipe.schema.reading import checked_recipe, read_recipe
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.reading import checked_recipe, read_recipe
+from dicedesign.recipe.recipe import Recipe
 
 GOOD: dict[str, Any] = {"name": "die", "target": {"fair": 4}, "start": {"repulsion": {}}}
 

@@ -13,9 +13,9 @@ from common.paths import ROOT
 from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.planning.work import Work
-from dicedesign.recipe.run import run
-from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.pipeline import run
+from dicedesign.recipe.reading import read_recipe
+from dicedesign.recipe.work import Work
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
 from dicedesign.throws.distances import total_variation

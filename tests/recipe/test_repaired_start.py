@@ -13,10 +13,10 @@ from PIL import Image
 from dicedesign.concave.shapes import shape
 from dicedesign.errors import InputError
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.recipe import run as pipeline
-from dicedesign.recipe.planning.work import Work
-from dicedesign.recipe.schema.reading import checked_recipe
-from dicedesign.recipe.stages.start import make_start
+from dicedesign.recipe import pipeline
+from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.start import make_start
+from dicedesign.recipe.work import Work
 from dicedesign.results.folder import read_result
 
 

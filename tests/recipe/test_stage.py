@@ -8,9 +8,9 @@ import pytest
 
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.planning.stage import STAGES, Stage
-from dicedesign.recipe.planning.work import Work
-from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.pipeline import STAGES, Stage
+from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.work import Work
 
 RECIPE = {"name": "x", "target": {"fair": 3}, "engrave": False, "start": {"prism": {}}}
 
@@ -28,7 +28,7 @@ def weighing() -> Iterator[Stage]:
         Stage(
             name="weigh",
             line="says what the die weighs",
-            rank=55,
+            after="check",
             wanted=lambda work: work.recipe.size_mm > 20.0,
             run=weigh,
         )

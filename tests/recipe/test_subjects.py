@@ -10,7 +10,7 @@ import trimesh
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.recipe.run import run
+from dicedesign.recipe.pipeline import run
 from dicedesign.recipe.subjects import subject_of
 
 PAPER = {

@@ -10,8 +10,8 @@ import pytest
 from dicedesign.errors import InputError, RecipeError
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.schema.reading import checked_recipe
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import Status
 
 PAIRED = [2, 3, 4, 5, 6, 7, 8, 10, 9, 11, 12]

@@ -20,10 +20,10 @@ from dicedesign.optimize.refinement.rounds import Round
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.search import shapes_near
-from dicedesign.recipe.methods.convex import designed_die, wanted_odds
-from dicedesign.recipe.planning.stage import plan
-from dicedesign.recipe.planning.work import Listeners, Work
-from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.convex import designed_die, wanted_odds
+from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.work import Listeners, Work
 from dicedesign.results.parts import Status
 from dicedesign.throws import simulation as die_on_table
 from dicedesign.throws.rigid_body import RigidBody
@@ -127,7 +127,7 @@ def test_rounds_throw_onto_the_tables_of_robust_dice(
         checked_recipe({**ROBUST, "method": {"exact": exact}}),
         listeners=Listeners(on_round=rounds.append),
     )
-    plan(work, last="throws")
+    run_stages(work, last="throws")
     assert work.status is Status.CONVERGED
     others = [(one["restitution"], one["friction"]) for one in POSTERIOR]
     assert {row[:2] for row in thrown} == {(0.65, 0.25), *others}
@@ -147,7 +147,7 @@ def test_rounds_throw_onto_the_tables_of_robust_dice(
 def test_a_die_that_need_not_be_robust_is_thrown_onto_its_table_alone(fitted_table: str) -> None:
     exact = {**ROBUST["method"]["exact"], "table": fitted_table, "prefer": {"circles": 1.0}}
     work = Work(checked_recipe({**ROBUST, "method": {"exact": exact}}))
-    plan(work, last="design")
+    run_stages(work, last="design")
     assert len(work.die.rounds) >= 1
     assert all(one.elsewhere_drops == 0 and one.elsewhere is None for one in work.die.rounds)
 

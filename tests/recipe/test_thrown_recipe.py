@@ -12,7 +12,7 @@ from common.kernels import compiled_only
 from dicedesign.cli.main import main
 from dicedesign.errors import RecipeError
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.momentum_odds import thrown_odds
 from dicedesign.throws.tables import HANDS, posterior_tables

@@ -13,7 +13,7 @@ import pytest
 from common.finished_run import finished_result
 
 from dicedesign.errors import InputError
-from dicedesign.recipe.run import run
+from dicedesign.recipe.pipeline import run
 from dicedesign.results.folder import folder_of_results, write_results
 
 

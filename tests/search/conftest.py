@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from common.made_up_trial import made_up_trial
 
-from dicedesign.recipe.schema.reading import read_recipe
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.reading import read_recipe
+from dicedesign.recipe.recipe import Recipe
 
 
 @pytest.fixture(autouse=True)

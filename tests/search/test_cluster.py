@@ -23,7 +23,7 @@ from distributed import Client
 from dicedesign import __version__
 from dicedesign.cli.main import main
 from dicedesign.errors import DiceError, InputError
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.recipe import Recipe
 from dicedesign.runtime import workers
 from dicedesign.runtime.workers import cluster_workers, no_worker_left
 from dicedesign.search.study import open_study

@@ -16,8 +16,8 @@ from PIL import Image
 
 from dicedesign import rest_poses
 from dicedesign.errors import InputError, OutputError
-from dicedesign.recipe.schema.reading import checked_recipe, read_recipe
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.reading import checked_recipe, read_recipe
+from dicedesign.recipe.recipe import Recipe
 from dicedesign.report.charts.pareto import pareto_chart, pareto_figure
 from dicedesign.report.charts.series import Curve
 from dicedesign.report.pages.leaderboard_page import lying_die_png

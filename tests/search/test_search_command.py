@@ -13,7 +13,7 @@ from common.kernels import usual_notes
 from dicedesign.cli.main import main
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.formats import stl_bytes
-from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.reading import read_recipe
 from dicedesign.runtime import workers
 from dicedesign.search.study import open_study
 

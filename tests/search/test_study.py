@@ -15,8 +15,8 @@ from common.made_up_trial import made_up_trial
 from dicedesign.errors import InputError, OutputError
 from dicedesign.optimize.preferences.preference import PREFERENCES, Preferences
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.schema.reading import checked_recipe
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.recipe import Recipe
 from dicedesign.search.study import JOURNAL, RECIPE, open_study, search_space, varied_recipe
 from dicedesign.search.trials import run_search
 

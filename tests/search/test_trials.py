@@ -22,8 +22,8 @@ from common.signals import heed_interrupts
 from dicedesign.cli.main import main
 from dicedesign.errors import DiceError, InputError, MeshFileError
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.schema.reading import read_recipe
-from dicedesign.recipe.schema.recipe import Recipe
+from dicedesign.recipe.reading import read_recipe
+from dicedesign.recipe.recipe import Recipe
 from dicedesign.search.leaderboard import write_results
 from dicedesign.search.study import JOURNAL, open_study
 from dicedesign.search.trials import run_search, run_trial
@@ -203,7 +203,7 @@ import signal, sys
 from pathlib import Path
 from common.inline_executor import Inline
 from common.made_up_trial import made_up_trial
-from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.reading import read_recipe
 from dicedesign.search import study, trials
 
 path, folder, begins = sys.argv[1:]

@@ -19,7 +19,7 @@ from dicedesign.batch.batch import analyse_files
 from dicedesign.batch.rest_table import RestTable, Stamp
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.reading import read_recipe
 from tests.reference.solids import box
 from tests.soak.commands import Case, Command, Ended, Fault, Tried, drive, faults_of
 from tests.soak.mesh_files import mesh_file

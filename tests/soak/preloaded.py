@@ -6,7 +6,7 @@ import contextlib
 import gc
 from importlib import import_module
 
-from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.reading import checked_recipe
 
 for _name in (
     "torch",
@@ -17,10 +17,10 @@ for _name in (
     "dicedesign.cli.dice.run",
     "dicedesign.fabricate.engraving",
     "dicedesign.geometry.meshes.reading",
-    "dicedesign.recipe.methods.paper",
-    "dicedesign.recipe.methods.exact",
-    "dicedesign.recipe.methods.thrown",
-    "dicedesign.recipe.run",
+    "dicedesign.recipe.convex",
+    "dicedesign.recipe.convex",
+    "dicedesign.recipe.thrown",
+    "dicedesign.recipe.pipeline",
     "dicedesign.throws.roll_verdict",
 ):
     with contextlib.suppress(ImportError):

@@ -14,7 +14,7 @@ import yaml
 
 from dicedesign.errors import DiceError
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.recipe.schema.reading import read_recipe
+from dicedesign.recipe.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import RESULT, Result

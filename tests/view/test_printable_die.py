@@ -13,8 +13,8 @@ import pytest
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.recipe.run import run
-from dicedesign.recipe.schema.typed_target import typed_target
+from dicedesign.recipe.pipeline import run
+from dicedesign.recipe.reading import typed_target
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.result import Result

@@ -72,8 +72,7 @@ def add_parser(commands: Any) -> None:
 
 
 def _design(options: argparse.Namespace) -> int:
-    from dicedesign.recipe.schema.reading import checked_recipe
-    from dicedesign.recipe.schema.typed_target import typed_target
+    from dicedesign.recipe.reading import checked_recipe, typed_target
 
     with _named_options():
         target = typed_target(options.target, options.labels)

@@ -38,7 +38,7 @@ def add_parser(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from dicedesign.recipe.schema.reading import read_recipe
+    from dicedesign.recipe.reading import read_recipe
 
     recipe = with_result_options(read_recipe(options.recipe, options.changes), options)
     return run_and_print(recipe, options.out, resume=options.resume)

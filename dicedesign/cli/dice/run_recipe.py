@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from dicedesign.fabricate.print_options import PrintOptions
     from dicedesign.optimize.refinement.rounds import Round
-    from dicedesign.recipe.schema.recipe import Recipe
+    from dicedesign.recipe.recipe import Recipe
     from dicedesign.results.result import Result, Step
 
 __all__ = ["add_result_options", "run_and_print", "with_result_options"]
@@ -94,13 +94,13 @@ def run_and_print(
 ) -> int:
     """Run a recipe into a folder, None for outputs/NAME, and print what came of it.
 
-    Progress and notes go to stderr. Arguments and errors are those of `dicedesign.recipe.run.run`.
+    Progress and notes go to stderr. Arguments and errors are those of `run`.
     Returns the exit code: 0 converged, 1 not.
     """
     from tqdm import tqdm
 
-    from dicedesign.recipe.planning.work import Listeners
-    from dicedesign.recipe.run import run
+    from dicedesign.recipe.pipeline import run
+    from dicedesign.recipe.work import Listeners
 
     note_missing_kernels()
     with tqdm(file=sys.stderr, disable=not sys.stderr.isatty(), unit=" steps") as bar:

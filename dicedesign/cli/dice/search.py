@@ -14,7 +14,7 @@ from dicedesign.runtime.checks import check_whole
 from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
-    from dicedesign.recipe.schema.recipe import Recipe
+    from dicedesign.recipe.recipe import Recipe
     from dicedesign.search.study import SearchStudy
 
 __all__ = ["add_parser"]
@@ -54,7 +54,7 @@ def add_parser(commands: Any) -> None:
 
 def _search(options: argparse.Namespace) -> int:
     from dicedesign.recipe.design_die import design_recipe
-    from dicedesign.recipe.schema.reading import read_recipe
+    from dicedesign.recipe.reading import read_recipe
     from dicedesign.search.leaderboard import write_results
     from dicedesign.search.study import open_study
 

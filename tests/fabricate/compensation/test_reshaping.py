@@ -18,9 +18,9 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.optimize.starts.repulsion import repulsion
-from dicedesign.recipe.planning.stage import plan
-from dicedesign.recipe.planning.work import Work
-from dicedesign.recipe.schema.reading import checked_recipe
+from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.work import Work
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
@@ -30,7 +30,7 @@ TETRAHEDRON = {"name": "four", "target": {"probabilities": [0.3, 0.25, 0.25, 0.2
 
 def made(**entries: object) -> Work:
     work = Work(checked_recipe({**TETRAHEDRON, **entries}), None)
-    plan(work, last="engrave")
+    run_stages(work, last="engrave")
     return work
 
 

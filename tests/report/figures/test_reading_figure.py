@@ -10,9 +10,9 @@ from dicedesign.fabricate.label_layout import Placement
 from dicedesign.fabricate.label_reading import LabelPlace
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import doubled_area_vectors
-from dicedesign.recipe.planning.stage import plan
-from dicedesign.recipe.planning.work import Work
-from dicedesign.recipe.stages.figures import finished_die
+from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.report import finished_die
+from dicedesign.recipe.work import Work
 from dicedesign.report.charts.palette import ACCENT, rgb
 from dicedesign.report.figures.figure import FIGURES
 from dicedesign.report.figures.reading import painted, reading_figure
@@ -25,7 +25,7 @@ def engraved(points: Floats, directions: Floats, read: str, style: str = "engrav
     target = {"fair": len(directions)}
     entries = {"engrave": {"read": read, "style": style, "border_mm": 0.3}, "size_mm": 36.0}
     work = designed(points, directions, target=target, entries=entries)
-    plan(work, after="design", last="engrave")
+    run_stages(work, after="design", last="engrave")
     assert work.engraved is not None
     return work
 

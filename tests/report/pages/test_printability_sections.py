@@ -7,7 +7,7 @@ from dataclasses import replace
 from common.made_up_die import SIDES, box, checked
 from common.parsed_html import parsed
 
-from dicedesign.recipe.planning.stage import plan
+from dicedesign.recipe.pipeline import run_stages
 from dicedesign.report.pages.die_page import die_page
 from dicedesign.report.pages.printability import printability_sections
 from dicedesign.results.parts import PrintedLabel
@@ -15,7 +15,7 @@ from dicedesign.results.parts import PrintedLabel
 
 def test_a_page_has_the_measures_of_the_print() -> None:
     work = checked(box(1.0, 1.0, 1.0), SIDES, entries={"engrave": True, "print": "sla"})
-    plan(work, after="check", last="printing")
+    run_stages(work, after="check", last="printing")
     result = work.result()
     found = result.printability
     assert found is not None
@@ -36,7 +36,7 @@ def test_a_page_has_the_measures_of_the_print() -> None:
 
 def test_what_is_missing_is_a_dash_and_texts_are_escaped() -> None:
     work = checked(box(1.0, 1.1, 1.2), SIDES, entries={"engrave": False})
-    plan(work, after="check", last="printing")
+    run_stages(work, after="check", last="printing")
     found = work.result().printability
     assert found is not None
     concave = replace(

@@ -1,0 +1,257 @@
+"""The methods for convex dice, exact and paper; and the symmetry of a die whose recipe leaves it
+open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import islice
+from typing import TYPE_CHECKING, Final, Protocol
+
+import numpy as np
+
+from dicedesign.errors import InputError, NoStartError
+from dicedesign.fabricate.die import Design
+from dicedesign.optimize.coordinates.symmetric import SymmetricCoordinates, orbits_of_directions
+from dicedesign.optimize.energy.clusters import cluster
+from dicedesign.optimize.options import ExactOptions
+from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.result import DesignResult, DesignStep
+from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.starts.fitting_groups import fitting_groups
+from dicedesign.optimize.starts.start import Start
+from dicedesign.optimize.starts.variations import shapes_like
+from dicedesign.recipe.recipe import Recipe
+from dicedesign.recipe.start import check_orbits
+from dicedesign.recipe.work import Work
+from dicedesign.rest.poses import analyse, rest_poses
+from dicedesign.rest.prior import Prior
+from dicedesign.results.parts import Status
+from dicedesign.results.result import HullsMade, Step
+from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.workers import one_tensor_thread
+
+if TYPE_CHECKING:
+    from dicedesign.gradient.rest_odds import RestEvaluation
+    from dicedesign.optimize.refinement.rounds import Round
+
+TURNS: Final = 40
+"""Starting shapes of a group, or turns of a search for them, that are looked at."""
+
+TRIED: Final = 4
+"""How many of these are led to the odds."""
+
+
+class Shaped(Protocol):
+    """A shape that a solver reports."""
+
+    @property
+    def rests(self) -> RestEvaluation:
+        """Its hull and rests."""
+
+    @property
+    def directions(self) -> Floats:
+        """(k, 3) of the outcomes, in the order of the start's."""
+
+
+def design_exactly(work: Work) -> Design:
+    """The die of a recipe, from its start or from shapes that are searched.
+
+    Raises InputError if no start suits the target.
+    """
+    wanted = wanted_odds(work.recipe)
+    return designed_die(work, solver(work)(starts_of(work, wanted), wanted))
+
+
+def design_as_paper(work: Work) -> Design:
+    """The die of a recipe, from its start. Raises InputError if that does not suit the target."""
+    from dicedesign.optimize.solvers.paper import descend_as_paper
+
+    recipe, start = work.recipe, work.start
+    center = normalised_center(recipe, start)
+    # Only the exact method searches.
+    assert start is not None
+    assert recipe.method.paper is not None
+    result = descend_as_paper(
+        start,
+        wanted_odds(recipe),
+        recipe.method.paper,
+        center_of_mass=center,
+        seed=recipe.seed,
+        on_step=step_listener(work),
+        on_evaluation=shape_listener(work),
+        on_candidate=shape_listener(work),
+    )
+    return designed_die(work, replace(result, directions=_own_directions(result, center)))
+
+
+def _own_directions(result: DesignResult, center: Floats | None) -> Floats:
+    """(k, 3) normals of the most probable rest of each cluster, whose mean may be no rest at all;
+    an empty cluster keeps its direction."""
+    hull, directions = result.hull, result.directions.copy()
+    poses = analyse(hull, hull.centroid if center is None else center)
+    # Rests come the most probable first.
+    clusters, first = np.unique(cluster(poses.normals, directions).of_rest, return_index=True)
+    directions[clusters] = poses.normals[first]
+    return directions
+
+
+def choose_symmetry(work: Work) -> None:
+    """Give the recipe the most helpful point group (`fitting_groups`) that the start has and that
+    leads to the odds, or none."""
+    target, recipe = work.target, work.recipe
+    with one_tensor_thread():
+        for name in fitting_groups(target.probabilities):
+            work.recipe = recipe.model_copy(update={"symmetry": name})
+            if _leads_there(work):
+                break
+        else:
+            work.recipe = recipe.model_copy(update={"symmetry": None})
+            work.notes.append("symmetry: no point group was found that suits the target")
+            return
+    equal = "all outcomes" if len(set(target.probabilities)) == 1 else "equally probable outcomes"
+    work.notes.append(f"symmetry: {name}, which keeps {equal} equally frequent on every table")
+
+
+def _leads_there(work: Work) -> bool:
+    """Whether one of a few starts with the recipe's symmetry leads to the odds, with no other
+    preference."""
+    from dicedesign.gradient.thrown_odds import TableSensitivity, ThrownOdds
+
+    if not _start_has_it(work):
+        return False
+    wanted, options = wanted_odds(work.recipe), exact_options(work.recipe)
+    quick = replace(options, prefer=Preferences(), starts=TRIED)
+    sensitivity = None
+    if options.odds == "thrown":
+        # Other tables do not matter for whether there is a die at all.
+        sensitivity = TableSensitivity(ThrownOdds.on(options.thrown_onto), (), wanted)
+    starts = islice(starts_of(work, wanted), TURNS)
+    try:
+        result = solver(work)(starts, wanted, options=quick, sensitivity=sensitivity)
+    except NoStartError:
+        return False
+    return result.status is Status.CONVERGED
+
+
+def _start_has_it(work: Work) -> bool:
+    """Whether a given start has the recipe's symmetry, facets of outcomes that are images of each
+    other, and equal odds on these."""
+    group, start = work.recipe.group(), work.start
+    if start is None or group is None:
+        return True
+    try:
+        check_orbits(work.recipe, start.directions)
+        SymmetricCoordinates.of(start.points, np.zeros(3), group)
+    except InputError:
+        return False
+    return bool(orbits_of_directions(start.directions, group).max() + 1 < len(start.directions))
+
+
+def wanted_odds(recipe: Recipe) -> Floats:
+    """(k,) target in the order of the start's directions."""
+    return recipe.target.target().probabilities[recipe.outcome_of_direction()]
+
+
+def exact_options(recipe: Recipe) -> ExactOptions:
+    """The options of a recipe whose method is exact."""
+    assert recipe.method.exact is not None
+    return recipe.method.exact
+
+
+def solver(work: Work) -> Callable[..., DesignResult]:
+    """`solve_exactly` with all that a recipe says but the starts and the target."""
+    recipe = work.recipe
+    return partial(
+        solve_exactly,
+        options=exact_options(recipe),
+        center_of_mass=normalised_center(recipe, work.start),
+        group=recipe.group(),
+        least_circle=recipe.min_inradius_mm / recipe.size_mm,
+        prior=recipe.prior_read(),
+        on_step=step_listener(work),
+        on_candidate=shape_listener(work),
+    )
+
+
+def starts_of(work: Work, wanted: Floats) -> Iterable[Start | None]:
+    """What the solver begins with, one after the other; None where nothing was found for a
+    while."""
+    recipe, group = work.recipe, work.recipe.group()
+    if work.start is not None:
+        like = shapes_like(work.start, recipe.seed, group, any_order=recipe.any_order)
+        return told_starts(work, like)
+    search = recipe.start.kind.search
+    assert search is not None
+    found = search(recipe.start.options, wanted, group, recipe.seed)
+    prior = recipe.prior_read()
+    if prior is not None:
+        found = (_ranked(start, wanted, prior) for start in found)
+    return told_starts(work, found)
+
+
+def _ranked(start: Start | None, wanted: Floats, prior: Prior) -> Start | None:
+    """A shape whose outcomes, with odds (k,), have changed places: the likelier ones have the rests
+    that are likelier under a prior."""
+    if start is None:
+        return None
+    poses = rest_poses(start.points, "hull").under(prior)
+    odds = poses.probabilities[np.argmax(start.directions @ poses.normals.T, axis=1)]
+    directions = np.empty_like(start.directions)
+    order = np.argsort(-odds, kind="stable")
+    directions[np.argsort(-wanted, kind="stable")] = start.directions[order]
+    return replace(start, directions=directions)
+
+
+def normalised_center(recipe: Recipe, start: Start | None) -> Floats | None:
+    """(3,) the given center of mass in the coordinates of `Start.points`; None for the uniform
+    solid."""
+    if recipe.center_of_mass is None or start is None:
+        return None
+    return start.normalised(np.array(recipe.center_of_mass))
+
+
+def designed_die(work: Work, result: DesignResult, rounds: tuple[Round, ...] = ()) -> Design:
+    """The die of a solver's result."""
+    recipe = work.recipe
+    order = np.argsort(recipe.outcome_of_direction())
+    return Design(
+        status=result.status,
+        hull=result.hull,
+        directions=result.directions[order],
+        error=result.error,
+        steps=tuple(map(_step, result.history)),
+        center_of_mass=normalised_center(recipe, work.start),
+        terms=result.terms,
+        starts=result.starts,
+        evaluations=result.evaluations,
+        hulls=HullsMade(result.hulls_built, result.hulls_reused),
+        rounds=tuple(
+            replace(done, asked=done.asked[order], frequencies=done.frequencies[order])
+            for done in rounds
+        ),
+        prior=recipe.prior_read(),
+    )
+
+
+def step_listener(work: Work) -> Callable[[DesignStep], None]:
+    """What tells a run's listener of a solver's steps."""
+    return lambda step: work.listeners.on_step(_step(step))
+
+
+def shape_listener(work: Work) -> Callable[[Shaped], None]:
+    """What tells a run's listener of the shapes of a solver."""
+    order = np.argsort(work.recipe.outcome_of_direction())
+    return lambda shape: work.listeners.on_shape(shape.rests.hull, shape.directions[order])
+
+
+def told_starts(work: Work, starts: Iterable[Start | None]) -> Iterator[Start | None]:
+    """The starting shapes, each of which a run's listener is told of."""
+    for number, start in enumerate(starts):
+        work.listeners.on_start(number)
+        yield start
+
+
+def _step(step: DesignStep) -> Step:
+    return Step(step.step, step.seconds, step.energy, step.error, step.terms)

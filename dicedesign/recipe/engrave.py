@@ -1,0 +1,318 @@
+"""Stages engrave and inside: the finished die with its edges and labels, led to the target, what is
+inside of it, and what its file does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.fabricate.compensation.convex_object import (
+    ConvexObject,
+    Measured,
+    measure_resting,
+    measure_thrown,
+)
+from dicedesign.fabricate.compensation.reshaping import MOST_ROUNDS, largest_move, reshaped
+from dicedesign.fabricate.compensation.stretching import stretched
+from dicedesign.fabricate.die import Assessment, assess_file
+from dicedesign.fabricate.label_layout import Placement
+from dicedesign.fabricate.label_reading import MARKED
+from dicedesign.fabricate.labelled_facets import core_of, place_on_facets, require_rests
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.formats import stl_bytes
+from dicedesign.geometry.meshes.orientation import shells_of
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.surfaces.surface import Surface, joined
+from dicedesign.gradient.odds_model import OddsModel, OddsUnderPrior
+from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.recipe.work import Work
+from dicedesign.results.parts import Status
+from dicedesign.results.result import Balance, Inside
+from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.momentum_model import momentum_model
+from dicedesign.throws.tables import table_named
+from dicedesign.tolerances import FILE_ODDS
+
+if TYPE_CHECKING:
+    from dicedesign.balance.ways import Made
+
+LEFT: Final = 1e-9
+"""Largest |p - q| that moving facets may leave."""
+
+LEFT_THROWN: Final = 1e-3
+"""The same of odds by a momentum model, which is itself ten times as far from simulated throws; it
+has kinks, at which facets may be stuck."""
+
+STILL: Final = 1e-9
+"""Distance, over the size of a die, by which facets have not been moved."""
+
+MET_BY_STRETCH: Final = 6
+"""Outcomes whose odds a stretch can meet exactly."""
+
+CHANGED: Final = 0.05
+"""Relative change of an outcome's odds by labels and edges that is told."""
+
+RARE: Final = 1e-3
+"""Part of the wanted odds of an outcome, below which changes are told as parts of these."""
+
+
+def engrave(work: Work) -> None:
+    """Make die.stl: edges rounded; each label where the die is read, or in the side that is up then
+    where the die keeps the shape of a surface; and the shape moved until the odds are the target's.
+    Read it back.
+
+    Raises InputError if the die converged and a label has no place on it; one that did not
+    converge, and may be no solid, only says so.
+    """
+    try:
+        if work.die.reshaped is None:
+            _make_convex(work)
+        else:
+            _mark_surface(work)
+    except InputError as error:
+        if work.status is Status.CONVERGED:
+            if work.kept:
+                error.args = (f"{error}; {work.kept}",)
+            raise
+        work.remarks.append(f"not engraved: {error}")
+
+
+def _make_convex(work: Work) -> None:
+    """The finished object of a convex die."""
+    options, edges, solid = work.recipe.engrave, work.recipe.edges, work.solid
+    core = core_of(solid, edges)
+    placements: list[Placement] = []
+    if options is not None:
+        work.reading, placements = place_on_facets(solid, core, work.target.labels, options)
+    given = solid.center_of_mass
+    made = ConvexObject(options, edges, None if given is None else given - core.centroid)
+    if given is not None and (edges is None or work.recipe.method.thrown):
+        # Labels do not change what the die stands on.
+        _finish(work, made.engraved(core, placements), made.placed(placements), core=core)
+        return
+    by = "shape" if options is None else options.balance
+    rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
+    measure, model, target = _measure(work, made, core)
+    directions = work.die.directions
+    end = reshaped(core, directions, placements, target, made, measure, rounds=rounds, model=model)
+    work.balance = Balance(
+        by, tuple(end.first.odds.tolist()), end.errors, largest_move(core, end.core)
+    )
+    placed, is_filled = made.placed(end.placements), by == "fill"
+    surface = made.engraved(end.core, end.placements) if is_filled else end.surface
+    is_left = min(end.errors) > LEFT and len(target) <= MET_BY_STRETCH
+    if rounds and is_left and given is None and not work.recipe.method.thrown and not is_filled:
+        # Symmetric shapes whose corners fall apart when single facets move, and those with several
+        # facets an outcome.
+        _finish_stretched(work, surface, placed, by, end.core)
+        return
+    inlay = made.inlay(end.core, end.placements) if is_filled else None
+    _finish(work, surface, placed, end.measured.center_of_mass, inlay, end.core)
+
+
+def _measure(
+    work: Work, made: ConvexObject, core: ConvexHull
+) -> tuple[Callable[[Surface, Floats], Measured], OddsModel | None, Floats]:
+    """How an object is measured, the model by which it is reshaped, and its target (k,): for a die
+    to be thrown the odds that the plain shape has by the momentum model."""
+    given, table = work.solid.center_of_mass, work.recipe.method.table
+    if given is not None or table is None:
+        offset = None if given is None else given - made.unlabelled(core).centroid
+        prior = work.die.prior
+        model = None if prior is None else OddsUnderPrior.of(prior)
+        return measure_resting(prior, offset), model, work.target.probabilities
+    measure = measure_thrown(table_named(table), momentum_model(table))
+    plain = Surface(work.solid.points, work.solid.triangles)
+    return measure, ThrownOdds.on(table), measure(plain, work.die.directions).odds
+
+
+def _mark_surface(work: Work) -> None:
+    """The finished object of a die that keeps the shape of a surface."""
+    from dicedesign.fabricate.marks import engrave_marks
+
+    options, solid, labels = work.recipe.engrave, work.solid, work.target.labels
+    assert options is not None
+    main = work.plain.outcomes.main
+    require_rests(labels, main, "a side")
+    downs = work.plain.poses.normals[main]
+    work.reading = MARKED
+    marked, _ = engrave_marks(solid.points, solid.triangles, downs, labels, options)
+    if options.balance == "none" or work.status is not Status.CONVERGED:
+        _finish(work, marked, ())
+        return
+    _finish_stretched(work, marked, (), options.balance)
+
+
+def _finish_stretched(
+    work: Work,
+    surface: Surface,
+    placements: Sequence[Placement],
+    by: str,
+    core: ConvexHull | None = None,
+) -> None:
+    """The object of a surface, stretched until it has the odds."""
+    center = surface.centroid
+    surface = surface.moved(surface.points - center)
+    end = stretched(surface, work.die.directions, work.target.probabilities, work.die.prior)
+    alone = Balance(by, tuple(end.unbalanced.tolist()), end.errors[:1], 0.0)
+    before = work.balance or alone
+    scales = np.linalg.eigvalsh(end.matrix)
+    moved = float(np.linalg.norm(end.surface.points - surface.points, axis=1).max())
+    work.balance = replace(
+        before,
+        errors=(*before.errors, end.errors[1]),
+        moved_mm=before.moved_mm + moved,
+        stretch=float(scales[-1] / scales[0] - 1.0),
+    )
+    placements = [placement.moved(-center).stretched(end.matrix) for placement in placements]
+    if core is not None:
+        core = convex_hull((core.vertices - center) @ end.matrix.T)
+    _finish(work, end.surface, placements, core=core)
+
+
+def _finish(
+    work: Work,
+    surface: Surface,
+    placements: Sequence[Placement],
+    center: Floats | None = None,
+    inlay: Surface | None = None,
+    core: ConvexHull | None = None,
+) -> None:
+    """Make die.stl and judge it.
+
+    center: (3,) point to put at the origin, or None to leave the surface where it is; inlay: bodies
+    that fill the labels, which have a file of their own; core: see `Solid`.
+    """
+    if center is not None:
+        surface = surface.moved(surface.points - center)
+        placements = [placement.moved(-center) for placement in placements]
+        inlay = None if inlay is None else inlay.moved(inlay.points - center)
+        core = None if core is None else convex_hull(core.vertices - center)
+    data = work.files["die.stl"] = stl_bytes(surface.points, surface.triangles)
+    if inlay is not None:
+        work.files["die_inlay.stl"] = stl_bytes(inlay.points, inlay.triangles)
+        whole = joined(surface, inlay)
+        data = stl_bytes(whole.points, whole.triangles)
+    verdict = None
+    if work.solid.center_of_mass is None:
+        verdict = assess_file(data, work.die.directions, work.target, prior=work.die.prior)
+        work.notes += _changes(work, verdict.outcomes.odds)
+        _describe(work, verdict)
+    work.engraved = replace(
+        work.solid,
+        points=surface.points,
+        triangles=surface.triangles,
+        assessment=verdict,
+        placements=tuple(placements),
+        inlay=inlay,
+        core=core,
+    )
+
+
+def _describe(work: Work, verdict: Assessment) -> None:
+    """The odds of the finished die, in words; it has not converged where they are off the target
+    though its shape was to be moved to that."""
+    recipe, balance = work.recipe, work.balance
+    with_what = (
+        "labels and edges"
+        if recipe.engrave and recipe.edges
+        else ("the labels cut in" if recipe.engrave else "its edges rounded")
+    )
+    if not recipe.method.thrown:
+        work.remarks.append(f"{verdict.max_abs_error:.3g} with {with_what}")
+    if balance is None or balance.by == "none" or work.status is not Status.CONVERGED:
+        return
+    if recipe.method.thrown:
+        is_off = min(balance.errors) > LEFT_THROWN
+    else:
+        is_off = verdict.max_abs_error > max(recipe.method.tolerance, FILE_ODDS)
+    if is_off:
+        work.fail(Status.UNBALANCED)
+    elif recipe.symmetry is not None and balance.moved_mm > STILL * recipe.size_mm:
+        work.notes.append(
+            f"with {with_what} the die has no symmetry {recipe.symmetry}, as its facets were moved "
+            f"by up to {balance.moved_mm:.2g} mm to keep the odds"
+        )
+
+
+def _changes(work: Work, engraved: np.ndarray) -> Iterator[str]:
+    """What labels and edges change by more than `CHANGED`, in at most one sentence."""
+    plain, wanted = work.plain.outcomes.odds, work.target.probabilities
+    # A die that is no success may have next to no odds of an outcome.
+    changes = np.abs(engraved - plain) / np.where(plain > RARE * wanted, plain, wanted)
+    most = int(changes.argmax())
+    if changes[most] > CHANGED:
+        yield (
+            f"the finished die differs from the plain one in the odds of "
+            f"{work.target.labels[most]} by {changes[most]:.0%}; take a smaller depth_mm or a "
+            "larger size_mm"
+        )
+
+
+def fill_inside(work: Work) -> None:
+    """Make die.stl once more, of the solid with its labels and edges, with its center of mass where
+    it was given; read it back and judge it.
+
+    Raises InputError if the die converged and nothing inside of it can do that; one that did not
+    only says so.
+    """
+    from dicedesign.balance.ways import move_center, read_back
+
+    options = work.recipe.inside
+    assert options is not None
+    body = read_back(work.files["die_plain.stl" if work.engraved is None else "die.stl"])
+    assert body.triangles is not None
+    try:
+        # The center that was given is at the origin.
+        surface = Surface(body.points, body.triangles)
+        made = move_center(surface, np.zeros(3), options.by, options)
+    except InputError as error:
+        if work.status is Status.CONVERGED:
+            raise InputError(f"inside: {error}") from error
+        work.remarks.append(f"nothing inside: {error}")
+        return
+    _take_inside(work, made)
+
+
+def _take_inside(work: Work, made: Made) -> None:
+    assert work.recipe.inside is not None
+    assert made.body.triangles is not None
+    for rest, data in made.files.items():
+        work.files[f"die{rest}" if rest else "die.stl"] = data
+    by = work.recipe.inside.by
+    # A cavity is judged by the file alone.
+    center = None if by == "cavity" else made.center
+    verdict = assess_file(made.files[""], work.die.directions, work.target, center, work.die.prior)
+    points, triangles = made.body.points, made.body.triangles
+    if work.engraved is None:
+        work.engraved = work.solid
+    work.engraved = replace(work.engraved, points=points, triangles=triangles, assessment=verdict)
+    work.inside = Inside(
+        by=by,
+        shift_mm=float(norms(_outside_center(made))),
+        off_mm=float(norms(made.center)),
+        wall_mm=made.wall_mm,
+        made=dict(made.facts),
+        notes=made.notes,
+    )
+    work.notes += made.notes
+    work.remarks.append(f"{verdict.max_abs_error:.3g} with its center of mass by {by}")
+    most = max(work.recipe.method.tolerance, FILE_ODDS)
+    if verdict.max_abs_error > most and not work.recipe.method.thrown:
+        work.fail(Status.OFF_TARGET)
+
+
+def _outside_center(made: Made) -> np.ndarray:
+    """(3,) center of mass of the uniform solid within the outside."""
+    assert made.body.triangles is not None
+    shell = shells_of(made.body.triangles)
+    solids = [
+        solid_properties(made.body.points, made.body.triangles[shell == number])
+        for number in range(int(shell.max()) + 1)
+    ]
+    return max(solids, key=lambda found: found[0])[1]

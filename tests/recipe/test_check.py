@@ -1,0 +1,174 @@
+"""The verdict on dice that are made up."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from common.made_up_die import SIDES, box, checked
+
+from dicedesign.recipe.work import Work
+from dicedesign.rest.poses import rest_poses
+from dicedesign.results.parts import Status
+from dicedesign.runtime.arrays import Floats
+
+FROM_PRISM = {"method": {"paper": {}}, "start": {"prism": {}}}
+"""Entries of a recipe of the paper's method."""
+
+
+def message(work: Work) -> str:
+    return "; ".join(work.remarks)
+
+
+def roof(degrees: float) -> Floats:
+    """Corners of a cube whose lower side is bent by an angle: two rests."""
+    rise = np.tan(np.radians(degrees / 2.0))
+    corners = box(2.0, 2.0, 2.0)
+    raised = corners + np.array([0.0, 0.0, rise]) * (corners[:, 2:] < 0.0)
+    return np.concatenate([raised, [[0.0, -1.0, -1.0], [0.0, 1.0, -1.0]]])
+
+
+def test_a_good_die_has_no_advice() -> None:
+    work = checked(box(4.0, 5.0, 6.0), starts=3)
+    assert work.status is Status.CONVERGED
+    assert len(work.remarks) == 2
+    assert work.plain.max_abs_error < 1e-6
+    assert work.design_error < 1e-12
+
+
+def test_odds_that_are_off_are_told_with_how_much() -> None:
+    points = box(4.0, 5.0, 6.0)
+    work = checked(points, target={"fair": 6}, starts=3)
+    assert work.status is Status.OFF_TARGET
+    off = np.abs(work.plain.outcomes.odds - 1.0 / 6.0).max()
+    assert off > 0.05
+    told = [
+        float(number)
+        for number in re.findall(r"[0-9.]+(?= in the file| as designed)", message(work))
+    ]
+    assert told == pytest.approx([off, off], rel=5e-3)
+    assert work.design_error == pytest.approx(off, rel=1e-6)
+    assert "3 starting shapes" in message(work)
+    assert "finish" not in message(work)
+    one = checked(points, target={"fair": 6}, starts=1)
+    assert "starting shapes" not in message(one)
+    finished = checked(points, target={"fair": 6}, entries=FROM_PRISM)
+    assert "finish" not in message(finished)
+    rough = {**FROM_PRISM, "method": {"paper": {"finish": "none"}}}
+    assert "finish: exact" in message(checked(points, target={"fair": 6}, entries=rough))
+
+
+def test_rests_of_no_outcome_are_told() -> None:
+    """A box that has four outcomes only."""
+    points = box(4.0, 5.0, 6.0)
+    work = checked(points, SIDES[[0, 1, 3, 4]])
+    assert work.status is Status.OFF_TARGET
+    elsewhere = work.plain.outcomes.elsewhere
+    assert elsewhere > 0.05
+    assert f"{elsewhere:.3g} of the probability" in message(work)
+    assert "of the probability" not in message(checked(points))
+    wide = checked(
+        points, SIDES[[0, 1, 3, 4]], entries={"method": {"exact": {"tolerance": 0.99 * elsewhere}}}
+    )
+    assert "of the probability" in message(wide)
+
+
+def test_outcomes_without_a_rest_are_counted() -> None:
+    """Two directions beside that of a side, which is nearer to another."""
+    near = np.array([[1.0, 0.3, 0.0], [1.0, 0.0, 0.3]]) / np.sqrt(1.09)
+    work = checked(box(1.0, 1.0, 1.0), np.concatenate([SIDES, near]), target={"fair": 8})
+    assert (work.plain.outcomes.main < 0).sum() == 2
+    assert "2 outcomes have no facet" in message(work)
+    assert "have no facet" not in message(checked(box(1.0, 1.0, 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("status", "entries", "key"),
+    [
+        (Status.TIME_LIMIT, {}, "method.exact.seconds"),
+        (Status.TIME_LIMIT, FROM_PRISM, None),
+        (Status.STEP_LIMIT, {}, "method.exact.evaluations"),
+        (Status.STEP_LIMIT, FROM_PRISM, None),
+        (Status.NO_PROGRESS, {}, None),
+    ],
+)
+def test_what_to_raise_is_told_of_dice_that_ran_into_it(
+    status: Status, entries: dict[str, Any], key: str | None
+) -> None:
+    work = checked(box(4.0, 5.0, 6.0), status=status, target={"fair": 6}, entries=entries)
+    assert work.status is status
+    found = re.findall(r"method\.\w+\.(?:seconds|evaluations)", message(work))
+    assert found == ([] if key is None else [key])
+    # What is wrong with its odds goes without saying.
+    assert Status.OFF_TARGET.value not in message(work)
+
+
+@pytest.mark.parametrize("status", [Status.CONVERGED, Status.NO_PROGRESS])
+def test_outcomes_that_are_one_to_the_eye_are_told_with_their_angle(status: Status) -> None:
+    points = roof(4.0)
+    half = np.radians(2.0)
+    below = [[-np.sin(half), 0.0, -np.cos(half)], [np.sin(half), 0.0, -np.cos(half)]]
+    work = checked(points, np.concatenate([SIDES[:5], below]), status, target={"fair": 7})
+    assert work.plain.outcomes.least_angle == pytest.approx(np.radians(4.0), rel=1e-3)
+    assert Status.CROWDED.value in message(work)
+    assert "nearest are 4 degrees" in message(work)
+    assert work.status is (Status.OFF_TARGET if status is Status.CONVERGED else status)
+    apart = checked(roof(8.0), np.concatenate([SIDES[:5], below]), status, target={"fair": 7})
+    assert Status.CROWDED.value not in message(apart)
+
+
+def test_an_outcome_that_is_left_at_a_nudge_is_named() -> None:
+    """A box stands on an end so thin that a tilt by a twentieth of a degree makes it fall."""
+    work = checked(box(1.0, 1.1, 1100.0), target={"fair": 6}, entries={"size_mm": 100})
+    weakest = work.plain.margins
+    assert Status.UNSTEADY.value in message(work)
+    told = re.search(r"(\d) is left at ([0-9.]+) degrees", message(work))
+    assert told is not None
+    assert told[1] == work.target.labels[int(np.argmin(weakest))]
+    assert told[1] in "36"
+    assert float(told[2]) == pytest.approx(np.degrees(np.arctan(1.0 / 1100.0)), rel=0.05)
+
+
+def test_facets_that_broke_are_put_down_to_moving_vertices() -> None:
+    entries = {"method": {"exact": {"coordinates": "vertices"}}}
+    work = checked(box(4.0, 5.0, 6.0), target={"fair": 6}, entries=entries)
+    assert "coordinates: vertices" in message(work)
+    assert "coordinates" not in message(checked(box(4.0, 5.0, 6.0), target={"fair": 6}))
+    assert "coordinates" not in message(checked(box(4.0, 5.0, 6.0), entries=entries))
+
+
+def test_the_smallest_circle_is_that_of_an_outcome_s_facet() -> None:
+    """Of a box 30 mm long between two corners: half the smallest side of any facet."""
+    points = box(4.0, 5.0, 6.0)
+    size = np.linalg.norm([4.0, 5.0, 6.0])
+    work = checked(points, status=Status.TOO_SMALL)
+    told = re.search(r"([0-9.]+) mm", message(work))
+    assert told is not None
+    assert float(told[1]) == pytest.approx(2.0 * 30.0 / size, rel=5e-3)
+    assert "circle has a radius" not in message(checked(points, target={"fair": 6}))
+
+
+def test_the_smallest_circle_may_be_that_of_the_most_probable_outcome() -> None:
+    """Of a frustum on its small end, with the center of mass near to that."""
+    points = box(4.0, 4.0, 3.0)
+    points[points[:, 2] < 0.0] *= [0.5, 0.5, 1.0]
+    center = np.array([0.0, 0.0, -1.4])
+    normals = rest_poses(points, center).normals
+    work = checked(points, normals, Status.TOO_SMALL, {"fair": len(normals)}, center_of_mass=center)
+    assert int(work.solid.poses.probabilities.argmax()) == int(work.solid.outcomes.main[0]) == 0
+    told = re.search(r"([0-9.]+) mm", message(work))
+    assert told is not None
+    diameter = np.linalg.norm(points[:, None] - points[None], axis=2).max()
+    assert float(told[1]) == pytest.approx(30.0 / diameter, rel=5e-3)
+
+
+@pytest.mark.parametrize(("smallest", "told"), [(9e-6, True), (1e-5, False), (2e-5, False)])
+def test_what_is_too_rare_is_told(smallest: float, told: bool) -> None:
+    rest = (1.0 - smallest) / 5.0
+    target = {"probabilities": [smallest, *[rest] * 5]}
+    work = checked(box(4.0, 5.0, 6.0), target=target)
+    assert (f"{smallest:.2g} is hard" in message(work)) == told
+    paper = checked(box(4.0, 5.0, 6.0), target=target, entries=FROM_PRISM)
+    assert "is hard" not in message(paper)

@@ -1,0 +1,161 @@
+"""Labels cut into made-up dice."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from common.made_up_die import SIDES, box, designed
+
+from dicedesign.errors import EngravingError
+from dicedesign.fabricate.label_art import text_section
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.manifold import solid
+from dicedesign.geometry.meshes.formats import parsed_stl
+from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.work import Work
+from dicedesign.results.parts import Status
+from dicedesign.runtime.arrays import Floats
+
+
+def engraved(
+    size_mm: float = 25.0, center_of_mass: Floats | None = None, read: str = "auto"
+) -> Work:
+    """A run up to the stage engrave of a box that is no fair die."""
+    work = designed(
+        box(4.0, 5.0, 6.0),
+        SIDES,
+        Status.NO_PROGRESS,
+        {"fair": 6, "labels": list("abcdef")},
+        {"engrave": {"read": read, "balance": "none"}, "size_mm": size_mm},
+        center_of_mass=center_of_mass,
+    )
+    run_stages(work, after="design", last="engrave")
+    return work
+
+
+@pytest.mark.parametrize("depth_mm", [0.3, 3.0])
+def test_what_labels_change_by_more_than_a_twentieth_is_told(depth_mm: float) -> None:
+    """Of a frustum, which seldom rests on its top: a label deep in the base is worth much there."""
+    frustum = box(4.0, 4.0, 2.5)
+    frustum[frustum[:, 2] > 0.0] *= [0.3, 0.3, 1.0]
+    options = {
+        "depth_mm": depth_mm,
+        "max_height_mm": 20.0,
+        "min_height_mm": 1.0,
+        "read": "down",
+    }
+    work = designed(
+        frustum,
+        np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]),
+        Status.NO_PROGRESS,
+        {"fair": 2, "labels": ["■", "1"]},
+        {"engrave": options},
+    )
+    run_stages(work, after="design", last="engrave")
+    assert work.engraved is not None
+    verdict = work.engraved.assessment
+    assert verdict is not None
+    changes = np.abs(verdict.outcomes.odds / work.plain.outcomes.odds - 1.0)
+    assert (changes.max() > 0.05) == (depth_mm > 1.0)
+    told = [re.search(r"odds of (\S+) by (\d+)%", note) for note in work.notes]
+    if depth_mm < 1.0:
+        assert told == []
+        return
+    (found,) = told
+    assert found is not None
+    assert found[1] == ("■", "1")[int(changes.argmax())]
+    assert int(found[2]) == round(100.0 * changes.max())
+
+
+@pytest.mark.parametrize(("read", "sign"), [("down", 1.0), ("up", -1.0), ("auto", -1.0)])
+def test_the_file_has_each_label_where_it_is_read(read: str, sign: float) -> None:
+    """Below the facet that an outcome rests on or the one above there is less of the file's solid,
+    by as much as that label takes."""
+    work = engraved(read=read)
+    assert work.engraved is not None
+    points, triangles = parsed_stl(work.files["die.stl"], Path("die.stl"))
+    engraved_solid, depth = solid(points.astype(np.float64), triangles), 0.6
+    # Labels are pockets, so that the box is its hull.
+    hull = convex_hull(points.astype(np.float64), single_precision=True)
+    plain = solid(hull.vertices, hull.triangles)
+    for label, side, placement in zip("abcdef", SIDES, work.engraved.placements, strict=True):
+        assert placement.text == label
+        outward = sign * side
+        height = float((points @ outward).max()) - 1.01 * depth
+        taken = (
+            plain.trim_by_plane(outward.tolist(), height).volume()
+            - engraved_solid.trim_by_plane(outward.tolist(), height).volume()
+        )
+        assert taken == pytest.approx(placement.section().area() * depth, rel=1e-3)
+    assert (work.result().engraved.reading or "").startswith("Lift" if read == "down" else "Read")
+    areas = [text_section(label).area() for label in "abcdef"]
+    assert np.diff(np.sort(areas)).min() > 2e-3 * max(areas)
+    assert any("with the labels cut in" in remark for remark in work.remarks)
+    assert work.result().engraved.max_abs_error is not None
+
+
+def test_with_a_center_that_was_given_nobody_knows_what_labels_change() -> None:
+    work = engraved(center_of_mass=np.zeros(3))
+    assert work.engraved is not None
+    assert work.engraved.assessment is None
+    assert work.result().engraved.probabilities is None
+    assert "die.stl" in work.files
+
+
+def test_labels_without_room_are_an_error_on_good_dice_only() -> None:
+    fair = designed(box(1.0, 1.0, 1.0), entries={"engrave": True, "size_mm": 3.0})
+    with pytest.raises(EngravingError):
+        run_stages(fair, after="design", last="engrave")
+    work = engraved(size_mm=3.0)
+    assert work.engraved is None
+    assert work.remarks[-1].startswith("not engraved: ")
+    assert "die.stl" not in work.files
+
+
+def test_one_label_without_a_rest_keeps_the_die_plain() -> None:
+    directions = SIDES.copy()
+    directions[5] = [0.8, 0.6, 0.0]
+    target = {"fair": 6, "labels": list("abcdef")}
+    work = designed(box(4.0, 5.0, 6.0), directions, Status.NO_PROGRESS, target, {"engrave": True})
+    run_stages(work, after="design", last="engrave")
+    assert (work.plain.outcomes.main < 0).sum() == 1
+    assert work.engraved is None
+    assert "label 'f'" in work.remarks[-1]
+    assert "die.stl" not in work.files
+
+
+def test_labels_without_room_on_top_lie_below_unless_asked_for() -> None:
+    """Of a frustum that bears its short label on its small top, if that is read from below."""
+    frustum = box(4.0, 4.0, 2.5)
+    frustum[frustum[:, 2] > 0.0] *= [0.2, 0.2, 1.0]
+
+    def way(size_mm: float, read: str) -> str | None:
+        entries = {"engrave": {"read": read}, "size_mm": size_mm}
+        target = {"fair": 2, "labels": ["1200", "1"]}
+        directions = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+        work = designed(frustum, directions, Status.NO_PROGRESS, target, entries)
+        run_stages(work, after="design", last="engrave")
+        return None if work.engraved is None or work.reading is None else work.reading.way
+
+    assert way(100.0, "auto") == "up"
+    assert way(30.0, "auto") == "down"
+    assert way(30.0, "up") is None
+    assert way(8.0, "auto") is None
+
+
+def test_raised_labels_lie_below_where_the_border_leaves_no_room_around_a_corner() -> None:
+    """Of a tetrahedron, whose labels around the top corner are near to its edges."""
+    points = np.array([(1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)])
+
+    def way(border_mm: float) -> str | None:
+        options = {"style": "raised", "border_mm": border_mm}
+        target = {"fair": 4, "labels": ["10", "20", "30", "40"]}
+        work = designed(points, -points / np.sqrt(3.0), target=target, entries={"engrave": options})
+        run_stages(work, after="design", last="engrave")
+        return None if work.engraved is None or work.reading is None else work.reading.way
+
+    assert way(0.1) == "corner"
+    assert way(1.0) == "down"

@@ -1,0 +1,158 @@
+"""The die in every format, as a run leaves it: read back by trimesh, with its odds."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import lib3mf
+import numpy as np
+import pytest
+import yaml
+from pygltflib import GLTF2
+
+from dicedesign.errors import RecipeError
+from dicedesign.fabricate import mesh_writers
+from dicedesign.fabricate.file_formats import FILE_FORMATS, Contents
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.recipe.design_die import Die, design
+from dicedesign.recipe.pipeline import run
+from dicedesign.recipe.reading import checked_recipe
+from dicedesign.rest.poses import rest_poses
+from dicedesign.results.folder import read_result
+
+FORMATS = ["3mf", "obj", "glb", "ply", "off"]
+
+COIN = {"name": "coin", "target": {"probabilities": ["1/2", "1/3", "1/6"]}, "seed": 3}
+
+QUICK = {"figures": False, "report": False, "clock": False}
+
+
+def sorted_odds(path: Path) -> np.ndarray:
+    points, triangles = FILE_FORMATS[path.suffix[1:]].read_back(path)
+    return np.sort(rest_poses(make_body(points, triangles)).probabilities)
+
+
+@pytest.fixture(scope="module")
+def coin(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("coin")
+    run({**COIN, **QUICK, "files": FORMATS}, folder)
+    return folder
+
+
+def test_every_file_has_the_odds_of_the_stl(coin: Path) -> None:
+    expected = sorted_odds(coin / "die.stl")
+    for name in FORMATS:
+        np.testing.assert_allclose(sorted_odds(coin / f"die.{name}"), expected, atol=1e-6)
+    exact = sorted_odds(coin / "die.obj")
+    for name in ("3mf", "ply", "off"):
+        np.testing.assert_allclose(sorted_odds(coin / f"die.{name}"), exact, atol=1e-9)
+
+
+def test_every_file_is_told_with_its_checksum(coin: Path) -> None:
+    result = read_result(coin)
+    names = {path.name for path in coin.iterdir()} - {"result.json"}
+    assert {f"die.{name}" for name in ["stl", *FORMATS]} < names
+    assert set(result.files.values()) == {*names, "result.json"}
+    assert (result.files["die"], result.files["die_plain"]) == ("die.stl", "die_plain.stl")
+    for name in names:
+        assert result.sha256[name] == hashlib.sha256((coin / name).read_bytes()).hexdigest()
+
+
+def test_facts_are_those_of_the_result(coin: Path) -> None:
+    result = read_result(coin)
+    data = (coin / "die.glb").read_bytes()
+    scene = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    facts = scene["asset"]["extras"]
+    labels = result.labels
+    assert json.loads(facts["Target"]) == dict(zip(labels, result.target, strict=True))
+    odds = json.loads(facts["Odds"])
+    assert odds == dict(zip(labels, result.engraved.probabilities, strict=True))
+    assert facts["Recipe"] == (coin / "recipe.yaml").read_text()
+    assert facts["Checksum"].endswith(result.sha256["die.stl"])
+    assert [material["name"] for material in scene["materials"]] == ["die", "labels"]
+
+
+def test_formats_that_are_not_asked_for_any_more_are_removed(tmp_path: Path) -> None:
+    entries = {**COIN, **QUICK, "engrave": False}
+    run({**entries, "files": ["obj", "stl"]}, tmp_path)
+    assert (tmp_path / "die_plain.obj").exists()
+    result = run(entries, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == set(result.files.values())
+    assert set(result.files) == {"die_plain", "recipe", "result"}
+
+
+def test_a_file_with_other_odds_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def dented(contents: Contents) -> bytes:
+        (part,) = contents.parts
+        points = part.points.copy()
+        points[0] *= 1.0 + 1e-6
+        return mesh_writers.obj(replace(contents, parts=[replace(part, points=points)]))
+
+    known = FILE_FORMATS["obj"]
+    FILE_FORMATS.unregister("obj")
+    FILE_FORMATS.register(replace(known, write=dented))
+    try:
+        result = run({**COIN, **QUICK, "engrave": False, "files": "obj"}, tmp_path / "coin")
+    finally:
+        FILE_FORMATS.unregister("obj")
+        FILE_FORMATS.register(known)
+    assert not result.converged
+    assert re.search(r"die_plain.obj: expected the odds .* take another", result.message)
+    assert {path.name for path in (tmp_path / "coin").iterdir()} >= {"die_plain.stl", "result.json"}
+    assert not (tmp_path / "coin" / "die_plain.obj").exists()
+
+
+@pytest.mark.parametrize(
+    ("files", "expected"),
+    [
+        ([], ["stl"]),
+        ("obj", ["stl", "obj"]),
+        (["obj", "stl", "obj", False], ["stl", "obj", "off"]),  # YAML takes a bare off for false.
+    ],
+)
+def test_stl_is_always_among_the_formats(files: object, expected: list[str]) -> None:
+    recipe = checked_recipe({**COIN, "files": files})
+    assert recipe.files == expected
+    assert yaml.safe_load(yaml.safe_dump(recipe.resolved()))["files"] == expected
+
+
+@pytest.mark.parametrize("files", ["dxf", ["stl", "dxf"], [["obj"]], 3, {"obj": True}])
+def test_other_formats_are_refused(files: object) -> None:
+    with pytest.raises(RecipeError, match=r"^files.*got"):
+        checked_recipe({**COIN, "files": files})
+
+
+@pytest.fixture(scope="module")
+def die() -> Die:
+    return design(["1/2", "1/3", "1/6"], seed=3, engrave=True)
+
+
+def color_names(path: Path) -> list[str]:
+    """Names of the materials or groups of a file."""
+    if path.suffix == ".obj":
+        lines = path.read_text().splitlines()
+        return [line[2:] for line in lines if line.startswith("g ")]
+    if path.suffix == ".glb":
+        return [material.name for material in GLTF2().load(str(path)).materials]
+    model = lib3mf.Wrapper().CreateModel()
+    model.QueryReader("3mf").ReadFromFile(str(path))
+    groups = model.GetBaseMaterialGroups()
+    assert groups.MoveNext()
+    group = groups.GetCurrentBaseMaterialGroup()
+    return [group.GetName(number) for number in group.GetAllPropertyIDs()]
+
+
+@pytest.mark.parametrize("name", ["3mf", "glb", "obj"])
+def test_a_die_in_python_is_saved_like_that_of_a_run(die: Die, tmp_path: Path, name: str) -> None:
+    die.save(tmp_path / f"coin.{name}")
+    points, triangles = FILE_FORMATS[name].read_back(tmp_path / f"coin.{name}")
+    expected = np.sort(rest_poses(make_body(die.vertices, die.triangles)).probabilities)
+    found = np.sort(rest_poses(make_body(points, triangles)).probabilities)
+    np.testing.assert_allclose(found, expected, atol=FILE_FORMATS[name].same_odds)
+    assert "labels" in color_names(tmp_path / f"coin.{name}")

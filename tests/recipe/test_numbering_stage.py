@@ -1,0 +1,123 @@
+"""Made-up and designed dice whose equally probable outcomes change places."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from common.made_up_die import SIDES, box, designed
+
+from dicedesign.errors import RecipeError
+from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
+from dicedesign.optimize.refinement.rounds import Round
+from dicedesign.recipe.design_die import design, design_recipe
+from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.work import Work
+from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.results.parts import Status
+
+
+def numbered(style: str, sides: tuple[float, float, float] = (1.0, 1.0, 1.0), **more: Any) -> Work:
+    """A run up to the stage check, of a box whose labels were in the order of `SIDES`."""
+    work = designed(box(*sides), entries={"numbering": style, **more})
+    run_stages(work, after="design", last="check")
+    return work
+
+
+def across(work: Work) -> list[float]:
+    """Sums of the numbers on opposite facets."""
+    directions = work.die.directions
+    numbers = np.array([float(label) for label in work.target.labels])
+    opposite = (directions @ directions.T).argmin(axis=1)
+    return sorted(set((numbers + numbers[opposite]).tolist()))
+
+
+def test_a_cube_gets_sums_of_seven() -> None:
+    assert across(numbered("given")) == [5.0, 7.0, 9.0]
+    work = numbered("standard")
+    assert across(work) == [7.0]
+    assert work.status is Status.CONVERGED
+    assert any("sum to 7" in note for note in work.notes)
+
+
+@pytest.mark.parametrize("style", ["standard", "balanced"])
+def test_odds_stay_with_their_labels(style: str) -> None:
+    """Of a box of three kinds of sides only opposite ones change places, of a square one four."""
+    for sides in ((4.0, 5.0, 6.0), (4.0, 4.0, 6.0)):
+        work = numbered(style, sides)
+        assert work.status is Status.CONVERGED
+        before, after = SIDES, work.die.directions
+        poses = work.plain.poses
+        np.testing.assert_allclose(
+            outcome_odds(poses, after).odds, outcome_odds(poses, before).odds, atol=1e-6
+        )
+        assert sorted(map(tuple, after.tolist())) == sorted(map(tuple, before.tolist()))
+
+
+def test_what_throws_told_of_an_outcome_goes_with_it() -> None:
+    asked = np.arange(6.0)
+    thrown = Round(asked, 10, 2.0 * asked, 0.0, 0.0, 0.0)
+    work = designed(box(1.0, 1.0, 1.0), entries={"numbering": "standard"}, rounds=(thrown,))
+    run_stages(work, after="design", last="numbering")
+    (after,) = work.die.rounds
+    of_side = (work.die.directions @ SIDES.T).argmax(axis=1)
+    assert list(of_side) != list(range(6))
+    np.testing.assert_array_equal(after.asked, asked[of_side])
+    np.testing.assert_array_equal(after.frequencies, 2.0 * asked[of_side])
+
+
+def test_the_label_goes_where_its_outcome_went() -> None:
+    work = numbered("standard", engrave=True)
+    run_stages(work, after="check", last="engrave")
+    assert work.engraved is not None
+    for direction, placement, text in zip(
+        work.die.directions, work.engraved.placements, work.target.labels, strict=True
+    ):
+        assert placement.text == text
+        np.testing.assert_allclose(placement.frame[:3, 2], -direction, atol=0.01)
+
+
+def test_a_symmetric_die_stays_symmetric() -> None:
+    """Facets that the group carries to each other still bear equally probable labels."""
+    recipe = checked_recipe(
+        {
+            "name": "d6",
+            "target": {"probabilities": [1 / 8, 1 / 4, 1 / 8, 1 / 4, 1 / 8, 1 / 8]},
+            "symmetry": "D2h",
+            "numbering": "standard",
+            "engrave": False,
+        }
+    )
+    work = design_recipe(recipe, last="check")
+    assert work.status is Status.CONVERGED
+    group = recipe.group()
+    assert group is not None
+    orbits = orbits_of_directions(work.die.directions, group)
+    for orbit in np.unique(orbits):
+        assert np.ptp(work.target.probabilities[orbits == orbit]) == 0.0
+    assert across(work)
+
+
+def test_an_outcome_without_a_facet_keeps_all_where_they_are() -> None:
+    directions = SIDES.copy()
+    directions[5] = [0.8, 0.6, 0.0]
+    work = designed(
+        box(4.0, 5.0, 6.0), directions, Status.NO_PROGRESS, {"fair": 6}, {"numbering": "standard"}
+    )
+    run_stages(work, after="design", last="check")
+    np.testing.assert_array_equal(work.die.directions, directions)
+    assert any("no facet" in note for note in work.notes)
+
+
+def test_bad_words_and_concave_dice_are_refused() -> None:
+    with pytest.raises(RecipeError, match="numbering"):
+        design({"fair": 6}, numbering="odd")
+    for key, entries in (
+        ("numbering", {"numbering": "balanced"}),
+        ("engrave.read", {"engrave": {"read": "down"}}),
+    ):
+        concave = {"name": "duck", "target": {"fair": 3}, "start": {"shape": "duck"}}
+        with pytest.raises(RecipeError, match=f"^{key}: expected .* with the concave method"):
+            checked_recipe({**concave, "method": {"concave": {}}, **entries})

@@ -1,0 +1,92 @@
+"""What is refused before a design begins, and what is not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from common.made_up_die import box
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.optimize.starts.kinds.prism import prism
+from dicedesign.optimize.starts.start import STARTS, StartKind
+from dicedesign.recipe.design_die import design_recipe
+from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.work import Work
+
+
+def started(**entries: Any) -> Work:
+    given = {"name": "die", "start": {"prism": {}}, "engrave": False, **entries}
+    return design_recipe(checked_recipe(given), last="start")
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [{"start": {"prism": {}}}, {"start": {"shape": "knot"}, "method": "concave"}],
+    ids=["shape", "surface"],
+)
+def test_labels_that_cannot_be_drawn_are_refused_at_once(entries: dict[str, Any]) -> None:
+    target = {"fair": 4, "labels": ["1", "2", "3", "\U0010ffff"]}
+    with pytest.raises(InputError, match="label"):
+        started(target=target, engrave=True, **entries)
+    started(target=target, engrave=False, **entries)
+
+
+def test_a_die_that_is_too_large_to_be_thrown_is_refused_where_it_is_thrown() -> None:
+    large = {"target": {"fair": 4}, "size_mm": 1000.0}
+    started(**large)
+    thrown = {"exact": {"odds": "thrown"}}
+    started(target={"fair": 4}, method=thrown)
+    with pytest.raises(InputError, match="table board-game"):
+        started(**large, method=thrown)
+
+
+def test_a_symmetric_start_is_moved_to_its_centroid(tmp_path: Path) -> None:
+    """Its symmetries are about that."""
+    corners = box(1.0, 2.0, 3.0)
+    corners[corners[:, 2] > 0.0] *= [0.6, 0.6, 1.0]
+    points = corners + np.array([7.0, -5.0, 3.0])
+    lines = ["v " + " ".join(map(repr, x)) for x in points.tolist()]
+    (tmp_path / "wedge.obj").write_text("\n".join(lines))
+    start = {"mesh": {"path": str(tmp_path / "wedge.obj")}}
+    work = started(target={"fair": 2}, start=start, symmetry="C1")
+    assert work.start is not None
+    np.testing.assert_allclose(convex_hull(work.start.points).centroid, 0.0, atol=1e-12)
+
+
+def test_images_of_equal_odds_to_rounding_are_equal() -> None:
+    """Odds from fractions and decimals are not the same numbers."""
+    odds = [0.1 + 0.2, 0.2, 0.3, 0.2]
+    assert odds[0] != odds[2]
+    prism = {"target": {"probabilities": odds}, "start": {"prism": {}}}
+    started(**prism, symmetry="C2")
+    with pytest.raises(InputError, match="equally probable"):
+        started(target={"probabilities": [0.3, 0.3, 0.2, 0.2]}, start={"prism": {}}, symmetry="C2")
+
+
+@dataclass(frozen=True)
+class Nothing:
+    """Options of a start that is wrong."""
+
+
+@pytest.mark.parametrize("directions", [3, 5])
+def test_a_kind_of_start_with_other_directions_than_outcomes_is_told(directions: int) -> None:
+    shape = prism(4)
+    wrong = replace(shape, directions=np.resize(shape.directions, (directions, 3)))
+    STARTS.register(
+        StartKind(
+            name="wrong",
+            line="has not as many directions as there are outcomes",
+            options=Nothing,
+            make=lambda options, task: wrong,
+        )
+    )
+    try:
+        with pytest.raises(InputError, match=r"start.wrong: expected .* each of the 4 outcomes"):
+            started(target={"fair": 4}, start={"wrong": {}})
+    finally:
+        STARTS.unregister("wrong")

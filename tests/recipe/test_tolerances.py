@@ -1,0 +1,178 @@
+"""The stage that says what errors of printing, and infill, do to the odds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from common.made_up_die import SIDES, box, designed
+from common.random_points import depths, drawn, in_pocket_walls
+from common.thrown import thrown
+
+from dicedesign.fabricate.infill import inside_walls, weighed
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.work import Work
+from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.momentum_model import momentum_model
+from dicedesign.throws.momentum_odds import momentum_odds
+
+FRUSTUM = box(4.0, 4.0, 2.5)
+FRUSTUM[FRUSTUM[:, 2] > 0.0] *= [0.7, 0.8, 1.0]
+
+
+def printed(points: np.ndarray, options: dict[str, Any], **more: Any) -> Work:
+    entries = {"size_mm": 30.0, "print": options, **more.pop("entries", {})}
+    work = designed(points, entries=entries, directions=more.pop("directions", SIDES), **more)
+    run_stages(work, after="design", last="tolerances")
+    return work
+
+
+def test_a_box_is_told_how_well_it_must_be_printed() -> None:
+    result = printed(box(4.0, 5.0, 6.0), {}).result()
+    found = result.tolerances
+    assert found is not None
+    assert result.infill is None
+    # Opposite faces are alike.
+    np.testing.assert_allclose(found.deviations[:3], found.deviations[3:], rtol=1e-6)
+    squares = sum(np.square(one) for one in found.by_error.values())
+    np.testing.assert_allclose(np.square(found.deviations), squares)
+    assert found.allowed_mm is not None
+    assert 0.05 < found.allowed_mm < 1.0
+    assert 0.05 < found.noticed < 0.5
+
+
+def test_errors_are_those_of_the_recipe() -> None:
+    options = {"errors": {"dimensional_mm": 0.3, "bubble_mm3": 0.0}}
+    usual = printed(box(4.0, 5.0, 6.0), {}).result().tolerances
+    found = printed(box(4.0, 5.0, 6.0), options).result().tolerances
+    assert usual is not None
+    assert found is not None
+    ratio = np.divide(found.by_error["dimensional_mm"], usual.by_error["dimensional_mm"])
+    np.testing.assert_allclose(ratio, 0.3 / usual.assumed["dimensional_mm"])
+    assert found.by_error["bubble_mm3"] == (0.0,) * 6
+    assert found.assumed["dimensional_mm"] == 0.3
+    assert found.allowed_mm == usual.allowed_mm
+
+
+def test_infill_moves_the_center_of_mass_and_the_odds() -> None:
+    hollow = printed(FRUSTUM, {"infill": 0.0, "walls_mm": 2.0})
+    found = hollow.result().infill
+    assert found is not None
+    hull = hollow.plain.poses.hull
+    mass, center = weighed(*_uniform(hull.vertices), inside_walls(hull, 2.0), 0.0)
+    odds = outcome_odds(rest_poses(hull.vertices, center), SIDES).odds
+    assert found.mass == pytest.approx(mass, rel=1e-6)
+    np.testing.assert_allclose(found.probabilities, odds, atol=1e-6)
+    np.testing.assert_allclose(
+        found.shift_mm, center - hollow.plain.poses.center_of_mass, atol=1e-5
+    )
+    assert found.max_abs_error > 1e-3
+    assert found.advice in hollow.notes
+    half = printed(FRUSTUM, {"infill": 0.5, "walls_mm": 2.0}).result().infill
+    assert half is not None
+    assert 0.0 < half.max_abs_error < found.max_abs_error
+
+
+def _uniform(points: np.ndarray) -> tuple[float, np.ndarray]:
+    hull = convex_hull(points)
+    ends = hull.vertices[hull.triangles] - hull.centroid
+    return float(np.linalg.det(ends).sum() / 6.0), hull.centroid
+
+
+@pytest.mark.parametrize("style", ["engraved", "raised"])
+def test_labels_are_weighed_too(style: str) -> None:
+    depth, walls = 1.0, 1.0
+    options = {"infill": 0.1, "walls_mm": walls}
+    entries = {"engrave": {"depth_mm": depth, "style": style, "balance": "none"}}
+    work = printed(FRUSTUM, options, entries=entries)
+    found, made = work.result().infill, work.engraved
+    assert found is not None
+    assert made is not None
+    assert made.assessment is not None
+    surface = Surface(made.points, made.triangles)
+    hull = convex_hull(surface.points)
+    points = drawn(hull, 300_000)
+    spread = np.ptp(hull.vertices, axis=0).prod() / 300_000
+    deep = points[depths(hull, points).min(axis=1) > walls]
+    lost = deep[in_pocket_walls(surface, hull, deep, depth, walls)]
+    # What the print lacks of the solid one is infill; the rest of the plain one's is in walls.
+    lacking = (1.0 - found.mass) * surface.volume / 0.9
+    plain = inside_walls(hull, walls)
+    few = 4.0 / np.sqrt(len(lost))
+    assert few < 0.04
+    volume = plain.volume - lacking
+    assert volume == pytest.approx(spread * len(lost), rel=few)
+    moved = found.mass * surface.volume * np.array(found.shift_mm) / 0.9
+    moment = lacking * surface.centroid - moved
+    center = (plain.volume * plain.centroid - moment) / volume
+    np.testing.assert_array_less(np.abs(center - lost.mean(axis=0)), few * lost.std(axis=0))
+
+
+def test_the_walls_of_a_hidden_hollow_are_not_known() -> None:
+    entries = {"engrave": {"balance": "opposite"}}
+    work = printed(FRUSTUM, {"infill": 0.1}, entries=entries)
+    assert work.engraved is not None
+    assert work.result().infill is None
+    (told,) = [note for note in work.notes if "infill" in note]
+    assert "hidden hollow" in told
+
+
+def test_icons_of_labels_without_glyphs_are_weighed(tmp_path: Path) -> None:
+    icon = tmp_path / "icon.svg"
+    icon.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9">'
+        '<rect x="1" y="1" width="7" height="3"/></svg>'
+    )
+    odds = outcome_odds(rest_poses(FRUSTUM), SIDES).odds
+    labels = ["1", "2", "3", "4", "5", "\U0001f3b2"]
+    entries = {"engrave": {"icons": {labels[-1]: str(icon)}}}
+    target = {"probabilities": odds.tolist(), "labels": labels}
+    work = printed(FRUSTUM, {"infill": 0.1}, entries=entries, target=target)
+    assert work.engraved is not None
+    assert work.result().infill is not None
+
+
+@pytest.mark.parametrize("center", [None, np.array([0.1, 0.0, 0.05])])
+def test_a_center_of_mass_that_is_given_stays_given(center: np.ndarray | None) -> None:
+    work = printed(box(4.0, 5.0, 6.0), {"infill": 0.2}, center_of_mass=center)
+    result = work.result()
+    assert result.tolerances is not None
+    assert (result.infill is None) == (center is not None)
+    told = [note for note in work.notes if "infill" in note]
+    assert len(told) == 1
+    assert ("center of mass is given" in told[0]) == (center is not None)
+
+
+def test_a_thrown_die_spreads_as_its_odds_on_the_table_do() -> None:
+    method = {"exact": {"odds": "thrown"}}
+    work = printed(FRUSTUM, {}, entries={"method": method})
+    found = work.result().tolerances
+    assert found is not None
+    step = 0.02
+    odds = []
+    points = work.solid.points
+    for factor in (1.0 + step, 1.0 - step):
+        body, poses = thrown(points * [1.0, 1.0, factor])
+        places = np.argmax(SIDES @ poses.normals.T, axis=1)
+        odds.append(momentum_odds(poses, body, momentum_model("board-game"))[places])
+    slope = np.abs(odds[0] - odds[1]) / (2.0 * step)
+    # One of the axes that shrink.
+    deviations = np.array(found.by_error["shrinkage"])
+    assert (deviations > 0.9 * 0.002 * slope).all()
+    resting = printed(FRUSTUM, {}).result().tolerances
+    assert resting is not None
+    assert np.abs(np.subtract(resting.deviations, found.deviations)).max() > 1e-4
+
+
+def test_rounded_edges_move_with_their_facets() -> None:
+    sharp = printed(box(4.0, 5.0, 6.0), {}).result().tolerances
+    entries = {"edges": {"radius_mm": 1.0}, "engrave": True, "size_mm": 30.0}
+    rounded = printed(box(4.0, 5.0, 6.0), {}, entries=entries).result().tolerances
+    assert sharp is not None
+    assert rounded is not None
+    np.testing.assert_allclose(rounded.deviations, sharp.deviations, rtol=0.1)
