@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from dicedesign.cli.options import direction, print_json, vector
+from dicedesign.cli.options import add_json_option, add_value, direction, print_json, vector
 from dicedesign.errors import InputError
 from dicedesign.runtime.files import atomic_write, json_text, make_writable_folder
 from dicedesign.runtime.text import printable, text_table
@@ -34,63 +34,52 @@ def add_parser(commands: Any) -> None:
         "are read back and judged; 0 where the goal is reached, 1 where it is not and the best is "
         "written.",
     )
-    parser.add_argument(
-        "mesh", type=Path, metavar="MESH", help="closed surface of one solid: STL, OBJ, ..."
-    )
+    add_value(parser, "mesh", "MESH", "closed surface of one solid: STL, OBJ, ...", Path)
     goals = parser.add_mutually_exclusive_group(required=True)
-    goals.add_argument(
-        "--equal", type=int, metavar="N", help="equal odds of the N most probable poses"
-    )
-    goals.add_argument(
+    add_value(goals, "--equal", "N", "equal odds of the N most probable poses", int)
+    add_value(
+        goals,
         "--stand",
-        type=int,
-        metavar="K",
-        help="the largest odds of pose K, numbered from 1 as `dicedesign rest` lists them",
+        "K",
+        "the largest odds of pose K, numbered from 1 as `dicedesign rest` lists them",
+        int,
     )
-    goals.add_argument(
+    add_value(
+        goals,
         "--stand-down",
-        metavar="x,y,z",
-        help="the same of the pose in which this direction of the mesh points down",
+        "x,y,z",
+        "the same of the pose in which this direction of the mesh points down",
     )
     goals.add_argument("--fewest", action="store_true", help="as few resting poses as can be")
-    goals.add_argument(
+    add_value(
+        goals,
         "--target",
-        metavar="p,q,...",
-        help="these odds, fractions or decimals, for the most probable poses, or for --poses",
+        "p,q,...",
+        "these odds, fractions or decimals, for the most probable poses, or for --poses",
     )
-    parser.add_argument(
-        "--poses", metavar="K,L,...", help="numbers of the poses that --target is for"
-    )
-    parser.add_argument(
+    add_value(parser, "--poses", "K,L,...", "numbers of the poses that --target is for")
+    add_value(
+        parser,
         "--region",
-        default="hull",
-        metavar="hull|hollow|x,y,z,x,y,z",
-        help="where the center of mass may be: anywhere, where cavities can bring it, or in a box "
+        "hull|hollow|x,y,z,x,y,z",
+        "where the center of mass may be: anywhere, where cavities can bring it, or in a box "
         "of a least and a largest corner in mm (default: hull)",
+        default="hull",
     )
-    parser.add_argument(
-        "--by",
-        metavar="cavity|infill",
-        help="how it gets there (default: by the first that does it)",
+    add_value(
+        parser, "--by", "cavity|infill", "how it gets there (default: by the first that does it)"
     )
-    parser.add_argument(
+    add_value(
+        parser,
         "--size-mm",
-        type=float,
-        metavar="X",
-        help="largest distance between two points (default: coordinates are in mm)",
+        "X",
+        "largest distance between two points (default: coordinates are in mm)",
+        float,
     )
-    parser.add_argument(
-        "--wall-mm", type=float, metavar="W", help="least thickness of walls (default: 1.2)"
-    )
-    parser.add_argument(
-        "--drain-mm", type=float, metavar="D", help="drain the cavity by a hole of this diameter"
-    )
-    parser.add_argument(
-        "--infill", metavar="p,q", help="two infills from 0 to 1 (default: 0.1,0.6)"
-    )
-    parser.add_argument(
-        "--tolerance", type=float, metavar="T", help="largest difference of odds (default: 0.005)"
-    )
+    add_value(parser, "--wall-mm", "W", "least thickness of walls (default: 1.2)", float)
+    add_value(parser, "--drain-mm", "D", "drain the cavity by a hole of this diameter", float)
+    add_value(parser, "--infill", "p,q", "two infills from 0 to 1 (default: 0.1,0.6)")
+    add_value(parser, "--tolerance", "T", "largest difference of odds (default: 0.005)", float)
     parser.add_argument(
         "--out",
         type=Path,
@@ -98,7 +87,7 @@ def add_parser(commands: Any) -> None:
         metavar="FILE.stl|FOLDER",
         help="where the body goes, with what belongs to it beside it",
     )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    add_json_option(parser)
     parser.set_defaults(command=_balance)
 
 

@@ -32,9 +32,9 @@ COMMANDS: Final = {
     "figure": "meshes:add_figure_parser",
     "repair": "meshes:add_repair_parser",
     "balance": "balance:add_parser",
-    "throw": "tables.throw:add_parser",
-    "rolls": "tables.rolls:add_parser",
-    "table": "tables.table:add_parser",
+    "throw": "throw:add_parser",
+    "rolls": "rolls:add_parser",
+    "table": "table_fit:add_parser",
     "view": "view:add_parser",
     "bench": "bench:add_parser",
 }

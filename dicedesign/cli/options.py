@@ -6,7 +6,7 @@ import argparse
 import math
 import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from importlib.metadata import version
 from pathlib import Path
@@ -33,6 +33,23 @@ MISSING_KERNELS: Final = (
 
 MOST_JOBS: Final = 4096
 """More processes than any machine bears."""
+
+
+def add_value(
+    parser: argparse._ActionsContainer,
+    name: str,
+    metavar: str,
+    help: str,
+    type: Callable[[str], Any] = str,
+    default: Any = None,
+) -> None:
+    """Add an option, or a positional argument, that takes one value."""
+    parser.add_argument(name, metavar=metavar, help=help, type=type, default=default)
+
+
+def add_json_option(parser: argparse.ArgumentParser) -> None:
+    """Add `--json`."""
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
 
 
 def add_worker_options(parser: argparse.ArgumentParser, jobs_help: str, where: str = "") -> None:

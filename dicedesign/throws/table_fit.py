@@ -44,16 +44,16 @@ class FittedParameter:
     Attributes
     ----------
     fitted: its value in the fitted set.
-    mean, deviation: of the posterior.
+    mean, standard_deviation: of the posterior.
     interval: that holds it with the posterior probability `BELIEF`, as much below as above.
-    limits: of the search, between which the prior is flat.
+    searched: limits of the search, between which the prior is flat.
     """
 
     fitted: float
     mean: float
-    deviation: float
+    standard_deviation: float
     interval: tuple[float, float]
-    limits: tuple[float, float]
+    searched: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ for _name in (
     "trimesh",
     "manifold3d",
     "dicedesign.cli.rest",
-    "dicedesign.cli.tables.rolls",
+    "dicedesign.cli.rolls",
     "dicedesign.cli.dice.run",
     "dicedesign.fabricate.engraving",
     "dicedesign.geometry.meshes.reading",

@@ -95,13 +95,13 @@ def test_posterior_is_that_of_the_known_odds(fit: TableFit) -> None:
         deviation = np.sqrt((weights * (values - mean) ** 2).sum())
         found = fit.parameters[name]
         assert found.mean == pytest.approx(mean, abs=0.25 * deviation)
-        assert found.deviation == pytest.approx(deviation, rel=0.2)
+        assert found.standard_deviation == pytest.approx(deviation, rel=0.2)
         order = np.argsort(values, axis=None)
         share = weights.ravel()[order].cumsum()
         limits = values.ravel()[order[np.searchsorted(share, [0.05, 0.95])]]
         assert found.interval == pytest.approx(limits, abs=0.5 * deviation)
         assert found.fitted == pytest.approx(mean, abs=deviation)
-        assert found.limits == PARAMETERS[name]
+        assert found.searched == PARAMETERS[name]
     assert fit.correlations[0, 1] < -0.4
     assert fit.log_likelihood > -1.0
 
@@ -149,8 +149,10 @@ def test_a_posterior_table_is_a_draw_of_the_posterior_and_of_a_session(fit: Tabl
     for name in ("restitution", "friction"):
         values = np.array([getattr(table, name) for table in fit.posterior])
         parameter = fit.parameters[name]
-        assert values.mean() == pytest.approx(parameter.mean, abs=0.4 * parameter.deviation)
-        assert values.std() == pytest.approx(parameter.deviation, rel=0.35)
+        assert values.mean() == pytest.approx(
+            parameter.mean, abs=0.4 * parameter.standard_deviation
+        )
+        assert values.std() == pytest.approx(parameter.standard_deviation, rel=0.35)
     assert all(least_of(table.height) >= 0.04 for table in fit.posterior)
     # Wider than the prior of the center by the sessions.
     speeds = np.log([mean_of(table.speed) for table in fit.posterior])
@@ -183,7 +185,7 @@ def test_sessions_differ_in_hands() -> None:
         mean = (weights * values).sum()
         deviation = np.sqrt((weights * (values - mean) ** 2).sum())
         assert found.parameters[name].mean == pytest.approx(mean, abs=0.25 * deviation)
-        assert found.parameters[name].deviation == pytest.approx(deviation, rel=0.2)
+        assert found.parameters[name].standard_deviation == pytest.approx(deviation, rel=0.2)
 
 
 def test_counts_that_no_table_explains() -> None:
@@ -202,7 +204,7 @@ def test_what_is_told_of_more_throws(fit: TableFit) -> None:
     """By the inverse of Fisher's information, of a die whose odds tell restitution alone."""
     of_first = fit.dice[2]
     slope = 5.0 * 0.25 * 0.96
-    before = fit.parameters["restitution"].deviation
+    before = fit.parameters["restitution"].standard_deviation
     wanted = [(before**-2 + count * slope**2 / 0.24) ** -0.5 for count in (50, 200, 800)]
     assert of_first.after[[0, 2, 4], 0] == pytest.approx(wanted, rel=0.1)
 

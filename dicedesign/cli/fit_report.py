@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -13,8 +13,6 @@ from dicedesign.runtime.text import text_table
 from dicedesign.throws.distances import MeasuredDistance, jeffreys_means, measure_variation
 from dicedesign.throws.predictions import DieCheck, Prediction
 from dicedesign.throws.table_fit import BELIEF, MORE, DieFit, TableFit
-
-__all__ = ["DieAtHand", "fit_lines", "plain_fit", "unexplained"]
 
 UNITS: Final = {"height": "m", "speed": "m/s", "spin": "rad/s"}
 """Of the parameters that have one."""
@@ -88,8 +86,8 @@ def _parameters(fit: TableFit) -> list[str]:
             entry.fitted,
             UNITS.get(name, ""),
             entry.mean,
-            entry.deviation,
-            *(f"{low:.3g} to {high:.3g}" for low, high in (entry.interval, entry.limits)),
+            entry.standard_deviation,
+            *(f"{low:.3g} to {high:.3g}" for low, high in (entry.interval, entry.searched)),
         ]
         for name, entry in fit.parameters.items()
     ]
@@ -190,7 +188,7 @@ def _sentences(fit: TableFit, checks: Sequence[DieCheck]) -> list[str]:
     vague = [
         name
         for name, entry in fit.parameters.items()
-        if entry.interval[1] - entry.interval[0] >= VAGUE * (entry.limits[1] - entry.limits[0])
+        if entry.interval[1] - entry.interval[0] >= VAGUE * (entry.searched[1] - entry.searched[0])
     ]
     if vague:
         lines.append(f"these throws hardly tell: {', '.join(vague)}")
@@ -218,19 +216,10 @@ def plain_fit(
     fit: TableFit, checks: Sequence[DieCheck], at_hand: DieAtHand | None
 ) -> dict[str, Any]:
     """The answer as plain data; checks: of the dice with counts, in the order of the fit."""
-    plain: dict[str, Any] = {
+    answer: dict[str, Any] = {
         "table": fit.table.as_dict(),
         "posterior": [table.as_dict() for table in fit.posterior],
-        "parameters": {
-            name: {
-                "fitted": entry.fitted,
-                "mean": entry.mean,
-                "standard_deviation": entry.deviation,
-                "interval": list(entry.interval),
-                "searched": list(entry.limits),
-            }
-            for name, entry in fit.parameters.items()
-        },
+        "parameters": {name: asdict(entry) for name, entry in fit.parameters.items()},
         "correlations": fit.correlations.tolist(),
         "evaluations": fit.evaluations,
         "drops": fit.drops,
@@ -238,34 +227,48 @@ def plain_fit(
         "surprise": fit.surprise,
         "effective_points": fit.effective_points,
         "unexplained": [die.die.name for die in unexplained(fit)],
-        "dice": [_plain_die(*both) for both in zip(fit.dice, checks, strict=False)],
+        "dice": [
+            {
+                "die": die.die.name,
+                "outcomes": die.die.labels,
+                "throws": die.die.counts.tolist(),
+                "geometric_odds": die.die.geometric.tolist(),
+                "simulated": check.simulated.tolist(),
+                "unresolved": check.unresolved,
+                "degrees": check.chi_square.degrees,
+                "chi_square": check.chi_square.statistic,
+                "p_value": check.chi_square.p_value,
+                "exact_p_value": check.exact.p_value,
+                "by_all_dice": _plain_prediction(die, die.whole),
+                "by_other_dice": _plain_prediction(die, die.left_out),
+                "geometric_chi_square": check.geometric.statistic,
+                "geometric_p_value": check.geometric.p_value,
+            }
+            for die, check in zip(fit.dice, checks, strict=False)
+        ],
     }
     if at_hand is not None:
-        plain["die_at_hand"] = _plain_at_hand(at_hand)
-    return plain
+        die, variation, (half, most) = at_hand.fit, at_hand.on_fitted, at_hand.by_posterior
+        answer["die_at_hand"] = {
+            "die": die.die.name,
+            "outcomes": die.die.labels,
+            "target": at_hand.target.tolist(),
+            "simulated": at_hand.simulated.tolist(),
+            "total_variation": variation.value,
+            "interval": variation.interval,
+            "noise_floor": variation.noise_floor,
+            "posterior_odds": die.odds.tolist(),
+            "posterior_standard_deviations": die.deviation.tolist(),
+            "posterior_total_variation": {"median": half, f"quantile_{BELIEF:g}": most},
+            "after_more_throws": {
+                str(count): dict(zip(SHARED, row, strict=True))
+                for count, row in zip(MORE, die.after.tolist(), strict=True)
+            },
+        }
+    return answer
 
 
-def _plain_die(fitted: DieFit, check: DieCheck) -> dict[str, Any]:
-    die = fitted.die
-    return {
-        "die": die.name,
-        "outcomes": list(die.labels),
-        "throws": die.counts.tolist(),
-        "geometric_odds": die.geometric.tolist(),
-        "simulated": check.simulated.tolist(),
-        "unresolved": check.unresolved,
-        "degrees": check.chi_square.degrees,
-        "chi_square": check.chi_square.statistic,
-        "p_value": check.chi_square.p_value,
-        "exact_p_value": check.exact.p_value,
-        "by_all_dice": _plain_prediction(fitted, fitted.whole),
-        "by_other_dice": _plain_prediction(fitted, fitted.left_out),
-        "geometric_chi_square": check.geometric.statistic,
-        "geometric_p_value": check.geometric.p_value,
-    }
-
-
-def _plain_prediction(fitted: DieFit, prediction: Prediction | None) -> dict[str, Any] | None:
+def _plain_prediction(die: DieFit, prediction: Prediction | None) -> dict[str, Any] | None:
     if prediction is None:
         return None
     return {
@@ -273,27 +276,6 @@ def _plain_prediction(fitted: DieFit, prediction: Prediction | None) -> dict[str
         "standard_deviations": prediction.deviation.tolist(),
         "p_value": prediction.p_value,
         "standard_error": prediction.standard_error,
-        "worst_outcome": fitted.die.labels[prediction.worst],
-        "interval": list(prediction.interval),
-    }
-
-
-def _plain_at_hand(die: DieAtHand) -> dict[str, Any]:
-    fit, found = die.fit, die.on_fitted
-    half, most = die.by_posterior
-    return {
-        "die": fit.die.name,
-        "outcomes": list(fit.die.labels),
-        "target": die.target.tolist(),
-        "simulated": die.simulated.tolist(),
-        "total_variation": found.value,
-        "interval": list(found.interval),
-        "noise_floor": found.noise_floor,
-        "posterior_odds": fit.odds.tolist(),
-        "posterior_standard_deviations": fit.deviation.tolist(),
-        "posterior_total_variation": {"median": half, f"quantile_{BELIEF:g}": most},
-        "after_more_throws": {
-            str(count): dict(zip(SHARED, row, strict=True))
-            for count, row in zip(MORE, fit.after.tolist(), strict=True)
-        },
+        "worst_outcome": die.die.labels[prediction.worst],
+        "interval": prediction.interval,
     }

@@ -7,12 +7,14 @@ import math
 import os
 import sys
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.cli.options import (
     add_engine_option,
+    add_json_option,
+    add_value,
     add_worker_options,
     center_of_mass,
     check_worker_options,
@@ -33,22 +35,11 @@ if TYPE_CHECKING:
     from dicedesign.throws.release import Orientations
     from dicedesign.throws.simulation import Throws
 
-__all__ = ["add_parser", "throw_summary"]
-
 DROPS: Final = 10_000
 
 CONFIDENCE: Final = 0.95
 
 MM_PER_METRE: Final = 1e3
-
-
-@dataclass(frozen=True)
-class _Die:
-    """A die to throw; labels: of its rests, None where it has none."""
-
-    body: Body
-    poses: RestPoses
-    labels: list[str | None] | None
 
 
 def add_parser(commands: Any) -> None:
@@ -59,61 +50,61 @@ def add_parser(commands: Any) -> None:
         description="Throw a die many times onto a simulated table, and compare how often each "
         "rest comes up with its geometric odds, those without momentum.",
     )
-    parser.add_argument(
-        "die", type=Path, metavar="DIE", help="mesh, or folder that `dicedesign run` left"
-    )
-    parser.add_argument(
+    add_value(parser, "die", "DIE", "mesh, or folder that `dicedesign run` left", Path)
+    add_value(
+        parser,
         "--drops",
-        type=int,
-        metavar="N",
-        help=f"how many throws (default: {DROPS}, of the paper's orientations one of each)",
+        "N",
+        f"how many throws (default: {DROPS}, of the paper's orientations one of each)",
+        int,
     )
     add_engine_option(parser)
-    parser.add_argument(
+    add_value(
+        parser,
         "--table",
-        default="board-game",
-        metavar="NAME|FILE.json",
-        help="board-game, hard-wood, carpet (no momentum), paper (the paper's drops), or a file "
+        "NAME|FILE.json",
+        "board-game, hard-wood, carpet (no momentum), paper (the paper's drops), or a file "
         "with the same entries as theirs (default: board-game)",
+        default="board-game",
     )
-    parser.add_argument(
-        "--hand",
-        metavar="NAME",
-        help="throw in another way than the table says: cup, hand or tower",
+    add_value(
+        parser, "--hand", "NAME", "throw in another way than the table says: cup, hand or tower"
     )
-    parser.add_argument(
+    add_value(
+        parser,
         "--orientations",
-        metavar="KIND",
-        help="at which the die is let go: uniform, at random; or icosahedron, the paper's, each "
+        "KIND",
+        "at which the die is let go: uniform, at random; or icosahedron, the paper's, each "
         "counted by the area around it (default: uniform; on the table paper icosahedron)",
     )
-    parser.add_argument(
+    add_value(
+        parser,
         "--size",
-        type=float,
-        metavar="MM",
-        help="of the die, twice the largest distance of a point from its center of mass (default: "
+        "MM",
+        "of the die, twice the largest distance of a point from its center of mass (default: "
         "of a folder, the die's own; of a mesh, the table's, 25)",
+        float,
     )
-    parser.add_argument(
+    add_value(
+        parser,
         "--com",
-        metavar="x,y,z|hull",
-        help="center of mass, as in `dicedesign rest` (default: of the uniform solid; of a folder, "
+        "x,y,z|hull",
+        "center of mass, as in `dicedesign rest` (default: of the uniform solid; of a folder, "
         "that of its design)",
     )
-    parser.add_argument(
+    add_value(
+        parser,
         "--inertia",
-        metavar="xx,yy,zz,xy,xz,yz",
-        help="tensor of inertia about the center of mass over the mass, in the mesh's unit squared "
+        "xx,yy,zz,xy,xz,yz",
+        "tensor of inertia about the center of mass over the mass, in the mesh's unit squared "
         "(default: of the uniform solid)",
     )
-    parser.add_argument(
-        "--seed", type=int, default=0, metavar="S", help="of random numbers (default: 0)"
-    )
+    add_value(parser, "--seed", "S", "of random numbers (default: 0)", int, 0)
     add_worker_options(
         parser,
         "how many tasks at a time (default: one for each core); does not change the results",
     )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    add_json_option(parser)
     parser.set_defaults(command=_throw)
 
 
@@ -136,27 +127,24 @@ def _throw(options: argparse.Namespace) -> int:
     except InputError as error:
         print(f"note: without odds by the momentum model, as {printable(error)}", file=sys.stderr)
     table = table.sized(size)
-    orientations = options.orientations
-    if orientations is None:
-        orientations = "icosahedron" if name == "paper" else "uniform"
+    usual = "icosahedron" if name == "paper" else "uniform"
+    orientations = usual if options.orientations is None else options.orientations
     drops = options.drops
     if drops is None:
         drops = PAPER_DIRECTIONS if orientations == "icosahedron" else DROPS
     check_throws(drops, options.seed, options.engine, orientations)
     check_worker_options(options)
-    is_finished = os.path.isdir(options.die)
-    if is_finished:
-        die = _finished(options)
+    labels = None
+    if os.path.isdir(options.die):
+        mesh, poses, labels = _finished(options)
     else:
-        die = _Die(*read_poses(options.die, center_of_mass(options.com)), None)
-    body = rigid_body(die.body, die.poses, _tensor(options.inertia))
-    if is_finished and size is None:
+        mesh, poses = read_poses(options.die, center_of_mass(options.com))
+    body = rigid_body(mesh, poses, _tensor(options.inertia))
+    if labels is not None and size is None:
         # Its files are in millimetres.
         table = table.sized(2.0 * body.radius / MM_PER_METRE)
     started = time.perf_counter()
-    momentum = None
-    if model is not None:
-        momentum = momentum_odds(die.poses, body, model)
+    momentum = None if model is None else momentum_odds(poses, body, model)
     with workers_of(options, "drops", drops) as workers:
         throws = simulate(
             body,
@@ -170,8 +158,7 @@ def _throw(options: argparse.Namespace) -> int:
             on_quiet=workers.on_quiet,
         )
     seconds = time.perf_counter() - started
-    summary = throw_summary(throws, die.poses, orientations, die.labels, momentum)
-    summary["seconds"] = seconds
+    summary = throw_summary(throws, poses, orientations, labels, momentum) | {"seconds": seconds}
     if options.json:
         print_json(summary)
     else:
@@ -186,7 +173,7 @@ def _tensor(text: str | None) -> list[list[float]] | None:
     return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 
 
-def _finished(options: argparse.Namespace) -> _Die:
+def _finished(options: argparse.Namespace) -> tuple[Body, RestPoses, list[str | None]]:
     """A die that was designed here, without its marks, and the labels of its rests."""
     import numpy as np
 
@@ -198,7 +185,7 @@ def _finished(options: argparse.Namespace) -> _Die:
     body, poses = read_poses(die.plain_file, center)
     normals = np.array([normal for _, normal in die.shown]).reshape(-1, 3)
     facets = facet_of_rest(poses.normals, normals).tolist()
-    return _Die(body, poses, [None if facet < 0 else die.shown[facet][0] for facet in facets])
+    return body, poses, [None if facet < 0 else die.shown[facet][0] for facet in facets]
 
 
 def throw_summary(
@@ -262,32 +249,26 @@ def throw_summary(
 
 def _text(die: Path, summary: dict[str, Any]) -> list[str]:
     table, rests, level = summary["table"], summary["rests"], f"{100 * CONFIDENCE:g} %"
-    columns = [("rest", "d"), ("count", "d"), ("frequency %", ".3f"), (f"{level} interval", ">")]
-    columns += [("geometric %", ".3f"), ("facet normal (down)", "")]
-    rows = [
-        [
-            i + 1,
-            rest["count"],
-            math.nan if rest["frequency"] is None else 100 * rest["frequency"],
-            percent_interval(rest["interval"]),
-            100 * rest["geometric"],
-            direction(rest["normal"]),
-        ]
-        for i, rest in enumerate(rests)
-    ]
-    if "label" in rests[0]:
-        columns.insert(1, ("label", ">"))
-        for row, rest in zip(rows, rests, strict=True):
-            row.insert(1, rest["label"] or "-")
-    if "momentum" in rests[0]:
-        columns.insert(-1, ("momentum %", ".3f"))
-        for row, rest in zip(rows, rests, strict=True):
-            row.insert(-1, 100 * rest["momentum"])
+    columns = {
+        ("rest", "d"): [i + 1 for i in range(len(rests))],
+        ("label", ">"): [rest.get("label") or "-" for rest in rests],
+        ("count", "d"): [rest["count"] for rest in rests],
+        ("frequency %", ".3f"): [
+            math.nan if rest["frequency"] is None else 100 * rest["frequency"] for rest in rests
+        ],
+        (f"{level} interval", ">"): [percent_interval(rest["interval"]) for rest in rests],
+        ("geometric %", ".3f"): [100 * rest["geometric"] for rest in rests],
+        ("momentum %", ".3f"): [100 * rest.get("momentum", math.nan) for rest in rests],
+        ("facet normal (down)", ""): [direction(rest["normal"]) for rest in rests],
+    }
+    for name, column in (("label", ("label", ">")), ("momentum", ("momentum %", ".3f"))):
+        if name not in rests[0]:
+            del columns[column]
     lines = [
         f"{printable(die)}: {summary['drops']} drops on {table['name']}, "
         f"{1e3 * table['size']:g} mm, engine {summary['engine']}, {summary['seconds']:.1f} s",
         "",
-        *text_table(columns, rows),
+        *text_table(list(columns), zip(*columns.values(), strict=True)),
         "",
     ]
     if summary["unresolved"]:

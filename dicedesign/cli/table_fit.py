@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.cli.options import (
+    add_json_option,
+    add_value,
     add_worker_options,
     check_worker_options,
     checkpoint_beside,
@@ -21,14 +23,18 @@ from dicedesign.runtime.text import printable
 if TYPE_CHECKING:
     from dicedesign.throws.throw_counts import CountedDie
 
-__all__ = ["add_action"]
-
 CHECKED: Final = 1 / 12
 """Fresh drops of each die at the fitted table, as a part of those of all evaluations."""
 
 
-def add_action(actions: Any) -> None:
-    """Add the action to argparse's `actions`."""
+def add_parser(commands: Any) -> None:
+    """Add `dicedesign table` and its actions to argparse's `commands`."""
+    parser = commands.add_parser(
+        "table",
+        help="fit a table's throw parameters",
+        description="Tables of throw parameters.",
+    )
+    actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
     fit = actions.add_parser(
         "fit",
         help="fit throw parameters to counts of real dice",
@@ -40,13 +46,14 @@ def add_action(actions: Any) -> None:
         "the same command goes on where an earlier one was interrupted or killed. The exit code is "
         "1 where no table explains the counts of a die.",
     )
-    fit.add_argument(
+    add_value(
+        fit,
         "--throws",
-        type=Path,
-        metavar="CSV",
-        help="a line for each outcome: columns die, mesh (a file, or a folder that `dicedesign "
+        "CSV",
+        "a line for each outcome: columns die, mesh (a file, or a folder that `dicedesign "
         "run` left, as seen from the CSV), outcome and throws; for mesh files also geometric, the "
         "outcome's odds without momentum; perhaps com (x y z) and size_mm (else 15 to 35)",
+        Path,
     )
     fit.add_argument(
         "--rolls",
@@ -58,52 +65,41 @@ def add_action(actions: Any) -> None:
         help="a die of a folder that `dicedesign run` left, and its throws, a file as of "
         "`dicedesign rolls`; with or without --throws, and for several dice",
     )
-    fit.add_argument(
-        "--dice", metavar="NAME,...", help="fit to these dice of the file (default: to all)"
-    )
-    fit.add_argument(
-        "--check",
-        metavar="NAME,...",
-        help="predict these dice of the file, without fitting to them",
-    )
-    fit.add_argument(
+    add_value(fit, "--dice", "NAME,...", "fit to these dice of the file (default: to all)")
+    add_value(fit, "--check", "NAME,...", "predict these dice of the file, without fitting to them")
+    add_value(
+        fit,
         "--die",
-        type=Path,
-        metavar="FOLDER",
-        help="say what the fitted table does to this die, of a folder that `dicedesign run` left, "
+        "FOLDER",
+        "say what the fitted table does to this die, of a folder that `dicedesign run` left, "
         "and what more throws of it would tell",
+        Path,
     )
-    fit.add_argument(
-        "--evaluations",
-        type=int,
-        default=256,
-        metavar="N",
-        help="sets of parameters that are simulated (default: 256)",
+    add_value(
+        fit, "--evaluations", "N", "sets of parameters that are simulated (default: 256)", int, 256
     )
-    fit.add_argument(
+    add_value(
+        fit,
         "--drops",
-        type=int,
-        default=2000,
-        metavar="N",
-        help="of each die for each set; a twelfth of all as many again test the fit (default: "
-        "2000)",
+        "N",
+        "of each die for each set; a twelfth of all as many again test the fit (default: 2000)",
+        int,
+        2000,
     )
-    fit.add_argument("--seed", type=int, default=0, metavar="S", help="default: 0")
+    add_value(fit, "--seed", "S", "default: 0", int, 0)
     add_worker_options(
         fit,
         "how many simulations at a time (default: one for each core, or each thread of the "
         "cluster); the result does not depend on it",
     )
-    fit.add_argument(
-        "--out", type=Path, metavar="TABLE.json", help="write the table, for --table elsewhere"
-    )
-    fit.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    add_value(fit, "--out", "TABLE.json", "write the table, for --table elsewhere", Path)
+    add_json_option(fit)
     fit.set_defaults(command=_fit)
 
 
 def _fit(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
-    from dicedesign.cli.tables.fit_report import DieAtHand, fit_lines, plain_fit, unexplained
+    from dicedesign.cli.fit_report import DieAtHand, fit_lines, plain_fit, unexplained
     from dicedesign.runtime.files import make_writable_folder
     from dicedesign.throws.engines import require_engine
     from dicedesign.throws.predictions import check_table

@@ -5,30 +5,35 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from dicedesign.cli.options import percent_interval, print_json, read_poses
+from dicedesign.cli.options import (
+    add_json_option,
+    add_value,
+    percent_interval,
+    print_json,
+    read_poses,
+)
 from dicedesign.errors import InputError
+from dicedesign.runtime.files import interrupts_held
 from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
+    from dicedesign.runtime.arrays import Integers
+    from dicedesign.throws.roll_log import RollLog
     from dicedesign.throws.roll_verdict import RollVerdict
-
-__all__ = ["add_parser", "rolls_summary"]
 
 LEAST_CONFIDENCE: Final = 0.5
 
+DONE: Final = "done"
 
-@dataclass(frozen=True)
-class _Die:
-    """labels: k; odds: (k,) that it should have, positive; source: of the odds, in words."""
-
-    labels: list[str]
-    odds: list[float]
-    source: str
+UNDO: Final = "undo"
+"""Words that are no throws, unless the die has them as labels."""
 
 
 def add_parser(commands: Any) -> None:
@@ -42,13 +47,14 @@ def add_parser(commands: Any) -> None:
         "`undo` takes the last throw back, an empty line shows the table so far, and `done`, "
         "Ctrl-D or Ctrl-C ends.",
     )
-    parser.add_argument(
+    add_value(
+        parser,
         "die",
-        type=Path,
-        metavar="DIE",
-        help="folder that `dicedesign run` left, whose target is tested; or a mesh, whose labels "
+        "DIE",
+        "folder that `dicedesign run` left, whose target is tested; or a mesh, whose labels "
         "are the numbers that `dicedesign rest` gives its rests, and whose geometric odds are "
         "tested",
+        Path,
     )
     throws = parser.add_mutually_exclusive_group(required=True)
     throws.add_argument(
@@ -58,30 +64,29 @@ def add_parser(commands: Any) -> None:
         metavar="COUNTS.csv",
         help="columns label,count; or the column label alone, with one throw on each line",
     )
-    throws.add_argument(
+    add_value(
+        throws,
         "--log",
-        type=Path,
-        metavar="ROLLS.csv",
-        help="type in throws as they come, and write them here, one on each line; those that are "
+        "ROLLS.csv",
+        "type in throws as they come, and write them here, one on each line; those that are "
         "there already are gone on from",
+        Path,
     )
-    parser.add_argument(
+    add_value(
+        parser,
         "--confidence",
-        type=float,
-        default=0.95,
-        metavar="C",
-        help="of intervals; the test's level is 1 - C (default: 0.95)",
+        "C",
+        "of intervals; the test's level is 1 - C (default: 0.95)",
+        float,
+        0.95,
     )
-    parser.add_argument(
-        "--figure", type=Path, metavar="FILE.png", help="draw the frequencies beside the odds"
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    add_value(parser, "--figure", "FILE.png", "draw the frequencies beside the odds", Path)
+    add_json_option(parser)
     parser.set_defaults(command=_rolls)
 
 
 def _rolls(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
-    from dicedesign.cli.tables.roll_logging import log_rolls
     from dicedesign.throws.roll_log import RollLog, read_counts
     from dicedesign.throws.roll_verdict import judge_rolls
 
@@ -90,36 +95,110 @@ def _rolls(options: argparse.Namespace) -> int:
             f"--confidence: expected at least {LEAST_CONFIDENCE:g} and less than 1, got "
             f"{options.confidence:g}; 0.95 is usual"
         )
-    die = _finished(options.die) if os.path.isdir(options.die) else _mesh(options.die)
-    if len(die.labels) < 2:
+    labels, odds, source = (_finished if os.path.isdir(options.die) else _mesh)(options.die)
+    if len(labels) < 2:
         raise InputError(
-            f"{options.die}: expected a die with at least 2 outcomes, got {len(die.labels)}; "
+            f"{options.die}: expected a die with at least 2 outcomes, got {len(labels)}; "
             "there is nothing to test"
         )
-    judge = partial(judge_rolls, odds=die.odds, confidence=options.confidence)
+    judge = partial(judge_rolls, odds=odds, confidence=options.confidence)
     if options.log is None:
-        counts = read_counts(options.counts, die.labels)
+        counts = read_counts(options.counts, labels)
     else:
-        log = RollLog(options.log, die.labels)
-        log_rolls(log, judge, partial(_text, die.labels))
+        log = RollLog(options.log, labels)
+        _log_rolls(log, judge, partial(_text, labels))
         counts = log.counts
         if not counts.any():
             print('{"throws": 0}' if options.json else "no throws, nothing to judge")
             return 0
     verdict = judge(counts)
     if options.figure is not None:
-        _draw(die.labels, verdict, options.figure)
+        _draw(labels, verdict, options.figure)
     if options.json:
-        summary = {"odds_source": die.source, **rolls_summary(die.labels, verdict)}
-        print_json(summary)
+        print_json({"odds_source": source, **rolls_summary(labels, verdict)})
     else:
-        print(f"{printable(options.die)}: {verdict.throws} throws, tested for the {die.source}\n")
-        print(_text(die.labels, verdict))
+        print(f"{printable(options.die)}: {verdict.throws} throws, tested for the {source}\n")
+        print(_text(labels, verdict))
     return 0
 
 
-def _finished(folder: Path) -> _Die:
-    """The labels and the target of a die that was designed here."""
+def _log_rolls(
+    log: RollLog,
+    judge: Callable[[Integers], RollVerdict],
+    shown: Callable[[RollVerdict], str],
+) -> None:
+    """Write down throws from stdin until it says `DONE` or ends, or somebody interrupts it.
+
+    judge: gives the verdict of counts (k,); shown: all of it in words. To somebody at a terminal
+    each line is answered on stderr; one that is wrong is told of, and the next is waited for.
+
+    Raises InputError: a line of another stdin is wrong; those before it are written down.
+    """
+    at_terminal = sys.stdin.isatty()
+    if at_terminal:
+        _say(_introduction(log))
+    try:
+        for number in count(1):
+            if at_terminal:
+                print("> ", end="", file=sys.stderr, flush=True)
+            line = sys.stdin.readline()
+            text = line.strip()
+            if not line or (text == DONE and DONE not in log.labels):
+                break
+            try:
+                with interrupts_held("rolls"):
+                    done = _take(log, text)
+            except InputError as error:
+                if not at_terminal:
+                    raise InputError(f"stdin, line {number}: {error}") from error
+                _say(str(error))
+                continue
+            if at_terminal:
+                verdict = judge(log.counts) if log.throws else None
+                _say(_answer(done, verdict, shown))
+    except KeyboardInterrupt:
+        # The line that was begun ends.
+        _say("")
+    _say(f"{len(log.throws)} throws in {printable(log.path)}")
+
+
+def _take(log: RollLog, text: str) -> str:
+    """Do what a line says, and return what was done, "" for nothing."""
+    if text != UNDO or UNDO in log.labels:
+        return ", ".join(log.add(text))
+    label = log.undo()
+    return "no throw to take back" if label is None else f"took back {label}"
+
+
+def _answer(done: str, verdict: RollVerdict | None, shown: Callable[[RollVerdict], str]) -> str:
+    """What is known after a line."""
+    if verdict is None:
+        return done or "no throws yet"
+    if not done:
+        return shown(verdict)
+    known = f"{done}: {verdict.throws} throws, p = {verdict.p_value:.2g}"
+    more = max(0, verdict.to_confirm - verdict.throws)
+    if verdict.rejected:
+        return f"{known}, which rejects the odds"
+    return f"{known}, {more} more to settle it" if more else f"{known}, enough to settle it"
+
+
+def _introduction(log: RollLog) -> str:
+    begun = f"{len(log.throws)} throws so far. " if log.throws else ""
+    return (
+        f"{begun}Type what comes up ({', '.join(map(printable, log.labels))}), one or several on a "
+        f"line. {UNDO} takes the last back, an empty line shows all, {DONE} ends.\n"
+        "Decide on a number before you begin: who stops as soon as p is small finds fault with "
+        "good dice, too."
+    )
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def _finished(folder: Path) -> tuple[list[str], list[float], str]:
+    """The labels and the target of a die that was designed here, and what that is, in words."""
     from dicedesign.results.folder import read_result
 
     die = read_result(folder)
@@ -128,14 +207,14 @@ def _finished(folder: Path) -> _Die:
             f"note: {printable(folder)}: this die does not meet its target ({die.status})",
             file=sys.stderr,
         )
-    return _Die(list(die.labels), list(die.target), "target of its design")
+    return list(die.labels), list(die.target), "target of its design"
 
 
-def _mesh(path: Path) -> _Die:
-    """The numbers of a mesh's rests, and their odds without momentum."""
+def _mesh(path: Path) -> tuple[list[str], list[float], str]:
+    """The numbers of a mesh's rests, their odds without momentum, and what these are, in words."""
     _, poses = read_poses(path)
     numbers = [str(i + 1) for i in range(len(poses.probabilities))]
-    return _Die(numbers, poses.probabilities.tolist(), "geometric odds of its rests")
+    return numbers, poses.probabilities.tolist(), "geometric odds of its rests"
 
 
 def _draw(labels: list[str], verdict: RollVerdict, path: Path) -> None:
@@ -175,10 +254,6 @@ def rolls_summary(labels: list[str], verdict: RollVerdict) -> dict[str, Any]:
 
 def _text(labels: list[str], verdict: RollVerdict) -> str:
     """All that throws say."""
-    return "\n".join([*_table(labels, verdict), *_sentences(verdict)])
-
-
-def _table(labels: list[str], verdict: RollVerdict) -> list[str]:
     level = f"{100 * verdict.confidence:g} %"
     posterior = verdict.posterior
     columns = [("label", ""), ("count", "d"), ("odds %", ".3f"), ("frequency %", ".3f")]
@@ -193,7 +268,7 @@ def _table(labels: list[str], verdict: RollVerdict) -> list[str]:
         map(percent_interval, posterior.intervals),
         strict=True,
     )
-    return text_table(columns, rows)
+    return "\n".join([*text_table(columns, rows), *_sentences(verdict)])
 
 
 def _sentences(verdict: RollVerdict) -> list[str]:
