@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from manifold3d import Error, Manifold, Mesh64
+from manifold3d import Manifold
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from dicedesign.errors import EngravingError, InputError
@@ -22,15 +22,11 @@ from dicedesign.fabricate.label_layout import require_room
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.manifold import solid
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.geometry.triangles import connected_parts, doubled_area_vectors, edge_neighbors
 from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
 STEEPEST: Final = 1.0
 """Slope of the surface beneath a mark, as rise over run."""
-
-UPWARD: Final = 0.1
-"""Cosine of the angle between the upright and the normal of any triangle beneath a mark."""
 
 FLOOR: Final = 2.0
 """Thickness of the body beneath a mark before it is cut, in depths of the mark."""
@@ -67,13 +63,11 @@ class UpperSide:
     ----------
     turn: (3, 3) rows right, up on the mark, and up from the table, in the body.
     points: (n, 3) of the body, turned: `body_points @ turn.T`.
-    triangles: (t, 3) of those that face upward.
     relief: of the turned body.
     """
 
     turn: Floats
     points: Floats
-    triangles: Integers
     relief: Relief
 
     def unevenness(self, depth: float, width: float, height: float) -> Floats:
@@ -97,52 +91,6 @@ class UpperSide:
         np.subtract(high, low, out=uneven, where=np.isfinite(high))
         return uneven
 
-    def layer(
-        self, middle: Floats, width: float, height: float, above: float, below: float
-    ) -> Manifold | None:
-        """The surface about a box, thickened: a solid between it moved up and it moved down.
-
-        middle: (3,) point of the surface in the middle of the box, turned. Returns None where the
-        surface there is no sheet that can be thickened.
-        """
-        half = 0.5 * np.array([width, height])
-        corners = self.points[self.triangles]
-        highest, lowest = corners[..., :2].max(axis=1), corners[..., :2].min(axis=1)
-        near = ((highest >= middle[:2] - half) & (lowest <= middle[:2] + half)).all(axis=1)
-        triangles = self.triangles[near]
-        if not len(triangles):
-            return None
-        across = edge_neighbors(triangles)
-        one, edge = np.nonzero(across >= 0)
-        sheet = connected_parts(one, across[one, edge], len(across))
-        # The sheet that is seen at the middle.
-        a, b, c = corners[near].transpose(1, 0, 2)
-        inside = np.all([_areas(p, q, middle) >= 0.0 for p, q in ((a, b), (b, c), (c, a))], axis=0)
-        if not inside.any():
-            return None
-        highest_at_middle = np.flatnonzero(inside)[
-            np.argmax(np.where(inside, a[:, 2], -np.inf)[inside])
-        ]
-        kept = sheet == sheet[highest_at_middle]
-        used, flat = np.unique(triangles[kept], return_inverse=True)
-        flat = flat.reshape(-1, 3)
-        row, corner = np.nonzero(across[kept] < 0)
-        tail, head = flat[row, (corner + 1) % 3], flat[row, (corner + 2) % 3]
-        bottom = len(used)
-        faces = np.concatenate(
-            [
-                flat,
-                flat[:, ::-1] + bottom,
-                np.column_stack([head, tail, tail + bottom]),
-                np.column_stack([head, tail + bottom, head + bottom]),
-            ]
-        )
-        top = self.points[used]
-        upright = np.array([0.0, 0.0, 1.0])
-        points = np.concatenate([top + above * upright, top - below * upright])
-        solid = Manifold(Mesh64(points, faces.astype(np.uint64)))
-        return solid if solid.status() == Error.NoError else None
-
 
 def upper_side(points: Floats, triangles: Integers, up: Floats) -> UpperSide:
     """A body of points (n, 3) and triangles (t, 3) with a unit direction (3,) up.
@@ -157,9 +105,7 @@ def upper_side(points: Floats, triangles: Integers, up: Floats) -> UpperSide:
     right /= np.linalg.norm(right)
     turn = np.stack([right, np.cross(up, right), up])
     turned = points @ turn.T
-    normals = doubled_area_vectors(turned, triangles)
-    upward = normals[:, 2] > UPWARD * np.linalg.norm(normals, axis=1)
-    return UpperSide(turn, turned, triangles[upward], relief(turned, triangles))
+    return UpperSide(turn, turned, relief(turned, triangles))
 
 
 def relief(points: Floats, triangles: Integers) -> Relief:
@@ -203,9 +149,6 @@ def _areas(a: Floats, b: Floats, c: Floats) -> Floats:
     doubled: Floats = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
     return doubled
 
-
-CLEARANCE: Final = 0.25
-"""Distance that a cut reaches above the surface, in depths of the mark."""
 
 SHRINKING: Final = 0.85
 """Ratio of the digit heights tried one after the other."""
@@ -288,7 +231,8 @@ def engrave_marks(
     cuts: list[Cut] = []
     for text, down in zip(texts, downs, strict=True):
         side = upper_side(points, corners, -down / np.linalg.norm(down))
-        mark, cut = _fit(side, text, marks, options)
+        turned = plain.transform(np.column_stack([side.turn, np.zeros(3)]))
+        mark, cut = _fit(side, turned, text, marks, options)
         marks.append(mark)
         cuts.append(cut)
     heights = [mark.height for mark in marks]
@@ -303,7 +247,7 @@ def engrave_marks(
 
 
 def _fit(
-    side: UpperSide, text: str, others: Sequence[Mark], options: EngravingOptions
+    side: UpperSide, turned: Manifold, text: str, others: Sequence[Mark], options: EngravingOptions
 ) -> tuple[Mark, Cut]:
     """The best mark of a label and its cut; it is too small to read where nothing else fits."""
     # Of several lines, the shape that is nearest to a square.
@@ -314,7 +258,7 @@ def _fit(
             frame = np.eye(4)
             frame[:3] = np.column_stack([side.turn.T, middle @ side.turn])
             mark = Mark(text, frame, height, art, art.growth(height, options.stroke_mm))
-            cut = _cut(side, mark, middle, options)
+            cut = _cut(turned, mark, middle, options)
             if cut is not None:
                 return mark, cut
     raise EngravingError(
@@ -390,22 +334,20 @@ def _room(
     return height * width + rim, height * tall + rim
 
 
-def _cut(side: UpperSide, mark: Mark, middle: Floats, options: EngravingOptions) -> Cut | None:
-    """The outlines of a mark cut out of the surface; None where it is no whole sheet there."""
-    above, depth = CLEARANCE * options.depth_mm, options.depth_mm
-    room = _room(mark.art, mark.height, mark.growth, options)
-    layer = side.layer(middle, *room, above, depth)
-    if layer is None:
-        return None
+def _cut(body: Manifold, mark: Mark, middle: Floats, options: EngravingOptions) -> Cut | None:
+    """The outlines of a mark cut out of the surface of a turned body; None where that is no whole
+    sheet there. The cut ends where the body does that is moved down by the depth of the mark."""
+    depth = options.depth_mm
     section = mark.art.cut(mark.height, mark.growth, f"mark {mark.text!r}")
     left, bottom, right, top = (mark.height * edge for edge in mark.art.box)
-    low, high = layer.bounding_box()[2], layer.bounding_box()[5]
-    prism = section.extrude(high - low + 2.0 * depth).translate(
-        (middle[0] - 0.5 * (left + right), middle[1] - 0.5 * (bottom + top), low - depth)
-    )
-    cutter = layer ^ prism
-    whole = section.area() * (above + depth)
-    if abs(cutter.volume() - whole) > ENGRAVED_VOLUME_TOLERANCE * whole:
+    x, y = middle[0] - 0.5 * (left + right), middle[1] - 0.5 * (bottom + top)
+    low, high = body.bounding_box()[2] - 2.0 * depth, body.bounding_box()[5] + depth
+    prism = section.extrude(high - low).translate((x, y, low))
+    left_over = (prism - body.translate((0.0, 0.0, -depth))).decompose()
+    # Other parts are below the body or in its hollows.
+    cutter = Manifold.compose([part for part in left_over if part.bounding_box()[5] > high - depth])
+    volume = section.area() * depth
+    if abs((cutter ^ body).volume() - volume) > ENGRAVED_VOLUME_TOLERANCE * volume:
         return None
-    back = np.column_stack([side.turn.T, np.zeros(3)])
-    return Cut(repr(mark.text), cutter.transform(back), section.area() * depth)
+    back = np.column_stack([mark.frame[:3, :3], np.zeros(3)])
+    return Cut(repr(mark.text), cutter.transform(back), volume)
