@@ -1,4 +1,4 @@
-"""Bars of odds, of frequencies and of deviations."""
+"""Bars of odds and of frequencies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from PIL import Image
 from dicedesign.errors import InputError
 from dicedesign.report.charts.bar_chart import OddsBars, odds_chart
 from dicedesign.report.charts.chart import Chart, sheet
-from dicedesign.report.charts.deviation_bars import deviation_bars_chart, deviation_bars_figure
 from dicedesign.report.charts.palette import ACCENT, FAINT, PALE
 from dicedesign.report.charts.rolls import rolls_chart
 from dicedesign.report.charts.series import Bars, Intervals, Levels
@@ -94,26 +93,6 @@ def test_counts_of_throws_stand_above_their_intervals() -> None:
     assert intervals.label == "exact 90 % interval"
     with pytest.raises(InputError, match=r"rolls: expected 3 labels, one for each outcome, got 1"):
         rolls_chart(["a"], verdict)
-
-
-def test_deviations_in_descending_order_with_their_floors() -> None:
-    without, model = np.array([0.1, 0.3, 0.2]), np.array([0.05, 0.02, 0.04])
-    floors = np.array([0.01, 0.03, 0.02])
-    chart = deviation_bars_chart({"a": without, "b": model}, floors, "title")
-    heights = {bars.color: bars.heights.tolist() for bars in of_kind(chart, Bars)}
-    assert heights == {PALE: [0.3, 0.2, 0.1], ACCENT: [0.02, 0.04, 0.05]}
-    (marks,) = of_kind(chart, Levels)
-    assert marks.y.tolist() == [0.03, 0.02, 0.01]
-    assert [one.label for one in chart.series] == [
-        "a: mean 0.200, worst 0.300",
-        "b: mean 0.037, worst 0.050",
-        "right odds, on the mean: 0.020",
-    ]
-    assert is_whole(deviation_bars_figure({"a": without, "b": model}, floors, "title", "note"))
-    with pytest.raises(InputError, match=r"got 2 predictions of 3, 3 dice and 2 floors"):
-        deviation_bars_chart({"a": without, "b": model}, floors[:2], "title")
-    with pytest.raises(InputError, match=r"got 1 predictions of 3 dice and 3 floors"):
-        deviation_bars_chart({"a": without}, floors, "title")
 
 
 def test_bars_of_prints_hold_95_percent_of_them() -> None:
