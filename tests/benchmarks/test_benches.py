@@ -1,0 +1,136 @@
+"""Benches run in the shortest form that measures anything, and judge what they measure."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from common.kernels import compiled_only
+from common.paths import ROOT
+
+from benchmarks import accuracy, concave, gradients, speed, stability, thrown
+from benchmarks.frame import NoAnswer, Report, Watched, main, time_in_turn
+from benchmarks.models import MODEL_KINDS, model_names, random_model
+from tests.reference.measurement import OK
+from tests.reference.random_hulls import random_hull
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, list[dict]]:
+    """What a bench that is as it should be prints as JSON."""
+    assert main([*map(str, arguments), "--json"]) == 0
+    record: dict[str, list[dict]] = json.loads(capsys.readouterr().out)
+    return record
+
+
+def test_tables_have_a_heading_and_a_cell_for_each_value(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    report = Report(show=True)
+    row = report.table("sizes", {"name": "8s", "error": "8.1e", "part": "6.1%"})
+    row("cube", 1.3e-3, 0.5)
+    row("needle", None, float("inf"))
+    assert capsys.readouterr().out.splitlines() == [
+        "",
+        "name        error   part",
+        "cube      1.3e-03  50.0%",
+        "needle          -      -",
+    ]
+    assert report.record["sizes"][0] == {"name": "cube", "error": 1.3e-3, "part": 0.5}
+
+
+def test_bad_input_has_exit_code_2(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["exact", str(tmp_path / "none.yaml"), "--targets", "1"]) == 2
+    assert "none.yaml" in capsys.readouterr().err
+
+
+def test_what_hangs_is_stopped_and_the_next_call_answered() -> None:
+    with Watched() as process:
+        with pytest.raises(NoAnswer):
+            process.call(0.2, time.sleep, 60.0)
+        assert process.call(30.0, abs, -2) == 2
+        with pytest.raises(ZeroDivisionError):
+            process.call(30.0, divmod, 1, 0)
+
+
+def test_slower_work_takes_longer() -> None:
+    quick, slow = time_in_turn([lambda: sum(range(100)), lambda: sum(range(100_000))], 0.0)
+    assert 20.0 * quick < slow
+
+
+def test_exact(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    recipe = ROOT / "recipes" / "fair_d3.yaml"
+    record = run(capsys, "exact", recipe, "--targets", 2, "--out", tmp_path)
+    assert record["targets"][-1]["solved"] == 2
+    assert record["recipes"][0]["verdict"] == "solved"
+    assert (tmp_path / "exact.json").exists()
+
+
+def test_designs_over_seeds(capsys: pytest.CaptureFixture[str]) -> None:
+    recipe = ROOT / "recipes" / "paper" / "binomial_2.yaml"
+    given = ("design", recipe, "--part", "seeds", "--seeds", 1, "--fresh", 0)
+    plain, exact = run(capsys, *given)["seeds"]
+    assert plain["good"] == exact["good"] == 1
+    assert exact["median error"] < 1e-12 < plain["median error"]
+
+
+def test_gradients_and_a_wrong_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = random_hull(1)[1]
+    assert gradients.compare(problem, seed=0, with_center=True).is_right
+    cube = gradients.compare(next(gradients.polygon_bodies())[1], seed=0)
+    assert cube.is_right
+    assert cube.half_spaces is not None
+    right = gradients.derivative
+    monkeypatch.setattr(gradients, "derivative", lambda motion: [2 * d for d in right(motion)])
+    assert not gradients.compare(problem, seed=0, with_center=True).is_right
+
+
+def test_stability_and_a_wrong_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert stability.run_case("cube", 2).verdict == OK
+    assert stability.run_case("design: loaded cube, exact", 0).ending.startswith("converged")
+    real = stability.measure
+    monkeypatch.setattr(stability, "measure", lambda problem: replace(real(problem), excess=1e-6))
+    assert stability.run_case("cube", 0).verdict == "sum of probabilities off by 1.0e-06"
+
+
+def test_accuracy_and_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(accuracy, "RUN_SECONDS", 0.01)
+    body = accuracy.built_in_bodies()[1]
+    answers = {one.method: one for one in accuracy.ask(accuracy.Subject.of(body), 0.01)}
+    exact, single = answers["this model, float64"], answers["this model, float32"]
+    angles = answers["solid angles of facets"]
+    assert exact.error is not None
+    assert single.error is not None
+    assert angles.error is not None
+    assert exact.error < 1e-15 < single.error < 1e-6 < 1e-3 < angles.error
+    with Watched() as process:
+        hull, query, *_ = speed.measure(body.points, 2, 0.0, process)
+    assert 0.0 < hull < 0.1
+    assert 0.1 < query < 100.0
+
+
+def test_models_are_closed_and_the_same_each_time() -> None:
+    assert model_names(12)[-1] == f"{MODEL_KINDS[0]}_02"
+    first, again = (random_model("rings_01") for _ in range(2))
+    np.testing.assert_array_equal(first.points, again.points)
+    assert 1500 <= len(first.points) <= 4000
+    assert first.volume > 0.0
+
+
+def test_a_concave_die_is_not_as_wanted_for_a_reason() -> None:
+    found = {"|p - q|": 0.1, "elsewhere": 0.0, "meet": 2, "apart": 50.0, "margin": 5.0, "s": 1.0}
+    assert list(concave.shortfalls(found, 0.005)) == [
+        "odds off by 1.0e-01",
+        "2 pairs of triangles meet",
+        "an outcome is left at 5.0 degrees",
+    ]
+
+
+@compiled_only
+def test_equal_odds_are_within_chance() -> None:
+    value, chance, limit = thrown.against(np.array([50, 52, 0]), np.array([49, 51, 1]))
+    assert value < chance < limit
+    assert thrown.against(np.array([90, 10, 0]), np.array([10, 90, 0]))[0] == pytest.approx(0.8)
