@@ -9,6 +9,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from dicedesign.balance.regions import is_shifted
 from dicedesign.concave.correspondence import fill_by_correspondence
 from dicedesign.concave.easing import (
     NEAREST,
@@ -32,6 +33,7 @@ from dicedesign.concave.result import (
 )
 from dicedesign.concave.slopes import SlopeOptions
 from dicedesign.concave.space_elasticity import point_masses
+from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.procrustes import best_similarity
 from dicedesign.geometry.sphere import norms
@@ -74,6 +76,16 @@ FARTHEST = math.radians(80.0)
 """Angle that is not asked for at first if a smaller one is wanted."""
 
 
+SAFE = 0.8
+"""Part of the reach of cavities that is used: that of the surface as it will be bent is another."""
+
+LESS = 0.6
+"""Factor of it where that was too much."""
+
+SHIFTS = 3
+"""Times that the center of mass is shifted once more for a cavity."""
+
+
 @dataclass(frozen=True, eq=False)
 class Attempts:
     """Attempts at one die. Coordinates are those of the surface about its center of mass, over its
@@ -81,7 +93,7 @@ class Attempts:
 
     Attributes
     ----------
-    surface, target, options, seed: see `make_concave_die`.
+    surface, target, options, seed, wall: see `make_concave_die`.
     on_step: called with the number of the attempt, the stage, the energy and the largest |p - q|,
         or without it where the stage does not know.
     """
@@ -91,6 +103,7 @@ class Attempts:
     options: ConcaveOptions
     seed: int
     on_step: Callable[..., None]
+    wall: float | None = None
 
     @cached_property
     def center(self) -> Floats:
@@ -149,17 +162,80 @@ class Attempts:
     ) -> FilledHull | None:
         """A hull as it was designed, brought nearer to the original and filled; None where none
         comes about, or the best is as good."""
+        if self.wall is not None:
+            return self._filled_about_cavity(number, draft, slopes, best, self.wall)
         made = None
         for metric in (NEAREST, UNCROSSED):
             nearer = nearer_draft(self.problem, draft, slopes, metric)
             filled = self.finished(number, self.problem, nearer, best)
             if filled is None:
                 break
-            if made is None or rank(filled, self.options) < rank(made, self.options):
+            if self._is_better(filled, made):
                 made = filled
             if filled.self_intersections == 0:
                 break
         return made
+
+    def _filled_about_cavity(
+        self,
+        number: int,
+        draft: HullDraft,
+        slopes: SlopeOptions,
+        best: FilledHull | None,
+        wall: float,
+    ) -> FilledHull | None:
+        """The same, the center of mass shifted as far as cavities in the surface, as it is bent by
+        then, can do that, and as bending it less is worth."""
+        # Imported late, with manifold3d: solid dice do without.
+        from dicedesign.balance.cavity import balancing_cavity, reach
+
+        def with_room(surface: Surface, part: float) -> HullProblem:
+            """The problem with part of the reach of cavities in a surface, in its unit."""
+            thickness = wall * convex_hull(surface.points).diameter
+            return self.problem.with_room(reach(surface, thickness, part))
+
+        def has_room(filled: FilledHull) -> bool:
+            """Whether a cavity brings the center of mass to where it is wanted."""
+            surface = self.surface.moved(filled.points)
+            if not is_shifted(surface, filled.center_of_mass):
+                return True
+            thickness = wall * convex_hull(surface.points).diameter
+            try:
+                balancing_cavity(surface, thickness, filled.center_of_mass)
+            except InputError:
+                return False
+            return True
+
+        problem = with_room(self.problem.surface, SAFE)
+        nearer = nearer_draft(problem, draft, slopes)
+        filled = self.finished(number, problem, nearer, best)
+        if filled is None or not self._is_better(filled, best):
+            return None
+        if not has_room(filled):
+            # A solid one to begin with, which has more room when it is bent less.
+            nearer = nearer_draft(self.problem, draft, slopes)
+            filled = self.finished(number, self.problem, nearer, None)
+        part = SAFE
+        for _ in range(SHIFTS):
+            if filled is None:
+                break
+            bent = self.problem.surface.moved((filled.points - self.center) / self.radius)
+            try:
+                problem = with_room(bent, part)
+            except InputError:
+                break
+            further = nearer_draft(problem, nearer, slopes)
+            following = self.finished(number, problem, further, filled)
+            if following is None or not self._is_better(following, filled):
+                break
+            if has_room(following):
+                nearer, filled = further, following
+            else:
+                part *= LESS
+        return filled
+
+    def _is_better(self, filled: FilledHull, best: FilledHull | None) -> bool:
+        return best is None or rank(filled, self.options) < rank(best, self.options)
 
     def finished(
         self, number: int, problem: HullProblem, draft: HullDraft, best: FilledHull | None

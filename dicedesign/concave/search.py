@@ -142,13 +142,7 @@ def make_concave_die(
         if on_step is not None:
             on_step(steps[-1])
 
-    if wall is None:
-        attempts = Attempts(surface, target, options, seed, record)
-    else:
-        # Imported late, with manifold3d: solid dice do without.
-        from dicedesign.concave.hollow_attempt import HollowAttempts
-
-        attempts = HollowAttempts(surface, target, options, seed, record, wall)
+    attempts = Attempts(surface, target, options, seed, record, wall)
     with one_thread():
         while not _has_ended(options, progress, seconds()):
             number, begun = progress.attempts + 1, seconds()
