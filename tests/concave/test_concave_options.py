@@ -15,11 +15,8 @@ from dicedesign.recipe.reading import checked_recipe
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ({"tolerance": 0.0}, "tolerance: expected a number above 0 and below 1, got 0; leave it"),
         ({"tolerance": 1.0}, "tolerance: expected a number above 0 and below 1, got 1; leave it"),
-        ({"tolerance": math.nan}, "tolerance: expected a number above 0 and below 1, got nan"),
         ({"hull": "exact"}, "hull: expected gauss_newton or paper, got 'exact'; choose one"),
-        ({"fill": ""}, "fill: expected correspondence or paper, got ''; choose one"),
         (
             {"paper": ConcavePaperOptions()},
             "paper: expected hull: paper or fill: paper with it, got gauss_newton and corr",
@@ -30,15 +27,10 @@ from dicedesign.recipe.reading import checked_recipe
         ),
         ({"points": 49}, "points: expected at least 50, got 49; raise it, or leave it out to keep"),
         ({"attempts": 0}, "attempts: expected a whole number above 0, got 0; leave it out for 60"),
-        ({"enough": 0}, "enough: expected a whole number above 0, got 0; leave it out for 24"),
-        ({"apart_deg": -1.0}, "apart_deg: expected degrees from 0 to below 180, got -1; leave it"),
         ({"apart_deg": 180.0}, "apart_deg: expected degrees from 0 to below 180, got 180; leave"),
         ({"margin_deg": 90.0}, "margin_deg: expected degrees from 0 to below 90, got 90; leave it"),
-        ({"margin_deg": math.nan}, "margin_deg: expected degrees from 0 to below 90, got nan"),
         ({"displacement": 0.0}, "displacement: expected a positive number, got 0; leave it out"),
-        ({"displacement": math.inf}, "displacement: expected a positive number, got inf"),
         ({"seconds": -1.0}, "seconds: expected a positive number, got -1; leave it out"),
-        ({"seconds": math.nan}, "seconds: expected a positive number, got nan; leave it out"),
     ],
 )
 def test_values_out_of_range(options: dict[str, Any], text: str) -> None:
@@ -46,7 +38,7 @@ def test_values_out_of_range(options: dict[str, Any], text: str) -> None:
         ConcaveOptions(**options)
 
 
-@pytest.mark.parametrize("wall", [0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize("wall", [0.0, math.nan])
 def test_walls_that_are_none(wall: float) -> None:
     with pytest.raises(InputError, match="wall_mm: expected a positive number, got"):
         HollowOptions(wall_mm=wall)
@@ -63,14 +55,10 @@ def test_the_ends_of_the_ranges_are_taken() -> None:
     ("options", "text"),
     [
         ({"step": "newton"}, "paper.step: expected momentum or line_search, got 'newton'; choose"),
-        ({"finish": ""}, "paper.finish: expected exact or none, got ''; choose one of them"),
         ({"steps": 0}, "paper.steps: expected a whole number above 0, got 0; leave it out for 600"),
         ({"closest_point": 0.0}, "paper.closest_point: expected a positive number, got 0; leave"),
-        ({"membrane": -1.0}, "paper.membrane: expected a positive number, got -1; leave it out"),
-        ({"bending": math.nan}, "paper.bending: expected a positive number, got nan; leave it out"),
         ({"center_of_mass": math.inf}, "paper.center_of_mass: expected a positive number, got inf"),
         ({"growth": 1.0}, "paper.growth: expected a number above 1 and at most 100, got 1; leave"),
-        ({"growth": 101.0}, "paper.growth: expected a number above 1 and at most 100, got 101"),
         (
             {"gamma": 0.0},
             r"paper.gamma: expected a number above 0 and at most 1e\+06, got 0; leave",

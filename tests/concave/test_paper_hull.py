@@ -26,7 +26,7 @@ def error_of(design: DesignedHull, problem: HullProblem) -> float:
 def test_descent_as_in_the_paper(finish: Literal["exact", "none"]) -> None:
     problem = problem_of(bumpy_sphere(1), [0.5, 0.5])
     steps: list[tuple[float, float]] = []
-    options = ConcavePaperOptions(finish=finish, steps=200)
+    options = ConcavePaperOptions(finish=finish, steps=100)
     directions = choices_of(problem)[0]
     design = descend_hull(problem, directions, options, lambda *step: steps.append(step))
     assert error_of(design, problem) == pytest.approx(design.error, abs=1e-9)
@@ -36,20 +36,10 @@ def test_descent_as_in_the_paper(finish: Literal["exact", "none"]) -> None:
     assert np.isin(design.corners, problem.source).all()
 
 
-def test_without_drift_a_hull_stays_about_its_center_of_mass() -> None:
-    problem = problem_of(bumpy_sphere(2), [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0])
-    shifts = []
-    for drift in (False, True):
-        options = ConcavePaperOptions(drift=drift, steps=200)
-        design = descend_hull(problem, choices_of(problem)[0], options, lambda *step: None)
-        shifts.append(np.linalg.norm(design.center_of_mass))
-    assert shifts[0] < 0.5 * shifts[1]
-
-
 def test_the_best_of_several_hulls_by_the_paper_is_taken() -> None:
-    problem = problem_of(bumpy_sphere(2), [0.5, 0.5])
+    problem = problem_of(bumpy_sphere(1), [0.5, 0.5])
     choices = choices_of(problem)
-    options, random = ConcavePaperOptions(steps=100), np.random.default_rng(1)
+    options, random = ConcavePaperOptions(steps=30), np.random.default_rng(1)
     design = searched_hull(problem, choices, options, random, lambda *step: None, plain=True)
     first = descend_hull(problem, choices[0], options, lambda *step: None)
     assert error_of(design, problem) <= max(problem.tolerance, first.error)

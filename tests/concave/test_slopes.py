@@ -1,21 +1,24 @@
-"""Slopes of the support function, against the support function itself."""
+"""Slopes of the support function, and the least displacement that gives them, by other ways."""
 
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
 import torch
 from common.bumpy import bumpy_sphere, unit
-from common.dented_cube import CORNERS, NORMALS
+from common.dented_cube import CORNERS
 
 from dicedesign.concave.slopes import (
-    LIFETIME,
     NEARLY_LOWEST,
+    SOFTNESS,
+    SlopeConditions,
     SlopeMemory,
     SlopeOptions,
     climbs,
+    least_displacement,
 )
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.runtime.arrays import Floats
@@ -73,17 +76,7 @@ def test_climbs_are_those_of_the_support_function() -> None:
     assert found.max() > 0.1
 
 
-def test_from_side_to_side_of_a_cube_one_climbs_over_an_edge() -> None:
-    found = climbs(CORNERS, NORMALS, NORMALS)
-    expected = np.full((6, 6), math.sqrt(2.0) - 1.0)
-    np.fill_diagonal(expected, 0.0)
-    # The opposite side too: any way there is as long, and leads over other sides.
-    np.testing.assert_allclose(found, expected, atol=2e-3)
-    downhill = climbs(CORNERS, np.ones((1, 3)) / math.sqrt(3.0), NORMALS[:3])
-    np.testing.assert_allclose(downhill, 0.0, atol=1e-15)
-
-
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_conditions_hold_where_all_rests_are_wanted(seed: int) -> None:
     points = askew_cube(seed)
     rests = rests_of(points)
@@ -94,7 +87,7 @@ def test_conditions_hold_where_all_rests_are_wanted(seed: int) -> None:
     assert conditions.excess(points).max(initial=-1.0) <= 0.0
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_conditions_fail_on_the_way_from_an_unwanted_rest(seed: int) -> None:
     points = askew_cube(seed)
     rests = rests_of(points)
@@ -140,20 +133,6 @@ def test_each_is_a_slope_of_the_support_function() -> None:
     assert nearly >= 5
 
 
-def test_conditions_are_linear_in_the_corners() -> None:
-    points = bumpy_points()
-    rests = rests_of(points)
-    outcomes = normals_of(rests)[:3]
-    of_rest = np.argmax(normals_of(rests) @ outcomes.T, axis=1)
-    conditions = SlopeMemory(OPTIONS).conditions(rests, outcomes, of_rest, 0)
-    other = points + 0.1 * np.random.default_rng(3).normal(size=points.shape)
-    mixed = conditions.excess(0.3 * points + 0.7 * other)
-    expected = 0.3 * conditions.excess(points) + 0.7 * conditions.excess(other)
-    np.testing.assert_allclose(mixed, expected, atol=1e-14)
-    inside = np.setdiff1d(np.arange(len(points)), rests.hull.source)
-    assert not np.isin(conditions.corners, inside).any()
-
-
 def test_a_rest_opposite_to_its_outcome_is_asked_to_drain() -> None:
     rests = rests_of(CORNERS / math.sqrt(3.0))
     normals = normals_of(rests)
@@ -165,14 +144,64 @@ def test_a_rest_opposite_to_its_outcome_is_asked_to_drain() -> None:
     assert conditions.excess(CORNERS / math.sqrt(3.0)).max() > OPTIONS.fall
 
 
-def test_what_no_arc_meets_again_is_forgotten() -> None:
-    points = askew_cube(1)
-    rests = rests_of(points)
-    normals = normals_of(rests)
-    memory = SlopeMemory(OPTIONS)
-    of_rest = np.append(np.arange(len(normals) - 1), 0)
-    memory.conditions(rests, normals[:-1], of_rest, 0)
-    first = set(memory.cells)
-    for step, kept in ((LIFETIME - 1, first), (LIFETIME, set())):
-        memory.conditions(rests, normals, np.arange(len(normals)), step)
-        assert set(memory.cells) == kept
+COUNT = 7
+
+
+class Case:
+    """Random corners, equations and inequalities, some of which fail at present."""
+
+    def __init__(self, seed: int, inequalities: int, equations: int) -> None:
+        rng = np.random.default_rng(seed)
+        root = rng.normal(size=(3 * COUNT, 3 * COUNT))
+        self.compliance = root @ root.T / COUNT + 0.1 * np.eye(3 * COUNT)
+        self.displacement = 0.1 * rng.normal(size=(COUNT, 3))
+        tangents = rng.normal(size=(inequalities, 3))
+        tangents /= np.linalg.norm(tangents, axis=1)[:, None]
+        corners = rng.integers(0, COUNT, inequalities)
+        self.conditions = SlopeConditions(tangents, corners, np.full(inequalities, 0.01))
+        self.excess = 0.05 * rng.normal(size=inequalities)
+        self.jacobian = rng.normal(size=(equations, COUNT, 3))
+        self.misses = 0.05 * rng.normal(size=equations)
+
+    def found(self) -> Floats:
+        return least_displacement(
+            self.compliance.reshape(COUNT, 3, COUNT, 3),
+            self.displacement,
+            self.conditions,
+            self.excess,
+            self.jacobian,
+            self.misses,
+        )
+
+    def expected(self) -> Floats:
+        """Stationary in the displacements themselves, with each inequality a spring where it fails;
+        the one set of springs that agrees with itself."""
+        size, count = 3 * COUNT, len(self.excess)
+        rows = np.zeros((count, size))
+        for row, corner in enumerate(self.conditions.corners):
+            rows[row, 3 * corner : 3 * corner + 3] = self.conditions.tangents[row]
+        bounds = rows @ self.displacement.ravel() - self.excess
+        sides = self.jacobian.reshape(len(self.misses), size)
+        wanted = sides @ self.displacement.ravel() + self.misses
+        softness = SOFTNESS * np.trace(self.compliance) / size
+        stiffness = np.linalg.inv(self.compliance)
+        zeros = np.zeros((len(wanted), len(wanted)))
+        agreeing = []
+        for springs in product([False, True], repeat=count):
+            kept = np.array(springs, dtype=bool)
+            above = stiffness + rows[kept].T @ rows[kept] / softness
+            system = np.block([[above, sides.T], [sides, zeros]])
+            side = np.concatenate([rows[kept].T @ bounds[kept] / softness, wanted])
+            moved = np.linalg.solve(system, side)[:size]
+            if np.array_equal(rows @ moved > bounds, kept):
+                agreeing.append(moved)
+        (only,) = agreeing
+        return only.reshape(COUNT, 3)
+
+
+@pytest.mark.parametrize(
+    ("seed", "inequalities", "equations"), [(0, 6, 2), (1, 6, 2), (20, 0, 2), (21, 6, 0)]
+)
+def test_it_is_the_one_of_least_work(seed: int, inequalities: int, equations: int) -> None:
+    case = Case(seed, inequalities, equations)
+    np.testing.assert_allclose(case.found(), case.expected(), atol=1e-6)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-import pytest
-from common.bumpy import bent_capsule, bumpy_sphere
+from common.bumpy import bumpy_sphere
 from common.hull_problems import SLOPES, designed, problem_of
 
 from dicedesign import rest_poses
@@ -70,35 +69,11 @@ def test_what_is_nearer_is_as_wanted() -> None:
     assert displacement(nearer, problem()) < displacement(draft(), problem())
 
 
-def test_of_what_lacks_something_no_more_is_lacking() -> None:
-    """Asked for angles that it does not have."""
-    asked = HullProblem(
-        problem().surface,
-        problem().target,
-        problem().tolerance,
-        float(np.radians(170.0)),
-        problem().margin,
-    )
-    nearer = nearer_draft(asked, draft(), SLOPES)
-    assert 0.0 < nearer.shortfall(asked) <= draft().shortfall(asked)
-    assert displacement(nearer, asked) <= displacement(draft(), asked)
-
-
-@pytest.mark.parametrize("amount", [1e-5, 1e-4])
-def test_what_is_settled_has_the_odds_to_rounding(amount: float) -> None:
-    corners = draft().corners + amount * np.sin(9.0 * draft().corners)
+def test_what_is_settled_has_the_odds_to_rounding() -> None:
+    corners = draft().corners + 1e-4 * np.sin(9.0 * draft().corners)
     near = HullDraft.of(corners, draft().normals)
     assert near is not None
     settled = settled_draft(problem(), near)
     poses = rest_poses(settled.rests.hull.vertices, center_of_mass=np.zeros(3))
     assert outcome_odds(poses, settled.normals).error(problem().target) < 1e-10
     assert near.error(problem().target) > 1e-8
-
-
-def test_with_rests_beside_the_outcomes_their_odds_get_better() -> None:
-    two = problem_of(bent_capsule(18, 10), [0.5, 0.5])
-    first = HullDraft.of(two.hull.vertices, designed(two).directions)
-    assert first is not None
-    settled = settled_draft(two, first)
-    assert not settled.alone
-    assert settled.error(two.target) < first.error(two.target)

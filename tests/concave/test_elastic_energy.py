@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 from common.bumpy import bent_capsule, bumpy_sphere
 
-from dicedesign.concave.elastic_energy import ElasticEnergy, hinge_angles, positive_semidefinite
+from dicedesign.concave.elastic_energy import ElasticEnergy
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import rotation_between
 from dicedesign.geometry.surfaces.surface import Surface
@@ -59,44 +58,13 @@ def test_energies_are_those_of_stretches_and_angles() -> None:
     assert bending.value(points) == pytest.approx(expected, rel=1e-9)
 
 
-def test_ridges_have_positive_angles() -> None:
-    roof = np.array([[[0.0, 0, 0], [1, 0, 0], [0.5, 1, -1], [0.5, -1, -1]]])
-    for sign in (1, -1):
-        angle = hinge_angles(torch.from_numpy(roof * [1, 1, sign]))
-        assert float(angle) == pytest.approx(sign * np.pi / 2)
-
-
-def test_the_nearest_semidefinite_matrices() -> None:
-    # Of springs between four points, some of which push.
-    rng = np.random.default_rng(3)
-    stiffness = rng.normal(size=(20, 12, 12))
-    stiffness += stiffness.swapaxes(1, 2)
-    free = np.kron(np.eye(4) - 0.25, np.eye(3))
-    hessians = free @ stiffness @ free
-    projected = positive_semidefinite(hessians)
-    values, vectors = np.linalg.eigh(hessians)
-    assert values.min() < -0.1
-    expected = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.swapaxes(1, 2)
-    np.testing.assert_allclose(projected, expected, atol=1e-9 * np.abs(hessians).max())
-
-
-@pytest.mark.parametrize("surface", [bumpy_sphere(), bent_capsule()])
-def test_nothing_pulls_at_the_reference_wherever_it_is(surface: Surface) -> None:
+def test_nothing_pulls_at_the_reference_wherever_it_is() -> None:
+    surface = bent_capsule()
     energy = ElasticEnergy.of(surface, 1.0, 0.02)
     turn = rotation_between(np.array([1.0, 0.3, 0.2]), np.array([-0.2, 0.8, 0.1]))
     for points in (surface.points, 3.0 * surface.points @ turn.T + 7.0):
         assert energy.value(points) == pytest.approx(0.0, abs=1e-12)
         assert np.abs(energy.gradient(points)).max() < 1e-11
-
-
-def test_the_energy_does_not_change_when_the_surface_is_turned_moved_or_scaled() -> None:
-    surface = bumpy_sphere(1)
-    energy = ElasticEnergy.of(surface, 1.0, 0.02)
-    points = surface.points + 0.05 * np.random.default_rng(4).normal(size=surface.points.shape)
-    turn = rotation_between(np.array([0.1, 1.0, 0.0]), np.array([0.0, 0.2, -1.0]))
-    there = energy.value(0.5 * points @ turn.T - 3.0)
-    assert there > 1e-3
-    assert there == pytest.approx(energy.value(points), rel=1e-10)
 
 
 def test_gradient_and_hessian_of_the_whole_surface() -> None:

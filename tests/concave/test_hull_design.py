@@ -1,4 +1,4 @@
-"""Hulls on the way, against the forward model of the same hull."""
+"""Hulls on the way and at its end, against the forward model of the same hull."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from common.bumpy import bumpy_sphere
-from common.hull_problems import designed, original_draft, problem_of
+from common.bumpy import bent_capsule, bumpy_sphere
+from common.hull_problems import SLOPES, choices_of, designed, original_draft, problem_of
 
 from dicedesign import rest_poses
-from dicedesign.concave.hull_design import HullDraft, exact_draft
+from dicedesign.concave.easing import settled_draft
+from dicedesign.concave.hull_design import HullDraft, design_hull, designed_hull, exact_draft
 from dicedesign.concave.hull_problem import HullProblem
+from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.outcomes import outcome_margins, outcome_odds
 
@@ -53,10 +55,9 @@ def test_angles_and_odds_are_those_of_the_body(place: int) -> None:
     assert draft.odds.sum() == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("place", [0, 1])
-@pytest.mark.parametrize("lacking", ["", "odds", "apart", "margin", "odds apart margin"])
-def test_the_shortfall_is_zero_exactly_where_everything_holds(place: int, lacking: str) -> None:
-    draft = drafts()[place]
+@pytest.mark.parametrize("lacking", ["", "odds", "apart", "odds apart margin"])
+def test_the_shortfall_is_zero_exactly_where_everything_holds(lacking: str) -> None:
+    draft = good()
     error, apart, margin = draft.error(problem().target), draft.apart, draft.margin
     tolerance, least, leave = max(1.01 * error, 1e-6), 0.99 * apart, 0.99 * margin
     expected = 0.0
@@ -79,13 +80,6 @@ def test_the_shortfall_is_zero_exactly_where_everything_holds(place: int, lackin
     assert draft.lacks_at_most(asked, found)
     assert draft.lacks_at_most(asked, found + 0.1)
     assert not draft.lacks_at_most(asked, 0.9 * found - 1e-9)
-
-
-def test_one_outcome_is_never_left() -> None:
-    draft = good()
-    alone = HullDraft(draft.corners, draft.rests, draft.directions[:1])
-    assert (alone.apart, alone.margin) == (np.pi, np.pi)
-    assert alone.odds == pytest.approx([1.0])
 
 
 @pytest.mark.parametrize("compiled", [True, False])
@@ -122,3 +116,48 @@ def test_an_exact_one_has_the_odds_to_rounding_and_needs_its_outcomes_alone() ->
     assert exact is not None
     poses = rest_poses(exact.rests.hull.vertices, center_of_mass=np.zeros(3))
     assert outcome_odds(poses, exact.normals).error(problem().target) < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("surface", "target", "apart_deg", "margin_deg"),
+    [
+        (bumpy_sphere(), [0.5, 0.5], 45.0, 10.0),
+        (bent_capsule(18, 10), [0.5, 0.5], 0.0, 0.0),
+        (bumpy_sphere(), [0.2, 0.5, 0.3], 70.0, 0.0),
+    ],
+)
+def test_odds_and_angles_are_as_wanted(
+    surface: Surface, target: list[float], apart_deg: float, margin_deg: float
+) -> None:
+    problem = problem_of(surface, target, apart_deg, margin_deg)
+    design = designed_hull(problem, settled_draft(problem, designed(problem)))
+    poses = rest_poses(design.hull.vertices, center_of_mass=design.center_of_mass)
+    outcomes = outcome_odds(poses, design.directions)
+    assert outcomes.error(problem.target) <= problem.tolerance
+    assert outcomes.error(problem.target) == pytest.approx(design.error, abs=1e-9)
+    assert np.degrees(outcomes.least_angle) >= apart_deg - 1e-6
+    assert np.degrees(outcome_margins(poses, outcomes).min()) >= margin_deg - 1e-6
+
+
+def test_where_none_is_as_wanted_there_is_the_best_on_the_way() -> None:
+    """Far apart as no three can be."""
+    problem = problem_of(bumpy_sphere(1), [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0], 170.0)
+    directions = choices_of(problem)[0]
+    first = HullDraft.of(problem.hull.vertices, directions)
+    draft = design_hull(problem, directions, SLOPES, lambda *step: None)
+    assert first is not None
+    assert draft is not None
+    assert 0.0 < draft.shortfall(problem) < first.shortfall(problem)
+
+
+def test_corners_are_those_of_the_surface_moved() -> None:
+    problem = problem_of(bumpy_sphere(1), [0.6, 0.4])
+    design = designed_hull(problem, designed(problem))
+    place = np.full(len(problem.surface.points), -1)
+    place[problem.source] = np.arange(len(problem.source))
+    moved = design.moved[place[design.corners]] + design.center_of_mass
+    expected = problem.surface.points[design.corners] + moved
+    np.testing.assert_allclose(design.hull.vertices, expected, atol=1e-14)
+    assert len(set(design.corners.tolist())) == len(design.corners)
+    assert len(design.corners) > 0.7 * len(problem.source)
+    assert np.linalg.norm(moved, axis=1).mean() < 0.3
