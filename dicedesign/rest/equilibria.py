@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cached_property
 from math import gcd
 from typing import NamedTuple
@@ -176,14 +175,6 @@ def _project(u: Vector, along: Vector, normal: Vector) -> Vector:
     return x // common, y // common, z // common
 
 
-class FacetKind(IntEnum):
-    """What a body does that stands on a facet (F0, F2, F1 of section 2.2.3)."""
-
-    STABLE = 0
-    ROLLS_OVER_EDGE = 1
-    ROLLS_TO_VERTEX = 2
-
-
 @dataclass(frozen=True)
 class Equilibria:
     """A hull with a center of mass, and what each of its elements does.
@@ -343,14 +334,6 @@ class Equilibria:
         order = np.lexsort((squared, self.hull.facet))
         nearest = self.hull.tail[order[start]]
         return np.where(self.stable | (self.roll_edge >= 0), -1, nearest)
-
-    @cached_property
-    def facet_kind(self) -> Integers:
-        """(m,) `FacetKind` of each facet."""
-        kind = np.full(len(self.stable), int(FacetKind.ROLLS_TO_VERTEX))
-        kind[self.roll_edge >= 0] = FacetKind.ROLLS_OVER_EDGE
-        kind[self.stable] = FacetKind.STABLE
-        return kind
 
 
 def classify(hull: ConvexHull, center_of_mass: ArrayLike, tie_distance: float = 0.0) -> Equilibria:

@@ -183,7 +183,12 @@ class RestPoses:
         InputError: the prior cannot be read, or is none.
         """
         if prior is None:
-            return self if self.prior is None else self._with_odds(None, self._areas, None)
+            if self.prior is None:
+                return self
+            parts = np.zeros(len(self.hull.normals))
+            facets, areas, _ = _combined(self.basins)
+            parts[facets] = areas / (4.0 * np.pi)
+            return self._with_odds(None, parts[self.facets], None)
         # Imported here, as most queries do without.
         from dicedesign.rest.prior import prior_of
 
@@ -194,14 +199,6 @@ class RestPoses:
             odds[row, rests], errors[row, rests] = found.odds, found.errors
         of_rests = odds.mean(axis=0)[self.facets]
         return self._with_odds(prior, of_rests, errors.mean(axis=0)[self.facets])
-
-    @property
-    def _areas(self) -> Floats:
-        """(k,) parts of the sphere that the basins of the rests have."""
-        parts = np.zeros((len(self.basins), len(self.hull.normals)))
-        for row, side in zip(parts, self.basins, strict=True):
-            row[side.paths.rests] = side.areas / (4.0 * np.pi)
-        return np.asarray(parts.mean(axis=0)[self.facets])
 
     def _with_odds(self, prior: Prior | None, odds: Floats, errors: Floats | None) -> RestPoses:
         order = np.argsort(-odds, kind="stable")

@@ -2,12 +2,11 @@
 tolerance of 0, and for all bodies where kernels were not built.
 
 Coplanar ones of Qhull's triangles are merged within a tolerance. At a tolerance of 0 the hull is
-that of the points as they are given, to the last bit (`exact_facets`): Qhull's triangles are then a
-proposal. They are verified in exact arithmetic; corners at which they are not convex are taken out,
-and all that then lies outside is put in again by the incremental step, whose only question is on
-which side of a triangle a point lies. A point in a triangle's plane counts as one that sees it:
-then the triangles that a point sees are a disc, and those put in their place are never degenerate,
-whether the point repeats another, lies on an edge or inside a facet.
+that of the points as they are given, to the last bit (`exact_facets`): from a tetrahedron on,
+points outside are put in by the incremental step, whose only question is on which side of a
+triangle a point lies. A point in a triangle's plane counts as one that sees it: then the triangles
+that a point sees are a disc, and those put in their place are never degenerate, whether the point
+repeats another, lies on an edge or inside a facet.
 Source of the incremental step: Preparata and Shamos, Computational Geometry, 1985, section 3.4."""
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from scipy.spatial import QhullError, cKDTree
 
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.qhull import HalfEdges, facet_labels, facet_loops, hull_triangles
-from dicedesign.geometry.predicates import Orientation, Vector, cross, dot, minus
+from dicedesign.geometry.predicates import Orientation
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import edge_neighbors
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
@@ -132,9 +131,6 @@ PLANE_ROUNDING = 16.0 * ROUNDING
 rounded: relative to the longest side of the triangle, heights being multiplied by its doubled
 area."""
 
-RAY_ROUNDING = 64.0 * PLANE_ROUNDING
-"""Bound on the rounding error of a determinant of differences of such coordinates."""
-
 BLOCK = 1 << 21
 """Pairs of a point and a triangle that are looked at together."""
 
@@ -150,9 +146,7 @@ def exact_facets(points: Floats, scaled: Floats) -> tuple[Integers, Integers, In
     one plane. Facets are exactly flat, and edges between two of them exactly convex.
     """
     sides = Orientation(points)
-    start = _verified_proposal(sides, scaled)
-    if start is None:
-        start = _simplex(sides, scaled, np.arange(len(points)))
+    start = _simplex(sides, scaled)
     if start is None:
         return None
     surface = _Surface(sides, scaled, start)
@@ -173,42 +167,6 @@ def exact_facets(points: Floats, scaled: Floats) -> tuple[Integers, Integers, In
     return triangles, neighbors, connected_components(graph, directed=False)[1].astype(np.int64)
 
 
-def _verified_proposal(sides: Orientation, scaled: Floats) -> Integers | None:
-    """Triangles (t, 3) of a convex polyhedron with corners among the points, or None."""
-    kept = np.arange(len(scaled))
-    while len(kept) >= 4:
-        try:
-            triangles = kept[hull_triangles(scaled[kept])[0]]
-        except QhullError:
-            return None
-        corners = np.unique(triangles)
-        simplex = _simplex(sides, scaled, corners)
-        if simplex is None:
-            return None
-        faulty = _faulty(sides, triangles, np.unique(simplex))
-        if len(faulty) == 0:
-            covers = _covers_once(sides, scaled, triangles, np.unique(simplex))
-            return triangles if covers else None
-        kept = np.setdiff1d(corners, faulty)
-    return None
-
-
-def _faulty(sides: Orientation, triangles: Integers, inside: Integers) -> Integers:
-    """Corners of triangles (t, 3) that lack a neighbour, bend inward, or do not have all of some
-    points `inside` (4,), which span a solid, below or on their planes."""
-    neighbors = edge_neighbors(triangles)
-    if (neighbors < 0).any():
-        return np.unique(triangles[(neighbors < 0).any(axis=1)])
-    heights = np.stack(
-        [sides.signs(triangles, np.full(len(triangles), point)) for point in inside], axis=1
-    )
-    bad = (heights > 0).any(axis=1) | (heights == 0).all(axis=1)
-    left, right, bends = _bends(sides, triangles, neighbors)
-    bad[left[bends > 0]] = True
-    bad[right[bends > 0]] = True
-    return np.unique(triangles[bad])
-
-
 def _bends(
     sides: Orientation, triangles: Integers, neighbors: Integers
 ) -> tuple[Integers, Integers, Integers]:
@@ -219,46 +177,18 @@ def _bends(
     return left, neighbors[left, corner], bends
 
 
-def _covers_once(sides: Orientation, scaled: Floats, triangles: Integers, inside: Integers) -> bool:
-    """Whether a ray from the mean of points `inside` (4,), below all triangles (t, 3), meets only
-    one triangle. As none is seen from behind, they then surround it once, and a closed surface
-    that is convex at every edge bounds a convex body."""
-    corners = scaled[triangles] - scaled[inside].mean(axis=0)
-    ray = corners[0].sum(axis=0)
-    turns = [np.linalg.cross(corners[:, k - 1], corners[:, k]) @ ray for k in range(3)]
-    near = np.flatnonzero(np.min(turns, axis=0) >= -RAY_ROUNDING)
-    total = _sum(*(sides.integers[int(point)] for point in inside))
-
-    def spanned(triangle: int) -> list[Vector]:
-        integers = (sides.integers[int(point)] for point in triangles[triangle])
-        return [minus((4 * x, 4 * y, 4 * z), total) for x, y, z in integers]
-
-    exact_ray = _sum(*spanned(0))
-    met = 0
-    for triangle in near:
-        edges = spanned(int(triangle))
-        met += all(dot(cross(edges[k - 1], edges[k]), exact_ray) >= 0 for k in range(3))
-    return met == 1
-
-
-def _sum(*vectors: Vector) -> Vector:
-    x, y, z = (sum(values) for values in zip(*vectors, strict=True))
-    return x, y, z
-
-
-def _simplex(sides: Orientation, scaled: Floats, among: Integers) -> Integers | None:
-    """Triangles (4, 3) of a tetrahedron with corners among points (k,), or None where those lie on
+def _simplex(sides: Orientation, scaled: Floats) -> Integers | None:
+    """Triangles (4, 3) of a tetrahedron with corners among the points, or None where those lie on
     one plane."""
-    local = scaled[among] - scaled[among[0]]
-    second = int(np.argmax(norms(local)))
-    a, b = int(among[0]), int(among[second])
-    turns = np.linalg.cross(local, local[second])
-    by_area = among[np.argsort(-norms(turns), kind="stable")]
+    local = scaled - scaled[0]
+    a, b = 0, int(np.argmax(norms(local)))
+    turns = np.linalg.cross(local, local[b])
+    by_area = np.argsort(-norms(turns), kind="stable")
     c = next((int(p) for p in by_area if not sides.collinear(a, b, int(p))), None)
     if c is None:
         return None
-    normal = np.linalg.cross(local[second], scaled[c] - scaled[a])
-    by_height = among[np.argsort(-np.abs(local @ normal), kind="stable")]
+    normal = np.linalg.cross(local[b], local[c])
+    by_height = np.argsort(-np.abs(local @ normal), kind="stable")
     base = np.array([[a, b, c]])
     for tried in (by_height[:1], by_height[1:]):
         signs = sides.signs(np.repeat(base, len(tried), axis=0), tried)

@@ -49,14 +49,12 @@ def facet_inradius(hull: ConvexHull, facet: int) -> float:
     return inscribed_circle((hull.polygon(facet) @ upright.T)[:, :2])[1]
 
 
-def inscribed_circle(polygon: Floats, slack: float = 0.0) -> tuple[Floats, float]:
+def inscribed_circle(polygon: Floats) -> tuple[Floats, float]:
     """Largest circle in a convex polygon; of several, the one nearest to the polygon's centroid.
 
     Parameters
     ----------
     polygon: (m, 2) corners in order, either way around.
-    slack: in [0, 1), the part of the largest radius that may be given up to come nearer to the
-        centroid.
 
     Returns
     -------
@@ -73,7 +71,7 @@ def inscribed_circle(polygon: Floats, slack: float = 0.0) -> tuple[Floats, float
             f"polygon: expected {len(polygon)} corners that run around a convex one, got none that "
             "a circle fits in; pass them in order"
         )
-    center = sides.nearest(sides.offsets - (1.0 - slack) * widest[2])
+    center = sides.nearest(sides.offsets - widest[2])
     center = widest[:2] if center is None else center
     radius = float((sides.offsets - sides.outward @ center).min())
     return sides.middle + sides.scale * center, sides.scale * radius

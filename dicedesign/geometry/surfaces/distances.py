@@ -24,8 +24,9 @@ def distances_from_surface(surface: Surface, points: Floats) -> Floats:
     corners = surface.points[surface.triangles]
     least = np.full(len(points), np.inf)
     for query, triangle in _near_pairs(corners, points):
-        near = distances_from_triangles(points[query], corners[triangle])
-        np.minimum.at(least, query, near)
+        weights = _closest_in_triangles(points[query], corners[triangle])
+        squares = _squares(weights, corners[triangle], points[query])
+        np.minimum.at(least, query, np.sqrt(squares))
     return least
 
 
@@ -60,18 +61,6 @@ def _near_pairs(corners: Floats, points: Floats) -> Iterator[tuple[Integers, Int
         bound = (distances + radii).min(axis=1)
         query, triangle = np.nonzero(distances - radii <= bound[:, None])
         yield first + query, triangle
-
-
-def distances_from_triangles(points: Floats, corners: Floats) -> Floats:
-    """(m,) distance of each of points (m, 3) from the triangle of its row (m, 3, 3), which may be
-    flat."""
-    least = _above_faces(points, corners)
-    for start, end in ((0, 1), (1, 2), (2, 0)):
-        edge = corners[:, end] - corners[:, start]
-        part = _along_edges(points, corners[:, start], corners[:, end])
-        beside = norms(corners[:, start] + part[:, None] * edge - points)
-        least = np.minimum(least, beside)
-    return least
 
 
 def _closest_in_triangles(points: Floats, corners: Floats) -> Floats:
@@ -113,17 +102,6 @@ def _feet(points: Floats, corners: Floats) -> tuple[Floats, Booleans]:
     weights = (np.linalg.cross(opposite, arms) * normal[:, None]).sum(-1)
     inside = (squared > 0.0) & (weights >= 0.0).all(axis=1)
     return weights / np.where(squared > 0.0, squared, 1.0)[:, None], inside
-
-
-def _above_faces(points: Floats, corners: Floats) -> Floats:
-    """(m,) distances from the feet of the perpendiculars onto the planes of triangles; inf where
-    the foot is outside, and for a flat triangle."""
-    normal = np.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inside = _feet(points, corners)[1]
-    heights = np.abs(((points - corners[:, 0]) * normal).sum(-1))
-    result = np.full(len(points), np.inf)
-    np.divide(heights, norms(normal), out=result, where=inside)
-    return result
 
 
 BESIDE: Final = (np.sqrt(0.3), np.sqrt(0.5), np.sqrt(0.7))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from fractions import Fraction
 from itertools import combinations, product
 
@@ -12,9 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.hulls import numpy_hull
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.hulls.qhull import hull_triangles
 
 Corner = tuple[int, ...]
 Facets = set[frozenset[Corner]]
@@ -108,30 +105,3 @@ def test_a_bend_in_the_last_digit_is_seen(bend: float) -> None:
     for scale in (1.0, 1e-200, 1e200, 3.0):
         assert len(convex_hull(ridge * scale, 0.0).facet_start) - 1 == 7
     assert len(convex_hull(ridge).facet_start) - 1 == 6
-
-
-def spoiled(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles with one corner replaced by a point inside."""
-    triangles, neighbors = hull_triangles(points)
-    if len(points) > 20:
-        inner = np.setdiff1d(np.arange(len(points)), triangles)
-        triangles[triangles == triangles[0, 0]] = inner[0]
-    return triangles, neighbors
-
-
-def doubled(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A surface with a triangle too many."""
-    triangles, neighbors = hull_triangles(points)
-    return np.concatenate([triangles, triangles[:1]]), np.concatenate([neighbors, neighbors[:1]])
-
-
-@pytest.mark.parametrize("proposal", [spoiled, doubled])
-def test_a_wrong_proposal_is_repaired(
-    monkeypatch: pytest.MonkeyPatch, proposal: Callable[..., object]
-) -> None:
-    points = np.random.default_rng(5).normal(size=(60, 3))
-    expected = convex_hull(points)
-    monkeypatch.setattr(numpy_hull, "hull_triangles", proposal)
-    found = convex_hull(points, 0.0)
-    np.testing.assert_array_equal(found.source, expected.source)
-    np.testing.assert_array_equal(found.tail, expected.tail)
