@@ -17,10 +17,10 @@ def test_errors_are_caught_by_their_standard_kind_too(name: str) -> None:
 
 
 def test_an_extra_that_is_missing_is_named_with_the_way_to_it() -> None:
-    fault = ImportError("No module named 'pybullet'")
-    error = missing_extra("bullet", "engine bullet", fault)
+    fault = ImportError("No module named 'mujoco'")
+    error = missing_extra("throws", "engine mujoco", fault)
     assert isinstance(error, InputError)
-    for part in ("engine bullet: ", str(fault), "pip install 'dicedesign[bullet]'"):
+    for part in ("engine mujoco: ", str(fault), "pip install 'dicedesign[throws]'"):
         assert part in str(error)
 
 

@@ -51,7 +51,6 @@ ENGINES: Final = Registry(
     builtin=(
         "dicedesign.throws.native:NATIVE",
         "dicedesign.throws.mujoco_engine:MUJOCO",
-        "dicedesign.throws.bullet_engine:BULLET",
     ),
     group="dicedesign.engines",
 )

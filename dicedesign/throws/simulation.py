@@ -313,8 +313,7 @@ class ThrownDie:
 
 @contextmanager
 def throwing_threads() -> Iterator[Executor]:
-    """Threads for throws; they suffice where an engine runs without Python's lock, as all but
-    Bullet do."""
+    """Threads for throws; they suffice where an engine runs without Python's lock."""
     workers = ThreadPoolExecutor(os.cpu_count())
     try:
         yield workers

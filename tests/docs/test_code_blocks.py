@@ -7,6 +7,7 @@ import argparse
 import shlex
 import shutil
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -29,7 +30,11 @@ LONG = (
 SHORTER = {"design ": " --no-figures", "run ": " --no-figures", "throw ": " --drops 500"}
 """What is added to commands."""
 
-EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+EXAMPLES = sorted(
+    path
+    for path in (ROOT / "examples").glob("*.py")
+    if path.name != "bullet_engine.py" or find_spec("pybullet") is not None
+)
 
 EXTENDS = ROOT / "docs" / "adding.md"
 """Its code adds to what the package has, so it runs last."""

@@ -138,7 +138,7 @@ def test_nothing_of_them_is_known_without_them(tmp_path: Path) -> None:
         ({"method": {"exact": {"prefer": {"flat": 1}}}}, "method.exact.prefer.flat: unknown key"),
         (
             {"method": {"exact": {"odds": "thrown", "refine": {"engine": "set_down"}}}},
-            "engine: expected native, mujoco, bullet, got 'set_down'; take one of them",
+            "engine: expected native, mujoco, got 'set_down'; take one of them",
         ),
     ):
         with pytest.raises(RecipeError, match=text):

@@ -84,7 +84,7 @@ def test_no_drop_is_dropped() -> None:
     [
         ({"drops": 0}, "drops: expected a whole number above 0, got 0; raise it"),
         ({"seed": -1}, "seed: expected a whole number of at least 0, got -1; raise it"),
-        ({"engine": "havok"}, "engine: expected native, mujoco, bullet, got 'havok'; take one of"),
+        ({"engine": "havok"}, "engine: expected native, mujoco, got 'havok'; take one of"),
         ({"orientations": "cube"}, "orientations: expected uniform, icosahedron, got 'cube'"),
     ],
 )

@@ -1,4 +1,5 @@
-"""Throws in Bullet, whose contacts are hard: impulses with a coefficient of restitution.
+"""An engine of one's own: throws in Bullet, whose contacts are hard, impulses with a coefficient of
+restitution. It needs `pip install pybullet`, which is compiled where there is no wheel of it.
 
 Bullet has thresholds in absolute units, made for bodies of a metre. So it is told of a die in units
 of its radius and of the time in which a body falls by half of that.
@@ -14,18 +15,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from dicedesign.errors import missing_extra
+import dicedesign as dd
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.engines import GRAVITY, Engine, longest_throw
+from dicedesign.throws.engines import ENGINES, GRAVITY, Engine, longest_throw
 from dicedesign.throws.mujoco_engine import final_rest
 from dicedesign.tolerances import STANDING_ANGLE
 
 if TYPE_CHECKING:
     from dicedesign.throws.rigid_body import RigidBody
     from dicedesign.throws.tables import Table
-
-__all__ = ["require", "throw_states"]
 
 STEP: Final = 1.0 / 128.0
 """Of time, in units of the square root of radius over gravity. Halving it changes odds by less than
@@ -55,7 +54,9 @@ def require() -> ModuleType:
     try:
         import pybullet
     except ImportError as error:
-        raise missing_extra("bullet", "engine bullet", error) from error
+        raise dd.InputError(
+            f"engine bullet: expected PyBullet, but {error}; pip install pybullet"
+        ) from error
     found: ModuleType = pybullet
     return found
 
@@ -63,7 +64,7 @@ def require() -> ModuleType:
 def throw_states(
     body: RigidBody, table: Table, states: Floats, refinement: float = 1.0
 ) -> Integers:
-    """As `dicedesign.throws.native.throw_states`, in Bullet.
+    """The rests (n,) of bodies let go in states (n, 13), see `ThrowStates`.
 
     A body that comes to a stand with more energy than it needs to leave its basin, as Bullet's may
     on an edge, ends at the rest whose normal is within `STANDING_ANGLE` of down, or at none.
@@ -228,10 +229,22 @@ def _axes(turn: Any) -> Floats:
     )
 
 
-BULLET: Final = Engine(
-    name="bullet",
-    line="Bullet, which needs the extra 'bullet'",
-    title="Bullet",
-    require=require,
-    throw_states=throw_states,
+ENGINES.register(
+    Engine(
+        name="bullet",
+        line="Bullet, which needs PyBullet",
+        title="Bullet",
+        require=require,
+        throw_states=throw_states,
+    )
 )
+
+if __name__ == "__main__":
+    corners = [(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.15) for z in (0.0, 1.3)]
+    mesh = dd.make_body(np.array(corners))
+    poses = dd.rest_poses(mesh)
+    body = dd.rigid_body(mesh, poses)
+    table = dd.table_named("board-game")
+    for name in ("native", "bullet"):
+        throws = dd.simulate(body, table, drops=200, engine=name)
+        print(f"{name:7}", throws.frequencies.round(3))
