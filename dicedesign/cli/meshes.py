@@ -359,7 +359,7 @@ def add_repair_parser(commands: Any) -> None:
         type=Path,
         metavar="OUT",
         help="the file to write, in the unit of IN, in the format of its ending; a picture of "
-        "before and after is written beside it, ending in _run_repair.png",
+        "before and after is written beside it, ending in _repair.png",
     )
     parser.set_defaults(command=_run_repair)
 
