@@ -58,38 +58,3 @@ def test_rest_and_figure_draw_the_same(inside: Path) -> None:
     assert main(["drop", "box.stl", *down, "--max-angle-deg", "5", "--figure", "e.png"]) == 0
     assert main(["figure", "drop", "box.stl", *down, "--out", "f.png"]) == 0
     assert (inside / "e.png").read_bytes() == (inside / "f.png").read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["pie", "box.stl"], "kind of figure: expected heights, paths, complex, drop"),
-        (["heights", "none.stl"], "no such file"),
-        (["heights", "box.stl", "--out", "box.svg"], "--out: expected a path that ends in .png"),
-        (["heights", "box.stl", "--out", "missing/box.png"], "create the folder"),
-        (["heights", "box.stl", "--down", "1,0,0"], "--down: expected with paths or drop"),
-        (["drop", "box.stl", "--down", "0,0,0"], "down: expected three finite numbers"),
-        (["before_after", "box.stl"], "--before"),
-        (["ablation", "box.stl"], "recipe by the paper's method"),
-        (["ablation", "few.yaml", "--steps", "0"], "--steps"),
-        (["complex", "."], "recipe.yaml"),
-        (["complex", "few.yaml", "--com", "hull"], "--com"),
-    ],
-)
-def test_what_cannot_be_drawn_is_told_in_one_line(
-    inside: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], said: str
-) -> None:
-    before = sorted(inside.iterdir())
-    assert main(["figure", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert error.count("\n") == 1
-    assert sorted(inside.iterdir()) == before
-
-
-def test_the_help_lists_the_kinds(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main(["figure", "--help"])
-    text = capsys.readouterr().out
-    for kind in ("heights:", "paths:", "complex:", "drop:", "before_after:", "ablation:"):
-        assert kind in text

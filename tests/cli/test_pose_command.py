@@ -33,8 +33,10 @@ def told(capsys: pytest.CaptureFixture[str]) -> list[dict[str, object]]:
     return files
 
 
-@pytest.mark.parametrize("ending", ["stl", "obj", "ply", "off", "glb", "3mf"])
-@pytest.mark.parametrize("number", [1, 3])
+@pytest.mark.parametrize(
+    ("ending", "number"),
+    [*zip(["stl", "obj", "ply", "off", "glb", "3mf"], [1, 2, 3] * 2, strict=True)],
+)
 def test_the_file_holds_the_mesh_in_that_pose(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], egg: Path, ending: str, number: int
 ) -> None:
@@ -122,41 +124,3 @@ def test_files_have_names_without_being_asked(
     assert abs(read_body("box_posed.stl").points[:, 2].min()) < 1e-6
     assert main(["pose", "box.stl", str(egg), "--jobs", "1"]) == 0
     assert {path.name for path in Path("posed").iterdir()} == {"box.stl", "egg.glb"}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["box.stl", "--out", "box.stl"], "mesh's own"),
-        (["box.stl", "--out", "out.stl", "--pose", "7"], "at least 7 poses, got one of 6"),
-        (["box.stl", "--out", "out.stl", "--pose", "0"], "--pose"),
-        (["box.stl", "--out", "out.docx"], "format that can be written"),
-        (["box.stl", "--out", "out.stl", "--format", "obj"], "--format"),
-        (["box.stl", "--out", "out", "--random", "--seed", "-1"], "--seed"),
-        (["none.stl", "--out", "out.stl"], "no such file"),
-        (["points.xyz", "--out", "out.stl"], "points alone"),
-        (["box.stl", "--out", "missing/out.stl"], "create the folder"),
-        (["box.stl", "within/box.stl", "--out", "posed"], "different names"),
-        (["empty", "--out", "posed"], "folder with meshes"),
-        (["box.stl", "--com", "9,0,0", "--out", "out.stl"], "center of mass"),
-    ],
-)
-def test_what_cannot_be_done_is_told_in_one_line(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    said: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "within").mkdir()
-    (tmp_path / "empty").mkdir()
-    for path in ("box.stl", "within/box.stl"):
-        trimesh.creation.box((1, 2, 3)).export(path)
-    np.savetxt("points.xyz", np.random.default_rng(3).normal(size=(20, 3)))
-    before = sorted(tmp_path.rglob("*"))
-    assert main(["pose", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert error.count("\n") == 1
-    assert sorted(tmp_path.rglob("*")) == before

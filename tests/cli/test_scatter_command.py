@@ -54,8 +54,8 @@ def test_bodies_stand_on_the_floor_in_their_poses_apart_from_each_other(
     tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = str(tmp_path / "room.glb")
-    told = scatter(folder, capsys, "--count", "25", "--seed", "3", "--out", out)
-    assert len(told["bodies"]) == 25
+    told = scatter(folder, capsys, "--count", "17", "--seed", "3", "--out", out)
+    assert len(told["bodies"]) == 17
     wide, deep = told["floor"]
     shapes = []
     for body in told["bodies"]:
@@ -74,7 +74,7 @@ def test_bodies_stand_on_the_floor_in_their_poses_apart_from_each_other(
         name: sum(b["file"] == name for b in told["bodies"])
         for name in ("box.stl", "ring.obj", "two.glb", "within/rod.off")
     }
-    assert sorted(counts.values()) == [6, 6, 6, 7]
+    assert sorted(counts.values()) == [4, 4, 4, 5]
 
 
 def test_the_glb_holds_each_mesh_once_and_each_body_as_a_node(
@@ -161,36 +161,3 @@ def test_a_floor_that_is_too_small_says_which_would_do(
     (found, floor), *_ = re.findall(r"only (\d+) found.*take --floor ([\d.,]+),", said)
     assert 0 < int(found) < 20
     assert main([*arguments, "--floor", floor]) == 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["meshes", "--out", "room.obj"], "--out: expected a path that ends in"),
-        (["meshes", "--out", "room.glb", "--count", "0"], "--count"),
-        (["meshes", "--out", "room.glb", "--count", "100000000"], "--count"),
-        (["meshes", "--out", "room.glb", "--floor", "0,5"], "--floor"),
-        (["meshes", "--out", "room.glb", "--floor", "5"], "--floor: expected two numbers"),
-        (["meshes", "--out", "room.glb", "--size", "-2"], "--size"),
-        (["meshes", "--out", "room.glb", "--size", "nan"], "--size"),
-        (["meshes", "--out", "room.glb", "--size", "1e300"], "--size"),
-        (["meshes", "--out", "room.glb", "--floor", "1e-300,1"], "--floor"),
-        (["meshes", "--out", "room.glb", "--seed", "-1"], "--seed"),
-        (["meshes", "--out", "missing/room.glb"], "create the folder"),
-        (["nothing", "--out", "room.glb"], "nothing"),
-        (["bad", "--out", "room.glb"], "mesh that can be read, got 1"),
-    ],
-)
-def test_what_cannot_be_done_is_told(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    folder: Path,
-    arguments: list[str],
-    said: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "bad").mkdir()
-    (tmp_path / "bad" / "bad.stl").write_text("rubbish")
-    assert main(["scatter", *arguments]) == 2
-    assert said in capsys.readouterr().err.splitlines()[-1]

@@ -1,0 +1,309 @@
+"""What a command cannot do ends with exit code 2 and one line that names the thing, and leaves
+nothing behind."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+import yaml
+from common.dented_cube import write_cube
+
+from dicedesign.cli.main import main
+
+RECIPE = "name: good\ntarget: {fair: 4}\nstart: {repulsion: {}}\n"
+
+CONCAVE = "name: c\ntarget: {fair: 6}\nstart: {mesh: {path: dented.obj}}\nmethod: concave\n"
+
+PAPER = "name: few\ntarget: {binomial: 2}\nstart: {prism: {}}\nmethod: {paper: {steps: 30}}\n"
+
+SVG = '<svg xmlns="http://www.w3.org/2000/svg">{}</svg>'
+
+FILES = {
+    "empty.obj": "",
+    "flat.xyz": "0 0 0\n1 0 0\n0 1 0\n1 1 0\n2 3 0\n",
+    "line.xyz": "0 0 0\n1 0 0\n2 0 0\n3 0 0\n",
+    "few.xyz": "0 0 0\n1 0 0\n0 1 0\n",
+    "nan.xyz": "0 0 0\n1 0 0\n0 1 0\n0 0 1\nnan 0 0\n",
+    "cloud.xyz": "0 0 0\n1 0 0\n0 1 0\n0 0 1\n",
+    "open.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\n",
+    "short.csv": "0,0,1\n1,2\n",
+    "words.csv": "0,0,1\na,b,c\n",
+    "zeros.csv": "0,0,1\n0,0,0\n",
+    "names.csv": "0,zero,1\n0,0,1\n",
+    "good.yaml": RECIPE,
+    "bad.yaml": RECIPE + "colour: red\n",
+    "concave.yaml": CONCAVE,
+    "few.yaml": PAPER,
+    "rubbish/bad.stl": "rubbish",
+    "broken.otf": "OTTO no font",
+    "blank.svg": SVG.format(""),
+    "script.svg": SVG.format("<script>1</script><circle r='1'/>"),
+    "text.svg": SVG.format("<text>3</text>"),
+    "broken.svg": "<svg><circle",
+}
+
+COMMANDS = {
+    "rest missing.obj": "missing.obj: no such file",
+    "rest empty.obj": "empty.obj",
+    "rest flat.xyz": "one plane",
+    "rest line.xyz": "one line",
+    "rest few.xyz": "at least 4",
+    "rest nan.xyz": "finite",
+    "rest garbage.stl": "garbage.stl",
+    "rest box.stl --com 5,0,0": "outside",
+    "rest box.stl --com 0.5,0,0": "on the boundary",
+    "rest box.stl --com 1,2": "--com: expected three numbers",
+    "rest box.stl --com nan,0,0": "--com: expected three numbers",
+    "rest box.stl --figure no/such/folder.png": "folder",
+    "rest box.stl --coplanar-tolerance -1": "coplanar tolerance: expected",
+    "rest box.stl --table glass": "--table: table glass: expected board-game, hard-wood, carpet",
+    "rest . --table board-game --out a.csv": "--table: expected one mesh, got the folder",
+    "rest . --prior half:0,0,1 --out a.csv": "--prior",
+    "rest box.stl --prior vmf:0,0,0:1": "not all zero",
+    "rest box.stl --prior half": "half:x,y,z",
+    "rest box.stl --prior samples:": "samples:FILE.csv",
+    "rest box.stl --prior samples:none.csv": "none.csv",
+    "rest box.stl --prior half:0,0,1 --table paper": "--table",
+    "rest box.stl --prior samples:short.csv": "in line 2",
+    "rest box.stl --prior samples:words.csv": "in line 2",
+    "rest box.stl --prior samples:zeros.csv": "zeros.csv",
+    "rest box.stl --prior samples:names.csv": "in line 1",
+    "drop box.stl --down 0,0,0": "down: expected",
+    "drop box.stl --down up": "--down: expected three numbers",
+    "drop box.stl --down 0,0,1 --max-angle-deg -1": "--max-angle-deg: expected at least 0.0057",
+    "pose box.stl --out box.stl": "mesh's own",
+    "pose box.stl --out out.stl --pose 7": "at least 7 poses, got one of 6",
+    "pose box.stl --out out.stl --pose 0": "--pose",
+    "pose box.stl --out out.docx": "format that can be written",
+    "pose box.stl --out out.stl --format obj": "--format",
+    "pose box.stl --out out --random --seed -1": "--seed",
+    "pose none.stl --out out.stl": "no such file",
+    "pose cloud.xyz --out out.stl": "points alone",
+    "pose box.stl --out missing/out.stl": "create the folder",
+    "pose box.stl within/box.stl --out posed": "different names",
+    "pose nothing --out posed": "folder with meshes",
+    "pose box.stl --com 9,0,0 --out out.stl": "center of mass",
+    "scatter within --out room.obj": "--out: expected a path that ends in",
+    "scatter within --out room.glb --count 0": "--count",
+    "scatter within --out room.glb --count 100000000": "--count",
+    "scatter within --out room.glb --floor 0,5": "--floor",
+    "scatter within --out room.glb --floor 5": "--floor: expected two numbers",
+    "scatter within --out room.glb --size -2": "--size",
+    "scatter within --out room.glb --size nan": "--size",
+    "scatter within --out room.glb --size 1e300": "--size",
+    "scatter within --out room.glb --floor 1e-300,1": "--floor",
+    "scatter within --out room.glb --seed -1": "--seed",
+    "scatter within --out missing/room.glb": "create the folder",
+    "scatter nowhere --out room.glb": "nowhere",
+    "scatter rubbish --out room.glb": "mesh that can be read, got 1",
+    "figure pie box.stl": "kind of figure: expected heights, paths, complex, drop",
+    "figure heights none.stl": "no such file",
+    "figure heights box.stl --out box.svg": "--out: expected a path that ends in .png",
+    "figure heights box.stl --out missing/box.png": "create the folder",
+    "figure heights box.stl --down 1,0,0": "--down: expected with paths or drop",
+    "figure drop box.stl --down 0,0,0": "down: expected three finite numbers",
+    "figure before_after box.stl": "--before",
+    "figure ablation box.stl": "recipe by the paper's method",
+    "figure ablation few.yaml --steps 0": "--steps",
+    "figure complex .": "recipe.yaml",
+    "figure complex few.yaml --com hull": "--com",
+    "repair cloud.xyz out.stl": "point cloud",
+    "repair sheet.stl out.stl": "thickness",
+    "repair hollow.stl out.stl": "got an empty one",
+    "run missing.yaml": "missing.yaml",
+    "run bad.yaml": "bad.yaml: colour: unknown key",
+    "run good.yaml --out box.stl/x": "folder that can be written",
+    "run good.yaml --resume": "--resume: expected a recipe of method: {concave: {}}, got",
+    "run good.yaml --set 'start={mesh: {path: missing.stl}}'": "missing.stl",
+    "run good.yaml --set 'start={prism: {sides: 5}}'": "start.prism.sides: expected 4",
+    "run good.yaml --set 'start={prism: {sides: 99}}'": "expected 3 to 12, got 99",
+    "run good.yaml --set 'start={mesh: {path: box.stl}}' --set target.fair=7": "7",
+    "run good.yaml --set 'center_of_mass=[0, 0, 9]'": "got [0.0, 0.0, 9.0], which is",
+    "run concave.yaml --resume": "checkpoint of a run that was interrupted, got none",
+    "run concave.yaml --set start.mesh.path=open.obj": "got 3 edges with one triangle (the mesh is "
+    "open); write start: {mesh: {path: FILE, repair",
+    "run concave.yaml --set start.mesh.path=few.xyz": "at least 4 distinct points",
+    "run concave.yaml --set start.mesh.path=cloud.xyz": "got a point cloud",
+    "run concave.yaml --set start.mesh.path=two.stl": "repair: true}}",
+    "run concave.yaml --set start.mesh.path=sheet.stl": "flat sheet",
+    "run concave.yaml --set start.mesh.path=ball.stl --set target.fair=3": "nearly a sphere",
+    "run concave.yaml --set start.mesh.path=box.stl --set target.fair=3": "take method: {exact",
+    "run concave.yaml --set 'start={prism: {}}'": "start: expected a surface to keep",
+    "search concave.yaml --trials 1": "expected a method for convex dice in a search, got concave",
+    "design --target 2d6,1/2": "--target: expected a number or a fraction such as 1/36, got '2d6'",
+    "design --target 1/0,1/2": "--target: expected a number or a fraction such as 1/36, got '1/0'",
+    "design --target 1e400,1/2": "--target: expected a number or a fraction such as 1/36, got",
+    "design --target 1/2,1/2,": "--target: expected a number or a fraction such as 1/36, got ''",
+    "design --target 1/2,1/3": "--target: expected a sum of 1, got 0.833333333333",
+    "design --target 1": "--target: expected at least two",
+    "design --target=-1/2,3/2": "--target: expected numbers between 0 and 1, got -0.5",
+    "design --target 'fair: 1'": "--target: expected a whole number of at least 2, got 1",
+    "design --target 'fair: 201'": "--target: expected at most 200 outcomes, got 201",
+    "design --target 'sum_of_dice: [6, 1]'": "--target: expected a whole number of at least 2",
+    "design --target '2d6: 3'": "target.2d6: unknown key",
+    "design --target 'fair: [7'": "--target: expected YAML, but",
+    "design --target 1/2,1/2 --labels a": "--labels: expected 2, one for each outcome, got 1",
+    "design --target 1/2,1/2 --labels a,a": "--labels: expected distinct labels, got 'a'",
+    "design --target 1/2,1/2 --labels a,": "--labels: expected 1 to 24 characters, got ''",
+    "design --target 1/2,1/2 --labels a,日": "label '日': expected characters of the font DejaVu",
+    "design --target 1/2,1/2 --seed -1": "--seed: input should be greater than or equal to 0",
+    "design --target 1/2,1/2 --size-mm 0": "--size-mm: input should be greater than or equal to",
+    "design --target 1/2,1/2 --size-mm nan": "--size-mm: input should be a finite number",
+    "design --target 1/2,1/2 --name a/b": "--name: string should match pattern",
+    "design --target 1/2,1/2 --printer lathe": "--printer: printer: expected fdm, sla, sls, got",
+    "design --target 1/2,1/2 --files obj,dxf": "--files: expected formats out of stl, 3mf, obj",
+    "design --target 1/2,1/2 --files ''": "--files: expected formats out of stl, 3mf, obj",
+    "design --target 1/2,1/2 --repair": "--mesh",
+    "design --target 1/2,1/2 --mesh open.obj": "--repair",
+}
+
+ENTRIES = {
+    "{labels: [骰, b, c, d]}": "label '骰': expected characters of the font DejaVu Sans Bold, got",
+    "{engrave: {font: No Such Font}}": "engrave.font: expected the family of an installed font",
+    "{engrave: {font: none.ttf}}": "none.ttf: no such file",
+    "{engrave: {font: broken.otf}}": "broken.otf: expected a TTF or OTF font with outlines",
+    "{labels: [1, 2, 3, X], engrave: {content: pips}}": "label 'X': expected a whole number from 1",
+    "{engrave: {icons: {3: none.svg}}}": "none.svg: no such file; check the path",
+    "{engrave: {icons: {9: text.svg}}}": "engrave.icons: expected labels",
+    "{engrave: {icons: {3: blank.svg}}}": "expected at least one filled path or shape, got none",
+    "{engrave: {icons: {3: script.svg}}}": "expected no scripts",
+    "{engrave: {icons: {3: text.svg}}}": "expected paths and shapes only, got <text>",
+    "{engrave: {icons: {3: broken.svg}}}": "expected an SVG file, got no XML",
+    "{engrave: {depth_mm: -0.6}}": "engrave: depth_mm: expected a number above 0, got -0.6",
+    "{engrave: {depth_mm: 1.0e-12}}": "engrave.depth_mm: expected at least 3e-05",
+    "{engrave: {depth_mm: 25}}": "reduce depth_mm",
+    "{engrave: {min_height_mm: 40, max_height_mm: 50}}": "expected room on facet ",
+    "{engrave: {depth_mm: 30, margin_mm: 0, min_height_mm: 0.01}}": "on facet ",
+    "{labels: [8, b, c, d], engrave: {stroke_mm: 6}}": "label '8' on facet ",
+    "{engrave: {stroke_mm: 50.0}}": "for digits of at least min_height_mm",
+    "{edges: {radius_mm: 6.1}}": "edges.radius_mm: expected at most 6",
+    "{edges: {radius_mm: 0.29}}": "edges.radius_mm: expected at least 0.3",
+    "{edges: {radius_mm: 5.9}}": "circle that is left flat on facet",
+    "{files: [stl, dxf]}": "files: expected formats out of",
+}
+"""What is changed in a recipe for a fair d4, and the refusal."""
+
+KEYS = (
+    "engrave.depth_mm margin_mm min_height_mm max_height_mm stroke_mm border_mm content icons font "
+    "upright ambiguous style balance read",
+    "edges radius_mm shape",
+    "print printer nozzle_mm material density_g_cm3 oriented infill walls_mm errors",
+    "print.errors dimensional_mm shrinkage density_gradient bubble_mm3",
+    "numbering",
+    "files",
+    "data_sheet",
+)
+"""An entry of a recipe, and those within it."""
+
+WRONG = "-1 .nan .inf 1.0e+300 wrong [1] {wrong: 1}".replace("wrong: 1", "wrong:_1").split()
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with meshes, recipes, fonts and pictures, most of them broken."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("within", "rubbish", "nothing"):
+        (tmp_path / name).mkdir()
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "garbage.stl").write_bytes(bytes(range(256)) * 3)
+    (tmp_path / "hollow.stl").touch()
+    for path in ("box.stl", "within/box.stl"):
+        trimesh.creation.box((1, 2, 3)).export(path)
+    ball = trimesh.creation.icosphere(3)
+    ball.export("ball.stl")
+    (ball + ball.copy().apply_translation([1, 0, 0])).export("two.stl")
+    grid = trimesh.Trimesh([(x, y, 0) for x in range(4) for y in range(4)], process=False)
+    grid.faces = [(k, k + 4, k + 5) for k in range(11) if k % 4 < 3] + [
+        (k, k + 5, k + 1) for k in range(11) if k % 4 < 3
+    ]
+    grid.export("sheet.stl")
+    write_cube(tmp_path / "dented.obj")
+    return tmp_path
+
+
+def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line by which a command is refused."""
+    before = sorted(Path().rglob("*"))
+    assert main(arguments) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    (line,) = [line for line in said.err.splitlines() if not line.startswith("note: ")]
+    assert line.startswith("dicedesign: ")
+    assert sorted(Path().rglob("*")) == before
+    return line
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.usefixtures("folder")
+def test_commands(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert COMMANDS[command] in refusal(shlex.split(command), capsys)
+
+
+@pytest.mark.parametrize("change", ENTRIES)
+def test_entries_of_a_recipe(change: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    entries = {"name": "die", "target": {"fair": 4}, **yaml.safe_load(change)}
+    labels = entries.pop("labels", "1234")
+    entries["target"]["labels"] = [str(label) for label in labels]
+    if "icons" in entries.get("engrave", {}):
+        entries["engrave"]["icons"] = {str(k): v for k, v in entries["engrave"]["icons"].items()}
+    (folder / "die.yaml").write_text(yaml.safe_dump(entries))
+    line = refusal(["run", "die.yaml", "--no-figures"], capsys)
+    assert ENTRIES[change] in line
+    assert "; " in line  # before a remedy
+
+
+@pytest.mark.parametrize("keys", KEYS, ids=lambda keys: keys.split()[0])
+def test_wrong_values_are_refused_by_their_key(
+    keys: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parent, *others = keys.replace("engrave.", "engrave ").split()
+    for key in [f"{parent}.{other}" for other in others] or [parent]:
+        for value in WRONG:
+            change = f"{key}={value.replace('_', ' ')}"
+            line = refusal(["run", "good.yaml", "--no-figures", "--set", change], capsys)
+            assert key.split(".")[-1] in line, change
+            assert "; " in line, change
+
+
+@pytest.mark.parametrize("command", ["design", "design --target 1/2,1/2 --size-mm large", "roll"])
+def test_usage(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(command.split())
+    assert ended.value.code == 2
+    assert "error: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", [400 * "9", "loop/x", "a\0b", "plain/x"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "rest NAME",
+        "throw NAME",
+        "throw plain --table NAME.json",
+        "rolls NAME plain",
+        "run r.yaml --out NAME/x",
+        "run r.yaml --set start.mesh.path=NAME",
+        "rest . --out NAME/t.csv",
+        "table fit --throws NAME",
+    ],
+)
+def test_names_that_no_file_can_have(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    command: str,
+    name: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("loop").symlink_to("loop")
+    np.savetxt("box.xyz", np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T)
+    Path("plain").write_text("1 2 3\n")
+    Path("r.yaml").write_text("name: a\ntarget: {fair: 6}\nstart: {mesh: {path: box.xyz}}\n")
+    value = yaml.safe_dump(name).strip() if "--set" in command else name
+    arguments = [word.replace("NAME", value) for word in command.split()]
+    refusal(arguments, capsys)
