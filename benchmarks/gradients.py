@@ -48,13 +48,13 @@ from dicedesign.rest.morse import separatrices
 from dicedesign.rest.tracing import destined_facets
 from dicedesign.runtime.arrays import Floats
 from tests.reference import solids
-from tests.reference.condition import derivative_condition
 from tests.reference.extremes import large
 from tests.reference.oracle_derivatives import (
     as_floats,
     broken_derivative,
     corner_motion,
     derivative,
+    derivative_condition,
     half_space_motion,
     oracle_derivative,
 )

@@ -33,8 +33,8 @@ class Outcome:
     Attributes
     ----------
     facets, rests: how many. excess: sum of the probabilities less 1.
-    error: largest of a probability by any measure; condition: see `tests.reference.condition`, None
-        where no error asks for it.
+    error: largest of a probability by any measure.
+    condition: see `probability_condition`; None where no error asks for it.
     seconds: wall-clock time of the query or design. ending: how a design ended.
     """
 

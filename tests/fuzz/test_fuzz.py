@@ -43,8 +43,8 @@ from tests.reference.measurement import (
     measure,
     verdict,
 )
+from tests.reference.oracle import OracleError
 from tests.reference.problem import Problem
-from tests.reference.sixty_digits import OracleError
 
 FUZZ = settings.get_profile("fuzz")
 

@@ -18,10 +18,15 @@ from dicedesign.geometry.sphere import norms
 from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.poses import UNEVEN, RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
-from tests.reference.condition import probability_condition
-from tests.reference.oracle import hull_probabilities
+from tests.reference.oracle import (
+    DIGITS,
+    hull_probabilities,
+    multiprecision,
+    solid_centroid,
+    vector,
+)
+from tests.reference.oracle_derivatives import probability_condition
 from tests.reference.problem import Problem
-from tests.reference.sixty_digits import DIGITS, multiprecision, solid_centroid, vector
 
 __all__ = [
     "CONDITION_FACTOR",
@@ -100,7 +105,7 @@ class Measurement:
 
     @cached_property
     def condition(self) -> float:
-        """See `tests.reference.condition`; 0 for hulls that are too large for the
+        """See `tests.reference.oracle_derivatives`; 0 for hulls that are too large for the
         oracle."""
         if self.facets > ORACLE_FACETS:
             return 0.0

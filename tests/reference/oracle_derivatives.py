@@ -9,40 +9,33 @@ those for motions that keep facets flat, as linear maps and moving half-spaces d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.sphere import norms
 from dicedesign.runtime.arrays import Floats
-from tests.reference.oracle import facet_polygons, oracle_probabilities
-from tests.reference.sixty_digits import (
+from tests.reference.oracle import (
     DIGITS,
     Number,
+    OracleError,
     Vector,
     cross,
     dot,
+    facet_polygons,
     minus,
     multiprecision,
+    oracle_probabilities,
     plus,
     solid_centroid,
     times,
     unit,
     vector,
 )
-
-__all__ = [
-    "Motion",
-    "as_floats",
-    "broken_derivative",
-    "corner_motion",
-    "derivative",
-    "half_space_motion",
-    "oracle_derivative",
-]
 
 STEP: Final = "1e-20"
 """Part of the displacement that is taken to both sides: the difference quotient is off by about its
@@ -218,3 +211,64 @@ def _meeting_point(normals: Sequence[Vector], heights: Sequence[Number]) -> Vect
     for height, plane in zip(heights, (cross(b, c), cross(c, a), cross(a, b)), strict=True):
         total = plus(total, times(height, plane))
     return times(1 / dot(a, cross(b, c)), total)
+
+
+MOVE: Final = "1e-25"
+"""Relative size of the changes: no decision lies that near, and enough digits are left."""
+
+TRIALS: Final = 3
+
+
+def probability_condition(hull: ConvexHull, center: Floats) -> float:
+    """Largest change of a probability over the relative size of the change of coordinates.
+
+    Every corner is moved by a part of its distance from the center of mass (3,), in random
+    directions along the axes: an estimate from below. 0 where the oracle has no answer.
+    """
+    polygons = facet_polygons(hull)
+    with multiprecision().workdps(DIGITS):
+        step = multiprecision().mpf(MOVE)
+        try:
+            before, *others = (
+                oracle_probabilities(corners, polygons, [center.tolist()])
+                for corners in _moved(hull, center, (0, *[step] * TRIALS))
+            )
+        except OracleError:
+            return 0.0
+        return float(max(_largest_change(before, after) for after in others) / step)
+
+
+def derivative_condition(
+    hull: ConvexHull, center: Floats | None, along: Floats, center_along: Floats
+) -> float:
+    """Relative change of the largest derivative of a probability over the relative size of the
+    change of coordinates, estimated in the same way.
+
+    The arguments are those of `oracle_derivative`; raises the same.
+    """
+    middle = hull.centroid if center is None else center
+    with multiprecision().workdps(DIGITS):
+        step = multiprecision().mpf(MOVE)
+        before, *others = (
+            derivative(corner_motion(hull, center, along, center_along, corners))
+            for corners in _moved(hull, middle, (0, *[step] * TRIALS))
+        )
+        change = max(_largest_change(before, after) for after in others)
+        return float(change / step / max(map(abs, before)))
+
+
+def _largest_change(before: Sequence[Number], after: Sequence[Number]) -> Number:
+    return max(abs(p - q) for p, q in zip(before, after, strict=True))
+
+
+def _moved(hull: ConvexHull, center: Floats, steps: Sequence[Any]) -> Iterator[list[Vector]]:
+    """Corners of a hull, each moved by a part of its distance from a center (3,), in random
+    directions along the axes."""
+    rng = np.random.default_rng(0)
+    reaches = norms(hull.vertices - center)[:, None]
+    for step in steps:
+        moves = (reaches * rng.choice([-1.0, 1.0], size=hull.vertices.shape)).tolist()
+        yield [
+            plus(vector(x), times(step, vector(move)))
+            for x, move in zip(hull.vertices.tolist(), moves, strict=True)
+        ]

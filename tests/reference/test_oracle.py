@@ -14,9 +14,8 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.reading import read_body
 from tests.reference import monostatic, solids
 from tests.reference.measurement import measure
-from tests.reference.oracle import hull_probabilities, oracle_probabilities
+from tests.reference.oracle import OracleError, hull_probabilities, oracle_probabilities
 from tests.reference.problem import Problem
-from tests.reference.sixty_digits import OracleError
 
 TETRAHEDRON = [[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]
 TETRAHEDRON_FACETS = [[1, 3, 2], [0, 2, 3], [0, 3, 1], [0, 1, 2]]
