@@ -200,11 +200,10 @@ def test_an_encrypted_cluster(
     ("scheme", "configured"),
     [
         ("tls", {}),
-        ("tls", {f"{TLS}.ca-file": "broken.pem", f"{TLS}.client.cert": "broken.pem"}),
         ("tls", {f"{TLS}.ca-file": "missing.pem", f"{TLS}.client.cert": "missing.pem"}),
         ("tcp", {"distributed.comm.require-encryption": True}),
     ],
-    ids=["none", "broken", "missing", "demanded"],
+    ids=["none", "missing", "demanded"],
 )
 def test_certificates_that_do_not_fit(
     scheme: str,
@@ -215,7 +214,6 @@ def test_certificates_that_do_not_fit(
     recipe_path: Path,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("broken.pem").write_text("no certificate")
     search = ["search", str(recipe_path), "--trials", "1", "--out", str(tmp_path / "out")]
     with dask.config.set(configured):
         assert main([*search, "--scheduler", f"{scheme}://127.0.0.1:1"]) == 2

@@ -14,7 +14,6 @@ from common.made_up_trial import made_up_trial
 
 from dicedesign.errors import InputError, OutputError
 from dicedesign.optimize.preferences.preference import PREFERENCES, Preferences
-from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.search.study import JOURNAL, RECIPE, open_study, search_space, varied_recipe
@@ -125,14 +124,6 @@ def test_trials_that_ran_side_by_side_come_again(tmp_path: Path, varied: Recipe)
             study.tell(number, made_up_trial(entries))
         assert [trial["number"] for trial in study.finished()] == list(range(14))
         assert {trial["number"]: trial["recipe"] for trial in study.finished()} == asked
-
-
-def test_half_a_line_is_cut_off(tmp_path: Path, recipe: Recipe) -> None:
-    first = searched(tmp_path, recipe, 2)
-    with (tmp_path / JOURNAL).open("ab") as journal:
-        journal.write(b'{"op_code":4,"wor')
-    assert searched(tmp_path, recipe, 3)[:2] == first
-    assert len(searched(tmp_path, recipe, 4)) == 4
 
 
 def test_another_recipe_is_refused(tmp_path: Path, recipe: Recipe) -> None:
@@ -254,23 +245,6 @@ def test_weights_of_preferences_are_on_or_off() -> None:
     changed = varied_recipe(recipe, 3, values).method.exact
     assert changed is not None
     assert changed.prefer == Preferences(circles=25.0, roundness=0.01)
-
-
-def test_labels_stay_where_a_symmetry_allows_few_assignments() -> None:
-    """Of the totals of two dice, only equally probable ones may be images of each other."""
-    recipe = made(
-        target={"sum_of_dice": [6, 6]},
-        start={"hendecahedron": "bisymmetric"},
-        symmetry="C2",
-        assignment=["2", "3", "4", "5", "6", "7", "8", "10", "9", "11", "12"],
-        method={"exact": {}},
-    )
-    rng = np.random.default_rng(0)
-    for number in range(20):
-        values = {name: rng.uniform(e.low, e.high) for name, e in search_space(recipe).items()}
-        varied = varied_recipe(recipe, number, values)
-        assert varied.assignment == recipe.assignment
-        design_recipe(varied, last="start")
 
 
 def test_every_trial_has_its_seed_and_labels_in_the_order_of_their_numbers() -> None:

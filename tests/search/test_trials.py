@@ -22,9 +22,7 @@ from common.signals import heed_interrupts
 from dicedesign.cli.main import main
 from dicedesign.errors import DiceError, InputError, MeshFileError
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.reading import read_recipe
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.search.leaderboard import write_results
 from dicedesign.search.study import JOURNAL, open_study
 from dicedesign.search.trials import run_search, run_trial
 
@@ -169,22 +167,17 @@ def members(group: int) -> list[int]:
     return [int(pid) for pgid, pid, state in rows if int(pgid) == group and state[0] != "Z"]
 
 
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
 def test_an_interrupted_search_can_go_on(
-    tmp_path: Path, recipe_path: Path, capsys: pytest.CaptureFixture[str], end: signal.Signals
+    tmp_path: Path, recipe_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As by Ctrl-C, which every process of the terminal's group gets, or by force."""
+    """As by Ctrl-C, which every process of the terminal's group gets."""
     folder = tmp_path / "out"
     search = ["search", str(recipe_path), "--jobs", "1", "--out", str(folder), "--trials"]
     process = begun([sys.executable, "-m", "dicedesign", *search, "100000"], folder, 2)
-    if end is signal.SIGINT:
-        os.killpg(process.pid, end)
-    else:
-        process.kill()
+    os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=30.0)
-    if end is signal.SIGINT:
-        assert process.returncode == 130
-        assert said == "dicedesign: interrupted; nothing half-written was left\n"
+    assert process.returncode == 130
+    assert said == "dicedesign: interrupted; nothing half-written was left\n"
     deadline = time.monotonic() + 30.0
     while members(process.pid):
         assert time.monotonic() < deadline, "workers live on"
@@ -196,55 +189,3 @@ def test_an_interrupted_search_can_go_on(
     captured = capsys.readouterr()
     assert captured.out.startswith(f"four: {found} of {found} trials converged\n")
     assert captured.err == f"note: {found} trials were already in {folder}\n"
-
-
-KILLED = """
-import signal, sys
-from pathlib import Path
-from common.inline_executor import Inline
-from common.made_up_trial import made_up_trial
-from dicedesign.recipe.reading import read_recipe
-from dicedesign.search import study, trials
-
-path, folder, begins = sys.argv[1:]
-left = int(begins)
-
-def trial(entries):
-    global left
-    if left == 0:
-        print("in a trial", flush=True)
-        signal.pause()
-    left -= 1
-    return made_up_trial(entries)
-
-trials.run_trial = trial
-with study.open_study(Path(folder), read_recipe(Path(path))) as search:
-    trials.run_search(search, 14, Inline(), 1)
-"""
-
-
-@pytest.mark.usefixtures("made_up")
-def test_a_search_killed_in_its_trials_is_the_search_that_was_not(tmp_path: Path) -> None:
-    path = tmp_path / "total.yaml"
-    path.write_text("name: total\ntarget: {sum_of_dice: [2, 3]}\nstart: {repulsion: {}}\n")
-    recipe, killed = read_recipe(path), tmp_path / "killed"
-    for trials in (0, 3, 9):
-        with subprocess.Popen(
-            [sys.executable, "-c", KILLED, str(path), str(killed), str(trials)],
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-            stdout=subprocess.PIPE,
-        ) as process:
-            assert process.stdout is not None
-            assert process.stdout.readline() == b"in a trial\n"
-            process.kill()
-    with open_study(killed, recipe) as study:
-        assert len(study.finished()) == 12
-    found = []
-    for folder in (killed, tmp_path / "whole"):
-        with open_study(folder, recipe) as study:
-            run_search(study, 14, Inline(), 1)
-            found.append(study.finished())
-            write_results(folder, recipe, found[-1])
-    assert found[0] == found[1]
-    for name in ("best.yaml", "leaderboard.json"):
-        assert (killed / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
