@@ -100,47 +100,6 @@ def test_an_l_stands_upright_and_is_not_mirrored(box):
     assert not empty_at(section, 0.5 * (left + right), 0.5 * (bottom + top))
 
 
-def test_the_bar_of_a_six_lies_on_the_side_of_the_longest_edge(box):
-    die, _ = engraved(box(20.0, 12.0, 10.0), ["6"])
-    section = level(die, 4.7)
-    cut = CrossSection.square((20.0, 12.0), center=True) - section
-    left, bottom, right, top = cut.bounds()
-    assert empty_at(section, left + 0.05, bottom + 0.05)
-    assert empty_at(section, right - 0.05, bottom + 0.05)
-    assert not empty_at(section, left + 0.05, top - 0.05)
-
-
-def test_engraving_turns_with_the_body(box):
-    body = box(20.0, 16.0, 12.0)
-    rotation = Rotation.from_rotvec((1.0, -0.4, 2.0)).as_matrix()
-    plain, _ = engraved(body, list("123456"))
-    turned, _ = engraved(body.moved(rotation), list("123456"))
-    assert len(plain.points) == len(turned.points)
-    back = turned.points @ rotation
-    distance = np.linalg.norm(back[:, None] - plain.points[None], axis=-1).min(axis=1)
-    assert distance.max() < 1e-6
-
-
-def test_coordinates_rounded_to_float32_are_engraved_too(box):
-    body = box(20.0, 16.0, 12.0).moved(Rotation.from_rotvec((1.0, -0.4, 2.0)).as_matrix())
-    body.vertices = body.vertices.astype(np.float32).astype(np.float64)
-    die, placements = engraved(body, list("123456"))
-    removed = ConvexHull(body.vertices).volume - volume(die)
-    assert removed == pytest.approx(engraved_volume(placements), rel=1e-4)
-
-
-def test_no_labels_leave_the_solid_as_it_is(box):
-    body = box(20.0, 16.0, 12.0)
-    die = engrave(body.vertices, body.triangles, [], OPTIONS)
-    assert volume(die) == pytest.approx(20.0 * 16.0 * 12.0, rel=1e-12)
-    assert len(die.triangles) == 12
-
-
-def test_the_same_input_gives_the_same_bytes(box):
-    first, second = (engraved(box(20.0, 20.0, 20.0), list("123456"))[0] for _ in range(2))
-    assert stl_bytes(first.points, first.triangles) == stl_bytes(second.points, second.triangles)
-
-
 @pytest.mark.parametrize("depth", [6.0, 9.0, 25.0])
 def test_pockets_that_meet_are_reported_with_the_remedy(box, depth):
     with pytest.raises(EngravingError, match=r"^engraved solid: .* reduce depth_mm \(now"):
@@ -165,13 +124,6 @@ def test_the_labels_at_fault_are_named(box, depth):
 def test_labels_that_pierce_a_thin_plate_are_reported(box, text, expected):
     with pytest.raises(EngravingError, match=expected):
         engraved(box(20.0, 20.0, 0.5), [text])
-
-
-def test_pockets_that_overlap_are_reported(box):
-    body = box(20.0, 20.0, 20.0)
-    placements = 2 * engraved(body, ["8"])[1]
-    with pytest.raises(EngravingError, match=r"expected pockets of .* mm3, got .*meet"):
-        engrave(body.vertices, body.triangles, placements, OPTIONS)
 
 
 def test_a_solid_refuses_open_inward_and_malformed_meshes(box):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from dicedesign.fabricate import even_sums
-from dicedesign.fabricate.even_sums import EvenSums
 from dicedesign.fabricate.numbering import Numbering, numbered
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
@@ -78,26 +77,6 @@ def test_a_balanced_icosahedron_is_as_even_as_whole_numbers_can_be() -> None:
     sums = groups(hull) @ placed(hull, "balanced")
     assert sorted(sums[:10]) == [21.0] * 10
     assert set(sums[10:]) == {52.0, 53.0}
-
-
-def task(name: str) -> EvenSums:
-    hull = convex_hull(PLATONIC[name])
-    count = len(hull.normals)
-    return EvenSums(np.arange(1.0, count + 1.0), np.zeros(count, dtype=int), groups(hull))
-
-
-@pytest.mark.parametrize("name", ["tetrahedron", "cube", "octahedron"])
-def test_the_integer_program_alone_finds_what_the_search_does(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    start = [np.arange(len(task(name).numbers))]
-    searched = task(name).best(start)
-    monkeypatch.setattr(even_sums, "TRIES", 0)
-    programmed = task(name).best(start)
-    assert searched.is_best
-    assert programmed.is_best
-    assert programmed.largest == pytest.approx(searched.largest)
-    assert programmed.total == pytest.approx(searched.total)
 
 
 def test_where_a_limit_is_met_the_best_found_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -169,15 +148,3 @@ def test_labels_that_are_no_numbers_stay() -> None:
         for a, b, c, d in permutations([10.0, -2.0, 0.5, 1.0, 6.5], 4)
     ]
     assert max(abs(s - 2.0 * mean) for s in sums) == pytest.approx(min(ways))
-
-
-def test_where_nothing_can_be_done_numbers_stay() -> None:
-    tetrahedron = convex_hull(PLATONIC["tetrahedron"])
-    kept = fair(tetrahedron, "standard")
-    assert list(kept.order) == [0, 1, 2, 3]
-    assert "opposite" in kept.note
-    odds = np.array([0.1, 0.2, 0.3, 0.4])
-    for labels in (["1", "2", "3", "4"], ["a", "b", "c", "d"]):
-        numbering = numbered(tetrahedron, np.arange(4), labels, odds, "balanced")
-        assert list(numbering.order) == [0, 1, 2, 3]
-        assert "equally probable" in numbering.note

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
+from itertools import product
 
 import numpy as np
 import pytest
 from common.made_up_die import SIDES, box
+from scipy import stats
 
 from dicedesign.fabricate.print_options import PrintErrors
 from dicedesign.fabricate.print_tolerances import (
@@ -14,6 +17,7 @@ from dicedesign.fabricate.print_tolerances import (
     ROLLS,
     OddsSlopes,
     OddsSpread,
+    OffPrints,
     allowed_offset,
     print_tolerances,
 )
@@ -25,6 +29,148 @@ from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.goodness_of_fit import chance_noticed
 from tests.reference.perturbed_dice import PrintedDie, only
+
+FACES = np.concatenate([np.eye(3), -np.eye(3)])
+HALF = np.array([9.0, 10.0, 12.0])
+
+
+def slopes(low: np.ndarray, high: np.ndarray, given: np.ndarray | None = None) -> OddsSlopes:
+    """Those of the box between two corners, with one outcome for each face."""
+    body = make_body(np.array(list(product(*np.stack([low, high], axis=1)))))
+    poses = rest_poses(body, given)
+    return OddsSlopes.of(body, poses, outcome_odds(poses, FACES))
+
+
+def rectangle(depth: float, sides: tuple[float, float], others: tuple[float, float]) -> float:
+    """Solid angle of a rectangle that far away, from distances of its sides from the foot on it."""
+    return sum(
+        float(np.arctan(x * y / (depth * np.sqrt(depth**2 + x * x + y * y))))
+        for x, y in product(sides, others)
+    )
+
+
+def box_odds(low: np.ndarray, high: np.ndarray, center: np.ndarray) -> np.ndarray:
+    """(6,) by the closed form."""
+    up, down = high - center, center - low
+    found = []
+    for depths in (up, down):
+        for axis in range(3):
+            b, c = (axis + 1) % 3, (axis + 2) % 3
+            found.append(rectangle(depths[axis], (down[b], up[b]), (down[c], up[c])))
+    return np.array(found) / (4.0 * np.pi)
+
+
+def difference(odds_at: Callable[[float], np.ndarray], step: float = 1e-3) -> np.ndarray:
+    """Derivative at 0 of a function of one number, by central differences of fourth order."""
+    near, far = odds_at(step) - odds_at(-step), odds_at(2 * step) - odds_at(-2 * step)
+    return (8.0 * near - far) / (12.0 * step)
+
+
+def test_the_closed_form_is_that_of_the_forward_model() -> None:
+    center = np.array([0.3, -0.2, 0.4])
+    body = make_body(np.array(list(product(*np.stack([-HALF, HALF], axis=1)))))
+    odds = outcome_odds(rest_poses(body, center), FACES).odds
+    np.testing.assert_allclose(box_odds(-HALF, HALF, center), odds, atol=1e-12)
+
+
+@pytest.mark.parametrize("given", [None, np.array([0.5, 0.2, -0.3])], ids=["uniform", "given"])
+def test_faces_that_are_off(given: np.ndarray | None) -> None:
+    found = slopes(-HALF, HALF, given)
+    columns = np.argmax(found.hull.normals @ FACES.T, axis=1)
+    for facet, face in enumerate(columns):
+        axis = FACES[face]
+
+        def moved(t: float, axis: np.ndarray = axis) -> np.ndarray:
+            low = -HALF + t * np.minimum(axis, 0.0)
+            high = HALF + t * np.maximum(axis, 0.0)
+            center = (low + high) / 2.0 if given is None else given
+            return box_odds(low, high, center)
+
+        np.testing.assert_allclose(found.by_offsets[:, facet], difference(moved), atol=1e-10)
+
+
+def test_axes_that_shrink() -> None:
+    found = slopes(-HALF, HALF)
+    expected = [
+        difference(lambda t, e=e: box_odds(-HALF * (1 + t * e), HALF * (1 + t * e), np.zeros(3)))
+        for e in np.eye(3)
+    ]
+    stretches = found.by_stretches(np.eye(3))
+    np.testing.assert_allclose(stretches, np.stack(expected, axis=1), atol=1e-10)
+    # A die that shrinks as a whole keeps its odds.
+    np.testing.assert_allclose(stretches.sum(axis=1), 0.0, atol=1e-12)
+    # Axes in another order, the printer's own.
+    np.testing.assert_allclose(found.by_stretches(np.eye(3)[[2, 0, 1]]), stretches[:, [2, 0, 1]])
+
+
+def test_a_density_that_grows_to_the_top() -> None:
+    """From 1 - g/2 at the bottom of a box 2 c high to 1 + g/2 at its top the center of mass is at
+    g c / 6."""
+    found = slopes(-HALF, HALF)
+    up = np.array([0.0, 0.0, 1.0])
+    expected = difference(lambda g: box_odds(-HALF, HALF, g * HALF[2] / 6.0 * up))
+    np.testing.assert_allclose(found.by_gradient(up), expected, atol=1e-10)
+    assert found.by_gradient(up)[2] > 0.0 > found.by_gradient(up)[5]
+
+
+def test_a_bubble_anywhere() -> None:
+    """Its place has the variance a^2 / 3 along a half extent a, and the center of mass moves by its
+    part of the volume."""
+    found = slopes(-HALF, HALF)
+    part = 1.0 / (8.0 * HALF.prod())
+    expected = found.by_center @ np.diag(part**2 * HALF**2 / 3.0) @ found.by_center.T
+    np.testing.assert_allclose(found.of_bubble(), expected, atol=1e-18)
+
+
+def test_rests_of_one_outcome_count_together_and_others_not_at_all() -> None:
+    body = make_body(np.array(list(product(*np.stack([-HALF, HALF], axis=1)))))
+    poses = rest_poses(body)
+    whole = slopes(-HALF, HALF)
+    some = OddsSlopes.of(body, poses, outcome_odds(poses, FACES[[0, 2]]))
+    np.testing.assert_allclose(some.by_center, whole.by_center[[0, 2]], atol=1e-15)
+
+
+HOUSE = np.concatenate([box(20.0, 20.0, 20.0), [[0.0, 0.0, 21.0]]])
+"""A cube with a roof, on whose sides it only just rests."""
+
+
+def chance(points: np.ndarray, directions: np.ndarray, offset: float, prints: int) -> float:
+    """Part of prints that the test notices, by the noncentral chi-square of each."""
+    right = outcome_odds(rest_poses(points), directions).odds
+    die = PrintedDie(convex_hull(points), directions)
+    odds = die.odds(PrintErrors(offset, 0.0, 0.0, 0.0), prints, 11)
+    noncentral = ROLLS * ((odds - right) ** 2 / right).sum(axis=1)
+    critical = stats.chi2.isf(0.05, len(right) - 1)
+    return float(stats.ncx2.sf(critical, len(right) - 1, noncentral + 1e-12).mean())
+
+
+@pytest.mark.parametrize("offset", [0.02, 0.3])
+def test_as_many_are_noticed_as_by_other_prints(offset: float) -> None:
+    points = box(20.0, 22.0, 25.0)
+    poses = rest_poses(points)
+    odds = outcome_odds(poses, SIDES).odds
+    found = OffPrints(poses, SIDES).noticed(offset, odds, np.zeros(6), ROLLS)
+    assert found == pytest.approx(chance(points, SIDES, offset, 500), abs=0.06)
+    # Prints of a body that does not move are as right as it is.
+    still = OffPrints(poses, SIDES).noticed(0.0, odds, np.zeros(6), ROLLS)
+    assert still == pytest.approx(0.05, abs=1e-9)
+
+
+def test_a_die_on_the_verge_of_losing_a_rest_must_be_printed_better_than_slopes_say() -> None:
+    poses = rest_poses(HOUSE)
+    sides = poses.normals
+    outcomes = outcome_odds(poses, sides)
+    spread = OddsSpread(OddsSlopes.of(make_body(HOUSE), poses, outcomes), PrintErrors())
+    still = np.zeros(len(sides))
+    trusting = print_tolerances(spread, outcomes.odds, still)
+    careful = print_tolerances(spread, outcomes.odds, still, OffPrints(poses, sides))
+    assert trusting.allowed_mm is not None
+    assert careful.allowed_mm is not None
+    assert chance(HOUSE, sides, trusting.allowed_mm, 200) > 0.2
+    assert careful.allowed_mm < 0.8 * trusting.allowed_mm
+    assert chance(HOUSE, sides, careful.allowed_mm, 200) < 0.16
+    assert careful.deviations == trusting.deviations
+
 
 PRINTS = 600
 ERRORS = PrintErrors(0.05, 0.01, 0.1, 200.0)
@@ -70,33 +216,6 @@ def test_errors_add_up() -> None:
     twice = spread(hull, directions, PrintErrors(*(2.0 * v for v in asdict(ERRORS).values())))
     np.testing.assert_allclose(twice.covariance, 4.0 * found.covariance, rtol=1e-12)
     assert not spread(hull, directions, PrintErrors(0.0, 0.0, 0.0, 0.0)).covariance.any()
-
-
-def test_the_printer_s_axes_turn_with_the_print() -> None:
-    """A die that lies on another side is the same die in turned coordinates."""
-    hull, directions = die(1)
-    turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    turned = spread(convex_hull(hull.vertices @ turn.T), directions @ turn.T).by_error
-    slopes = spread(hull, directions).slopes
-    lying = OddsSpread(slopes, ERRORS, axes=turn).by_error
-    for name, covariance in lying.items():
-        np.testing.assert_allclose(covariance, turned[name], atol=1e-12)
-    name = "density_gradient"
-    assert np.abs(lying[name] - spread(hull, directions).by_error[name]).max() > 1e-7
-
-
-def test_corners_that_are_off_one_by_one() -> None:
-    """Of a surface: its center of mass stays where it is."""
-    hull, directions = die(2)
-    found = spread(hull, directions, only(ERRORS, "dimensional_mm"), has_planes=False)
-    rng = np.random.default_rng(2)
-    odds = []
-    for _ in range(PRINTS):
-        moved = hull.vertices + ERRORS.dimensional_mm * rng.normal(size=hull.vertices.shape)
-        odds.append(outcome_odds(rest_poses(moved, hull.centroid), directions).odds)
-    printed = np.std(odds, axis=0)
-    # Facets of more than three corners break, and come to rest on either part: one outcome.
-    np.testing.assert_allclose(printed / np.sqrt(np.diag(found.covariance)), 1.0, atol=0.2)
 
 
 def test_what_is_allowed_is_what_the_test_just_lets_through() -> None:

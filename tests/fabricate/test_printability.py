@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,15 +12,114 @@ import trimesh
 from common.made_up_die import SIDES, box, checked
 from scipy.spatial import cKDTree
 
+from dicedesign.errors import InputError
 from dicedesign.fabricate.fine_parts import walls_under
-from dicedesign.fabricate.print_options import PrintOptions
+from dicedesign.fabricate.print_options import PrintErrors, PrintOptions
 from dicedesign.fabricate.printability import checked_file
+from dicedesign.fabricate.printers import MATERIALS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.formats import parsed_stl
 from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.work import Work
 from dicedesign.results.parts import Printability
+
+RECIPE = {"name": "d4", "target": {"fair": 4}}
+
+
+def test_density_is_the_materials_unless_given() -> None:
+    assert PrintOptions().density == MATERIALS["pla"].density_g_cm3
+    assert PrintOptions(printer="sls").density == MATERIALS["pa12"].density_g_cm3
+    assert PrintOptions(material="abs").density == MATERIALS["abs"].density_g_cm3
+    assert PrintOptions(material="abs", density_g_cm3=1.5).density == 1.5
+
+
+@pytest.mark.parametrize(
+    ("entries", "named"),
+    [
+        ({"printer": "cnc"}, "printer: expected fdm, sla, sls, got 'cnc'"),
+        ({"nozzle_mm": 0.0}, "nozzle_mm: expected a number above 0 and at most 2, got 0"),
+        ({"nozzle_mm": float("nan")}, "nozzle_mm: "),
+        ({"nozzle_mm": True}, "nozzle_mm: "),
+        ({"printer": "sla", "nozzle_mm": 0.2}, "nozzle_mm: expected a printer with a nozzle"),
+        ({"material": "pa12"}, "material: expected pla, petg, abs, asa, pc for fdm, got 'pa12'"),
+        ({"density_g_cm3": -1.0}, "density_g_cm3: expected a number above 0"),
+    ],
+)
+def test_bad_options_are_explained(entries: dict, named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        PrintOptions(**entries)
+
+
+def test_a_recipe_says_it_in_a_word_or_leaves_it_out() -> None:
+    assert checked_recipe(RECIPE).print == PrintOptions()
+    assert checked_recipe({**RECIPE, "print": "sla"}).print == PrintOptions(printer="sla")
+    assert checked_recipe({**RECIPE, "print": False}).print is None
+    given = checked_recipe({**RECIPE, "print": {"printer": "sls", "oriented": True}})
+    assert given.print == PrintOptions(printer="sls", oriented=True)
+    for recipe in (given, checked_recipe({**RECIPE, "print": False})):
+        assert checked_recipe(recipe.resolved()) == recipe
+    with pytest.raises(InputError, match=r"print: printer: expected fdm, sla, sls, got 'laser'"):
+        checked_recipe({**RECIPE, "print": "laser"})
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"infill": 1.5}, "infill: expected a number from 0 to 1, got 1.5; 0.2 is 20 %"),
+        ({"infill": float("nan")}, "infill: expected a number from 0 to 1, got nan"),
+        ({"walls_mm": 0.0}, "walls_mm: expected a number from 0.05 to 1000, got 0"),
+        ({"walls_mm": 1e-9}, "walls_mm: .* from 0.05 to 1000, got 1e-09"),
+        (
+            {"walls_mm": float("inf")},
+            "walls_mm: .* to 1000, got inf",
+        ),
+    ],
+)
+def test_how_to_print(given: dict[str, float], text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        PrintOptions(**given)
+    with pytest.raises(InputError, match="print.*" + text.split(";")[0]):
+        checked_recipe({"name": "d", "target": {"fair": 6}, "print": given})
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        (
+            {"dimensional_mm": -0.1},
+            "errors.dimensional_mm: expected a number of at least 0",
+        ),
+        ({"shrinkage": 0.2}, "errors.shrinkage: expected a number of at least 0 and below 0.2"),
+        ({"density_gradient": 0.5}, "errors.density_gradient: .* below 0.5, got 0.5; leave it out"),
+        (
+            {"bubble_mm3": float("nan")},
+            "errors.bubble_mm3: expected a number of at least 0",
+        ),
+        (
+            {"bubble_mm3": True},
+            "errors.bubble_mm3: .* below 1e.09, got True",
+        ),
+        ({"bubble_mm3": 1e9}, "errors.bubble_mm3: .* below 1e.09, got 1000000000.0"),
+        ({"dimensional_mm": 1e300}, "errors.dimensional_mm: .* below 1000, got 1e.300"),
+    ],
+)
+def test_what_differs_from_print_to_print(given: dict[str, Any], text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        PrintErrors(**given)
+
+
+def test_a_recipe_says_how_it_will_be_printed() -> None:
+    given: dict[str, Any] = {
+        "infill": 0.2,
+        "walls_mm": 0.8,
+        "errors": {"dimensional_mm": 0.05},
+    }
+    recipe = checked_recipe({"name": "d", "target": {"fair": 6}, "print": given})
+    assert recipe.print == PrintOptions(**(given | {"errors": PrintErrors(dimensional_mm=0.05)}))
+    again = checked_recipe(recipe.resolved())
+    assert again.print == recipe.print
 
 
 def printed(
@@ -135,11 +235,6 @@ def test_the_oriented_file_is_the_die_on_the_bed(cube: Work) -> None:
     assert areas[on_bed].sum() == pytest.approx(found(cube).best.contact_mm2, rel=1e-5)
 
 
-def test_it_is_not_written_unless_asked_for() -> None:
-    assert "die_oriented.stl" not in printed(box(1.0, 1.0, 1.0), SIDES).files
-    assert printed(box(1.0, 1.0, 1.0), SIDES, print=False).result().printability is None
-
-
 def test_bare_facets_come_first() -> None:
     """Of a prism of five sides, whose ends bear nothing."""
     angles = 2.0 * np.pi * np.arange(5) / 5.0
@@ -166,15 +261,6 @@ def test_what_cannot_be_made_is_said_with_a_remedy(entries: dict, told: str) -> 
     work = printed(box(1.0, 1.0, 1.0), SIDES, **entries)
     assert any(told in note and ":" in note for note in work.notes)
     assert tuple(work.notes[-len(found(work).warnings) :]) == found(work).warnings
-
-
-def test_a_plain_die_is_judged_by_its_plain_file() -> None:
-    work = printed(box(1.0, 1.0, 1.0), SIDES, engrave=False, print="sls")
-    measured = found(work)
-    assert measured.labels == ()
-    assert measured.best.label is None
-    assert measured.weight_g == pytest.approx(0.93e-3 * SIDE**3, rel=1e-6)
-    assert measured.best.contact_mm2 == pytest.approx(SIDE**2, rel=1e-6)
 
 
 def test_a_die_with_a_given_center_of_mass_is_judged_too() -> None:
@@ -242,36 +328,6 @@ def test_raised_labels_have_no_walls_and_wider_strokes(cube: Work) -> None:
     assert all(label.wall_mm is None for label in raised.labels)
     assert any("strokes" in warning for warning in raised.warnings)
     assert printability(replace(die, raised=False), options).warnings == ()
-
-
-@pytest.mark.parametrize(
-    "entries",
-    [
-        {"edges": {"radius_mm": 1.0}},
-        {"engrave": {"style": "raised", "balance": "none"}},
-        {"engrave": {"balance": "fill"}, "edges": True},
-        {"engrave": {"balance": "opposite"}},
-        {"engrave": False, "edges": True},
-    ],
-    ids=["fillets", "raised", "inlaid", "hollow", "plain fillets"],
-)
-def test_finished_cubes_of_all_kinds_lie_on_a_side(entries: dict) -> None:
-    """Rounded edges need no supports, nor do sunk fields."""
-    work = printed(box(1.0, 1.0, 1.0), SIDES, target={"fair": 6}, **entries)
-    measured = found(work)
-    assert (measured.file.open_edges, measured.file.pieces) == (0, 1)
-    for pose in (*measured.poses, measured.best):
-        assert pose.overhang_mm2 < 1e-6
-        assert np.abs(pose.normal).max() == pytest.approx(1.0, abs=1e-3)
-        assert 0.3 * SIDE**2 < pose.contact_mm2 < SIDE**2
-    labels = {label.text for label in measured.labels}
-    assert {pose.label for pose in measured.poses} == (labels or {None})
-    assert work.engraved is not None
-    bodies = (
-        [work.engraved] if work.engraved.inlay is None else [work.engraved, work.engraved.inlay]
-    )
-    volume = sum(trimesh.Trimesh(b.points, b.triangles, process=False).volume for b in bodies)
-    assert measured.weight_g == pytest.approx(1.24e-3 * volume, rel=1e-5)
 
 
 def test_a_hollow_that_keeps_its_powder_is_told() -> None:

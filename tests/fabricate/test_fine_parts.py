@@ -8,12 +8,81 @@ import numpy as np
 import pytest
 import trimesh
 from common.made_up_die import box
+from manifold3d import JoinType
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.fine_parts import thin_parts
+from dicedesign.fabricate.fine_parts import narrowest_gap, narrowest_stroke, thin_parts
+from dicedesign.fabricate.label_art import text_section
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.runtime.arrays import Floats
+
+
+def bar(x: float, y: float, width: float, height: float) -> np.ndarray:
+    corners = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)]
+    return np.array([(x + a, y + b) for a, b in corners])
+
+
+def ring(radius: float, corners: int) -> np.ndarray:
+    angles = 2.0 * np.pi * np.arange(corners) / corners
+    return radius * np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def test_a_bar_is_as_wide_as_its_shorter_side() -> None:
+    assert narrowest_stroke([bar(3.0, -1.0, 0.3, 2.0)]) == pytest.approx(0.3, rel=1e-12)
+    assert narrowest_gap([bar(3.0, -1.0, 0.3, 2.0)]) is None
+
+
+def test_two_bars_have_a_gap() -> None:
+    bars = [bar(0.0, 0.0, 0.5, 2.0), bar(0.7, 0.0, 0.4, 2.0)]
+    assert narrowest_stroke(bars) == pytest.approx(0.4, rel=1e-12)
+    assert narrowest_gap(bars) == pytest.approx(0.2, rel=1e-12)
+
+
+def test_a_ring_is_as_wide_as_its_radii_differ() -> None:
+    """Between two polygons of as many sides it is the difference of their inscribed circles."""
+    contours = [ring(2.0, 40), ring(1.4, 40)[::-1]]
+    inscribed = np.cos(np.pi / 40)
+    assert narrowest_stroke(contours) == pytest.approx(0.6 * inscribed, rel=1e-12)
+    assert narrowest_gap(contours) == pytest.approx(2.8 * inscribed, rel=1e-12)
+
+
+def test_a_triangle_has_no_strokes() -> None:
+    corners = np.array([(0.0, 0.0), (1.0, 0.0), (0.5, 0.9)])
+    assert narrowest_stroke([corners]) is None
+    assert narrowest_stroke([]) is None
+
+
+@pytest.mark.parametrize(
+    "text", ["1", "2", "3", "4", "5", "6", "7", "8", "9", "10", "H", "E", "W", "M"]
+)
+def test_what_is_opened_by_half_a_stroke_loses_it(text: str) -> None:
+    """By another way: a disc (with corners) that is thinner than the thinnest stroke can be rolled
+    everywhere within the label, and one that is thicker cannot."""
+    section = text_section(text)
+    stroke = narrowest_stroke(section.to_polygons())
+
+    def kept(width: float) -> float:
+        opened = section.offset(-width / 2, JoinType.Miter).offset(width / 2, JoinType.Miter)
+        return (section ^ opened).area() / section.area()
+
+    assert kept(0.95 * stroke) > 0.995
+    assert kept(1.1 * stroke) < 0.97
+
+
+@pytest.mark.parametrize("text", ["5", "8", "10", "E", "H"])
+def test_what_is_closed_by_half_a_gap_fills_it(text: str) -> None:
+    """The same from outside; curves that grow are a little larger in any case."""
+    section = text_section(text)
+    gap = narrowest_gap(section.to_polygons())
+
+    def filled(width: float) -> float:
+        closed = section.offset(width / 2, JoinType.Miter).offset(-width / 2, JoinType.Miter)
+        return closed.area() / section.area() - 1.0
+
+    assert filled(0.95 * gap) < 0.02
+    assert filled(1.1 * gap) > 0.03
+
 
 SPREAD = 0.01
 """Of shares by some ten thousands of samples, five standard deviations."""
@@ -56,22 +125,6 @@ def test_a_tube_is_as_thin_as_its_wall() -> None:
     assert found.share == pytest.approx(sides / (sides + rims), abs=SPREAD)
     assert np.hypot(*found.place[:2]) == pytest.approx((outer + inner) / 2.0, rel=2e-2)
     assert thin_parts(tube, 0.55) is None
-
-
-def test_a_thin_bridge_between_two_balls_is_found() -> None:
-    """Balls of radius 5 about heights of -8 and 8, joined by a bar of radius 0.2."""
-    thin, radius, middle = 0.2, 5.0, 8.0
-    begin = np.arcsin(thin / radius)
-    arc = [(radius * np.sin(a), middle - radius * np.cos(a)) for a in np.linspace(begin, np.pi, 80)]
-    arc[-1] = (0.0, middle + radius)
-    found = thin_parts(revolved([(r, -z) for r, z in reversed(arc)] + arc), 0.8)
-    assert found is not None
-    assert found.least_mm == pytest.approx(2.0 * thin, rel=5e-3)
-    length = 2.0 * (middle - radius * np.cos(begin))
-    bar, balls = 2.0 * np.pi * thin * length, 2.0 * 4.0 * np.pi * radius**2
-    assert found.share == pytest.approx(bar / (bar + balls), rel=0.2)
-    assert abs(found.place[2]) < length / 2.0
-    assert np.hypot(*found.place[:2]) < 0.05 * thin
 
 
 @pytest.mark.parametrize(("degrees", "is_thin"), [(60.0, False), (90.0, False), (25.0, True)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from pathlib import Path
 
@@ -16,7 +15,6 @@ from dicedesign.fabricate.file_formats import (
     Part,
     file_bytes,
     save_mesh,
-    with_stl,
 )
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.solid import solid_properties
@@ -124,12 +122,3 @@ def test_another_file_is_refused(occ, tmp_path: Path) -> None:
     path.write_text("solid box\n")
     with pytest.raises(MeshFileError, match="expected a STEP file, got another"):
         STEP.read_back(path)
-
-
-def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util, "find_spec", lambda name, *more: None if name == "OCP" else found(name)
-    )
-    with pytest.raises(InputError, match=r"pip install 'dicedesign\[step\]', or take another"):
-        with_stl(["obj", "step"])

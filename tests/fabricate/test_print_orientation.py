@@ -12,8 +12,6 @@ from scipy.spatial.transform import Rotation
 from dicedesign.fabricate.print_orientation import (
     PrintedSolid,
     beds,
-    best_pose,
-    placement_on_bed,
 )
 from dicedesign.fabricate.printers import PRINTERS, Printer
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
@@ -82,17 +80,6 @@ def test_what_is_at_the_limit_needs_no_supports() -> None:
             assert pose.overhang_mm2 == pytest.approx(area, abs=1e-9)
 
 
-def test_of_dice_with_some_numbers_one_lies_on_a_bare_facet() -> None:
-    hull = convex_hull(np.array([(x, y, z) for x in (0, 9) for y in (0, 10) for z in (0, 11)]))
-    normals = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)], dtype=float)
-    solid = PrintedSolid(hull.vertices, hull.triangles, hull, ("1", "2", "3", "4", "5"), normals)
-    poses = solid.poses(hull.normals, upto(45.0))
-    assert {pose.label for pose in poses} == {"1", "2", "3", "4", "5", None}
-    assert all(pose.spoiled == (() if pose.label is None else (pose.label,)) for pose in poses)
-    best = best_pose(poses)
-    assert (best.label, best.normal) == (None, (0.0, 0.0, -1.0))
-
-
 def test_numbers_on_supports_are_spoiled_too() -> None:
     """Each facet of an icosahedron has a number: its own and its neighbors' are spoiled where
     filament needs supports, and with resin its own."""
@@ -128,16 +115,3 @@ def test_a_round_die_has_no_foot_and_lies_on_a_rest() -> None:
 def test_a_concave_die_lies_on_a_rest() -> None:
     hull = icosahedron(5.0)
     np.testing.assert_array_equal(beds(hull, np.array([3, 7]), False), hull.normals[[3, 7]])
-
-
-def test_on_the_bed_means_on_the_bed() -> None:
-    points = np.random.default_rng(1).normal(size=(40, 3)) * (1.0, 2.0, 3.0) + 5.0
-    hull = convex_hull(points)
-    for normal in hull.normals:
-        transform = placement_on_bed(points, normal)
-        turned = points @ transform[:3, :3].T + transform[:3, 3]
-        assert np.linalg.det(transform[:3, :3]) == pytest.approx(1.0)
-        assert turned[:, 2].min() == pytest.approx(0.0, abs=1e-12)
-        np.testing.assert_allclose(turned[:, :2].min(axis=0), -turned[:, :2].max(axis=0))
-        assert (turned[:, 2] < 1e-9).sum() >= 3
-        np.testing.assert_allclose(transform[:3, :3] @ normal, (0.0, 0.0, -1.0), atol=1e-12)

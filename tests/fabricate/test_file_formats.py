@@ -1,0 +1,269 @@
+"""Solids written in every format and read back, by trimesh and by this package."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import lib3mf
+import numpy as np
+import pytest
+import trimesh
+from common.bumpy import bumpy_sphere
+from pygltflib import GLTF2
+
+from dicedesign.errors import InputError, OutputError
+from dicedesign.fabricate.file_formats import (
+    BODY_COLOR,
+    FILE_FORMATS,
+    LABEL_COLOR,
+    joined,
+    mesh_bytes,
+    save_mesh,
+)
+from dicedesign.geometry.meshes.formats import stl_bytes
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.surfaces.surface import Surface
+
+THREE_MF = FILE_FORMATS["3mf"]
+
+
+def read(data: bytes, path: Path):
+    """The model of a file that has nothing to warn of."""
+    path.write_bytes(data)
+    model = lib3mf.Wrapper().CreateModel()
+    reader = model.QueryReader("3mf")
+    reader.SetStrictModeActive(True)
+    reader.ReadFromFile(str(path))
+    assert reader.GetWarningCount() == 0
+    return model
+
+
+def objects(model) -> list:
+    found, step = [], model.GetMeshObjects()
+    while step.MoveNext():
+        found.append(step.GetCurrentMeshObject())
+    return found
+
+
+def facts(model) -> dict[str, str]:
+    group = model.GetMetaDataGroup()
+    entries = [group.GetMetaData(k) for k in range(group.GetMetaDataCount())]
+    return {entry.GetName(): entry.GetValue() for entry in entries}
+
+
+def materials(model) -> dict[tuple[int, int], tuple[str, str]]:
+    """Name and colour by the numbers of list and entry."""
+    found, step = {}, model.GetBaseMaterialGroups()
+    while step.MoveNext():
+        group = step.GetCurrentBaseMaterialGroup()
+        for entry in group.GetAllPropertyIDs():
+            color = group.GetDisplayColor(entry)
+            shown = f"#{color.Red:02x}{color.Green:02x}{color.Blue:02x}"
+            found[group.GetResourceID(), entry] = group.GetName(entry), shown
+    return found
+
+
+def test_names_units_and_facts_are_read(contents, tmp_path: Path) -> None:
+    model = read(THREE_MF.write(contents), tmp_path / "box.3mf")
+    assert facts(model) == {"Title": "box & co", **contents.facts}
+    assert model.GetUnit() == lib3mf.ModelUnit.MilliMeter
+    (thing,) = objects(model)
+    assert thing.GetName() == "die"
+    assert thing.IsManifoldAndOriented()
+
+
+def test_labels_have_a_colour_of_their_own(contents, tmp_path: Path) -> None:
+    model = read(THREE_MF.write(contents), tmp_path / "box.3mf")
+    (thing,), known, (part,) = objects(model), materials(model), contents.parts
+    assert sorted(known.values()) == [("die", BODY_COLOR), ("labels", LABEL_COLOR)]
+    vertices = np.array([vertex.Coordinates for vertex in thing.GetVertices()])
+    middles = {True: [], False: []}
+    for triangle, paint in zip(
+        thing.GetTriangleIndices(), thing.GetAllTriangleProperties(), strict=True
+    ):
+        colors = {known[paint.ResourceID, entry] for entry in paint.PropertyIDs}
+        assert len(colors) == 1
+        name, _ = colors.pop()
+        middles[name == "labels"].append(vertices[list(triangle.Indices)].mean(axis=0))
+    expected = part.points[part.triangles].mean(axis=1)
+    for are_labels, places in middles.items():
+        np.testing.assert_allclose(places, expected[part.labels == are_labels], atol=1e-5)
+
+
+def test_parts_are_one_thing_to_print(inlaid, tmp_path: Path) -> None:
+    data = THREE_MF.write(inlaid)
+    model = read(data, tmp_path / "inlaid.3mf")
+    assert [thing.GetName() for thing in objects(model)] == ["die", "inlay"]
+    assert sorted(materials(model).values()) == [("die", BODY_COLOR), ("inlay", LABEL_COLOR)]
+    items = model.GetBuildItems()
+    assert items.MoveNext()
+    assert items.GetCurrent().GetObjectResource().GetName() == "inlaid"
+    assert not items.MoveNext()
+
+    scene = trimesh.load(io.BytesIO(data), file_type="3mf", force="scene")
+    assert scene.units == "millimeter"
+    volumes = sorted(mesh.volume for mesh in scene.dump())
+    assert volumes == pytest.approx([64.0, 936.0])
+    points, triangles = THREE_MF.read_back(tmp_path / "inlaid.3mf")
+    expected, _ = joined(inlaid.parts)
+    np.testing.assert_array_equal(np.unique(points, axis=0), np.unique(expected, axis=0))
+    volume, center = solid_properties(points, triangles)
+    assert volume == pytest.approx(1000.0)
+    np.testing.assert_allclose(center, 0.0, atol=1e-12)
+
+
+GLB = FILE_FORMATS["glb"]
+
+
+def vectors(file: GLTF2, number: int) -> np.ndarray:
+    """(n, 3) of an accessor."""
+    accessor = file.accessors[number]
+    assert (accessor.type, accessor.componentType) == ("VEC3", 5126)
+    view = file.bufferViews[accessor.bufferView]
+    assert view.byteOffset % 4 == 0
+    data = file.binary_blob()[view.byteOffset : view.byteOffset + view.byteLength]
+    values = np.frombuffer(data, dtype="<f4").reshape(-1, 3)
+    assert len(values) == accessor.count
+    if accessor.min:
+        np.testing.assert_array_equal(values.min(axis=0), np.float32(accessor.min))
+        np.testing.assert_array_equal(values.max(axis=0), np.float32(accessor.max))
+    return values.astype(np.float64)
+
+
+def light(color: str) -> np.ndarray:
+    """Amounts of light of a colour in sRGB (IEC 61966-2-1)."""
+    shown = [int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5)]
+    return np.array([s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4 for s in shown])
+
+
+def test_coordinates_are_in_metres_with_y_upward(contents) -> None:
+    file = GLTF2.load_from_bytes(GLB.write(contents))
+    (mesh,), (part,) = file.meshes, contents.parts
+    assert [file.scenes[file.scene].nodes, file.nodes[0].mesh] == [[0], 0]
+    x, y, z = 1e-3 * part.points.T
+    expected = np.stack([x, z, -y], axis=1)
+    for primitive, are_labels in zip(mesh.primitives, (False, True), strict=True):
+        points = vectors(file, primitive.attributes.POSITION).reshape(-1, 3, 3)
+        corners = expected[part.triangles[part.labels == are_labels]]
+        np.testing.assert_allclose(points, corners, rtol=0.0, atol=1e-9)
+        normals = vectors(file, primitive.attributes.NORMAL).reshape(-1, 3, 3)
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1.0, atol=1e-6)
+        areas = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        large = np.linalg.norm(areas, axis=1) > 1e-8
+        along = (normals * areas[:, None]).sum(axis=2) / np.linalg.norm(areas, axis=1)[:, None]
+        assert along[large].min() > 0.9999
+
+
+def test_colours_and_facts_are_read(contents) -> None:
+    data = GLB.write(contents)
+    file = GLTF2.load_from_bytes(data)
+    assert file.asset.version == "2.0"
+    assert file.asset.extras == contents.facts
+    assert file.scenes[0].name == "box & co"
+    primitives = file.meshes[0].primitives
+    for primitive, color in zip(primitives, (BODY_COLOR, LABEL_COLOR), strict=True):
+        material = file.materials[primitive.material].pbrMetallicRoughness
+        np.testing.assert_allclose(material.baseColorFactor[:3], light(color), atol=1e-6)
+        assert material.baseColorFactor[3] == 1.0
+        assert material.metallicFactor == 0.0
+    assert len(data) % 4 == 0
+    assert int.from_bytes(data[8:12], "little") == len(data)
+
+
+def test_parts_are_nodes(inlaid, tmp_path) -> None:
+    path = tmp_path / "inlaid.glb"
+    path.write_bytes(GLB.write(inlaid))
+    file = GLTF2().load(str(path))
+    assert [node.name for node in file.nodes] == ["die", "inlay"]
+    volume, center = solid_properties(*GLB.read_back(path))
+    assert volume == pytest.approx(1000.0, rel=1e-6)
+    np.testing.assert_allclose(center, 0.0, atol=1e-5)
+
+
+MESHES = [kind for kind in FILE_FORMATS if kind.name != "step"]
+
+
+def die() -> Surface:
+    """With coordinates of many sizes, some of them tiny."""
+    surface = bumpy_sphere()
+    points = 10.0 * (surface.points - surface.points[0])
+    points[1] = [1e-7 / 3.0, -1e-13, 12.345678901234567]
+    return surface.moved(points)
+
+
+def by_trimesh(data: bytes, name: str) -> trimesh.Trimesh:
+    """The file in millimetres, z upward, with corners at one place joined."""
+    mesh = trimesh.load(io.BytesIO(data), file_type=name, force="mesh", process=False)
+    kind = FILE_FORMATS[name]
+    scale = {"mm": 1.0, "m": 1000.0}[kind.unit]
+    x, y, z = scale * np.asarray(mesh.vertices, dtype=np.float64).T
+    places = np.stack({"z": [x, y, z], "y": [x, -z, y]}[kind.upward], axis=1)
+    return trimesh.Trimesh(places, mesh.faces)
+
+
+@pytest.mark.parametrize("kind", MESHES, ids=lambda kind: kind.name)
+def test_what_is_written_is_read_back(tmp_path: Path, kind) -> None:
+    surface, path = die(), tmp_path / f"die.{kind.name.upper()}"
+    save_mesh(path, surface.points, surface.triangles)
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+    body = read_body(path)
+    assert body.triangles is not None
+    assert body.single_precision == (kind.precision == "float32")
+    points, triangles = kind.read_back(path)
+    expected = surface.points
+    if kind.precision == "float32":
+        rounding = np.abs(expected).max() * 2.0**-24
+        np.testing.assert_allclose(
+            points[triangles], expected[surface.triangles], rtol=0.0, atol=1.001 * rounding
+        )
+    else:
+        np.testing.assert_array_equal(points[triangles], expected[surface.triangles])
+    volume, _ = solid_properties(points, triangles)
+    assert volume == pytest.approx(surface.volume, rel=1e-6)
+
+    mesh = by_trimesh(path.read_bytes(), kind.name)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(surface.volume, rel=1e-6)
+    np.testing.assert_allclose(mesh.extents, np.ptp(surface.points, axis=0), rtol=1e-6)
+    np.testing.assert_allclose(mesh.bounds[0], surface.points.min(axis=0), rtol=1e-6, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", MESHES, ids=lambda kind: kind.name)
+def test_the_same_solid_is_the_same_file(kind) -> None:
+    surface, ending = die(), f".{kind.name}"
+    first, second = (mesh_bytes(surface.points, surface.triangles, ending) for _ in range(2))
+    assert first == second
+    if ending == ".stl":
+        assert first == stl_bytes(surface.points, surface.triangles)
+
+
+@pytest.mark.parametrize("name", ["die.dxf", "die", "die.stl.gz", "diestl"])
+def test_other_endings_are_refused(tmp_path: Path, name: str) -> None:
+    surface = die()
+    with pytest.raises(InputError, match=r"expected a file ending out of \.stl, \.3mf, \.obj"):
+        save_mesh(tmp_path / name, surface.points, surface.triangles)
+    with pytest.raises(InputError, match="mesh file: expected a file ending out of"):
+        mesh_bytes(surface.points, surface.triangles, Path(name).suffix)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", list(FILE_FORMATS), ids=lambda kind: kind.name)
+def test_what_is_not_finite_is_refused(kind) -> None:
+    if kind.name == "step":
+        pytest.importorskip("OCP")
+    surface = die()
+    surface.points[3, 1] = np.nan
+    with pytest.raises(InputError, match=r"expected .*finite .*got \[.*nan.* in row 3; repair"):
+        mesh_bytes(surface.points, surface.triangles, f".{kind.name}")
+    surface.points[3, 1] = 1e39
+    if kind.precision == "float32":
+        with pytest.raises(InputError, match=r"finite in float32, got \[.*1e\+39.* in row 3; re"):
+            mesh_bytes(surface.points, surface.triangles, f".{kind.name}")
+
+
+def test_a_missing_folder_is_named(tmp_path: Path) -> None:
+    surface = die()
+    with pytest.raises(OutputError, match="expected to write a file in an existing, writable fol"):
+        save_mesh(tmp_path / "none" / "die.stl", surface.points, surface.triangles)

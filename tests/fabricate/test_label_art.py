@@ -1,0 +1,381 @@
+"""Fonts by name and by file, against fonts built here and fontTools' own reading."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import random
+from itertools import combinations, pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fontTools.fontBuilder import FontBuilder
+from fontTools.pens.areaPen import AreaPen
+from fontTools.pens.t2CharStringPen import T2CharStringPen
+from fontTools.pens.ttGlyphPen import TTGlyphPen
+from fontTools.ttLib import TTFont
+
+from dicedesign.errors import EngravingError, InputError
+from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.fabricate.fonts import _bundled
+from dicedesign.fabricate.label_art import (
+    MOST_PIPS,
+    label_arts,
+    line_breaks,
+    marked,
+    pip_places,
+    pips_section,
+    reads_upside_down,
+    text_contours,
+    text_section,
+)
+from dicedesign.fabricate.sections import CHORD_TOLERANCE
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["6", "9", "66", "99", "68", "89", "16", "91", "61", "01", "106", "606", "909", "86", "98"],
+)
+def test_ambiguous(text: str) -> None:
+    assert reads_upside_down(text) is True
+
+
+@pytest.mark.parametrize(
+    "text", ["", "0", "1", "8", "11", "88", "69", "96", "10", "60", "2", "26", "6a", "1001", "-6"]
+)
+def test_not_ambiguous(text: str) -> None:
+    assert reads_upside_down(text) is False
+
+
+def test_one_of_two_numbers_is_the_other_turned_by_half_a_turn() -> None:
+    """Of all numbers up to 999, by turning the outlines themselves: those that are marked are those
+    whose turned digits are digits of another number without a leading zero."""
+    turned = {"0": "0", "1": "1", "6": "9", "8": "8", "9": "6"}
+    for number in range(1000):
+        text = str(number)
+        if set(text) <= set(turned):
+            other = "".join(turned[digit] for digit in text[::-1])
+            expected = other != text and str(int(other)) == other
+        else:
+            expected = False
+        assert reads_upside_down(text) == expected
+
+
+@pytest.mark.parametrize("text", ["6", "9", "16", "68", "99"])
+def test_an_ambiguous_label_has_a_bar_beneath_as_wide_as_the_text(text: str) -> None:
+    plain = text_section(text)
+    left, bottom, right, _ = plain.bounds()
+    *_, (x0, y0, x1, y1) = sorted(
+        (part.bounds() for part in label_arts(text, EngravingOptions())[0].section.decompose()),
+        key=lambda bounds: -bounds[1],
+    )
+    assert y1 < bottom
+    assert (x0, x1) == pytest.approx((left, right), abs=1e-6)
+    assert (x1 - x0) * (y1 - y0) == pytest.approx(marked(plain, "bar").area() - plain.area())
+
+
+def test_a_dot_follows_the_number_on_its_baseline() -> None:
+    options = EngravingOptions(ambiguous="dot")
+    plain, dotted = text_section("9"), label_arts("9", options)[0].section
+    dot = max(dotted.decompose(), key=lambda part: part.bounds()[0])
+    left, bottom, right, top = dot.bounds()
+    assert left > plain.bounds()[2]
+    assert bottom == pytest.approx(0.0, abs=1e-6)
+    assert dot.area() == pytest.approx(math.pi * (right - left) * (top - bottom) / 4.0, rel=0.02)
+    assert dotted.area() == pytest.approx(plain.area() + dot.area())
+
+
+@pytest.mark.parametrize("text", ["8", "69", "10", "7"])
+@pytest.mark.parametrize("mark", ["bar", "dot", "none"])
+def test_other_labels_are_not_marked(text: str, mark: str) -> None:
+    options = EngravingOptions(ambiguous=mark)
+    assert label_arts(text, options)[0].section.area() == text_section(text).area()
+
+
+def test_none_leaves_ambiguous_labels_alone() -> None:
+    art = label_arts("6", EngravingOptions(ambiguous="none"))[0]
+    assert art.section.area() == text_section("6").area()
+
+
+NUMBERS = range(1, MOST_PIPS + 1)
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_there_are_as_many_pips_of_the_area_of_circles_in_the_square(number: int) -> None:
+    section = pips_section(str(number))
+    _, diameter = pip_places(number)
+    parts = section.decompose()
+    assert len(parts) == number
+    assert section.area() == pytest.approx(number * math.pi * diameter**2 / 4.0, rel=0.02)
+    left, bottom, right, top = section.bounds()
+    assert min(left, bottom) > -1e-6
+    assert max(right, top) < 1.0 + 1e-6
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_patterns_are_the_same_after_half_a_turn(number: int) -> None:
+    """So that no pattern has an upright."""
+    places, _ = pip_places(number)
+    turned = 1.0 - places
+    gaps = np.linalg.norm(places[:, None] - turned, axis=-1)
+    assert gaps.min(axis=1).max() < 1e-12
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_pips_are_apart(number: int) -> None:
+    places, diameter = pip_places(number)
+    gaps = np.linalg.norm(places[:, None] - places, axis=-1)[np.triu_indices(number, 1)]
+    assert number == 1 or gaps.min() > 1.2 * diameter
+
+
+def test_pips_of_ordinary_dice_are_equal_and_fill_one_square() -> None:
+    options = EngravingOptions(content="pips")
+    assert {label_arts(str(n), options)[0].box for n in range(1, 10)} == {(0.0, 0.0, 1.0, 1.0)}
+    assert len({pip_places(n)[1] for n in range(1, 10)}) == 1
+
+
+@pytest.mark.parametrize("text", ["0", "21", "six", "-1", "1.5", "²", ""])
+def test_what_is_no_such_number_is_refused(text: str) -> None:
+    with pytest.raises(EngravingError, match="whole number from 1 to 20 to show as pips"):
+        pips_section(text)
+
+
+@pytest.fixture(scope="module")
+def bundled() -> TTFont:
+    return TTFont(_bundled())
+
+
+def shoelace(contour: np.ndarray) -> float:
+    following = np.roll(contour, -1, axis=0)
+    return 0.5 * float((contour[:, 0] * following[:, 1] - contour[:, 1] * following[:, 0]).sum())
+
+
+def area_by_fonttools(font: TTFont, text: str) -> float:
+    glyphs, unit = font.getGlyphSet(), font["glyf"]["one"].yMax
+    total = 0.0
+    for character in text:
+        pen = AreaPen(glyphs)
+        glyphs[font.getBestCmap()[ord(character)]].draw(pen)
+        total += abs(pen.value)
+    return total / unit**2
+
+
+@pytest.mark.parametrize(
+    ("digit", "holes"), list(zip("0123456789", (1, 0, 0, 0, 1, 0, 1, 0, 2, 1), strict=True))
+)
+def test_digits_have_their_holes(digit: str, holes: int) -> None:
+    contours = text_section(digit).to_polygons()
+    areas = [shoelace(np.asarray(contour)) for contour in contours]
+    assert sum(area < 0 for area in areas) == holes
+    assert sum(area > 0 for area in areas) == 1
+
+
+@pytest.mark.parametrize("text", ["0", "8", "16", "66", "3/6", "A & B", "2d6", "½", "ÄÖ"])
+def test_areas_are_those_that_fonttools_finds_for_the_curves(bundled: TTFont, text: str) -> None:
+    expected = area_by_fonttools(bundled, text.replace(" ", ""))
+    assert text_section(text).area() == pytest.approx(expected, rel=3e-3)
+
+
+def test_unit_is_the_digit_height_and_the_baseline_is_zero() -> None:
+    points = np.concatenate(text_contours("1"))
+    assert points[:, 1].min() == 0.0
+    assert points[:, 1].max() == 1.0
+
+
+def test_digits_are_equally_wide_and_not_kerned() -> None:
+    starts = [text_contours(digit + "1")[-1][:, 0].min() for digit in "0123456789"]
+    np.testing.assert_allclose(starts, starts[0])
+    step = starts[0] - text_contours("1")[0][:, 0].min()
+    third = text_contours("111")[2][:, 0].min() - text_contours("1")[0][:, 0].min()
+    assert third == pytest.approx(2 * step)
+
+
+def test_curves_are_flattened_finely() -> None:
+    # The outer contour of "0" has its extreme points on the curve: along it, the outline turns by
+    # a small angle at each corner, as a chord of sagitta CHORD_TOLERANCE on a curve does.
+    outline = max(text_contours("0"), key=lambda contour: abs(shoelace(contour)))
+    edges = np.roll(outline, -1, axis=0) - outline
+    following = np.roll(edges, -1, axis=0)
+    turn = np.arctan2(
+        edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0], (edges * following).sum(1)
+    )
+    sagitta = np.linalg.norm(edges, axis=1) * np.abs(turn) / 8
+    assert sagitta.max() < 2 * CHORD_TOLERANCE
+
+
+def test_lines_are_broken_at_spaces_where_the_widest_is_narrowest() -> None:
+    """Against all ways to break, by the bounds of what is drawn."""
+    words = ["a", "critical", "hit", "or", "a", "miss"]
+    broken = list(line_breaks(" ".join(words)))
+    assert [text.count("\n") for text in broken] == [0, 1, 2, 3]
+    assert all(text.replace("\n", " ").split(" ") == words for text in broken)
+    for count, text in enumerate(broken):
+        widths = []
+        for breaks in combinations(range(1, len(words)), count):
+            ends = [0, *breaks, len(words)]
+            lines = [" ".join(words[i:j]) for i, j in pairwise(ends)]
+            widths.append(max(text_section(line).bounds()[2] for line in lines))
+        widest = max(text_section(line).bounds()[2] for line in text.split("\n"))
+        assert widest == pytest.approx(min(widths), abs=0.1)
+
+
+def test_text_from_right_to_left_runs_that_way() -> None:
+    """The first letter, alef, is the rightmost: of three parts the bounds of the last in x."""
+    alef, both = text_section("א"), text_section("אב")
+    rightmost = max(both.decompose(), key=lambda part: part.bounds()[2])
+    assert rightmost.area() == pytest.approx(alef.area(), rel=1e-6)
+
+
+def test_a_character_that_the_font_lacks_is_named() -> None:
+    with pytest.raises(EngravingError, match=r"font DejaVu Sans Bold, got '骰' \(U\+9AB0\)"):
+        text_contours("1骰")
+
+
+@pytest.mark.parametrize("text", ["", " ", "\n"])
+def test_a_label_that_draws_nothing_is_refused(text: str) -> None:
+    with pytest.raises(EngravingError, match="at least one visible character"):
+        text_section(text)
+
+
+UPEM = 1000
+
+KAPPA = 4.0 / 3.0 * (math.sqrt(2.0) - 1.0)
+"""Length of the handles of a cubic curve that is nearly a quarter of a circle."""
+
+
+def square(pen, left: float, bottom: float, side: float, clockwise: bool) -> None:
+    corners = [(0, 0), (0, 1), (1, 1), (1, 0)] if clockwise else [(0, 0), (1, 0), (1, 1), (0, 1)]
+    places = [(left + side * x, bottom + side * y) for x, y in corners]
+    pen.moveTo(places[0])
+    for place in places[1:]:
+        pen.lineTo(place)
+    pen.closePath()
+
+
+def circle(pen, x: float, y: float, radius: float) -> None:
+    """Counter-clockwise, of four cubic curves."""
+    handle = KAPPA * radius
+    pen.moveTo((x + radius, y))
+    turns = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 0)]
+    for (a, b), (c, d) in pairwise(turns):
+        pen.curveTo(
+            (x + radius * a + handle * c, y + radius * b + handle * d),
+            (x + radius * c + handle * a, y + radius * d + handle * b),
+            (x + radius * c, y + radius * d),
+        )
+    pen.closePath()
+
+
+def written_font(path: Path, is_cff: bool, draw, kerning: str = "") -> Path:
+    """A font with a digit 1, drawn by `draw`, 700 units tall, and a letter H of the same outline;
+    each 800 wide."""
+    builder = FontBuilder(UPEM, isTTF=not is_cff)
+    names = [".notdef", "one", "H"]
+    builder.setupGlyphOrder(names)
+    builder.setupCharacterMap({ord("1"): "one", ord("H"): "H"})
+    if is_cff:
+        strings = {}
+        for name in names:
+            pen = T2CharStringPen(800, None)
+            if name != ".notdef":
+                draw(pen)
+            strings[name] = pen.getCharString()
+        builder.setupCFF("Made", {}, strings, {})
+    else:
+        glyphs = {}
+        for name in names:
+            pen = TTGlyphPen(None)
+            if name != ".notdef":
+                draw(pen)
+            glyphs[name] = pen.glyph()
+        builder.setupGlyf(glyphs)
+    builder.setupHorizontalMetrics(dict.fromkeys(names, (800, 0)))
+    builder.setupHorizontalHeader(ascent=800, descent=-200)
+    builder.setupOS2()
+    builder.setupNameTable({"familyName": "Made", "styleName": "Regular"})
+    builder.setupPost()
+    if kerning:
+        builder.addOpenTypeFeatures(kerning)
+    builder.save(path)
+    return path
+
+
+def test_overlapping_contours_are_joined(tmp_path: Path) -> None:
+    """As variable fonts have them."""
+
+    def draw(pen) -> None:
+        square(pen, 0, 0, 700, True)
+        square(pen, 350, 0, 700, True)
+
+    section = text_section("1", str(written_font(tmp_path / "made.ttf", False, draw)))
+    assert section.area() == pytest.approx(1.5, rel=1e-6)
+    assert section.num_contour() == 1
+
+
+def test_cubic_curves_of_an_otf_are_followed(tmp_path: Path) -> None:
+    path = written_font(tmp_path / "made.otf", True, lambda pen: circle(pen, 350, 350, 350))
+    section = text_section("1", str(path))
+    assert section.area() == pytest.approx(math.pi / 4.0, rel=5e-3)
+
+
+@pytest.mark.parametrize("kern", [-300, 150])
+def test_kerning_by_gpos_is_kept(tmp_path: Path, kern: int) -> None:
+    rules = f"feature kern {{ pos one H {kern}; }} kern;"
+    path = written_font(
+        tmp_path / "made.ttf", False, lambda pen: square(pen, 0, 0, 700, True), rules
+    )
+    left, _, right, _ = text_section("1H", str(path)).bounds()
+    assert (left, right) == pytest.approx((0.0, (800 + kern + 700) / 700), abs=1e-6)
+    _, _, right, _ = text_section("H1", str(path)).bounds()
+    assert right == pytest.approx(1500 / 700, abs=1e-6)
+
+
+def test_a_font_that_changes_on_disk_is_read_again(tmp_path: Path) -> None:
+    path = written_font(tmp_path / "a.ttf", False, lambda pen: square(pen, 0, 0, 700, True))
+    assert text_section("1", str(path)).area() == pytest.approx(1.0)
+    written_font(path, True, lambda pen: circle(pen, 350, 350, 350))
+    assert text_section("1", str(path)).area() < 0.8
+
+
+def test_a_family_gives_its_bold_face() -> None:
+    by_name, bundled = text_section("8", "DejaVu Sans"), text_section("8")
+    assert by_name.area() == pytest.approx(bundled.area())
+    assert text_section("8", "dejavu serif").area() != pytest.approx(bundled.area(), rel=1e-2)
+
+
+@pytest.mark.parametrize("name", ["No Such Font", "DejaVu Sanz", "serif"])
+def test_an_unknown_family_is_refused_with_a_remedy(name: str) -> None:
+    with pytest.raises(InputError, match=rf"engrave.font: expected the family .* got '{name}'"):
+        text_section("1", name)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"not a font", b"\x00\x01\x00\x00" + bytes(500), b"OTTO\xff\xff" * 99]
+)
+def test_a_file_that_is_no_font_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "bad.otf"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="expected a TTF or OTF font with outlines"):
+        text_section("1", str(path))
+
+
+def test_a_font_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        text_section("1", str(tmp_path / "none.ttf"))
+
+
+def test_damaged_fonts_give_a_label_or_an_error_of_ours(tmp_path: Path) -> None:
+    """Bytes overwritten anywhere or in the list of tables, and files cut short."""
+    data, chance = _bundled().read_bytes(), random.Random(0)
+    path = tmp_path / "damaged.ttf"
+    for _ in range(60):
+        damaged = bytearray(data)
+        for _ in range(chance.choice((1, 5, 100))):
+            place = chance.randrange(chance.choice((300, len(data))))
+            damaged[place] = chance.randrange(256)
+        if chance.random() < 0.2:
+            damaged = damaged[: chance.randrange(len(data))]
+        path.write_bytes(damaged)
+        with contextlib.suppress(InputError, EngravingError):
+            assert text_section("128", str(path)).area() > 0.0
