@@ -22,7 +22,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from benchmarks.frame import Report, Watched, panels
-from dicedesign import Body, hendecahedron, make_body, read_body, rest_poses
+from dicedesign import Body, make_body, read_body, rest_poses
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import signed_solid_angle
 from dicedesign.rest.equilibria import Equilibria, classify
@@ -30,6 +30,7 @@ from dicedesign.rest.morse import basin_references, separatrix_points, signed_ar
 from dicedesign.rest.poses import RestPoses
 from dicedesign.rest.tracing import destined_facets
 from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.starts import hendecahedron
 from tests.reference.extremes import large
 from tests.reference.measurement import ORACLE_FACETS
 from tests.reference.oracle import OracleError, hull_probabilities

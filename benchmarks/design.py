@@ -23,24 +23,15 @@ import numpy as np
 
 from benchmarks.dice import add_recipes, make_die, read_recipes, start_of, with_method
 from benchmarks.frame import Report, panels
-from dicedesign import (
-    ExactOptions,
-    PaperOptions,
-    Preferences,
-    Recipe,
-    SobolevOptions,
-    Start,
-    cluster,
-    descend_as_paper,
-    rigid_body,
-    simulate,
-    table_named,
-)
+from dicedesign import Recipe, rigid_body, simulate, table_named
+from dicedesign.energies import Preferences, cluster
+from dicedesign.methods import ExactOptions, PaperOptions, SobolevOptions, descend_as_paper
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.solvers.finish import finished
 from dicedesign.recipe.convex import normalised_center, wanted_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
+from dicedesign.starts import Start
 from dicedesign.throws.distances import total_variation
 
 METHODS: Final[dict[str, dict[str, Any] | None]] = {

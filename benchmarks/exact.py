@@ -19,19 +19,12 @@ import numpy as np
 
 from benchmarks.dice import add_recipes, begin, continue_to, read_recipes
 from benchmarks.frame import Report
-from dicedesign import (
-    ExactOptions,
-    NoStartError,
-    PaperOptions,
-    Preferences,
-    Recipe,
-    descend_as_paper,
-    repulsion,
-    rest_poses,
-    solve_exactly,
-)
+from dicedesign import NoStartError, Recipe, rest_poses
+from dicedesign.energies import Preferences
+from dicedesign.methods import ExactOptions, PaperOptions, descend_as_paper, solve_exactly
 from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.runtime.arrays import Floats
+from dicedesign.starts import repulsion
 
 TOLERANCE: Final = 1e-12
 """Largest |p - q| of a solved random target."""

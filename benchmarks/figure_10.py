@@ -28,12 +28,9 @@ from scipy.stats import pearsonr
 
 from benchmarks.frame import Report, panels, processes
 from dicedesign import (
-    ENGINES,
     Body,
     InputError,
-    RigidBody,
     Table,
-    hendecahedron,
     make_body,
     read_body,
     rest_poses,
@@ -42,15 +39,18 @@ from dicedesign import (
     table_named,
 )
 from dicedesign.concave.shapes import SHAPES
+from dicedesign.extensions import ENGINES
 from dicedesign.geometry.manifold import mesh_of, solid
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.rest.asymmetry import asymmetry
 from dicedesign.runtime.arrays import Floats
+from dicedesign.starts import hendecahedron
 from dicedesign.throws.distances import effective_counts, total_variation, wasserstein_distance
 from dicedesign.throws.goodness_of_fit import two_sample_chi_square
 from dicedesign.throws.release import PAPER_DIRECTIONS
+from dicedesign.throws.rigid_body import RigidBody
 from tests.reference.gear import gear
 
 TABLES: Final = ("carpet", "board-game")

@@ -32,21 +32,16 @@ import numpy as np
 import torch
 
 from benchmarks.frame import Report, time_in_turn
-from dicedesign import (
-    FacetCoordinates,
-    RestEvaluation,
-    evaluate_rests,
-    hendecahedron,
-    prism,
-    repulsion,
-)
+from dicedesign import RestEvaluation, evaluate_rests
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.methods import FacetCoordinates
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.morse import separatrices
 from dicedesign.rest.tracing import destined_facets
 from dicedesign.runtime.arrays import Floats
+from dicedesign.starts import hendecahedron, prism, repulsion
 from tests.reference import solids
 from tests.reference.extremes import large
 from tests.reference.oracle_derivatives import (

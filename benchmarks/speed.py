@@ -28,21 +28,15 @@ from scipy.spatial import ConvexHull
 
 from benchmarks.accuracy import stable_poses
 from benchmarks.frame import Report, Watched, panels, time_in_turn
-from dicedesign import (
-    EnergyWeights,
-    FacetCoordinates,
-    RestPoses,
-    VertexCoordinates,
-    hendecahedron,
-    read_body,
-    rest_poses,
-    sum_of_dice,
-)
+from dicedesign import RestPoses, read_body, rest_poses, sum_of_dice
+from dicedesign.energies import EnergyWeights
 from dicedesign.geometry.hulls.hull import HullMemory, convex_hull
 from dicedesign.geometry.meshes.formats import stl_bytes
+from dicedesign.methods import FacetCoordinates, VertexCoordinates
 from dicedesign.optimize.energy.objective import Objective
 from dicedesign.optimize.solvers.candidate import CandidateMaker
 from dicedesign.runtime.arrays import Floats
+from dicedesign.starts import hendecahedron
 from tests.reference.extremes import large
 from tests.reference.sampled import lattice_directions, random_directions
 

@@ -36,18 +36,17 @@ from benchmarks.frame import Report, panels, processes, time_in_turn
 from benchmarks.training.random_dice import DICE_KINDS, random_die
 from benchmarks.training.throws import Deviation, deviation, mean_deviations, throw_random_die
 from dicedesign import (
-    ENGINES,
     DiceError,
     EngravingError,
     InputError,
     Recipe,
-    RigidBody,
     Table,
     evaluate_rests,
     rigid_body,
     simulate,
     table_named,
 )
+from dicedesign.extensions import ENGINES
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws import native
@@ -58,6 +57,7 @@ from dicedesign.throws.goodness_of_fit import chi_square, two_sample_chi_square
 from dicedesign.throws.momentum_model import MomentumModel, momentum_model
 from dicedesign.throws.momentum_odds import momentum_odds
 from dicedesign.throws.release import released
+from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation import DieOnTable
 from dicedesign.throws.table_terms import other_tables
 from dicedesign.throws.tables import posterior_tables

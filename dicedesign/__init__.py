@@ -1,7 +1,8 @@
 """Design solid objects by the odds with which they come to rest.
 
 Public names are those of the file `__init__.pyi` beside this one. Each is imported on first use, so
-that a query of a mesh never loads torch.
+that a query of a mesh never loads torch. What only some need is in `energies`, `methods`, `starts`
+and `extensions`.
 """
 
 import ast
@@ -26,6 +27,8 @@ def __getattr__(name: str) -> Any:
         return version("dicedesign")
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if _HOME[name] == __name__:
+        return import_module(f"{__name__}.{name}")
     return getattr(import_module(str(_HOME[name])), name)
 
 

@@ -10,16 +10,19 @@ import numpy as np
 import torch
 
 import dicedesign as dd
+from dicedesign.energies import ClusteredRests
+from dicedesign.methods import FacetCoordinates
+from dicedesign.starts import repulsion
 
 TARGET = torch.tensor([0.3, 0.25, 0.2, 0.15, 0.1], dtype=torch.float64)
-START = dd.repulsion(5, seed=1)
+START = repulsion(5, seed=1)
 
 
-def energy(points: torch.Tensor, firmness: float) -> tuple[torch.Tensor, dd.ClusteredRests]:
+def energy(points: torch.Tensor, firmness: float) -> tuple[torch.Tensor, ClusteredRests]:
     """Squared differences from the target, and cosines of the angles from rests to the saddles
     beside them."""
     rests = dd.evaluate_rests(points)
-    state = dd.ClusteredRests.of(rests, START.directions, TARGET.numpy())
+    state = ClusteredRests.of(rests, START.directions, TARGET.numpy())
     beside = rests.rest_normals[torch.as_tensor(rests.paths.basins)]
     cosines = (beside * rests.saddles[:, None]).sum(-1)
     misses = state.outcome_probabilities - TARGET
@@ -28,7 +31,7 @@ def energy(points: torch.Tensor, firmness: float) -> tuple[torch.Tensor, dd.Clus
 
 def designed(firmness: float) -> None:
     """Thirty iterations, each with a line search."""
-    coordinates, numbers = dd.FacetCoordinates.of(START.points, np.zeros(3))
+    coordinates, numbers = FacetCoordinates.of(START.points, np.zeros(3))
     parameters = torch.tensor(numbers, requires_grad=True)
     optimizer = torch.optim.LBFGS([parameters], max_iter=30, line_search_fn="strong_wolfe")
 

@@ -10,9 +10,13 @@ import numpy as np
 import torch
 
 import dicedesign as dd
+from dicedesign.energies import ClusteredRests, EnergyWeights, energy_terms
+from dicedesign.extensions import TERMS, Term
+from dicedesign.methods import PaperOptions, PaperWeights, descend_as_paper
+from dicedesign.starts import prism
 
 
-def firm_rests(state: dd.ClusteredRests, weights: dd.EnergyWeights) -> torch.Tensor:
+def firm_rests(state: ClusteredRests, weights: EnergyWeights) -> torch.Tensor:
     """Charges outcomes that a small nudge ends: cosines of the angles between the normal of a rest
     and the saddles on the border of its basin, 1 where the two coincide."""
     basins = torch.as_tensor(state.rests.paths.basins)
@@ -23,18 +27,16 @@ def firm_rests(state: dd.ClusteredRests, weights: dd.EnergyWeights) -> torch.Ten
     return (cosines[leads_out] ** 8).sum()
 
 
-dd.TERMS.register(
-    dd.Term(name="firm_rests", line="no outcome that ends at a nudge", evaluate=firm_rests)
-)
+TERMS.register(Term(name="firm_rests", line="no outcome that ends at a nudge", evaluate=firm_rests))
 
 TARGET = dd.listed([0.5, 0.3, 0.2]).probabilities
-START = dd.prism(3)
+START = prism(3)
 
 
 def built_in(weight: float) -> None:
     """In a recipe: method: {paper: {weights: {firm_rests: 0.3}}}."""
-    weights = dd.PaperWeights(firm_rests=weight)
-    die = dd.descend_as_paper(START, TARGET, dd.PaperOptions(weights=weights, finish="none"))
+    weights = PaperWeights(firm_rests=weight)
+    die = descend_as_paper(START, TARGET, PaperOptions(weights=weights, finish="none"))
     print(
         f"the paper's method, weight {weight:g}: largest |p - q| {die.error:.2g}, "
         f"least angle from a rest to a saddle {least_angle(die.hull.vertices):.1f} degrees"
@@ -44,11 +46,11 @@ def built_in(weight: float) -> None:
 def with_torch(weight: float) -> None:
     """Any optimiser: the energy is a tensor that autograd differentiates in the vertices."""
     vertices = torch.tensor(START.points, requires_grad=True)
-    weights = dd.EnergyWeights(firm_rests=weight, barycenter=0.0, neighbor=0.0, stability=0.0)
+    weights = EnergyWeights(firm_rests=weight, barycenter=0.0, neighbor=0.0, stability=0.0)
     adam = torch.optim.Adam([vertices], lr=8e-3)
     for _ in range(100):
         rests = dd.evaluate_rests(vertices)
-        terms = dd.energy_terms(dd.ClusteredRests.of(rests, START.directions, TARGET), weights)
+        terms = energy_terms(ClusteredRests.of(rests, START.directions, TARGET), weights)
         adam.zero_grad()
         torch.stack(list(terms.values())).sum().backward()
         adam.step()

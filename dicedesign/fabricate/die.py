@@ -88,6 +88,11 @@ class Assessment:
     target: Target
 
     @property
+    def probabilities(self) -> Floats:
+        """(k,) of the outcomes; what is missing to 1 lies on rests of no outcome."""
+        return self.outcomes.odds
+
+    @property
     def max_abs_error(self) -> float:
         """Largest |p - q|."""
         return self.outcomes.max_abs_error(self.target.probabilities)

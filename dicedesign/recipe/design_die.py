@@ -18,16 +18,18 @@ from dicedesign.recipe.work import Listeners, Work
 from dicedesign.results.parts import Status
 
 if TYPE_CHECKING:
+    from dicedesign.fabricate.die import Assessment
     from dicedesign.results.result import Result, Step
     from dicedesign.runtime.arrays import Floats, Integers
 
 
 class Die:
-    """A designed die, with the verdict on the file that it makes.
+    """A designed die, and what the file does that it makes.
 
-    Lengths are in millimetres, with the center of mass at the origin. Odds are those without
-    momentum, of the solid without its labels as a file holds it, in the order of the labels; with
-    the labels cut in they are `die.result.engraved_probabilities`.
+    Lengths are in millimetres, with the center of mass at the origin. Probabilities are those
+    without momentum, in the order of the labels: of the solid without its labels in double
+    precision here, of the same as a file holds it in `file`, and with the labels cut in in
+    `result.engraved`.
     """
 
     def __init__(self, checked: Work) -> None:
@@ -86,13 +88,18 @@ class Die:
 
     @property
     def probabilities(self) -> Floats:
-        """(k,) odds of the outcomes; what is missing to 1 lies on rests of no outcome."""
-        return self._work.plain.outcomes.odds
+        """(k,) of the outcomes, as designed; what is missing to 1 lies on rests of no outcome."""
+        return self._work.solid.outcomes.odds
 
     @property
     def max_abs_error(self) -> float:
-        """Largest difference of a probability from its target."""
-        return self._work.plain.max_abs_error
+        """Largest difference of a probability from its target, as designed."""
+        return self._work.solid.outcomes.max_abs_error(self.target)
+
+    @property
+    def file(self) -> Assessment:
+        """What the file of the solid without its labels does, in single precision."""
+        return self._work.plain
 
     @property
     def history(self) -> tuple[Step, ...]:

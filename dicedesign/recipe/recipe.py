@@ -349,6 +349,21 @@ class Recipe(Strict):
                 f"method.{self.method.name}.tolerance lower"
             )
 
+    def ignored_weights(self) -> str | None:
+        """What is said of weights that differ from the defaults though an exact finish follows."""
+        paper = self.method.paper
+        if paper is None or paper.finish == "none":
+            return None
+        usual, given = type(paper.weights)().as_dict(), paper.weights.as_dict()
+        changed = [name for name, value in given.items() if value != usual[name]]
+        if not changed:
+            return None
+        return (
+            f"method.paper.weights: {', '.join(changed)}: the exact finish goes on from where the "
+            "terms led, and knows nothing of them; write finish: none to end there, or give "
+            "method.paper.prefer what the finish shall care about"
+        )
+
     def resolved(self) -> dict[str, Any]:
         """The recipe with every default written out, as plain data."""
         plain: dict[str, Any] = self.model_dump(mode="json")

@@ -28,6 +28,9 @@ def make_start(work: Work) -> None:
         _make_surface(work)
     else:
         _make_shape(work)
+    ignored = recipe.ignored_weights()
+    if ignored is not None:
+        work.notes.append(ignored)
     if recipe.engrave is not None:
         from dicedesign.fabricate.label_art import require_art
 

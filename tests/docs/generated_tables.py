@@ -28,7 +28,6 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import to_jsonable_python
 
-import dicedesign
 from dicedesign.fabricate.file_formats import FILE_FORMATS
 from dicedesign.fabricate.printers import MATERIALS, PRINTERS, Printer
 from dicedesign.optimize.starts.start import STARTS
@@ -60,31 +59,8 @@ REGISTRIES = {
 COMMANDS = {"kinds of figures": "dicedesign figure "}
 """What is written before the names of a table's entries."""
 
-SUBJECTS = {
-    "recipe.design_die": "dice",
-    "results": "dice",
-    "recipe": "recipes and stages of a run",
-    "optimize.targets": "targets",
-    "geometry.meshes": "bodies",
-    "geometry.point_groups": "coordinates",
-    "rest": "rests",
-    "gradient": "gradients",
-    "fabricate": "printing",
-    "optimize.starts": "starting shapes",
-    "optimize.coordinates": "coordinates",
-    "optimize.energy": "energies",
-    "optimize.preferences": "preferences",
-    "optimize.options": "methods and their options",
-    "optimize.paper_options": "methods and their options",
-    "optimize.solvers": "methods and their options",
-    "throws": "throws",
-    "report.figures": "figures",
-    "report.body_figures": "figures",
-    "runtime": "extensions",
-    "errors": "errors",
-    "balance": "balance",
-}
-"""Subject of the public names of a part of the package, in the order of the table."""
+SUBMODULES = ("energies", "methods", "starts", "extensions")
+"""Modules with public names that only some need."""
 
 BLOCK = re.compile(r"(<!-- table: ([\w ]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 
@@ -220,31 +196,30 @@ def priors_table() -> str:
 
 
 def names_table() -> str:
-    """Public names by subject, with what their docstrings say first."""
-    by_subject: dict[str, list[tuple[str, str]]] = {subject: [] for subject in SUBJECTS.values()}
-    for module, name in public_names():
-        place = next(part for part in SUBJECTS if f"{module}.".startswith(f"dicedesign.{part}."))
-        value = getattr(dicedesign, name)
-        meaning = (
-            f"every {value.kind} that there is, by name; `register` adds one"
-            if isinstance(value, FolderRegistry | Registry)
-            else first_sentence(value)
-        )
-        by_subject[SUBJECTS[place]].append((f"`{name}`", meaning))
-    rows = [
-        (subject if number == 0 else "", *entry)
-        for subject, entries in by_subject.items()
-        for number, entry in enumerate(entries)
-    ]
-    return markdown(("subject", "name", "meaning"), rows)
+    """Public names by module, with what their docstrings say first."""
+    rows = []
+    for module in ("", *SUBMODULES):
+        for number, name in enumerate(public_names(module)):
+            value = getattr(import_module(f"dicedesign.{module}".rstrip(".")), name)
+            meaning = (
+                f"every {value.kind} that there is, by name; `register` adds one"
+                if isinstance(value, FolderRegistry | Registry)
+                else first_sentence(value)
+            )
+            rows.append(
+                (f"`dd.{module}`".replace(".`", "`") if number == 0 else "", f"`{name}`", meaning)
+            )
+    return markdown(("module", "name", "meaning"), rows)
 
 
-def public_names() -> Iterator[tuple[str, str]]:
-    """Module and name of everything public, from the file that lists it."""
-    stub = (ROOT / "dicedesign" / "__init__.pyi").read_text(encoding="utf-8")
-    for node in ast.parse(stub).body:
-        if isinstance(node, ast.ImportFrom):
-            yield from ((node.module or "", alias.name) for alias in node.names)
+def public_names(module: str = "") -> list[str]:
+    """Everything public in a module, in alphabetical order, from the file that lists it."""
+    file = f"{module}.py" if module else "__init__.pyi"
+    tree = ast.parse((ROOT / "dicedesign" / file).read_text(encoding="utf-8"))
+    names = (
+        alias.name for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names
+    )
+    return sorted(set(names) - set(SUBMODULES), key=str.lower)
 
 
 def first_sentence(value: object) -> str:

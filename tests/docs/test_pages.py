@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from common.doc_pages import PAGES
 from common.paths import ROOT
 from test_architecture import FLOORS
 
+import dicedesign
 from dicedesign.recipe.recipe import Recipe
 
 MADE_UP = {"benchmarks/cubes.py", "recipes/NAME.yaml"}
@@ -93,6 +95,20 @@ def test_the_method_knows_every_equation_that_the_code_names() -> None:
         if path.suffix in (".py", ".cpp", ".hpp"):
             unknown = cited(path.read_text(encoding="utf-8")) - table
             assert not unknown, f"{path}: {unknown}"
+
+
+def test_signatures_are_those_of_the_code(repository: Path) -> None:
+    """Those that a page writes out, with their keywords."""
+    found = 0
+    for page in generated_tables.pages():
+        text = " ".join(page.read_text(encoding="utf-8").split())
+        for name, arguments in re.findall(r"`dd\.(\w+)\(([^`]*\*, [^`]*)\)`", text):
+            parameters = inspect.signature(getattr(dicedesign, name)).parameters.values()
+            bare = [p.replace(annotation=inspect.Parameter.empty) for p in parameters]
+            expected = str(inspect.Signature(bare))[1:-1]
+            assert arguments.replace('"', "'") == expected, page.name
+            found += 1
+    assert found
 
 
 def test_the_floors_are_those_of_the_architecture_test() -> None:

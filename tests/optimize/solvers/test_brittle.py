@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import dicedesign as dd
+from dicedesign.methods import ExactOptions, FacetCoordinates, solve_exactly
 from dicedesign.optimize.solvers.brittle import largest_jump
 from dicedesign.optimize.solvers.candidate import CandidateMaker
+from dicedesign.starts import Start
 
 PRIOR = dd.VonMisesFisher([0.2, 0.1, -1.0], 2.0)
 WEDGE = np.array([[0, 0, 0], [2, 0, 0], [0, 1, 0], [2, 1, 0], [-1, 0, 2], [2, 0, 2.0]])
@@ -18,7 +20,7 @@ WEDGE = np.concatenate([WEDGE, WEDGE[4:] + np.array([0, 1, 0])])
 def test_a_center_of_mass_over_an_edge_is_a_place_to_jump(aside: float, jumps: bool) -> None:
     center = np.array([aside, 0.5, 0.9])
     poses = dd.rest_poses(WEDGE, center).under(PRIOR)
-    coordinates, parameters = dd.FacetCoordinates.of(WEDGE, center)
+    coordinates, parameters = FacetCoordinates.of(WEDGE, center)
     candidate = CandidateMaker(center).attempt(coordinates, parameters, poses.normals)
     assert candidate is not None
     jump = largest_jump(candidate, poses.probabilities, PRIOR)
@@ -27,9 +29,9 @@ def test_a_center_of_mass_over_an_edge_is_a_place_to_jump(aside: float, jumps: b
 
 def test_the_solver_takes_a_prior_by_its_text() -> None:
     cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-    start = dd.Start(cube, dd.rest_poses(cube).normals)
+    start = Start(cube, dd.rest_poses(cube).normals)
     target = np.array([0.3, 0.14, 0.14, 0.14, 0.14, 0.14])
-    found = dd.solve_exactly([start], target, dd.ExactOptions(), prior="vmf:0,0,1:1")
+    found = solve_exactly([start], target, ExactOptions(), prior="vmf:0,0,1:1")
     assert found.status is dd.Status.CONVERGED
     poses = dd.rest_poses(found.hull.vertices, "hull").under("vmf:0,0,1:1")
     nearest = np.argmax(found.directions @ poses.normals.T, axis=1)
@@ -38,12 +40,12 @@ def test_the_solver_takes_a_prior_by_its_text() -> None:
 
 def test_a_prior_goes_with_no_symmetry() -> None:
     cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-    start = dd.Start(cube, dd.rest_poses(cube).normals)
+    start = Start(cube, dd.rest_poses(cube).normals)
     with pytest.raises(dd.InputError, match="symmetry"):
-        dd.solve_exactly(
+        solve_exactly(
             [start],
             np.full(6, 1 / 6),
-            dd.ExactOptions(),
+            ExactOptions(),
             group=dd.point_group("C2"),
             prior="half:0,0,1",
         )

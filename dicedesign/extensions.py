@@ -1,0 +1,25 @@
+"""What an extension is declared with, and the registries that know it."""
+
+from dicedesign.fabricate.printers import PRINTERS as PRINTERS
+from dicedesign.fabricate.printers import Printer as Printer
+from dicedesign.optimize.energy.term import TERMS as TERMS
+from dicedesign.optimize.energy.term import Term as Term
+from dicedesign.optimize.energy.term import TermOption as TermOption
+from dicedesign.optimize.preferences.preference import PREFERENCES as PREFERENCES
+from dicedesign.optimize.preferences.preference import BearingFacets as BearingFacets
+from dicedesign.optimize.preferences.preference import Preference as Preference
+from dicedesign.optimize.starts.start import STARTS as STARTS
+from dicedesign.optimize.starts.start import StartKind as StartKind
+from dicedesign.optimize.starts.start import Task as Task
+from dicedesign.recipe.pipeline import STAGES as STAGES
+from dicedesign.recipe.pipeline import Stage as Stage
+from dicedesign.recipe.work import Work as Work
+from dicedesign.report.body_figures.body_figure import BODY_FIGURES as BODY_FIGURES
+from dicedesign.report.body_figures.body_figure import BodyFigure as BodyFigure
+from dicedesign.report.figures.figure import FIGURES as FIGURES
+from dicedesign.report.figures.figure import Figure as Figure
+from dicedesign.rest.prior import PRIORS as PRIORS
+from dicedesign.rest.prior import PriorKind as PriorKind
+from dicedesign.runtime.registry import Extension as Extension
+from dicedesign.throws.engines import ENGINES as ENGINES
+from dicedesign.throws.engines import Engine as Engine
