@@ -7,7 +7,7 @@ sphere in radians, and TV, total variation, as means over the shapes; the floor 
 right predictions at these numbers of drops, as if the drops were independent. r is Pearson's
 correlation of W with the asymmetry rho of equation 20. The package's own simulator throws each
 shape from the paper's 1,212 directions. Before that, the throughput of each simulator in processor
-time, and what half the time step changes. The picture has W against rho.
+time. The picture has W against rho.
 """
 
 from __future__ import annotations
@@ -48,7 +48,6 @@ from dicedesign.rest.asymmetry import asymmetry
 from dicedesign.runtime.arrays import Floats
 from dicedesign.starts import hendecahedron
 from dicedesign.throws.distances import effective_counts, total_variation, wasserstein_distance
-from dicedesign.throws.goodness_of_fit import two_sample_chi_square
 from dicedesign.throws.release import PAPER_DIRECTIONS
 from dicedesign.throws.rigid_body import RigidBody
 from tests.reference.gear import gear
@@ -112,8 +111,6 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     shapes = cut_shapes(given or (own and {**own, "gear": gear()}))[:: 13 if options.quick else 1]
     drops = options.drops or (40 if options.quick else 202)
     time_engines(shapes, engines, 0.2 if options.quick else 3.0, report)
-    if "native" in engines:
-        halve_step(2_000 if options.quick else 40_000, report)
     row = report.table(
         "shapes",
         {"shape": "44s", "rests": "5d", "rho": "6.3f", "table": "10s", "models": "22s"}
@@ -240,20 +237,6 @@ def time_drops(thrown: RigidBody, table: Table, drops: int, engine: str) -> floa
     start = time.process_time()
     simulate(thrown, table, drops, engine=engine)
     return time.process_time() - start
-
-
-def halve_step(drops: int, report: Report) -> None:
-    """What half the time step changes in the package's own simulator."""
-    body = make_body(hendecahedron("bisymmetric").points)
-    thrown, table = rigid_body(body, rest_poses(body)), table_named("board-game")
-    whole, half = (
-        simulate(thrown, table, drops, seed, refinement=refinement).counts
-        for seed, refinement in enumerate((1.0, 2.0))
-    )
-    variation = total_variation(whole / whole.sum(), half / half.sum())
-    p_value = two_sample_chi_square(whole, half).p_value
-    report.record["half step"] = {"total variation": variation, "p": p_value, "drops": drops}
-    report.line(f"\nhalf the time step, {drops} drops: TV {variation:.4f}, p = {p_value:.2g}")
 
 
 def compare_shape(
