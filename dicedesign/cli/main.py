@@ -22,9 +22,9 @@ from dicedesign.runtime.text import printable
 __all__ = ["main"]
 
 COMMANDS: Final = {
-    "run": "dice.run:add_parser",
-    "design": "dice.design:add_parser",
-    "search": "dice.search:add_parser",
+    "run": "dice:add_run_parser",
+    "design": "dice:add_design_parser",
+    "search": "dice:add_search_parser",
     "rest": "rest:add_rest_parser",
     "drop": "rest:add_drop_parser",
     "pose": "meshes:add_pose_parser",
@@ -35,7 +35,7 @@ COMMANDS: Final = {
     "throw": "throw:add_parser",
     "rolls": "rolls:add_parser",
     "table": "table_fit:add_parser",
-    "view": "view:add_parser",
+    "view": "dice:add_view_parser",
     "bench": "bench:add_parser",
 }
 """Module in this folder and function that adds the parser of each subcommand."""
