@@ -186,7 +186,7 @@ def _file(out: Path) -> Path:
 
 
 def _written(found: Balanced, file: Path) -> Iterator[Path]:
-    from dicedesign.report.figures.balance import balance_figure
+    from dicedesign.report.balance_figure import balance_figure
 
     contents = {
         file.with_name(file.stem + rest) if rest else file: data

@@ -294,7 +294,7 @@ def _run_scatter(options: argparse.Namespace) -> int:
     if options.figure is not None:
         from dicedesign.scenes.picture import room_picture
 
-        atomic_write(options.figure, room_picture(room).png())
+        atomic_write(options.figure, room_picture(room))
     atomic_write(options.out, data)
     if options.json:
         print_json(room.plain())
@@ -369,8 +369,8 @@ def _run_repair(options: argparse.Namespace) -> int:
     from dicedesign.fabricate.file_formats import format_of_ending, mesh_bytes
     from dicedesign.geometry.meshes.reading import read_body
     from dicedesign.geometry.repair.repair import FINEST, input_surface
-    from dicedesign.report.figures.repair import repair_figure
-    from dicedesign.report.render.cameras import upward_of
+    from dicedesign.report.render.raster import upward_of
+    from dicedesign.report.surface_figures import repair_figure
 
     kind = format_of_ending(options.out.suffix, str(options.out))
     surface, notes, made = input_surface(read_body(options.mesh), FINEST, repair=True)
@@ -415,7 +415,7 @@ def _repair_table(made: RepairedMesh, surface: Surface) -> list[str]:
 def add_figure_parser(commands: Any) -> None:
     """Add `dicedesign figure` to argparse's `commands`."""
     # Only where the help is made: a command that is run does not need it.
-    from dicedesign.report.body_figures.body_figure import BODY_FIGURES
+    from dicedesign.report.body_figures import BODY_FIGURES
 
     kinds = "; ".join(f"{figure.name}: {figure.line}" for figure in BODY_FIGURES)
     parser = commands.add_parser(
@@ -448,7 +448,7 @@ def add_figure_parser(commands: Any) -> None:
 
 def _run_figure(options: argparse.Namespace) -> int:
     from dicedesign.recipe.subjects import subject_of
-    from dicedesign.report.body_figures.body_figure import BODY_FIGURES
+    from dicedesign.report.body_figures import BODY_FIGURES
 
     figure = BODY_FIGURES[options.kind]
     for name, kinds in (

@@ -109,11 +109,11 @@ def _run_rest(options: argparse.Namespace) -> int:
             model = momentum_model(options.table)
         thrown = momentum_odds(poses, rigid_body(body, poses), model)
     if options.figure is not None:
-        from dicedesign.report.figures.gauss_map import gauss_map_figure
+        from dicedesign.report.gauss_map import gauss_map_figure
 
         atomic_write(options.figure, gauss_map_figure(poses).png())
     if options.heights is not None:
-        from dicedesign.report.body_figures.heights import heights_figure
+        from dicedesign.report.gauss_map import heights_figure
 
         atomic_write(options.heights, heights_figure(poses).png())
     if options.json:
@@ -359,12 +359,11 @@ def _run_drop(options: argparse.Namespace) -> int:
     equilibria = poses.morse.equilibria
     steps = roll_steps(equilibria, down, largest)
     if options.figure is not None:
-        from dicedesign.report.body_figures.body_figure import drawn_surface
-        from dicedesign.report.body_figures.drop import drop_figure
+        from dicedesign.report.body_drawings import drop_figure
+        from dicedesign.report.body_figures import drawn_surface
 
         surface = drawn_surface(body.points, body.triangles, poses.hull)
-        changes = steps if largest is None else roll_steps(equilibria, down)
-        atomic_write(options.figure, drop_figure(surface, poses, changes).png())
+        atomic_write(options.figure, drop_figure(surface, poses, down).png())
     if options.json:
         source = equilibria.hull.source
         plain = [

@@ -218,11 +218,10 @@ def _mesh(path: Path) -> tuple[list[str], list[float], str]:
 
 
 def _draw(labels: list[str], verdict: RollVerdict, path: Path) -> None:
-    from dicedesign.report.charts.chart import sheet
-    from dicedesign.report.charts.rolls import rolls_chart
+    from dicedesign.report.bar_charts import rolls_chart
     from dicedesign.runtime.files import atomic_write
 
-    atomic_write(path, sheet([rolls_chart(labels, verdict)]).png())
+    atomic_write(path, rolls_chart(labels, verdict).png())
 
 
 def rolls_summary(labels: list[str], verdict: RollVerdict) -> dict[str, Any]:

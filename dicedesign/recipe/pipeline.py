@@ -264,7 +264,7 @@ def run(
 def finish(work: Work) -> Result:
     """Write the files of a run whose stages are done. Raises OutputError."""
     from dicedesign.fabricate.file_formats import FILE_FORMATS
-    from dicedesign.report.figures.figure import FIGURES
+    from dicedesign.report.figures import FIGURES
 
     assert work.folder is not None
     work.files[RECIPE] = recipe_text(work.recipe).encode("utf-8")

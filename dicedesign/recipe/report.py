@@ -11,8 +11,8 @@ import numpy as np
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.recipe.files import die_contents
 from dicedesign.recipe.work import Work
-from dicedesign.report.figures.figure import FIGURES, figure_files
-from dicedesign.report.render.cameras import upward_of
+from dicedesign.report.figures import FIGURES, figure_files
+from dicedesign.report.render.raster import upward_of
 from dicedesign.runtime.arrays import Floats
 
 FIGURES_SHOWN: Final = ("faces", "rests", "reading")
@@ -28,11 +28,9 @@ def draw_figures(work: Work) -> None:
 
 def write_data_sheet(work: Work) -> None:
     """Make data_sheet.pdf and data_sheet.png of the result and the figures."""
+    from dicedesign.report.data_sheet import data_sheet, four_views, sheet_facts, sheet_pdf
+    from dicedesign.report.pictures import decoded
     from dicedesign.report.render.renderer import Surface
-    from dicedesign.report.sheets.data_sheet import VIEW, decoded, draw_data_sheet
-    from dicedesign.report.sheets.facts import sheet_facts
-    from dicedesign.report.sheets.pages import FINE, PdfPage, PngPage
-    from dicedesign.report.sheets.views import four_views
 
     die = finished_die(work)
     solid = die.plain.body if die.engraved is None else die.engraved
@@ -41,18 +39,16 @@ def write_data_sheet(work: Work) -> None:
     file = "die_plain.stl" if die.engraved is None else "die.stl"
     checksum = hashlib.sha256(work.files[file]).hexdigest()
     facts = sheet_facts(die, file, checksum)
-    views = four_views(surface, die.upward, FINE * VIEW)
     figures = [decoded(work.images[name]) for name in FIGURES_SHOWN if name in work.images]
-    png, pdf = PngPage(), PdfPage(facts.title)
-    for page in (png, pdf):
-        draw_data_sheet(page, facts, views, figures)
-    work.files |= {"data_sheet.png": png.content(), "data_sheet.pdf": pdf.content()}
+    sheet = data_sheet(facts, four_views(surface, die.upward), figures)
+    pdf = sheet_pdf(sheet, facts.title)
+    work.files |= {"data_sheet.png": sheet.png(dpi=150), "data_sheet.pdf": pdf}
 
 
 def write_page(work: Work) -> None:
     """Make report.html of the result, the printed die and the figures."""
-    from dicedesign.report.live.live_die import live_die
-    from dicedesign.report.pages.die_page import die_page
+    from dicedesign.report.live_die import live_die
+    from dicedesign.report.pages import die_page
 
     die = finished_die(work)
     live = live_die(die, die_contents(work).parts)

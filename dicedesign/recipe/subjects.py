@@ -14,15 +14,15 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.report.body_figures.body_figure import Lain, Subject, drawn_surface
-from dicedesign.report.render.cameras import upward_of
+from dicedesign.report.body_figures import Lain, Subject, drawn_surface
+from dicedesign.report.render.raster import upward_of
 from dicedesign.report.render.renderer import Surface
 from dicedesign.rest.outcomes import facet_of_rest
 from dicedesign.rest.poses import rest_poses
 
 if TYPE_CHECKING:
     from dicedesign.recipe.recipe import Recipe
-    from dicedesign.report.body_figures.body_figure import Ablation
+    from dicedesign.report.body_figures import Ablation
 
 RECIPES = (".yaml", ".yml")
 """Endings of recipe files."""
@@ -197,7 +197,7 @@ def _ablated(
     from dicedesign.recipe.convex import normalised_center, wanted_odds
     from dicedesign.recipe.pipeline import run_stages
     from dicedesign.recipe.work import Listeners, Work
-    from dicedesign.report.body_figures.body_figure import Ablation
+    from dicedesign.report.body_figures import Ablation
     from dicedesign.rest.poses import analyse
     from dicedesign.runtime.workers import one_tensor_thread
 

@@ -1,0 +1,6 @@
+"""What people look at: charts, rendered views, figures, pages and the data sheet."""
+
+import logging
+
+# Where nothing can be written at home, matplotlib says so whenever it is imported.
+logging.getLogger("matplotlib").setLevel(logging.ERROR)

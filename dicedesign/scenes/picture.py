@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from dicedesign.report.charts.palette import BASINS, rgb
-from dicedesign.report.charts.paper import Paper
-from dicedesign.report.charts.picture_grid import trimmed
-from dicedesign.report.render.cameras import framed
-from dicedesign.report.render.raster import Camera, rasterize
+from dicedesign.report.palette import BASINS, rgb
+from dicedesign.report.pictures import encoded, trim
+from dicedesign.report.render.raster import Camera, framed, rasterize
 from dicedesign.report.render.renderer import Surface, render
-from dicedesign.report.render.shadow import shadowed_table
+from dicedesign.report.render.tabletop import shadowed_table
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.scenes.room import Room
 
@@ -29,8 +27,8 @@ FLOOR = 0.93
 """Brightness of the floor."""
 
 
-def room_picture(room: Room) -> Paper:
-    """The room from one side and above, each mesh in a colour of its own, with shadows."""
+def room_picture(room: Room) -> bytes:
+    """PNG of the room from one side and above, each mesh in a colour of its own, with shadows."""
     colors = rgb(BASINS)
     counts = np.bincount([body.model for body in room.bodies])
     points: list[Floats] = []
@@ -63,7 +61,5 @@ def room_picture(room: Room) -> Paper:
     on_floor, _ = rasterize(camera.pixel_positions(corners, PIXELS), square, PIXELS)
     table[on_floor >= 0] *= FLOOR
     surface = Surface(all_points, all_triangles, np.concatenate(tints))
-    (picture,) = trimmed([render(surface, camera, PIXELS, backdrop=table)])
-    paper = Paper(picture.shape[1], picture.shape[0])
-    paper.picture(picture, 0.0, 0.0)
-    return paper
+    (picture,) = trim([render(surface, camera, PIXELS, backdrop=table)])
+    return encoded(picture)

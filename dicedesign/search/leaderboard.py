@@ -84,8 +84,8 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
 
     Raises OutputError if a file cannot be written.
     """
-    from dicedesign.report.charts.pareto import pareto_figure
-    from dicedesign.report.pages.leaderboard_page import leaderboard_html
+    from dicedesign.report.curve_charts import pareto_chart
+    from dicedesign.report.pages import leaderboard_page
 
     solved = ranked(finished)
     values = np.array([[trial["inradius_mm"], trial["margin_deg"]] for trial in solved])
@@ -118,7 +118,7 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
         named = checked_recipe({**entries, "name": f"{recipe.name[:80]}_trial_{number}"})
         files[f"trial_{number}.yaml"] = recipe_text(named).encode("utf-8")
         files.setdefault(BEST, files[f"trial_{number}.yaml"])
-    picture = pareto_figure(finished, front, [entry["number"] for entry in board]).png()
+    picture = pareto_chart(finished, front, [entry["number"] for entry in board]).png()
     table = {
         "name": recipe.name,
         "size_mm": recipe.size_mm,
@@ -130,7 +130,7 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
     shapes = {trial["number"]: trial for trial in solved}
     files |= {
         "pareto.png": picture,
-        "leaderboard.html": leaderboard_html(table, shapes, picture).encode("utf-8"),
+        "leaderboard.html": leaderboard_page(table, shapes, picture).encode("utf-8"),
         "leaderboard.csv": _csv(board).encode("utf-8"),
         TABLE: json_text(table).encode("utf-8"),
     }

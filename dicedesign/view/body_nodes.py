@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.report.charts.palette import DARK, FAINT, PALE, rgb
+from dicedesign.report.palette import DARK, FAINT, PALE, rgb
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.view.motion import Place
 from dicedesign.view.sphere import (

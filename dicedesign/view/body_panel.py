@@ -14,7 +14,7 @@ from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.geometry.sphere import angle_between
-from dicedesign.report.charts.palette import BASINS
+from dicedesign.report.palette import BASINS
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.film import Film, throw_film
 from dicedesign.throws.momentum_model import MomentumModel, momentum_model

@@ -11,7 +11,7 @@ from dicedesign.optimize.options import legible
 from dicedesign.optimize.paper_options import PaperWeights
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.starts.start import STARTS, StartKind
-from dicedesign.report.charts.palette import BASINS
+from dicedesign.report.palette import BASINS
 from dicedesign.results.parts import Status
 from dicedesign.runtime.numbers import Number
 from dicedesign.view.design_run import DieRequest

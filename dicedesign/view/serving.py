@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote
 
 from dicedesign.errors import InputError, missing_extra
-from dicedesign.report.charts.palette import ACCENT, DARK, FAINT, GRID, PALE
+from dicedesign.report.palette import ACCENT, DARK, FAINT, GRID, PALE
 from dicedesign.runtime.checks import check_whole
 
 if TYPE_CHECKING:

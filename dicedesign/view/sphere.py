@@ -9,9 +9,8 @@ import numpy as np
 
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import angle_between, even_directions, norms, unit_vectors
-from dicedesign.report.charts.hemispheres import great_arcs
-from dicedesign.report.charts.palette import BASINS, DARK, rgb
-from dicedesign.report.figures.gauss_map import basin_of_directions, lowest_corners
+from dicedesign.report.discs import basin_of_directions, great_arcs, lowest_corners
+from dicedesign.report.palette import BASINS, DARK, rgb
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.view.motion import SPHERE_AT, SPHERE_RADIUS
 from dicedesign.view.viewed_body import ViewedBody

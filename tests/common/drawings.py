@@ -1,31 +1,30 @@
-"""Drawings measured by their pixels."""
+"""Sheets measured by their pixels and by what their axes hold."""
 
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 
-from dicedesign.report.charts.chart import Chart
-from dicedesign.report.charts.palette import rgb
-from dicedesign.report.charts.paper import Paper
-from dicedesign.report.charts.series import Curve
+from dicedesign.report.palette import rgb
+from dicedesign.report.sheet import Sheet
 
 
-def painted(paper: Paper, color: str) -> np.ndarray:
+def painted(sheet: Sheet, color: str) -> np.ndarray:
     """(h, w) pixels of a colour."""
     wanted = np.rint(255.0 * rgb([color])[0])
-    return (np.abs(paper.pixels() - wanted) <= 2).all(axis=2)
+    return (np.abs(sheet.pixels() - wanted) <= 2).all(axis=2)
 
 
-def is_whole(paper: Paper) -> bool:
+def is_whole(sheet: Sheet) -> bool:
     """Whether nothing reaches the borders of the sheet."""
-    ink = (paper.pixels() < 250).any(axis=2)
+    ink = (sheet.pixels() < 250).any(axis=2)
     return not (ink[[0, -1]].any() or ink[:, [0, -1]].any()) and bool(ink.any())
 
 
-def curves(chart: Chart) -> dict[str, np.ndarray]:
+def curves(axes: Axes) -> dict[str, np.ndarray]:
     """Points (n, 2) of labelled curves."""
     return {
-        one.label: np.stack([one.x, one.y], axis=1)
-        for one in chart.series
-        if isinstance(one, Curve) and one.label
+        line.get_label(): np.asarray(line.get_xydata(), dtype=float)
+        for line in axes.lines
+        if not str(line.get_label()).startswith("_")
     }

@@ -11,11 +11,25 @@ from dicedesign.fabricate.die import FinishedDie, Solid, assess_file
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.optimize.targets import Target
+from dicedesign.results.parts import Concave, Displacement, HullOfSurface, SurfaceSize
 from dicedesign.results.result import Designed, Result, StageTime, Step
 
 LABELS = ("1", "2", "3", "4", "5", "<6>")
 
 HISTORY = tuple(Step(k, 0.1 * k, 2.0 * 0.5**k, 0.2 * 0.4**k, {"dice": 1.0}) for k in range(8))
+
+
+CONCAVE = Concave(
+    probabilities_before=(0.125,) * 6,
+    elsewhere_before=0.25,
+    displacement=Displacement(0.0312, 0.115),
+    hull=HullOfSurface(430, 363, 3.2e-6),
+    surface=SurfaceSize(3301, 6598),
+    quality=("No two triangles <cross>.", "No triangle is inverted."),
+    surface_quality={},
+    self_intersections=0,
+)
+"""What a result says of a die that keeps the shape of a surface."""
 
 
 def finished_box(**changes: Any) -> FinishedDie:

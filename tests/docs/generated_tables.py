@@ -51,8 +51,8 @@ REGISTRIES = {
     "engines": "dicedesign.throws.engines:ENGINES",
     "printers": "dicedesign.fabricate.printers:PRINTERS",
     "stages": "dicedesign.recipe.pipeline:STAGES",
-    "figures": "dicedesign.report.figures.figure:FIGURES",
-    "kinds of figures": "dicedesign.report.body_figures.body_figure:BODY_FIGURES",
+    "figures": "dicedesign.report.figures:FIGURES",
+    "kinds of figures": "dicedesign.report.body_figures:BODY_FIGURES",
 }
 """Name of a table, and where its registry is: "module:attribute"."""
 

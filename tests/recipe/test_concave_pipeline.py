@@ -73,7 +73,7 @@ def search(monkeypatch: pytest.MonkeyPatch) -> MadeUpSearch:
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """No pictures are drawn."""
     monkeypatch.setattr(
-        "dicedesign.report.figures.figure.figure_files",
+        "dicedesign.report.figures.figure_files",
         lambda *arguments: dict.fromkeys(PICTURES, b"\x89PNG\r\n\x1a\n"),
     )
 

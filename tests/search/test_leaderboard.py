@@ -18,9 +18,8 @@ from dicedesign import rest_poses
 from dicedesign.errors import InputError, OutputError
 from dicedesign.recipe.reading import checked_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.report.charts.pareto import pareto_chart, pareto_figure
-from dicedesign.report.charts.series import Curve
-from dicedesign.report.pages.leaderboard_page import lying_die_png
+from dicedesign.report.curve_charts import pareto_chart
+from dicedesign.report.pages import lying_die_png
 from dicedesign.search.leaderboard import leaders, pareto_front, ranked, write_results
 from dicedesign.search.study import search_space, varied_recipe
 from dicedesign.search.trials import run_trial
@@ -245,32 +244,33 @@ def test_the_picture_tells_kinds_apart(recipe: Recipe) -> None:
     values = np.array([[trial["inradius_mm"], trial["margin_deg"]] for trial in solved])
     front = [t["number"] for t, on in zip(solved, pareto_front(values), strict=True) if on]
     named = [trial["number"] for trial in solved[:10]]
-    chart = pareto_chart(trials, front, named)
-    steps, *groups = (one for one in chart.series if isinstance(one, Curve))
+    sheet = pareto_chart(trials, front, named)
+    (axes,) = sheet.figure.axes
+    steps, *groups = axes.lines
     kinds = [trial["status"] for trial in trials]
-    missed, converged, best = (len(group.x) for group in groups[:3])
+    missed, converged, best = (len(group.get_xdata()) for group in groups[:3])
     assert missed == kinds.count("no_progress")
     assert best == len(front)
     assert converged + best == kinds.count("converged")
-    assert groups[-1].label == f"nothing to measure ({kinds.count('no_die')})"
+    assert groups[-1].get_label() == f"nothing to measure ({kinds.count('no_die')})"
     # The steps bound what the dice reach: none lies beyond, and the front lies on them.
-    x, y = np.array(steps.x), np.array(steps.y)
+    x, y = np.asarray(steps.get_xydata()).T
     for radius, margin in values:
         allowed = y[np.searchsorted(x, radius)] if radius <= x[-1] else -np.inf
         assert margin <= allowed
-    assert chart.x.label.endswith("(mm)")
-    assert chart.y.label.endswith("(°)")
-    assert chart.notes[0].text == str(solved[0]["number"])
-    assert is_whole(pareto_figure(trials, front, named))
+    assert axes.get_xlabel().endswith("(mm)")
+    assert axes.get_ylabel().endswith("(°)")
+    assert axes.texts[0].get_text() == str(solved[0]["number"])
+    assert is_whole(sheet)
 
 
 @pytest.mark.parametrize("status", ["converged", "no_progress", "no_die"])
 def test_a_picture_of_one_trial(recipe: Recipe, status: str) -> None:
     trial = next(trial for trial in made(recipe, 60) if trial["status"] == status)
     front = [trial["number"]] if status == "converged" else []
-    assert is_whole(pareto_figure([trial], front, front))
+    assert is_whole(pareto_chart([trial], front, front))
 
 
 def test_a_picture_of_nothing() -> None:
     with pytest.raises(InputError, match="expected at least one, got none"):
-        pareto_figure([], [], [])
+        pareto_chart([], [], [])

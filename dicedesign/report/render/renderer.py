@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.report.charts.paper import Picture
+from dicedesign.report.pictures import Picture
 from dicedesign.report.render.raster import Camera, rasterize
 from dicedesign.report.render.shading import (
     LINE,
@@ -23,8 +23,6 @@ from dicedesign.report.render.shading import (
     sample_means,
 )
 from dicedesign.runtime.arrays import Floats, Integers
-
-__all__ = ["Shell", "Surface", "render"]
 
 _SHARP_DEGREES: Final = 20.0
 

@@ -9,19 +9,6 @@ from numpy.typing import NDArray
 
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, ragged_ranges
 
-__all__ = [
-    "LINE",
-    "MATERIAL",
-    "SAMPLES",
-    "blurred",
-    "brightness",
-    "corner_normals",
-    "facing_normals",
-    "outline",
-    "recess_shade",
-    "sample_means",
-]
-
 MATERIAL: Final = np.array([0.94, 0.88, 0.76], dtype=np.float32)
 """Colour of a die under full light."""
 

@@ -1,4 +1,4 @@
-"""A solid above a table, seen from the side and a little from above."""
+"""A solid above a table, and its shadow there."""
 
 from __future__ import annotations
 
@@ -8,13 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.report.charts.paper import Picture
-from dicedesign.report.render.raster import Camera
+from dicedesign.report.pictures import Picture
+from dicedesign.report.render.raster import Camera, rasterize
 from dicedesign.report.render.renderer import Surface, render
-from dicedesign.report.render.shadow import shadowed_table
+from dicedesign.report.render.shading import blurred
 from dicedesign.runtime.arrays import Floats, Integers
-
-__all__ = ["Tabletop", "side_camera"]
 
 _UP: Final = np.array([0.0, 0.0, 1.0])
 
@@ -25,6 +23,60 @@ _TOP: Final = 0.94
 _EDGE: Final = 0.72
 
 _EDGE_HEIGHT: Final = 0.06
+
+_BLUR: Final = 0.024
+
+_SHADOW: Final = 0.18
+
+_CONTACT: Final = 0.45
+
+_FADING: Final = 6.0
+
+
+def shadowed_table(
+    points: Floats,
+    triangles: Integers,
+    heights: Floats,
+    up: Floats,
+    camera: Camera,
+    size: int,
+    reach: float,
+) -> Floats:
+    """Brightness (size, size) from 0 to 1 of a white table under a body, lit from above: the lower
+    the body is above a place, the darker.
+
+    Parameters
+    ----------
+    points: (n, 3) of the body, in any length unit; triangles: (t, 3).
+    heights: (n,) of the points above the table, at least 0.
+    up: (3,) unit vector.
+    camera: where to look from, from above the table; size: pixels a side.
+    reach: length over which shadows fade.
+    """
+    positions = camera.pixel_positions(points - heights[:, None] * up, size)
+    positions[:, 2] = -heights / reach
+    seen, depth = rasterize(positions, triangles, size)
+    dark = np.where(seen >= 0, _SHADOW + _CONTACT * np.exp(_FADING * depth), 0.0)
+    blur = _BLUR * reach * size / (2.0 * camera.half_width)
+    return np.asarray(1.0 - blurred(dark, blur))
+
+
+def with_shadow(points: Floats, up: Floats) -> Floats:
+    """Points (2 n, 3) of a body that stands on a table, and of its shadow; up: (3,) unit vector."""
+    heights = points @ up
+    return np.concatenate([points, points - (heights - heights.min())[:, None] * up])
+
+
+def render_on_table(
+    surface: Surface, up: Floats, camera: Camera, size: int, reach: float | None = None
+) -> Picture:
+    """Picture of a body that stands on a table; up: (3,) unit vector; reach: length over which
+    shadows fade, by default half the width of the picture."""
+    heights = surface.points @ up
+    heights -= heights.min()
+    reach = camera.half_width if reach is None else reach
+    table = shadowed_table(surface.points, surface.triangles, heights, up, camera, size, reach)
+    return render(surface, camera, size, backdrop=table)
 
 
 def side_camera(right: Floats) -> Camera:

@@ -1,0 +1,320 @@
+"""Figures over the Gauss map of a body: basins and separatrices, heights, and paths of rolls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.sphere import even_directions
+from dicedesign.report.discs import (
+    DISC_PIXELS,
+    LEAST_WRITTEN,
+    MAP_SIZE,
+    PlacedDisc,
+    basin_of_directions,
+    great_arcs,
+    placed_discs,
+)
+from dicedesign.report.palette import BASINS, DARK, FAINT, LOW_TO_HIGH, rgb
+from dicedesign.report.pictures import Picture
+from dicedesign.report.sheet import NOTE, Sheet, styled
+from dicedesign.rest.poses import RestPoses
+from dicedesign.rest.prior import DensityPrior
+from dicedesign.rest.roll import RollStep, roll_steps
+from dicedesign.runtime.arrays import Floats, Integers
+
+if TYPE_CHECKING:
+    from dicedesign.fabricate.die import FinishedDie
+
+Painter = Callable[[Floats, Integers], Picture]
+"""From directions (p, p, 3) and the rests (p, p) they lead to, to a picture (p, p, 3) of them."""
+
+PIXELS: Final = 345
+"""Of the pictures of discs."""
+
+ARC_PIECES: Final = 24
+
+MOST_HULL_EDGES: Final = 3000
+
+RIM_TOLERANCE: Final = 1e-9
+
+PALEST: Final = 0.15
+"""Strength of the color of directions that a prior leaves out."""
+
+PATH_STARTS: Final = 80
+"""Orientations all over the sphere, where no other is asked for."""
+
+ARCS: Final[dict[str, Any]] = {"color": FAINT, "linewidth": 1.0}
+
+SEPARATRICES: Final[dict[str, Any]] = {"color": DARK, "linewidth": 3.3}
+
+PATHS: Final[dict[str, Any]] = {"color": "#d6006e", "linewidth": 2.2}
+
+POINTS: Final[dict[str, dict[str, Any]]] = {
+    "maxima": {"marker": "^", "ms": 12.0, "mfc": "white"},
+    "saddles": {"marker": "D", "ms": 9.0, "mfc": "white"},
+    "minima": {"marker": "o", "ms": 9.0, "mfc": DARK},
+}
+"""By attributes of the complex."""
+
+AREAS_ARE_PROBABILITIES: Final = "Equal-area projection: areas on paper are probabilities."
+
+UNDER_A_PRIOR: Final = "Equal-area projection: the stronger a color, the likelier at first."
+
+SAMPLED: Final = "Equal-area projection; the odds are those of the samples."
+
+
+def gauss_map(die: FinishedDie) -> Sheet:
+    """The Gauss map of a die with the labels of its rests."""
+    labels = [facet.label or "" for facet in die.result.facets]
+    return gauss_map_figure(die.plain.poses, labels)
+
+
+def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> Sheet:
+    """Basins, separatrices and stationary points as two equal-area discs; under a prior with a
+    density the colors are as strong as it is.
+
+    Hull arcs are left out for hulls of more than 3000 edges. Rests of at most 1 % are not written
+    at their minima.
+
+    Parameters
+    ----------
+    poses: the rests of a body.
+    labels: k texts written above the probabilities of the rests; empty ones are left out.
+
+    Raises
+    ------
+    InputError: there is not one label for each rest.
+    """
+    if labels is not None and len(labels) != len(poses.normals):
+        raise InputError(
+            f"labels: expected one for each of the {len(poses.normals)} rests, got {len(labels)}; "
+            "use an empty text for rests without one"
+        )
+    colors, prior = rgb(BASINS), poses.prior
+    largest, note = 1.0, AREAS_ARE_PROBABILITIES
+    if prior is not None:
+        note = UNDER_A_PRIOR if isinstance(prior, DensityPrior) else SAMPLED
+    if isinstance(prior, DensityPrior):
+        largest = float(prior.density(even_directions(40_000)).max())
+
+    def paint(directions: Floats, rests: Integers) -> Picture:
+        full = colors[rests % len(colors)]
+        if isinstance(prior, DensityPrior):
+            density = prior.density(directions.reshape(-1, 3)).reshape(rests.shape)
+            strength = PALEST + (1.0 - PALEST) * np.minimum(density / largest, 1.0)
+            full = 1.0 - strength[..., None] * (1.0 - full)
+        return np.rint(255.0 * full).astype(np.uint8)
+
+    return complex_figure(poses, paint, note, labels)
+
+
+@styled
+def heights_figure(poses: RestPoses) -> Sheet:
+    """The support function by colour, with separatrices and stationary points, as two equal-area
+    discs: it is lowest at the rests, and has creases on the arcs of the hull's edges. Source:
+    figure 4 of the paper."""
+    hull, center = poses.hull, poses.center_of_mass
+    lowest = float(hull.heights(center).min())
+    highest = float(np.sqrt(((hull.vertices - center) ** 2).sum(-1)).max())
+
+    def paint(directions: Floats, rests: Integers) -> Picture:
+        heights = np.stack([(row @ (hull.vertices - center).T).max(-1) for row in directions])
+        return _height_colors((heights - lowest) / max(highest - lowest, np.finfo(float).tiny))
+
+    sheet = complex_figure(poses, paint, "Its colour tells how high the center of mass then is.")
+    middle, middle_row = sheet.width / 2.0, sheet.height - 69.0
+    scale = sheet.axes(middle - 130.0, middle_row - 8.0, middle + 130.0, middle_row + 8.0)
+    scale.imshow(_height_colors(np.linspace(0.0, 1.0, 260))[None], aspect="auto")
+    scale.axis("off")
+    for value, side, anchor in ((lowest, -1.0, "rm"), (highest, 1.0, "lm")):
+        place = (middle + side * 140.0, middle_row)
+        sheet.text(f"{value:.4g}", place, size=NOTE, anchor=anchor)
+    return sheet
+
+
+def _height_colors(parts: Floats) -> Picture:
+    """(..., 3) colours of parts (...) from 0 to 1 of what is highest."""
+    anchors = rgb(LOW_TO_HIGH)
+    places = np.linspace(0.0, 1.0, len(anchors))
+    mixed = [np.interp(parts, places, channel) for channel in anchors.T]
+    return np.rint(255.0 * np.stack(mixed, axis=-1)).astype(np.uint8)
+
+
+def paths_figure(poses: RestPoses, downs: Floats | None = None) -> Sheet:
+    """Paths of a body over its Gauss map as two equal-area discs, let go with directions (n, 3) of
+    any length above 0 pointing down, by default 80 all over the sphere. Source: figure 7 of the
+    paper. Raises InputError: one of them is 0 or not finite."""
+    equilibria = poses.morse.equilibria
+    downs = even_directions(PATH_STARTS) if downs is None else downs
+    paths = [path_of(roll_steps(equilibria, down)) for down in downs]
+    colors = np.rint(255.0 * (0.55 + 0.45 * rgb(BASINS))).astype(np.uint8)
+    note = "A path leads from where a body is let go, the dot, to its rest."
+    return complex_figure(
+        poses, lambda directions, rests: colors[rests % len(colors)], note, paths=paths
+    )
+
+
+def path_of(steps: Sequence[RollStep]) -> Floats:
+    """The directions (n, 3) that point down in steps of a roll."""
+    return np.array([step.down for step in steps])
+
+
+@styled
+def complex_figure(
+    poses: RestPoses,
+    painter: Painter,
+    note: str,
+    labels: Sequence[str] | None = None,
+    paths: Sequence[Floats] = (),
+) -> Sheet:
+    """Separatrices and stationary points over a picture of the sphere, as two equal-area discs.
+
+    Parameters
+    ----------
+    painter: makes the picture; note: what is written below about it.
+    paths: of bodies that roll, each (n, 3) unit directions that great arcs join, with a dot at its
+        start.
+    poses, labels: as of `gauss_map_figure`.
+    """
+    sheet = Sheet(*MAP_SIZE)
+    for placed in placed_discs(poses):
+        _draw_disc(sheet, placed, poses, painter, labels, paths)
+        side = ", ".join(f"{n:d}" for n in placed.axis)
+        sheet.text(f"seen from ({side}) of the body", (placed.middle[0], 46.0), anchor="md")
+    shown = {} if len(poses.hull.tail) // 2 > MOST_HULL_EDGES else {"hull arcs": ARCS}
+    shown |= {"separatrices": SEPARATRICES} | ({"paths": PATHS} if paths else {})
+    for kind, style in POINTS.items():
+        name = "minima (rests)" if kind == "minima" else kind
+        shown[name] = {**style, "color": DARK, "linestyle": "", "mew": 2.0}
+    keys = [Line2D([], [], label=name, **style) for name, style in shown.items()]
+    place = (0.5, 1.0 - (DISC_PIXELS + 86.0) / sheet.height)
+    sheet.figure.legend(handles=keys, loc="upper center", bbox_to_anchor=place, ncols=len(keys))
+    upward = "+y" if placed.axis[:2] == (0, 0) else "+z"
+    sheet.text(
+        f"Each point is a direction that points down in the body's frame. {note} "
+        f"The body's {upward} is upward on both discs.",
+        (sheet.width / 2.0, DISC_PIXELS + 160.0),
+        size=NOTE,
+    )
+    return sheet
+
+
+def _draw_disc(
+    sheet: Sheet,
+    placed: PlacedDisc,
+    poses: RestPoses,
+    painter: Painter,
+    labels: Sequence[str] | None,
+    paths: Sequence[Floats],
+) -> None:
+    """Draw one hemisphere."""
+    disc, (x, y), radius, axes = placed.disc, placed.middle, placed.radius, sheet.drawing
+    rim = Circle((x, y), radius, fill=False, edgecolor=DARK, linewidth=2.0)
+    axes.add_patch(rim)
+    pixels = disc.pixels(PIXELS)
+    regions = basin_of_directions(poses, pixels.reshape(-1, 3)).reshape(PIXELS, PIXELS)
+    square = (x - radius, x + radius, y + radius, y - radius)
+    ground = painter(pixels, regions)[::-1]
+    axes.imshow(ground, extent=square, interpolation="nearest", aspect="auto", clip_path=rim)
+    hull = poses.hull
+    if len(hull.tail) // 2 <= MOST_HULL_EDGES:
+        edges = np.flatnonzero(np.arange(len(hull.tail)) < hull.twin)
+        normals = hull.normals[hull.facet]
+        arcs = great_arcs(normals[edges], normals[hull.twin[edges]], ARC_PIECES)
+        _draw_lines(axes, placed, arcs, ARCS)
+    _draw_paths(axes, placed, poses.morse.polylines, SEPARATRICES)
+    _draw_paths(axes, placed, paths, PATHS)
+    starts = np.array([path[0] for path in paths if path[0] @ disc.axis >= 0.0]).reshape(-1, 3)
+    axes.plot(*placed.on_paper(disc.project(starts)).T, "o", ms=9.0, color=PATHS["color"])
+    for name, style in POINTS.items():
+        points = getattr(poses.morse, name)
+        near = points[points @ disc.axis >= -RIM_TOLERANCE]
+        on_paper = placed.on_paper(disc.project(near)).T
+        axes.plot(*on_paper, linestyle="", mec=DARK, mew=2.0, zorder=3.0, **style)
+    here = poses.morse.minima @ disc.axis >= 0.0
+    written = np.flatnonzero(here & (poses.probabilities > LEAST_WRITTEN)).tolist()
+    texts = [f"{100.0 * poses.probabilities[rest]:.1f} %" for rest in written]
+    if labels is not None:
+        texts = [
+            f"{labels[rest]}\n{text}" if labels[rest] else text
+            for rest, text in zip(written, texts, strict=True)
+        ]
+    stationary = np.concatenate([getattr(poses.morse, name) for name in POINTS])
+    places = place_texts(
+        disc.project(poses.morse.minima[written]),
+        texts,
+        [regions == rest for rest in written],
+        disc.project(stationary[stationary @ disc.axis >= 0.0]),
+        NOTE / radius,
+    )
+    for text, place in zip(texts, placed.on_paper(places), strict=True):
+        sheet.text(text, place, size=NOTE, halo=True)
+
+
+def _draw_paths(
+    axes: Axes, placed: PlacedDisc, paths: Iterable[Floats], style: dict[str, Any]
+) -> None:
+    """Draw what lies on a disc of paths, each (n, 3) directions that great arcs join."""
+    arcs = [great_arcs(path[:-1], path[1:], ARC_PIECES) for path in paths]
+    _draw_lines(axes, placed, np.concatenate([np.zeros((0, ARC_PIECES + 1, 3)), *arcs]), style)
+
+
+def _draw_lines(axes: Axes, placed: PlacedDisc, arcs: Floats, style: dict[str, Any]) -> None:
+    """Draw what lies on a disc of arcs (k, n, 3)."""
+    lines = [placed.on_paper(line) for line in placed.disc.lines(arcs)]
+    axes.add_collection(LineCollection(lines, capstyle="round", **style), autolim=False)
+
+
+def place_texts(
+    anchors: Floats,
+    texts: Sequence[str],
+    regions: Sequence[NDArray[np.bool_]],
+    obstacles: Floats,
+    font_size: float,
+) -> Floats:
+    """Centres (k, 2) for texts beside their anchors.
+
+    Each text in turn takes the place nearest to its anchor where it covers the fewest of the
+    obstacles and of the texts placed before; a text prefers to stay above its anchor, inside of its
+    region, and on the unit disc.
+
+    Parameters
+    ----------
+    anchors: (k, 2) points on paper.
+    texts: k texts of one or more lines.
+    regions: k images (size, size) of the square [-1, 1]^2, lowest row first, True inside.
+    obstacles: (m, 2) points to keep visible.
+    font_size: in the unit of the points.
+    """
+    letter_width, line_height, gaps = 0.62, 1.25, (0.55, 1.0, 1.6, 2.3)
+    inner = np.array([(x, y) for x in (-0.9, -0.3, 0.3, 0.9) for y in (-0.8, 0.0, 0.8)])
+    turns = 2.0 * np.pi * np.arange(16) / 16
+    around = np.stack([np.sin(turns), np.cos(turns)], axis=1)
+    placed: list[tuple[Floats, Floats]] = []
+    for anchor, text, region in zip(anchors, texts, regions, strict=True):
+        lines = text.splitlines()
+        letters = max(map(len, lines))
+        half = 0.5 * font_size * np.array([letter_width * letters, line_height * len(lines)])
+        reach = np.concatenate([around * (half + gap * font_size) for gap in gaps])
+        centers = anchor + reach
+        cost = np.linalg.norm(reach, axis=1) + 0.2 * font_size * np.tile(turns > 0, len(gaps))
+        hidden = np.abs(centers[:, None] - obstacles) < half + 0.3 * font_size
+        cost += font_size * 3.0 * hidden.all(-1).sum(1)
+        samples = centers[:, None] + half * inner
+        column, row = ((samples + 1.0) / 2.0 * len(region)).astype(int).clip(0, len(region) - 1).T
+        cost += font_size * 2.5 * (~region[row, column]).mean(axis=0)
+        for center, other in placed:
+            overlap = (half + other - np.abs(centers - center)).clip(0.0)
+            cost += 30.0 * overlap.prod(1) / font_size + font_size * (overlap > 0).all(1)
+        cost += 10.0 * (np.linalg.norm(np.abs(centers) + half, axis=1) - 1.0).clip(0.0)
+        placed.append((centers[int(np.argmin(cost))], half))
+    return np.array([center for center, _ in placed]).reshape(-1, 2)

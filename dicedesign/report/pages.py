@@ -1,0 +1,264 @@
+"""Pages by jinja2, each one HTML file that needs nothing else: a die's report, a search's best."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from base64 import b64encode
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any, Final
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from dicedesign.fabricate.printers import MATERIALS
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.report.discs import MAP_SIZE
+from dicedesign.report.figures import FIGURES
+from dicedesign.report.live_die import LiveDie, three_script
+from dicedesign.report.pictures import encoded
+from dicedesign.report.render.raster import Camera
+from dicedesign.report.render.renderer import Surface, render
+from dicedesign.report.throwing import throwing_advice, throws_told
+from dicedesign.results.parts import Draft, Search, Status
+from dicedesign.results.result import Balance, Result
+from dicedesign.runtime.arrays import Floats
+
+MAP: Final = "gauss_map"
+"""Name of the figure that is linked with the table of facets."""
+
+MOST_ATTEMPTS: Final = 12
+"""Attempts at a concave die that are listed."""
+
+POLICY: Final = (
+    "default-src 'none'; base-uri 'none'; form-action 'none'; img-src data:; "
+    "style-src 'unsafe-inline'"
+)
+"""A page loads nothing and runs no script but its own, whatever a name or a label in it says."""
+
+FLAWS: Final = {
+    Status.OFF_TARGET: "odds",
+    Status.SELF_INTERSECTING: "meets itself",
+    Status.TOO_NEAR: "outcomes near",
+    Status.TIPPY: "margin",
+}
+
+
+def _number(value: float | None, digits: int) -> str:
+    """A number with a count of significant digits, or "-" where there is none."""
+    return "-" if value is None else f"{value:.{digits}g}"
+
+
+def _percent(probability: float | None) -> str:
+    return "-" if probability is None else f"{100.0 * probability:.3f}"
+
+
+def _vector(values: Sequence[float]) -> str:
+    return " ".join(f"{value:.6g}" for value in values)
+
+
+def _is_moving(image: bytes) -> bool:
+    return image.startswith(b"GIF8")
+
+
+def _data_uri(image: bytes) -> str:
+    kind = "gif" if _is_moving(image) else "png"
+    return f"data:image/{kind};base64,{b64encode(image).decode('ascii')}"
+
+
+def _packed(content: bytes) -> str:
+    """In base64, by a level of gzip above which next to nothing is gained."""
+    return b64encode(gzip.compress(content, 6, mtime=0)).decode("ascii")
+
+
+@lru_cache(maxsize=1)
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("dicedesign.report"),
+        extensions=["jinja2.ext.do"],
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    environment.filters |= {
+        "number": _number,
+        "percent": _percent,
+        "vector": _vector,
+        "is_moving": _is_moving,
+        "data_uri": _data_uri,
+        "packed": _packed,
+        "recipe_lines": _recipe_lines,
+    }
+    return environment
+
+
+def _template_file(name: str) -> str:
+    return files("dicedesign.report.templates").joinpath(name).read_text("utf-8")
+
+
+def die_page(result: Result, images: Mapping[str, bytes], live: LiveDie | None = None) -> str:
+    """The report of any kind of die as HTML.
+
+    Parameters
+    ----------
+    result: of the run.
+    images: PNG or GIF bytes of figures by name, see `FIGURES`; others are left out.
+    live: the die for its 3D view; None for a page that does not move.
+
+    Returns
+    -------
+    str, a whole document; the same for the same arguments.
+    """
+    hidden = {MAP} | {figure.instead_of for figure in FIGURES if figure.name in images}
+    style, policy, script, data = _template_file("page.css"), POLICY, "", {}
+    if live is not None:
+        script, three = _template_file("viewer.js"), three_script()
+        style += _template_file("viewer.css")
+        scripts = [script]
+        if live.solid is not None and three is not None:
+            data = {"solid": live.solid, "three": three.encode()}
+            scripts.append(three)
+        sums = [b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
+        policy += "; script-src " + " ".join(f"'sha256-{found}'" for found in sums)
+    balance = None if result.engraved is None else result.engraved.balance
+    found, search = result.printability, result.search
+    return (
+        _environment()
+        .get_template("die.html.j2")
+        .render(
+            title=result.name,
+            policy=policy,
+            style=style,
+            script=script,
+            data=data,
+            result=result,
+            live=live,
+            images=images,
+            figures=[one for one in FIGURES if one.name in images and one.name not in hidden],
+            map=FIGURES[MAP],
+            map_image=images.get(MAP),
+            map_size=MAP_SIZE,
+            center=", ".join(f"{round(value, 3) + 0.0:.3f}" for value in result.center_of_mass),
+            throws=[] if result.thrown is None else throws_told(result.thrown),
+            advice=throwing_advice(result.thrown, result.prior),
+            balance_told="" if balance is None else _describe_balance(result, balance),
+            # Those of the engraved die before its shape was moved.
+            unbalanced=balance.unbalanced
+            if result.thrown is None and balance is not None and len(balance.errors) > 1
+            else None,
+            drafts=[] if search is None else _best_drafts(search),
+            flaws=lambda draft: _flaws(search, draft),
+            material=None if found is None else MATERIALS[found.material].title,
+        )
+    )
+
+
+def _describe_balance(result: Result, balance: Balance) -> str:
+    """How labels and edges were made up for, in words."""
+    model = "" if result.thrown is None else " by the momentum model"
+    plain = f"The plain shape is off by {result.max_abs_error:.1e}. " if not model else ""
+    first = f"{plain}With its labels and edges it would be off by {balance.errors[0]:.1e}{model}."
+    if len(balance.errors) < 2:
+        return f"{first} Nothing was moved."
+    how = f"Its facets were moved by up to {balance.moved_mm:.2g} mm"
+    if balance.stretch is not None:
+        how = f"It was stretched by {100.0 * balance.stretch:.2g} %"
+    rounds = len(balance.errors) - 1
+    last = f"{min(balance.errors):.1e}{model}"
+    error = None if result.engraved is None else result.engraved.max_abs_error
+    if not model and error is not None:
+        last += f", and {error:.1e} in the file as it was read back"
+    times = f"{rounds} round{'' if rounds == 1 else 's'}"
+    return f"{first} {how} in {times}, until it was off by {last}."
+
+
+def _best_drafts(search: Search) -> list[Draft]:
+    """The draft of the die itself first, then what lacks least, is nearest to the target and was
+    moved least."""
+    trade_off = search.trade_off
+
+    def rank(draft: Draft) -> tuple[bool, int, float, float]:
+        missed = max(draft.error - trade_off.tolerance, 0.0)
+        lacks = len(list(trade_off.flaws(draft)))
+        return draft.attempt != search.attempt, lacks, missed, draft.displacement
+
+    return sorted(trade_off.drafts, key=rank)[:MOST_ATTEMPTS]
+
+
+def _flaws(search: Search, draft: Draft) -> str:
+    return ", ".join(FLAWS[status] for status in search.trade_off.flaws(draft)) or "nothing"
+
+
+def leaderboard_page(
+    table: Mapping[str, Any], shapes: Mapping[int, Mapping[str, Any]], picture: bytes
+) -> str:
+    """The best dice of a search as HTML.
+
+    Parameters
+    ----------
+    table: as in leaderboard.json: "name", "size_mm", "trials", "converged" and "leaderboard", each
+        entry with "rank", "number", "inradius_mm", "margin_deg", "max_abs_error", "asymmetry",
+        "on_front", "as_given", "varied" and "recipe_file".
+    shapes: by the number of each trial in it, "vertices" (n, 3) of the die in mm and "down" (3,).
+    picture: PNG of `dicedesign.report.curve_charts.pareto_chart`.
+    """
+    numbers = [entry["number"] for entry in table["leaderboard"]]
+    pictures = {
+        number: lying_die_png(np.array(shape["vertices"]), np.array(shape["down"]))
+        for number, shape in shapes.items()
+        if number in numbers
+    }
+    return (
+        _environment()
+        .get_template("leaderboard.html.j2")
+        .render(
+            title=f"{table['name']}: search",
+            policy=POLICY,
+            style=_template_file("page.css"),
+            table=table,
+            pictures=pictures,
+            pareto=picture,
+        )
+    )
+
+
+def _recipe_lines(entry: Mapping[str, Any]) -> Iterator[str]:
+    """Where the recipe of an entry is, and what the search varied, without the weights that are
+    0."""
+    yield entry["recipe_file"]
+    if entry["as_given"]:
+        yield "as given"
+    for key, value in entry["varied"].items():
+        name = key.rpartition(".")[2]
+        if isinstance(value, list):
+            yield f"{name} {', '.join(value)}"
+        elif not isinstance(value, float):
+            yield f"{name} {value}"
+        elif value > 0.0:
+            yield f"{name} {value:.2g}"
+
+
+def lying_die_png(vertices: Floats, down: Floats) -> bytes:
+    """Picture of a die that lies on a table, somewhat from above.
+
+    The frame is as wide as the largest distance between two vertices.
+
+    vertices: (n, 3) in any length unit; down: (3,) the direction of gravity.
+    """
+
+    size, tilt, turn = 220, np.radians(30.0), np.radians(25.0)
+    hull = convex_hull(vertices)
+    center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
+    flat = vertices - center - np.outer((vertices - center) @ down, down)
+    along, across = np.linalg.svd(flat)[2][:2]
+    side = np.cos(turn) * across + np.sin(turn) * along
+    direction = np.cos(tilt) * side - np.sin(tilt) * down
+    # In the middle of the picture, the die is nowhere wider than its frame.
+    frame = Camera(direction, -down, center, 1.0).frame()
+    seen = vertices @ frame.T
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2.0 @ frame
+    camera = Camera(direction, -down, middle, 0.53 * hull.diameter)
+    return encoded(render(Surface(hull.vertices, hull.triangles, smooth=False), camera, size))

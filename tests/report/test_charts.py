@@ -1,0 +1,301 @@
+"""Charts: the values that their axes hold, and that nothing is cut off."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from common.drawings import curves, is_whole
+from common.finished import CONCAVE, finished_box
+
+from dicedesign.errors import InputError
+from dicedesign.report.bar_charts import (
+    Bars,
+    bars_chart,
+    before_after_chart,
+    outcome_chart,
+    rolls_chart,
+    table_chart,
+)
+from dicedesign.report.curve_charts import (
+    convergence_of,
+    energy_of,
+    rounds_of,
+    trade_off_of,
+)
+from dicedesign.report.palette import ACCENT, FAINT, PALE
+from dicedesign.report.sheet import Sheet
+from dicedesign.results.parts import Draft, RoundOfThrows, SimulatedThrows, ThrownOdds, TradeOff
+from dicedesign.results.result import Step
+from dicedesign.throws.roll_verdict import judge_rolls
+
+TARGET, ODDS = [0.25, 0.5, 0.25], [0.2, 0.5, 0.3]
+INTERVALS = [[0.15, 0.25], [0.45, 0.55], [0.28, 0.33]]
+
+
+def heights(sheet: Sheet) -> dict[str, list[float]]:
+    """Of bars, by their entry in the legend."""
+    (axes,) = sheet.figure.axes
+    return {
+        bars.get_label(): [bar.get_height() for bar in bars]
+        for bars in axes.containers
+        if hasattr(bars, "patches")
+    }
+
+
+def limits(sheet: Sheet) -> list[np.ndarray]:
+    """(k, 2) ends of each kind of intervals."""
+    (axes,) = sheet.figure.axes
+    ends = [c[2][0].get_segments() for c in axes.containers if not hasattr(c, "patches")]
+    return [np.array(lines)[:, :, 1] for lines in ends]
+
+
+def test_bars_stand_beside_each_other_in_front_of_the_target() -> None:
+    kinds = [Bars.written("one", FAINT, ODDS), Bars("two", ACCENT, TARGET, INTERVALS, "range")]
+    sheet = outcome_chart(["a", "b", "$c$"], kinds, title="title", x_label="x", target=TARGET)
+    assert is_whole(sheet)
+    (axes,) = sheet.figure.axes
+    drawn = heights(sheet)
+    for name, values in (("target", TARGET), ("one", ODDS), ("two", TARGET)):
+        np.testing.assert_allclose(drawn[name], 100.0 * np.array(values))
+    target, one, two = (c for c in axes.containers if hasattr(c, "patches"))
+    for back, left, right in zip(target, one, two, strict=True):
+        assert left.get_x() + left.get_width() == pytest.approx(right.get_x())
+        assert back.get_x() < left.get_x()
+        assert right.get_x() + right.get_width() < back.get_x() + back.get_width()
+    np.testing.assert_allclose(limits(sheet)[0], 100.0 * np.array(INTERVALS))
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["a", "b", "$c$"]
+    told = ["20.00", "50.00", "30.00", "title", "x", "probability (%)", "target", "range"]
+    assert set(told) <= set(sheet.texts)
+
+
+@pytest.mark.parametrize(("count", "values"), [(1, 1), (16, 16), (17, 0), (60, 0)])
+def test_values_are_written_for_few_outcomes(count: int, values: int) -> None:
+    odds = np.full(count, 1.0 / count)
+    labels = [f"no. {k}" for k in range(count)]
+    kinds = [Bars.written("p", PALE, odds)] + [Bars(f"kind number {k}", PALE, odds) for k in "abcd"]
+    sheet = outcome_chart(labels, kinds, title="TITLE", x_label="")
+    assert sheet.texts.count(f"{100.0 / count:.2f}") == values
+    # However long the labels are, and however many rows the legend has.
+    assert is_whole(sheet)
+
+
+@pytest.mark.parametrize("labels", [[], ["a", "b"]])
+def test_one_of_each_for_each_outcome(labels: list[str]) -> None:
+    kinds = [Bars("p", PALE, ODDS)]
+    with pytest.raises(InputError, match=rf"got {len(labels)} labels and 3, 3 probabilities"):
+        outcome_chart(labels, kinds, title="", x_label="", target=TARGET)
+
+
+def test_counts_of_throws_with_their_intervals() -> None:
+    verdict = judge_rolls([30, 50, 20], [0.25, 0.5, 0.25], 0.9)
+    sheet = rolls_chart(["a", "b", "c"], verdict)
+    drawn = heights(sheet)
+    np.testing.assert_allclose(drawn["odds tested"] + drawn["thrown"], [25, 50, 25, 30, 50, 20])
+    np.testing.assert_allclose(limits(sheet)[0], 100 * verdict.intervals)
+    assert {"30", "50", "20", "exact 90 % interval"} <= set(sheet.texts)
+    assert any(
+        text.startswith("100 throws: p = 0.37, total variation 0.050") for text in sheet.texts
+    )
+    with pytest.raises(InputError, match=r"rolls: expected 3 labels, one for each outcome, got 1"):
+        rolls_chart(["a"], verdict)
+
+
+def test_bars_of_prints_hold_95_percent_of_them() -> None:
+    bars = Bars.written("die", ACCENT, ODDS)
+    assert bars.of_prints(None) is bars
+    odds_of_prints = np.random.default_rng(0).normal(ODDS, [0.01, 0.02, 0.03], size=(100_000, 3))
+    ends = np.asarray(bars.of_prints([0.01, 0.02, 0.03]).intervals)
+    within = (odds_of_prints > ends[:, 0]) & (odds_of_prints < ends[:, 1])
+    np.testing.assert_allclose(within.mean(axis=0), 0.95, atol=0.005)
+    # Probabilities are none below 0.
+    wide = np.asarray(bars.of_prints([0.5, 0.0, 0.0]).intervals)
+    np.testing.assert_allclose(wide, [[0.0, 1.0], [0.5, 0.5], [0.3, 0.3]])
+
+
+SIMULATED = SimulatedThrows(
+    "native",
+    1,
+    12345,
+    0,
+    (26, 50, 24),
+    (0.26, 0.5, 0.24),
+    ((0.2, 0.3), (0.45, 0.55), (0.2, 0.28)),
+    0.01,
+    (0.0, 0.0256),
+    0.0123,
+)
+
+
+def thrown(rounds: int, simulated: bool = True, **changes: Any) -> ThrownOdds:
+    usual = {"elsewhere_drops": 0, "elsewhere": None, "asked": TARGET, "frequencies": TARGET}
+    values = {**usual, **changes}
+    made = (
+        RoundOfThrows(1000, 0.1, 0.02, 0.09, is_kept=False, **values),
+        RoundOfThrows(1500, 0.04, 0.016, 0.03, is_kept=True, **values),
+    )
+    odds = (0.24, 0.5, 0.26)
+    return ThrownOdds({}, odds, made[:rounds], SIMULATED if simulated else None)
+
+
+def test_dice_and_their_targets() -> None:
+    die = finished_box(labels=("a", "b", "c"), target=TARGET, probabilities=ODDS)
+    sheet = bars_chart(die)
+    assert any("max |p − q| = 0.05" in text for text in sheet.texts)
+    np.testing.assert_allclose(heights(sheet)["achieved"], 100.0 * np.array(ODDS))
+    table = replace(die, result=replace(die.result, thrown=thrown(0)))
+    drawn = heights(table_chart(table))
+    np.testing.assert_allclose(drawn["target"], 100.0 * np.array(TARGET))
+    np.testing.assert_allclose(drawn["without momentum"], 100.0 * np.array(ODDS))
+    np.testing.assert_allclose(drawn["momentum model"], [24, 50, 26])
+    np.testing.assert_allclose(drawn["simulated throws"], [26, 50, 24])
+    told = "12,345 throws: total variation 0.0100 (95 %: 0.0000 to 0.0256), a perfect die: 0.0123"
+    assert told in table_chart(table).texts
+    table = replace(die, result=replace(die.result, thrown=thrown(0, False)))
+    told = "total variation to the target: without momentum 0.0500, momentum model 0.0100"
+    assert told in table_chart(table).texts
+
+
+def test_bars_before_and_after_have_one_for_all_other_rests() -> None:
+    concave = replace(CONCAVE, probabilities_before=(0.1, 0.7), elsewhere_before=0.2)
+    after = {"probabilities": (0.49, 0.5), "elsewhere": 0.01, "concave": concave}
+    die = finished_box(labels=("a", "b"), target=(0.5, 0.5), **after)
+    sheet = before_after_chart(die)
+    drawn = heights(sheet)
+    np.testing.assert_allclose(drawn["target"], [50, 50, 0])
+    np.testing.assert_allclose(drawn["before"], [10, 70, 20])
+    np.testing.assert_allclose(drawn["after"], [49, 50, 1])
+    assert {"elsewhere", "max |p − q| = 0.4 before, 0.01 after"} <= set(sheet.texts)
+
+
+def history(count: int) -> list[Step]:
+    return [
+        Step(k, 0.1 * k, 2.0 * 0.99**k, 0.2 * 0.98**k, {"dice": 2.0 * 0.99**k})
+        for k in range(count)
+    ]
+
+
+def course(sheet: Sheet, column: int) -> list[np.ndarray]:
+    """Points of the curves of a chart but those of levels."""
+    lines = sheet.figure.axes[column].lines
+    return [np.asarray(one.get_xydata()) for one in lines if one.get_linestyle() != "--"]
+
+
+@pytest.mark.parametrize("count", [1, 2, 1000])
+def test_error_and_energy_over_time(count: int) -> None:
+    steps = history(count)
+    sheet = convergence_of(steps, 1e-3)
+    left, right = sheet.figure.axes
+    low, high = left.get_ylim()
+    assert low < 1e-3 < high
+    (errors,), (energies,) = course(sheet, 0), course(sheet, 1)
+    np.testing.assert_allclose(errors, [(s.seconds, s.max_abs_error) for s in steps])
+    np.testing.assert_allclose(energies, [(s.seconds, s.energy) for s in steps])
+    assert right.get_yscale() == ("log" if count == 1000 else "linear")
+    assert is_whole(sheet)
+    clockless = convergence_of([replace(step, seconds=None) for step in steps], 1e-3)
+    np.testing.assert_allclose(course(clockless, 0)[0][:, 0], range(count))
+    assert not any("time" in text for text in clockless.texts)
+
+
+@pytest.mark.parametrize("start", [0.1, 0.0])
+def test_errors_of_zero_are_drawn_on_the_border(start: float) -> None:
+    steps = [Step(0, 0.0, 1.0, start), Step(1, 0.5, 0.0, 0.0)]
+    sheet = convergence_of(steps, 1e-4)
+    left = sheet.figure.axes[0]
+    assert course(sheet, 0)[0][-1, 1] == left.get_ylim()[0]
+    assert left.get_yticklabels()[0].get_text() == "0"
+    assert is_whole(sheet)
+
+
+def test_of_preferences_the_energy_is_drawn_from_where_they_begin() -> None:
+    steps = history(20)
+    steps[12:] = [replace(step, terms={"preferences": 1.0}) for step in steps[12:]]
+    sheet = convergence_of(steps, 1e-3)
+    assert len(course(sheet, 0)[0]) == 20
+    assert course(sheet, 1)[0][:, 1].tolist() == [step.energy for step in steps[12:]]
+    assert "energy of preferences" in sheet.texts
+
+
+STAGES = [
+    Step(0, 0.0, 1.0, 0.3, stage="hull"),
+    Step(1, 1.0, 0.1, 0.01, stage="hull"),
+    Step(2, 1.5, 50.0, None, stage="fill"),
+    Step(3, 3.0, 40.0, 0.02, stage="fill"),
+    Step(4, 3.5, 0.01, 0.001, stage="hull"),
+]
+
+
+def test_each_stage_has_its_stretch_and_its_curve() -> None:
+    sheet = energy_of(STAGES)
+    for axes in sheet.figure.axes:
+        spans = [(b.get_x(), b.get_x() + b.get_width(), b.get_label()) for b in axes.patches]
+        assert spans == [(0.0, 1.0, "hull"), (1.0, 3.0, "fill"), (3.0, 3.5, "hull")]
+        assert axes.patches[0].get_facecolor() == axes.patches[2].get_facecolor()
+        assert axes.get_yscale() == "log"
+    energies = [part.tolist() for part in course(sheet, 1)]
+    assert energies == [[[0.0, 1.0], [1.0, 0.1]], [[1.5, 50.0], [3.0, 40.0]], [[3.5, 0.01]]]
+    assert course(sheet, 0)[0][:, 0].tolist() == [0.0, 1.0, 3.0, 3.5]
+    assert sheet.texts.count("hull") == 1
+    assert is_whole(sheet)
+    for error, told in ((None, "not known"), (0.0, "0")):
+        assert told in energy_of([replace(s, max_abs_error=error) for s in STAGES]).texts
+
+
+def test_an_empty_history_is_refused() -> None:
+    for draw in (lambda: convergence_of([], 0.1), lambda: energy_of([])):
+        with pytest.raises(InputError, match="at least one step"):
+            draw()
+
+
+def test_rounds_against_all_throws_so_far() -> None:
+    sheet = rounds_of(thrown(2))
+    drawn = curves(sheet.figure.axes[0])
+    np.testing.assert_allclose(drawn["its throws"], [[1000, 0.1], [2500, 0.04]])
+    np.testing.assert_allclose(drawn["expected"], [[1000, 0.09], [2500, 0.03]])
+    np.testing.assert_allclose(drawn["kept"], [[2500, 0.03]])
+    np.testing.assert_allclose(
+        drawn["a perfect die"], [[1000, 0.02], [2500, 0.016], [14845, 0.0123]]
+    )
+    np.testing.assert_allclose(limits(sheet)[0], [(0.0, 0.0256)])
+    assert is_whole(sheet)
+    drawn = curves(rounds_of(thrown(2, elsewhere_drops=500, elsewhere=0.3)).figure.axes[0])
+    np.testing.assert_allclose(drawn["expected on nine of ten tables"], [[1500, 0.3], [3500, 0.3]])
+    drawn = curves(rounds_of(thrown(1, False)).figure.axes[0])
+    assert set(drawn) == {"its throws", "a perfect die", "expected", "kept"}
+    with pytest.raises(InputError, match="rounds: expected at least one, got none"):
+        rounds_of(thrown(0))
+
+
+GOOD = Draft(3, 1.0, 1e-4, 0.02, 60.0, 15.0, 0)
+DRAFTS = (
+    GOOD,
+    Draft(4, 1.0, 0.0, 0.05, 60.0, 15.0, 0),
+    Draft(6, 1.0, 0.3, 0.01, 10.0, 1.0, 8),
+    Draft(7, 1.0, 1e-3, 0.03, 60.0, 15.0, 2),
+    Draft(8, 1.0, 1e-3, 0.04, 20.0, 15.0, 0),
+    Draft(9, 1.0, 1e-3, 0.06, 60.0, 2.0, 0),
+)
+
+
+def test_every_draft_is_drawn_once_by_what_is_worst_of_it() -> None:
+    sheet = trade_off_of(TradeOff(0.005, 45.0, 10.0, DRAFTS), 7, 0.42)
+    (axes,) = sheet.figure.axes
+    drawn = {label: points for label, points in curves(axes).items() if label.endswith(")")}
+    assert [int(label.rsplit("(", 1)[1][:-1]) for label in drawn] == [2, 1, 1, 1, 1]
+    zero = axes.get_ylim()[0]
+    expected = [(100.0 * d.displacement, d.error or zero) for d in DRAFTS]
+    np.testing.assert_allclose(
+        sorted(np.concatenate(list(drawn.values())).tolist()), sorted(expected)
+    )
+    np.testing.assert_allclose(curves(axes)["this die"], [(3.0, 1e-3)])
+    np.testing.assert_allclose(curves(axes)["the surface as it came"], [(0.0, 0.42)])
+    assert {"3", "4", "6", "7", "8", "9"} <= set(sheet.texts)
+    assert is_whole(sheet)
+
+
+@pytest.mark.parametrize("drafts", [(), (GOOD,), (Draft(1, None, 0.0, 0.0, 0.0, 0.0, 0),)])
+def test_few_drafts_of_any_kind_are_drawn(drafts: tuple[Draft, ...]) -> None:
+    assert is_whole(trade_off_of(TradeOff(0.005, 45.0, 10.0, drafts), None, 0.0))

@@ -1,0 +1,272 @@
+"""The Gauss map: projection, basins, their outlines, and what is drawn over them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from common.drawings import is_whole, painted
+from matplotlib.path import Path
+
+from dicedesign.errors import InputError
+from dicedesign.report.discs import (
+    basin_of_directions,
+    basin_outlines,
+    choose_axis,
+    great_arcs,
+    opposite_discs,
+    placed_discs,
+)
+from dicedesign.report.gauss_map import (
+    gauss_map_figure,
+    heights_figure,
+    path_of,
+    paths_figure,
+    place_texts,
+)
+from dicedesign.report.palette import BASINS, LOW_TO_HIGH
+from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.rest.roll import roll_steps
+from dicedesign.rest.sampled_directions import SampledDirections
+
+PIXELS = 300
+PATH = "#d6006e"
+CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+TUMBLER = "tumbler"
+"""A ball with a pointed top whose center of mass is so low that it rights itself."""
+
+
+def random_directions(count: int, seed: int) -> np.ndarray:
+    points = np.random.default_rng(seed).normal(size=(count, 3))
+    return points / np.linalg.norm(points, axis=1, keepdims=True)
+
+
+def body(name: str) -> RestPoses:
+    if name == "cube":
+        return rest_poses(CUBE)
+    if name == "box":
+        return rest_poses(CUBE * [1.0, 1.7, 2.3])
+    if name == TUMBLER:
+        dome = random_directions(400, 3)
+        foot = [[0.2, 0, -1.05], [-0.2, 0.2, -1.05], [-0.2, -0.2, -1.05]]
+        return rest_poses(
+            np.concatenate([dome, [[0, 0, 1.8]], foot]), center_of_mass=[0.0, 0.0, -0.9]
+        )
+    if name == "needle":
+        return rest_poses(random_directions(60, 8) * [1.0, 1.0, 9.0])
+    return rest_poses(random_directions(300, 5) * [1.0, 1.3, 0.8])
+
+
+@pytest.mark.parametrize("name", ["cube", "box", "random", TUMBLER])
+def test_pixel_areas_are_the_probabilities(name):
+    poses = body(name)
+    counts = np.zeros(len(poses.normals))
+    centres = (2.0 * np.arange(PIXELS) + 1.0) / PIXELS - 1.0
+    on_disc = (np.square(centres)[:, None] + np.square(centres) <= 1.0).ravel()
+    for disc in opposite_discs(choose_axis(poses.normals)):
+        directions = disc.pixels(PIXELS).reshape(-1, 3)[on_disc]
+        counts += np.bincount(basin_of_directions(poses, directions), minlength=len(counts))
+    np.testing.assert_allclose(counts / (2 * on_disc.sum()), poses.probabilities, atol=0.003)
+
+
+def test_tumbler_has_one_rest():
+    assert len(body(TUMBLER).normals) == 1
+
+
+def test_a_rest_lies_in_its_own_basin():
+    poses = body("random")
+    nudged = poses.normals + 1e-9 * random_directions(len(poses.normals), 1)
+    nudged /= np.linalg.norm(nudged, axis=1, keepdims=True)
+    wide = poses.margins > 1e-6
+    found = basin_of_directions(poses, nudged)
+    np.testing.assert_array_equal(found[wide], np.arange(len(nudged))[wide])
+
+
+@pytest.mark.parametrize("axis", [(0, 0, 1), (1, 0, 0), (1, 1, 1), (2, -1, 1)])
+def test_projection_inverts_and_keeps_areas(axis):
+    for disc in opposite_discs(axis):
+        np.testing.assert_allclose(np.cross(disc.right, disc.up), disc.axis, atol=1e-15)
+        grid = disc.pixels(40)
+        norms = np.linalg.norm(grid, axis=-1)
+        np.testing.assert_allclose(norms, 1.0, atol=1e-14)
+        assert (grid @ disc.axis > -1e-12).all()
+        points = np.random.default_rng(0).uniform(-0.7, 0.7, (50, 2))
+        np.testing.assert_allclose(disc.project(disc.directions(points)), points, atol=1e-14)
+        a, b, c = (disc.directions(points + step) for step in ([0, 0], [1e-5, 0], [0, 1e-5]))
+        areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        # The disc of area pi stands for half the sphere, of area 2 pi.
+        np.testing.assert_allclose(areas, 2e-10, rtol=1e-3)
+
+
+def test_lines_are_clipped_at_the_rim():
+    disc, other = opposite_discs((0, 0, 1))
+    start, end = np.array([[0.6, 0.0, 0.8]]), np.array([[0.6, 0.0, -0.8]])
+    arc = great_arcs(start, end, 7)
+    for side in (disc, other):
+        (line,) = side.lines(arc)
+        lengths = np.linalg.norm(line, axis=1)
+        assert (lengths <= 1.0 + 1e-12).all()
+        assert np.isclose(lengths[[0, -1]].max(), 1.0)
+    there_and_back = np.concatenate([arc[0], arc[0][-2::-1]])[None]
+    assert len(disc.lines(there_and_back)) == 2
+    assert len(other.lines(there_and_back)) == 1
+
+
+def test_great_arcs_are_evenly_spaced_even_if_short():
+    start = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]])
+    end = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    arcs = great_arcs(start, end, 4)
+    angles = np.radians([0, 22.5, 45, 67.5, 90])
+    np.testing.assert_allclose(arcs[0, :, 0], np.sin(angles), atol=1e-15)
+    np.testing.assert_array_equal(arcs[1], np.broadcast_to(start[1], (5, 3)))
+
+
+def test_axis_keeps_the_minima_of_a_cube_off_the_rim():
+    assert choose_axis(body("cube").normals) == (1, 1, 1)
+
+
+def test_texts_of_close_anchors_do_not_overlap():
+    anchors = np.array([[0.0, 0.0], [0.03, 0.0], [0.0, 0.03]])
+    everywhere = np.ones((8, 8), dtype=bool)
+    places = place_texts(anchors, ["10.0 %"] * 3, [everywhere] * 3, anchors, 0.05)
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        apart = np.abs(places[i] - places[j])
+        assert apart[0] > 0.05 * 0.62 * 6 or apart[1] > 0.05 * 1.25
+
+
+def test_texts_stay_in_their_region():
+    left = np.zeros((40, 40), dtype=bool)
+    left[:, :20] = True
+    anchor = np.array([[-0.01, 0.0]])
+    ((x, _),) = place_texts(anchor, ["ab"], [left], anchor, 0.05)
+    assert x < -0.02
+
+
+@pytest.mark.parametrize("name", ["cube", TUMBLER])
+def test_figure_is_drawn_and_repeats(name):
+    poses = body(name)
+    names = [f"${i}$" for i in range(len(poses.normals))]
+    figure = gauss_map_figure(poses, names)
+    assert is_whole(figure)
+    assert figure.png() == gauss_map_figure(poses, names).png()
+
+
+def test_areas_on_paper_are_the_probabilities():
+    poses = body("box")
+    figure = gauss_map_figure(poses)
+    areas = np.array([painted(figure, color).sum() for color in BASINS[: len(poses.normals)]])
+    np.testing.assert_allclose(areas / areas.sum(), poses.probabilities, atol=0.02)
+
+
+def test_strong_areas_are_the_odds_under_a_cap():
+    poses = body("box").under("cap:0.3,-0.5,0.7:100")
+    figure = gauss_map_figure(poses)
+    areas = np.array([painted(figure, color).sum() for color in BASINS[: len(poses.normals)]])
+    np.testing.assert_allclose(areas / areas.sum(), poses.probabilities, atol=0.02)
+    assert not any("areas on paper are probabilities" in text for text in figure.texts)
+
+
+def test_a_figure_under_samples_says_so():
+    poses = body("box").under(SampledDirections([[0.0, 0.0, 1.0]]))
+    assert any("samples" in text for text in gauss_map_figure(poses).texts)
+
+
+def test_figure_writes_labels_and_probabilities():
+    texts = gauss_map_figure(body("cube"), ["a", "b", "c", "d", "e", ""]).texts
+    written = sorted(text for text in texts if "%" in text)
+    assert written == ["16.7 %", *(f"{letter}\n16.7 %" for letter in "abcde")]
+    assert any("areas on paper are probabilities" in text for text in texts)
+
+
+def test_figure_of_many_improbable_rests_writes_none():
+    turns = 2 * np.pi * np.arange(120) / 120
+    ring = np.stack([np.cos(turns), np.sin(turns), np.full(120, 40.0)], axis=1)
+    poses = rest_poses(np.concatenate([ring, ring * [1, 1, -1]]))
+    assert poses.probabilities.max() < 0.01
+    assert not any("%" in text for text in gauss_map_figure(poses).texts)
+
+
+def test_wrong_number_of_labels():
+    with pytest.raises(InputError, match="one for each of the 6 rests, got 2"):
+        gauss_map_figure(body("cube"), ["a", "b"])
+
+
+@pytest.mark.parametrize("name", ["box", TUMBLER])
+def test_heights_are_drawn_from_the_lowest_to_the_highest(name):
+    poses = body(name)
+    figure = heights_figure(poses)
+    assert is_whole(figure)
+    reach = np.linalg.norm(poses.hull.vertices - poses.center_of_mass, axis=1).max()
+    standing = poses.hull.heights(poses.center_of_mass).min()
+    assert {f"{standing:.4g}", f"{reach:.4g}"} <= set(figure.texts)
+    for color in (LOW_TO_HIGH[0], LOW_TO_HIGH[-1]):
+        assert painted(figure, color).any()
+
+
+def test_a_path_goes_down_to_a_rest() -> None:
+    poses = body("box")
+    for down in np.random.default_rng(1).normal(size=(20, 3)):
+        path = path_of(roll_steps(poses.morse.equilibria, down))
+        np.testing.assert_allclose(path[0], down / np.linalg.norm(down), atol=1e-15)
+        heights = (path @ poses.hull.vertices.T).max(axis=1)
+        assert (np.diff(heights) < 1e-12).all()
+        assert np.linalg.norm(poses.normals - path[-1], axis=1).min() < 1e-12
+
+
+def test_paths_are_drawn_and_no_others() -> None:
+    poses = body("box")
+    few = np.array([[0.9, 0.3, 0.2], [-0.2, -0.9, 0.3], [0.1, 0.2, -0.9]])
+    figure = paths_figure(poses, few)
+    assert is_whole(figure)
+    more = paths_figure(poses, np.random.default_rng(2).normal(size=(40, 3)))
+    assert painted(more, PATH).sum() > 4 * painted(figure, PATH).sum()
+    assert figure.png() == paths_figure(poses, 7.0 * few).png()
+
+
+def test_a_body_that_rests_has_a_dot_alone() -> None:
+    poses = body("box")
+    figure = paths_figure(poses, poses.normals[:1])
+    # The mark of the rest lies over it.
+    assert painted(figure, PATH)[: round(figure.height) - 130].sum() < 100
+
+
+@pytest.mark.parametrize("down", [[0.0, 0.0, 0.0], [np.nan, 1.0, 0.0]])
+def test_no_direction(down: list[float]) -> None:
+    with pytest.raises(InputError, match="down"):
+        paths_figure(body("box"), np.array([down]))
+
+
+def shoelace(ring: np.ndarray) -> float:
+    """Area of a polygon whose second coordinate runs downward."""
+    x, y = ring.T
+    return -0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+
+
+@pytest.mark.parametrize("name", ["cube", "needle", "random", TUMBLER])
+def test_areas_are_the_odds(name: str) -> None:
+    poses = body(name)
+    one, _ = placed_discs(poses)
+    whole = 2.0 * np.pi * one.radius**2
+    areas = [sum(map(shoelace, rings)) / whole for rings in basin_outlines(poses)]
+    np.testing.assert_allclose(areas, poses.probabilities, atol=2e-3)
+
+
+@pytest.mark.parametrize("name", ["cube", "needle", "random", TUMBLER])
+def test_each_direction_is_in_the_outline_of_its_rest_alone(name: str) -> None:
+    poses = body(name)
+    directions = random_directions(1500, 4)
+    rests = basin_of_directions(poses, directions)
+    discs = placed_discs(poses)
+    here = [directions @ placed.disc.axis >= 0.0 for placed in discs]
+    points = np.where(
+        here[0][:, None],
+        discs[0].on_paper(discs[0].disc.project(directions)),
+        discs[1].on_paper(discs[1].disc.project(directions)),
+    )
+    found = np.zeros((len(directions), len(poses.facets)))
+    for rest, rings in enumerate(basin_outlines(poses)):
+        for ring in rings:
+            turn = 1.0 if shoelace(ring) > 0.0 else -1.0
+            found[:, rest] += turn * Path(ring, closed=False).contains_points(points)
+    # Pieces of borders are straight on paper, so that a few directions are on the wrong side.
+    wrong = (found != np.eye(len(poses.facets))[rests]).any(axis=1)
+    assert wrong.mean() < 0.01

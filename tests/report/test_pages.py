@@ -1,0 +1,360 @@
+"""The page of convex, thrown and reshaped dice, and what it says of attempts and of prints."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi
+from typing import Any
+
+import pytest
+from common.finished import CONCAVE, LABELS, finished_box
+from common.made_up_die import SIDES, box, checked
+from common.parsed_html import Checker, parsed
+
+from dicedesign.errors import InputError
+from dicedesign.recipe.pipeline import run_stages
+from dicedesign.report.figures import FIGURES
+from dicedesign.report.pages import die_page
+from dicedesign.report.throwing import throwing_advice, throws_told
+from dicedesign.results.parts import (
+    Draft,
+    PrintedLabel,
+    Search,
+    SimulatedThrows,
+    ThrownOdds,
+    TradeOff,
+)
+from dicedesign.results.result import Designed, InfillOdds, PrintTolerances, Result
+from dicedesign.throws.tables import Table, table_named
+
+PNG = b"\x89PNG"
+RESHAPED = {
+    "concave": CONCAVE,
+    "design": Designed(0.1),
+    "rest_counts": (3, 1, 1, 1, 1, 17),
+    "notes": ("7 vertices were welded",),
+}
+THROWN = ThrownOdds(
+    table_named("board-game").as_dict()
+    | {"restitution": 0.5, "friction": 0.3, "height": 0.1, "speed": 0.2, "spin": 10.0}
+    | {"size": 0.0317, "name": "my <table>", "source": "guessed"},
+    (0.16, 0.16, 0.16, 0.16, 0.16, 0.2),
+    (),
+    SimulatedThrows(
+        "mujoco",
+        1,
+        100_100,
+        60,
+        (16_000, 16_000, 16_000, 16_000, 16_000, 20_000),
+        (0.16, 0.16, 0.16, 0.16, 0.16, 0.2),
+        ((0.158, 0.162),) * 6,
+        0.005,
+        (0.0023, 0.0077),
+        0.0011,
+    ),
+)
+
+
+def result(**changes: Any) -> Result:
+    return finished_box(**changes).result
+
+
+def page_of(images: dict[str, bytes] | None = None, **changes: Any) -> Checker:
+    return parsed(die_page(result(**changes), images or {}))
+
+
+def test_a_convex_die() -> None:
+    images = dict.fromkeys(("bars", "convergence", "gauss_map", "views", "faces"), PNG)
+    page = page_of(images)
+    assert len(page.sources) == 5
+    assert ("<6>", "16.667") in zip(page.cells, page.cells[1:], strict=False)
+    assert {"start", "0.50", "301.2", "-", "smoothness & size", "0.25"} <= set(page.cells)
+    for text in (
+        "off_target: max |p - q| is 0.1 & more",
+        *(FIGURES[name].title for name in images),
+        *(FIGURES[name].caption for name in images),
+        "held during the stage,",
+        "its other 0",
+        "(0.000, 1.500, -2.000) mm",
+        "die_plain: die_plain.stl",
+        "100 % infill",
+        "the face down",
+        "Set it down gently",
+        "Thrown it has others; the command dicedesign throw shows by how much.",
+    ):
+        assert text in page.text
+    for absent in ("On the table", "Measures", "Notes", "Quality of the surface"):
+        assert absent not in page.text
+
+
+def test_a_die_that_keeps_a_shape() -> None:
+    names = ("rests", "before_after", "odds", "hull", "displacement", "energy")
+    page = page_of(dict.fromkeys(names, PNG), **RESHAPED)
+    assert len(page.sources) == 6
+    at = page.cells.index("elsewhere")
+    assert page.cells[at : at + 5] == ["elsewhere", "-", "25.000", "0.000", "-"]
+    for text in (
+        "3.12 % of the diagonal",
+        "11.5 % of the diagonal",
+        "3.2e-06 of the diagonal",
+        "430",
+        "6598",
+        "No two triangles <cross>.",
+        "7 vertices were welded",
+        "the side that the die lies on",
+    ):
+        assert text in page.text
+    assert "Facets" not in page.text
+    order = [FIGURES[name].title for name in names]
+    order += ["Quality of the surface", "Measures", "Notes", "Stages", "Files"]
+    places = [page.text.index(title) for title in order]
+    assert places == sorted(places)
+    assert "cut into the side that is up" not in page.text
+    marked = page_of(**RESHAPED, files={"die": "die.stl", "die_plain": "die_plain.stl"})
+    assert "cut into the side that is up" in marked.text
+
+
+def test_a_die_to_be_thrown() -> None:
+    images = dict.fromkeys(("bars", "table", "rounds", "film", "views"), PNG) | {"throw": b"GIF89a"}
+    page = page_of(images, thrown=THROWN)
+    # Without the bars of odds that the die is not meant to have.
+    assert len(page.sources) == 5
+    assert FIGURES["bars"].title not in page.text
+    assert sum(source.startswith("data:image/gif;") for source in page.sources) == 1
+    assert "158" not in page.text
+    assert "15.80 to 16.20" in page.cells
+    for text in (
+        "falls from 10 cm above the table",
+        "moves sideways at 20 cm a second and spins 1.6 times a second",
+        "bounces off with 50 % of its speed; the coefficient of friction is 0.3",
+        "31.7 mm across",
+        'This is the table "my <table>": guessed.',
+        "In 100,100 throws that the design had not seen, simulated by MuJoCo, the outcomes'",
+        "total variation of 0.0050",
+        "A perfect die would show 0.0011",
+        "off by 0.0023 to 0.0077",
+        "60 throws did not come to rest",
+        "40 came to rest on a facet without a label",
+        "let it fall from about 10 cm above the table, with a little push and spin",
+    ):
+        assert text in page.text
+
+
+def test_throws_that_tell_no_difference_and_none_at_all() -> None:
+    assert THROWN.simulated is not None
+    even = replace(THROWN.simulated, interval=(0.0, 0.004), unresolved=0, drops=100_000)
+    text = page_of(thrown=replace(THROWN, simulated=even)).text
+    assert "do not tell it from a perfect one" in text
+    assert "off by at most 0.0040" in text
+    assert "did not come to rest" not in text
+    assert "without a label" not in text
+    text = page_of(thrown=replace(THROWN, simulated=None)).text
+    assert "No throws of it were simulated" in text
+    text = page_of(thrown=replace(THROWN, table=table_named("carpet").as_dict())).text
+    assert "it is set down on the table, turned at random. It does not bounce" in text
+    assert "honey" in text
+    assert "when it is let go" not in text
+
+
+@pytest.mark.parametrize(
+    ("table", "advice"),
+    [
+        ("carpet", "Set it down on the table"),
+        ("paper", "let it fall from about 10 cm above the table, each time from another"),
+    ],
+)
+def test_advice_for_gentle_tables(table: str, advice: str) -> None:
+    assert advice in throwing_advice(replace(THROWN, table=table_named(table).as_dict()))
+
+
+def test_throws_of_many_heights_and_spins() -> None:
+    table = {**THROWN.table, "height": [0.05, 0.2], "speed": [0.0, 1.2], "spin": [2 * pi, 9 * pi]}
+    thrown = replace(THROWN, table=table)
+    assert "let it fall from 5 to 20 cm above" in throwing_advice(thrown)
+    manner, _ = throws_told(thrown)
+    assert "falls from 5 to 20 cm above the table, turned at random" in manner
+    assert "moves sideways at 0 to 1.2 m a second and spins 1 to 4.5 times a second" in manner
+    assert "of a range, each throw has a value of its own" in manner
+    assert "of a range" not in throws_told(THROWN)[0]
+
+
+def test_throws_by_a_named_hand() -> None:
+    table = Table(**THROWN.table).thrown_by("cup")
+    thrown = replace(THROWN, table=table.as_dict())
+    assert throwing_advice(thrown).startswith("Throw it out of a cup: let it fall from 5 to 12 cm")
+    manner, _ = throws_told(thrown)
+    assert "are for throws out of a cup, in which it falls from 5 to 12 cm above" in manner
+    assert 'the table "my <table>:cup": guessed; out of a cup, chosen, not measured' in manner
+
+
+@pytest.mark.parametrize("changes", [{}, RESHAPED, {"thrown": THROWN}])
+def test_pages_need_nothing_else_and_escape(changes: dict[str, Any]) -> None:
+    images = {figure.name: PNG for figure in FIGURES}
+    text = die_page(result(**changes), images)
+    for part in ("http:", "https:", "<script", "<link", "<6>", "<cross>", "<table>:"):
+        assert part not in text
+    assert "<title>a &lt; box</title>" in text
+    assert 'name="viewport"' in text
+    assert all(source.startswith("data:image/") for source in parsed(text).sources)
+    assert text == die_page(result(**changes), images)
+
+
+def test_memory_since_the_start_is_said_so() -> None:
+    assert "held from its start to the end of the stage," in page_of(peak_since="start").text
+
+
+def test_figures_that_are_absent_leave_their_section_out() -> None:
+    text = page_of().text
+    for name in FIGURES.names:
+        assert FIGURES[name].caption in page_of({name: PNG}).text
+        assert FIGURES[name].caption not in text
+
+
+def test_a_page_runs_no_script_and_loads_nothing() -> None:
+    """Its policy stands before anything that could."""
+    page = die_page(result(), {})
+    policy = page.index("Content-Security-Policy")
+    assert policy < page.index("<title>")
+    assert "default-src 'none'" in page[policy:]
+    assert "<script" not in page
+
+
+HEADER = 8
+"""Columns of the table of attempts."""
+
+
+def cells(drafts: tuple[Draft, ...], attempts: int, attempt: int | None = None) -> list[str]:
+    search = Search(attempts, None, attempt, TradeOff(0.005, 45.0, 10.0, drafts))
+    result = finished_box(concave=CONCAVE, search=search).result
+    assert result.error_before == 0.25
+    return parsed(die_page(result, {})).cells
+
+
+def test_what_was_wanted_stands_beside_what_was_reached() -> None:
+    told = cells((), attempts=4)
+    for name, values in (
+        ("error of the odds, rests elsewhere included", ["at most 0.005", "0.25", "0.05"]),
+        ("angle between outcomes", ["at least 45°", "-", "90.0°"]),
+        ("angle at which an outcome is left", ["at least 10°", "-", "45.0°"]),
+    ):
+        at = told.index(name)
+        assert told[at + 1 : at + 4] == values
+
+
+def test_the_best_attempts_are_listed_and_the_die_first() -> None:
+    """Even attempts have the odds, the larger the number the farther they were moved; the third
+    has become the die."""
+    drafts = tuple(
+        Draft(k, None if k == 2 else 1.5, 0.001 if k % 2 == 0 else 0.1, 0.01 * k, 50.0, 12.0, 0)
+        for k in range(1, 31)
+    )
+    told = cells(drafts, attempts=40, attempt=3)
+    at = told.index("3, this die")
+    rows = [told[at + HEADER * k : at + HEADER * (k + 1)] for k in range(12)]
+    assert [row[0] for row in rows[1:]] == [str(2 * k) for k in range(1, 12)]
+    assert rows[0][1:7] == ["3.00", "1.0e-01", "50.0", "12.0", "0", "1.5"]
+    assert rows[1][1:7] == ["2.00", "1.0e-03", "50.0", "12.0", "0", "-"]
+    assert {row[7] for row in rows[1:]} == {"nothing"} != {rows[0][7]}
+    assert "24" not in told
+
+
+def test_dice_of_no_surface_have_none() -> None:
+    result = finished_box().result
+    assert "Attempts" not in parsed(die_page(result, {})).text
+    with pytest.raises(InputError, match="surface"):
+        result.error_before  # noqa: B018
+
+
+ERRORS = {"dimensional_mm": 0.07, "shrinkage": 0.002, "density_gradient": 0.01, "bubble_mm3": 1.0}
+
+TOLERANCES = PrintTolerances(
+    answer="Printed to within ±0.12 mm <so>, 1,000 rolls show nothing.",
+    rolls=1000,
+    allowed_mm=0.12,
+    noticed=0.0789,
+    assumed=ERRORS,
+    deviations=(0.00203, 0.00224, 0.00244, 0.00282, 0.00276, 0.00142),
+    by_error={name: (0.001 * number,) * 6 for number, name in enumerate(ERRORS, 1)},
+    total_variation=0.0104,
+)
+
+INFILL = InfillOdds(
+    infill=0.15,
+    walls_mm=1.2,
+    advice="At 15 % infill nobody notices. Print it so, or solid.",
+    probabilities=(0.11, 0.12, 0.13, 0.14, 0.15, 0.35),
+    elsewhere=0.0,
+    max_abs_error=0.01,
+    mass=0.45,
+    shift_mm=(0.0, 0.0, 0.05),
+    least_infill=0.0,
+)
+
+
+def test_every_error_of_every_outcome_is_told() -> None:
+    page = parsed(die_page(finished_box(tolerances=TOLERANCES).result, {}))
+    assert TOLERANCES.answer in page.text
+    assert {"0.203", "0.224", "0.244", "0.282", "0.276", "0.142"} <= set(page.cells)
+    for column in ("0.100", "0.200", "0.300", "0.400"):
+        assert page.cells.count(column) == len(LABELS)
+    for part in ("0.07 mm", "0.002 of the length", "1 mm³", "7.9 %", "0.01 on the mean"):
+        assert part in page.text
+
+
+def test_infill_takes_the_place_of_the_advice_to_print_solid() -> None:
+    solid = parsed(die_page(finished_box().result, {})).text
+    page = parsed(die_page(finished_box(infill=INFILL).result, {}))
+    assert "hold for a solid of one material" in solid
+    assert "hold for a solid of one material" not in page.text
+    assert page.text.count(INFILL.advice) == 2
+    assert {"11.000", "35.000"} <= set(page.cells)
+    assert "15 % infill" in page.text
+
+
+def test_a_page_without_them_says_nothing() -> None:
+    result = finished_box(tolerances=TOLERANCES, infill=INFILL).result
+    bare = die_page(replace(result, tolerances=None, infill=None), {})
+    assert bare == die_page(finished_box().result, {})
+    assert "prints" not in parsed(bare).text
+
+
+def test_a_page_has_the_measures_of_the_print() -> None:
+    work = checked(box(1.0, 1.0, 1.0), SIDES, entries={"engrave": True, "print": "sla"})
+    run_stages(work, after="check", last="printing")
+    result = work.result()
+    found = result.printability
+    assert found is not None
+    page = parsed(die_page(result, {}))
+    for cell in (
+        "SLA, 0.05 mm, layers of 0.05 mm",
+        f"{found.weight_g:.3g} g of resin, 1.15 g/cm³, solid",
+        "17.3 × 17.3 × 17.3 mm",
+        "nothing",
+        "one closed solid without a flaw",
+    ):
+        assert cell in page.cells
+    for label in found.labels:
+        assert label.text in page.cells
+        assert f"{label.wall_mm:.2g}" in page.cells
+    assert "Printing" not in parsed(die_page(replace(result, printability=None), {})).text
+
+
+def test_what_is_missing_is_a_dash_and_texts_are_escaped() -> None:
+    work = checked(box(1.0, 1.1, 1.2), SIDES, entries={"engrave": False})
+    run_stages(work, after="check", last="printing")
+    found = work.result().printability
+    assert found is not None
+    concave = replace(
+        found,
+        smallest_facet=None,
+        labels=(PrintedLabel("<7>", None, None, None),),
+        best=replace(found.best, overhang_mm2=12.34, support_mm3=3.14, label="<7>"),
+        file=replace(found.file, open_edges=3),
+    )
+    page = parsed(die_page(replace(work.result(), printability=concave), {}))
+    at = page.cells.index("<7>")
+    assert page.cells[at + 1 : at + 4] == ["-"] * 3
+    assert "<7>" in page.cells
+    assert "12.3 mm², 3 mm³ beneath" in page.cells
+    assert "3 open edges" in page.text
+    assert "Printed as it rests" not in page.text

@@ -1,0 +1,255 @@
+"""The renderer: silhouettes, depths, shading, glass and shadows, against closed forms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from common.kernels import without_kernels
+
+from dicedesign.report.render.raster import Camera, rasterize
+from dicedesign.report.render.renderer import Shell, Surface, render
+from dicedesign.report.render.shading import brightness, corner_normals
+from dicedesign.report.render.tabletop import shadowed_table
+
+
+def render_view(points: np.ndarray, triangles: np.ndarray, camera: Camera, size: int) -> np.ndarray:
+    """Picture of a solid with flat faces."""
+    return render(Surface(np.asarray(points), np.asarray(triangles), smooth=False), camera, size)
+
+
+FRONT = Camera(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.5)
+CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+
+
+def seen_by(vertices, triangles, camera, size):
+    return rasterize(camera.pixel_positions(vertices, size), triangles, size)
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 1), (1, 2, -3)])
+def test_silhouette_of_a_sphere(direction):
+    sphere = trimesh.creation.icosphere(subdivisions=5)
+    camera = Camera(np.array(direction, float), np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.25)
+    seen, _ = seen_by(sphere.vertices, sphere.faces, camera, 400)
+    area = (seen >= 0).sum() * (2.5 / 400) ** 2
+    assert area == pytest.approx(np.pi, rel=2e-3)
+
+
+def test_depth_is_that_of_the_surface():
+    sphere = trimesh.creation.icosphere(subdivisions=5)
+    _, depth = seen_by(sphere.vertices, sphere.faces, FRONT, 300)
+    centres = (np.arange(300) + 0.5) / 100.0 - 1.5
+    squared = np.square(centres)[:, None] + np.square(centres)
+    inside = squared < 0.9
+    np.testing.assert_allclose(depth[inside] / 100.0, np.sqrt(1.0 - squared[inside]), atol=2e-3)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_nearer_triangle_hides_a_farther_one(order):
+    near = np.array([[-1, -1, 0.5], [1, -1, 0.5], [0, 1, 0.5]])
+    far = near * [1.3, 1.3, 1.0] - [0, 0, 1.0]
+    triangles = np.array([[0, 1, 2], [3, 4, 5]])[::order]
+    seen, _ = seen_by(np.concatenate([near, far]), triangles, FRONT, 90)
+    front = 0 if order == 1 else 1
+    assert seen[45, 45] == front
+    assert (seen == front).sum() == pytest.approx(2.0 * 30**2, rel=0.02)
+    assert (seen == 1 - front).sum() == pytest.approx(0.69 * 2.0 * 30**2, rel=0.04)
+
+
+def test_crossing_triangles_each_show_their_nearer_part():
+    rising = np.array([[-1, -1, -1], [1, -1, 1], [1, 1, 1], [-1, 1, -1]], dtype=float)
+    points = np.concatenate([rising, rising * [1, 1, -1]])
+    triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    seen, _ = seen_by(points, triangles, FRONT, 60)
+    assert set(seen[30, 12:28]) <= {2, 3}
+    assert set(seen[30, 32:48]) <= {0, 1}
+
+
+def test_triangles_with_common_edges_leave_no_gap_and_do_not_overlap():
+    rng = np.random.default_rng(4)
+    angles = np.sort(rng.uniform(0, 2 * np.pi, 40))
+    rim = np.stack([np.cos(angles), np.sin(angles), np.zeros(40)], axis=1)
+    points = np.concatenate([rng.uniform(-0.2, 0.2, (1, 3)) * [1, 1, 0], rim])
+    fan = np.array([[0, 1 + k, 1 + (k + 1) % 40] for k in range(40)])
+    together, _ = seen_by(points, fan, FRONT, 200)
+    counts = sum((seen_by(points, fan[[k]], FRONT, 200)[0] >= 0).astype(int) for k in range(40))
+    assert counts.max() == 1
+    np.testing.assert_array_equal(counts == 1, together >= 0)
+
+
+def test_triangles_outside_and_without_area_are_harmless():
+    points = np.array([[9.0, 9, 0], [10, 9, 0], [9, 10, 0], [0, 0, 0], [0, 0, 1], [0, 0, 2]])
+    picture = render_view(points, np.array([[0, 1, 2], [3, 4, 5]]), FRONT, 30)
+    assert (picture == 255).all()
+
+
+def test_the_kernel_sees_the_triangles_that_numpy_sees() -> None:
+    rng = np.random.default_rng(0)
+    for case in range(60):
+        count = int(rng.integers(3, 60))
+        positions = rng.normal(size=(count, 3)) * rng.choice([5, 30, 200]) + rng.choice([0, 20, 50])
+        if case % 3 == 0:
+            # Corners and edges on pixels' centres, equal depths.
+            positions = np.round(positions) + 0.5
+        triangles = rng.integers(0, count, size=(80, 3))
+        seen, depth = rasterize(positions, triangles, 64)
+        with without_kernels():
+            expected = rasterize(positions, triangles, 64)
+        np.testing.assert_array_equal(seen, expected[0])
+        np.testing.assert_array_equal(depth, expected[1])
+
+
+UPRIGHT = np.array([0.0, 0.0, 1.0])
+
+
+def sphere(subdivisions: int) -> Surface:
+    mesh = trimesh.creation.icosphere(subdivisions=subdivisions)
+    return Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+
+
+def cube(half: float) -> trimesh.Trimesh:
+    return trimesh.creation.box([2.0 * half] * 3)
+
+
+def square(depth: float, half: float = 1.0) -> np.ndarray:
+    corners = [[-half, -half], [half, -half], [half, half], [-half, half]]
+    return np.column_stack([np.array(corners), np.full(4, depth)])
+
+
+HALVES = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+@pytest.mark.parametrize("subdivisions", [3, 5])
+def test_corner_normals_of_a_sphere_are_radial(subdivisions: int) -> None:
+    surface = sphere(subdivisions)
+    normals = corner_normals(surface.points, surface.triangles)
+    error = np.linalg.norm(normals - surface.points[surface.triangles], axis=-1).max()
+    assert error < 0.05 * 4.0 ** (3 - subdivisions)
+
+
+@pytest.mark.parametrize(("degrees", "shared"), [(30.0, True), (40.0, False)])
+def test_two_triangles_share_a_normal_up_to_35_degrees(degrees: float, shared: bool) -> None:
+    turn = np.radians(degrees)
+    points = np.array([[0, 0, 0], [0, 1, 0], [-1, 0, 0], [np.cos(turn), 0, -np.sin(turn)]], float)
+    left, right = corner_normals(points, np.array([[0, 1, 2], [0, 3, 1]]))
+    middle = np.array([np.sin(turn / 2), 0.0, np.cos(turn / 2)])
+    np.testing.assert_allclose(left[2], [0, 0, 1], atol=1e-12)
+    for corner in (left[0], left[1], right[0], right[2]):
+        assert np.allclose(corner, middle) == shared
+
+
+def test_a_coarse_sphere_is_shaded_like_the_sphere() -> None:
+    picture = render(sphere(3), FRONT, 120)
+    centres = (np.arange(120) + 0.5) / 40.0 - 1.5
+    x, y = np.meshgrid(centres, -centres)
+    inside = x**2 + y**2 < 0.7
+    normals = np.stack([x, y, np.sqrt(np.where(inside, 1.0 - x**2 - y**2, 0.0))], axis=-1)
+    light = brightness(normals[inside])
+    shown = picture[inside][:, 0] / 255.0
+    # But for the darkening of what lies behind its surroundings, which is none in the middle.
+    error = np.abs(shown / shown.max() - light / light.max())
+    assert error.max() < 0.06
+    flat = render(replace(sphere(3), smooth=False), FRONT, 120)[inside][:, 0] / 255.0
+    assert np.abs(flat / flat.max() - light / light.max()).max() > 2.0 * error.max()
+
+
+def test_colours_of_points_are_interpolated() -> None:
+    red_to_blue = np.array([[1, 0, 0], [0, 0, 1], [0, 0, 1], [1, 0, 0]], float)
+    picture = render(Surface(square(0.0), HALVES, red_to_blue), FRONT, 90)
+    row = picture[45, 17:73].astype(float)
+    share = row[:, 2] / row.sum(axis=1)
+    np.testing.assert_allclose(share, (np.arange(17, 73) + 0.5 - 15.0) / 60.0, atol=0.02)
+    assert row[:, 1].max() == 0
+    # Colours do not depend on the triangle of the square that a pixel sees.
+    np.testing.assert_array_equal(picture[20:70, 20], np.broadcast_to(picture[20, 20], (50, 3)))
+
+
+def test_what_is_not_covered_shows_the_backdrop() -> None:
+    backdrop = np.linspace(0.0, 1.0, 90)[:, None] * np.ones(90)
+    picture = render(Surface(square(0.0), HALVES), FRONT, 90, backdrop=backdrop)
+    np.testing.assert_array_equal(picture[:, 5, 1], np.rint(255.0 * backdrop[:, 5]))
+    assert (picture[45, 45] > picture[45, 5]).all()
+    nothing = Surface(square(0.0) + np.array([9.0, 0.0, 0.0]), HALVES)
+    assert (render(nothing, FRONT, 20) == 255).all()
+
+
+def test_silhouettes_and_steps_are_outlined_and_sharp_edges_are_not() -> None:
+    points = np.concatenate([square(0.0), square(0.5, 0.5)])
+    steps = Surface(points, np.concatenate([HALVES, HALVES + 4]))
+    picture = render(steps, FRONT, 90)
+    inner = picture[45, 45]
+    # Where the squares' borders are: 15 and 30 pixels from the left.
+    assert (picture[45, 29:31].astype(int) < inner.astype(int) - 40).all()
+    assert picture[45, 15].max() < inner.max() - 40
+    box = cube(1.0)
+    corner = Camera(np.ones(3), UPRIGHT, np.zeros(3), 2.0)
+    solid = Surface(np.asarray(box.vertices), np.asarray(box.faces))
+    plain = render(replace(solid, smooth=False), corner, 90)
+    smooth = render(solid, corner, 90)
+    assert plain[45, 45].max() < 80
+    assert smooth[45, 45].max() > 85
+
+
+def glass(tinted: tuple[int, ...]) -> Shell:
+    """A cube; facet 0 is toward -x, by trimesh's order of triangles."""
+    box = cube(1.2)
+    tints = np.full((len(box.faces), 3), np.nan)
+    for axis in tinted:
+        facing = box.face_normals[:, 2] == axis
+        tints[facing] = [0.0, 0.8, 0.0]
+    return Shell(np.asarray(box.vertices), np.asarray(box.faces), tints)
+
+
+def test_a_shell_tints_what_is_behind_it() -> None:
+    surface = Surface(square(0.0, 0.5), HALVES)
+    bare = render(surface, FRONT, 90).astype(int)
+    clear, near, far = (
+        render(surface, FRONT, 90, glass(tinted)).astype(int) for tinted in ((), (1,), (-1,))
+    )
+    # The surface is seen through the glass and grows greener only where the near side is tinted.
+    assert np.abs(clear[45, 40] - bare[45, 40]).max() < 40
+    green = [picture[..., 1] - picture[..., 0] for picture in (clear, near, far)]
+    assert green[1][45, 40] > green[0][45, 40] + 50
+    assert green[2][45, 40] == green[0][45, 40]
+    # Beside the surface both sides show, the far one paler.
+    assert green[0][45, 20] < 20
+    assert green[1][45, 20] > green[2][45, 20] + 20 > 40
+    # Outside of the shell there is nothing.
+    assert all((picture[45, 4] == 255).all() for picture in (clear, near, far))
+
+
+def test_pictures_are_the_same_without_the_kernel() -> None:
+    surface = sphere(3)
+    expected = render(surface, FRONT, 60, glass((1,)))
+    with without_kernels():
+        np.testing.assert_array_equal(render(surface, FRONT, 60, glass((1,))), expected)
+
+
+ABOVE = Camera(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 2.0)
+PLATE = np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)])
+SQUARE = np.array([(0, 1, 2), (0, 2, 3)])
+
+
+def test_shadows_are_under_the_body_and_fade_with_height() -> None:
+    middles = []
+    for height in (0.0, 0.3, 1.0, 50.0):
+        points = PLATE + height * UPRIGHT
+        shade = shadowed_table(points, SQUARE, points[:, 2], UPRIGHT, ABOVE, 200, 1.0)
+        assert shade.shape == (200, 200)
+        np.testing.assert_allclose(shade[[5, 5, 195, 195], [5, 195, 5, 195]], 1.0)
+        middle = shade[70:130, 70:130]
+        assert np.ptp(middle) < 1e-9
+        middles.append(middle.mean())
+    assert np.all(np.diff(middles) > 0.0)
+    assert 0.0 < middles[0] < middles[-1] < 0.9
+
+
+def test_the_lowest_place_casts_the_shadow() -> None:
+    low = np.concatenate([PLATE, PLATE + 0.5 * UPRIGHT])
+    both = np.concatenate([SQUARE, SQUARE + 4])
+    alone = shadowed_table(PLATE, SQUARE, PLATE[:, 2], UPRIGHT, ABOVE, 60, 1.0)
+    np.testing.assert_array_equal(
+        shadowed_table(low, both, low[:, 2], UPRIGHT, ABOVE, 60, 1.0), alone
+    )
