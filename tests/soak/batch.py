@@ -78,18 +78,12 @@ class Batch:
 
     Attributes
     ----------
-    signals: workers and sessions that were ended on purpose.
     workers: memory in units of 10^6 bytes of each worker of the last session, by its id, at looks
         `LOOK` seconds apart; empty where the system does not tell.
-    parent: the same of the process that hands out the work.
-    table_mb: size of the table in the end.
     faults: hangs, unforeseen errors, and tables that cannot be read.
     """
 
-    signals: int = 0
     workers: dict[int, list[float]] = field(default_factory=dict)
-    parent: list[float] = field(default_factory=list)
-    table_mb: float = 0.0
     faults: list[Fault] = field(default_factory=list)
 
     @property
@@ -190,7 +184,6 @@ def run_batches(
             batch.faults.append(Fault("traceback", f"exit code {code}: {last}"))
         if sent is not None and table.exists():
             batch.faults += _unreadable(table)
-    batch.table_mb = table.stat().st_size / 1e6 if table.exists() else 0.0
     return batch
 
 
@@ -224,7 +217,7 @@ def _watch(
     """Wait for the end, or send a signal before; the exit code, None if there is no end."""
     limit = time.monotonic() + LEAST_SECONDS + SECONDS_PER_MESH * files
     signal_at = kill_at = float("inf")
-    kills, batch.workers, batch.parent = 0, {}, []
+    kills, batch.workers = 0, {}
     while True:
         with contextlib.suppress(subprocess.TimeoutExpired):
             return process.wait(LOOK)
@@ -237,17 +230,14 @@ def _watch(
             kill_at = min(kill_at, now + kill_seconds)
         for worker in workers:
             batch.workers.setdefault(worker, []).extend(_megabytes(worker))
-        batch.parent += _megabytes(process.pid)
         if now >= signal_at and sent is not None:
             process.send_signal(sent)
-            batch.signals += 1
             sent = None
         if now >= kill_at and workers and kills <= files / MESHES_PER_KILL:
             kill_at = float("inf")
             with contextlib.suppress(ProcessLookupError):
                 os.kill(workers[int(rng.integers(len(workers)))], signal.SIGKILL)
                 kills += 1
-                batch.signals += 1
 
 
 def _workers(pid: int) -> list[int]:

@@ -84,11 +84,9 @@ class Fault:
 
 @dataclass(frozen=True)
 class Tried:
-    """A case that has ended: its number, how many of its commands got a signal, and what went
-    wrong."""
+    """A case that has ended: its number, and what went wrong."""
 
     number: int
-    killed: int
     faults: list[Fault]
 
 

@@ -169,7 +169,7 @@ report: false
 def _finished(folder: Path) -> Case:
     """A run whose result is a sample."""
     ended = yield Command(("run", "good.yaml", "--out", "die"), folder)
-    return Tried(0, 0, faults_of(ended, 0))
+    return Tried(0, faults_of(ended, 0))
 
 
 def _table_text(name: str) -> bytes:
@@ -199,7 +199,7 @@ def _case(samples: Samples, number: int, kind: str, data: bytes, sound: bool) ->
     ended = yield Command(arguments, samples.folder, program=reader.program, memory=MEMORY)
     shutil.rmtree(folder)
     faults = [Fault(one.kind, f"{kind}: {one.what}") for one in _faults(ended, reader, sound)]
-    return Tried(number, 0, faults)
+    return Tried(number, faults)
 
 
 def _faults(ended: Ended, reader: _Reader, sound: bool) -> list[Fault]:

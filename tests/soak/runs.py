@@ -181,7 +181,7 @@ def _case(
             for one in faults
         ]
     shutil.rmtree(folder)
-    return Tried(number, int(sent is not None), faults)
+    return Tried(number, faults)
 
 
 def _no_results(folder: Path) -> list[Fault]:

@@ -3,7 +3,8 @@ files, with processes killed on the way. What is made depends on the seed alone.
 
     pytest tests/soak -m soak -n 0
 
-runs it by hand; `SOAK_MESHES`, `SOAK_RUNS`, `SOAK_FILES` and `SOAK_SEED` say how much of it.
+runs it by hand; `SOAK_MESHES`, `SOAK_RUNS` and `SOAK_FILES` say how much of it, `SOAK_SEED` what,
+and `SOAK_FIRST` is the number of the first run and file.
 """
 
 from __future__ import annotations
@@ -34,6 +35,11 @@ def amount(name: str, default: int) -> int:
     return int(os.environ.get(f"SOAK_{name}", default))
 
 
+def numbers(name: str, default: int) -> range:
+    first = amount("FIRST", 0)
+    return range(first, first + amount(name, default))
+
+
 @pytest.fixture(autouse=True)
 def with_signals() -> None:
     require_signals()
@@ -57,12 +63,12 @@ def test_meshes_of_a_folder(tmp_path: Path) -> None:
 
 
 def test_runs_of_recipes(tmp_path: Path) -> None:
-    cases = run_cases(tmp_path, range(amount("RUNS", 300)), SEED)
+    cases = run_cases(tmp_path, numbers("RUNS", 300), SEED)
     assert faults_of_all(cases, tmp_path / "printed") == []
 
 
 def test_damaged_files(tmp_path: Path) -> None:
     folder = tmp_path / "samples"
     folder.mkdir()
-    cases = file_cases(Samples(folder), range(amount("FILES", 5_000)), SEED)
+    cases = file_cases(Samples(folder), numbers("FILES", 5_000), SEED)
     assert faults_of_all(cases, tmp_path / "printed") == []
