@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from common.thrown import BOARD, random_body
 from scipy.spatial.transform import Rotation
-from scipy.special import sph_harm_y
 from scipy.stats import kstest
 
 from dicedesign.throws.release import (
     PAPER_DIRECTIONS,
     Orientations,
-    drop_weights,
     released,
     released_on,
     up_directions,
@@ -40,23 +38,6 @@ def test_the_paper_has_1212_directions() -> None:
     cosines = directions @ directions.T - 2.0 * np.eye(PAPER_DIRECTIONS)
     nearest = np.arccos(cosines.max(axis=1))
     assert 0.75 < nearest.min() / np.sqrt(8 * np.pi / np.sqrt(3) / PAPER_DIRECTIONS) <= 1.0
-
-
-@pytest.mark.parametrize("degree", range(1, 10))
-def test_they_integrate_spherical_harmonics(degree: int) -> None:
-    """Those that an icosahedron's symmetry leaves have degrees 6, 10, ...; the rest is exact."""
-    directions, areas = up_directions()
-    polar, azimuth = np.arccos(directions[:, 2]), np.arctan2(directions[:, 1], directions[:, 0])
-    for order in range(degree + 1):
-        mean = areas @ sph_harm_y(degree, order, polar, azimuth)
-        assert abs(mean) < (2e-3 if degree == 6 else 1e-12)
-
-
-def test_weights() -> None:
-    np.testing.assert_array_equal(drop_weights(5, "uniform"), 1.0)
-    weights = drop_weights(2 * PAPER_DIRECTIONS + 3, "icosahedron")
-    assert weights[:PAPER_DIRECTIONS].mean() == pytest.approx(1.0)
-    np.testing.assert_array_equal(weights[PAPER_DIRECTIONS:], weights[: PAPER_DIRECTIONS + 3])
 
 
 @pytest.mark.parametrize("orientations", ["uniform", "icosahedron"])
@@ -99,22 +80,6 @@ def test_ranges_are_drawn_evenly_and_independently(aimed: bool) -> None:
     known = np.concatenate([found, states[:, 3:7].T])
     correlations = np.corrcoef(known) - np.eye(len(known))
     assert np.abs(correlations[:3]).max() < 4.0 / np.sqrt(count)
-
-
-@pytest.mark.parametrize("ranged", ["height", "speed", "spin"])
-def test_a_range_leaves_everything_else_as_it_was(ranged: str) -> None:
-    body = random_body(2)[0]
-    table = replace(BOARD, **{ranged: getattr(SPREAD, ranged)})
-    one, other = (
-        released(body, how, np.arange(50), "uniform", np.random.default_rng(3))
-        for how in (BOARD, table)
-    )
-    place = ("height", "speed", "spin").index(ranged)
-    differs = np.abs(manners(one, body) - manners(other, body)).max(axis=1) > 1e-12
-    assert differs.tolist() == [k == place for k in range(3)]
-    np.testing.assert_array_equal(one[:, 3:7], other[:, 3:7])
-    units = [s[:, 10:] / np.linalg.norm(s[:, 10:], axis=1)[:, None] for s in (one, other)]
-    np.testing.assert_allclose(units[0], units[1], atol=1e-14)
 
 
 def test_the_papers_directions_point_up() -> None:

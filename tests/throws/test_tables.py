@@ -1,4 +1,4 @@
-"""Tables: those that come with the package, those of files, and what is refused."""
+"""Tables, those that come with the package and those in files, and hands."""
 
 from __future__ import annotations
 
@@ -8,15 +8,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
+from dicedesign.throws.momentum_model import MomentumModel, general_model, momentum_model
 from dicedesign.throws.tables import (
+    HANDS,
     TABLE_NAMES,
     Table,
     posterior_entries,
     posterior_tables,
     table_named,
+    with_hand,
 )
 
 GOOD = {
@@ -34,12 +38,6 @@ def test_tables_that_come_with_the_package(name: str) -> None:
     table = table_named(name)
     assert table.name == name
     assert table.source != "given"
-
-
-def test_no_momentum_is_none() -> None:
-    carpet = table_named("carpet")
-    assert (carpet.restitution, carpet.height, carpet.speed, carpet.spin) == (0.0, 0.0, 0.0, 0.0)
-    assert carpet.drag > 0.0
 
 
 def test_a_table_in_a_file(tmp_path: Path) -> None:
@@ -135,10 +133,6 @@ def test_numbers_out_of_range(changes: dict, message: str) -> None:
         Table(**{**GOOD, **changes})
 
 
-def test_a_die_may_be_set_down_whatever_its_size() -> None:
-    assert Table(**{**GOOD, "height": 0.0, "size": 0.3}).size == 0.3
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -169,3 +163,89 @@ def test_tables_that_are_not_there(tmp_path: Path) -> None:
 def test_a_large_die_is_let_go_from_no_lower_than_it_is_large(height: Any, lifted: Any) -> None:
     table = Table("low", 0.5, 0.5, height, 0.1, 1.0, size=0.02)
     assert table.lifted(0.035) == replace(table, height=lifted, size=0.035)
+
+
+LINO = {"name": "lino", "restitution": 0.4, "friction": 0.2}
+CUP = HANDS["cup"]
+
+
+@pytest.mark.parametrize("hand", HANDS)
+def test_a_hand_changes_the_throw_and_nothing_else(hand: str) -> None:
+    for name in set(TABLE_NAMES) - {"carpet"}:
+        own = table_named(name)
+        table = own.thrown_by(hand)
+        assert table.hand is HANDS[hand]
+        assert (
+            replace(
+                table,
+                name=own.name,
+                height=own.height,
+                speed=own.speed,
+                spin=own.spin,
+                source=own.source,
+            )
+            == own
+        )
+        # It goes by its name wherever tables do.
+        assert table.name == with_hand(name, hand) == f"{name}:{hand}"
+        assert table_named(table.name) == table
+        # Where the numbers are from is told.
+        assert own.source in table.source
+        assert HANDS[hand].source in table.source
+
+
+def test_a_hand_in_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "lino.json"
+    path.write_text(json.dumps({**LINO, "hand": "cup", "size": 0.03}))
+    table = table_named(str(path))
+    assert (table.height, table.speed, table.spin) == (CUP.height, CUP.speed, CUP.spin)
+    assert (table.name, table.size, table.hand) == ("lino", 0.03, CUP)
+    assert CUP.source in table.source
+    # Another one takes its place.
+    thrown = table_named(f"{path}:tower")
+    assert (thrown.name, thrown.hand) == ("lino:tower", HANDS["tower"])
+    # What is written is read as the same table.
+    path.write_text(json.dumps(table.as_dict()))
+    assert table_named(str(path)) == table
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"hand": "foot"}, "lino.json: hand: expected cup, hand, tower, got 'foot'; take one"),
+        ({"hand": ["cup"]}, r"lino.json: hand: expected cup, hand, tower, got \['cup'\]; correct"),
+        ({"hand": "cup", "spin": 3.0}, "or hand in place of height, speed, spin.* got .*hand, sp"),
+        ({"hand": "tower", "size": 0.05}, "no larger than the least drop height of 0.04 m"),
+    ],
+)
+def test_files_with_a_hand_that_cannot_be(tmp_path: Path, changes: dict, message: str) -> None:
+    path = tmp_path / "lino.json"
+    path.write_text(json.dumps({**LINO, **changes}))
+    with pytest.raises(InputError, match=message):
+        table_named(str(path))
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("board-game:foot", "table board-game:foot: hand: expected cup, hand, tower, got 'foot'"),
+        ("board-game:", "table board-game:: hand: expected cup, hand, tower, got ''"),
+        ("felt:cup", "table felt:cup: expected board-game, hard-wood, carpet, paper or the path"),
+        ("board-game:cup:hand", "table board-game:cup:hand: expected board-game, hard-wood"),
+        ("carpet:cup", "table carpet: expected a table on which dice have momentum for the hand c"),
+    ],
+)
+def test_names_with_a_hand_that_cannot_be(name: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        table_named(name)
+
+
+@pytest.mark.parametrize("hand", HANDS)
+def test_the_momentum_model_knows_the_hand(hand: str) -> None:
+    """It is asked for the middle of what the hand does."""
+    own = table_named("board-game").thrown_by(hand)
+    middles = {name: float(np.mean(getattr(own, name))) for name in ("height", "speed", "spin")}
+    known = momentum_model(f"board-game:{hand}")
+    of_middles = MomentumModel.of(general_model(), replace(own, **middles))
+    assert known is not None
+    assert (known.hot, known.cooling) == (of_middles.hot, of_middles.cooling)

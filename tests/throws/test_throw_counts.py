@@ -1,8 +1,7 @@
-"""Files of counts of several dice."""
+"""Counts of several dice from a file."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -55,20 +54,6 @@ def test_the_published_dice() -> None:
     assert many.geometric == pytest.approx(wanted, abs=4e-3)
     assert many.by_outcome(np.arange(11)).tolist() == [0, 3, 7, 11, 15, 19]
     assert all(die.size is None for die in dice)
-
-
-def test_published_dice_that_are_not_uniform(tmp_path: Path) -> None:
-    """The armadillo's hull has the published odds about the published center of mass only."""
-    with pytest.raises(InputError, match=r"die armadillo_d3: .* center of mass in a column com"):
-        read_throw_counts(public_data("published/throws.csv"), ["armadillo_d3"])
-    hull = public_data("published/hulls/armadillo_d3_hull.obj")
-    center = public_data("published/hulls/armadillo_d3_com.txt").read_text().strip()
-    rows = [f"a,{hull},{i + 1},{n},{p},{center}" for i, (n, p) in enumerate(ARMADILLO)]
-    path = written(tmp_path, HEADER.strip() + ",com\n" + "\n".join(rows))
-    (die,) = read_throw_counts(path)
-    assert die.labels == ("1 or 2", "3")
-    assert die.counts.tolist() == [224, 106]
-    assert die.geometric == pytest.approx([0.68, 0.32], abs=5e-3)
 
 
 ARMADILLO = ((109, 0.34), (115, 0.34), (106, 0.32))
@@ -160,14 +145,6 @@ def test_sizes_and_centers_that_cannot_be(
     rows = [f"b,{box.name},{i},2,{p},{com},{size}\n" for i, p in enumerate(_odds(box))]
     with pytest.raises(InputError, match=message):
         read_throw_counts(written(tmp_path, HEADER.strip() + ",com,size_mm\n" + "".join(rows)))
-
-
-def test_a_run_whose_center_is_outside(run: Path, tmp_path: Path) -> None:
-    path = run / "result.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), "center_of_mass": [0, 0, 8]}))
-    text = "die,mesh,outcome,throws\nb,run,z,5\nb,run,x,7\n"
-    with pytest.raises(InputError, match=r"run: center of mass: expected a point strictly inside"):
-        read_throw_counts(written(tmp_path, text))
 
 
 def test_unknown_die_and_unreadable_file(box: Path, tmp_path: Path) -> None:

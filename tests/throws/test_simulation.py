@@ -1,4 +1,4 @@
-"""Many throws: the same whoever runs them, and counted without loss."""
+"""Many throws of one body, by whatever number of workers."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from common.inline_executor import Inline, Lossy
+from common.inline_executor import Lossy
 from common.kernels import compiled_only
 from common.thrown import random_body
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.workers import local_workers
 from dicedesign.throws.release import PAPER_DIRECTIONS
-from dicedesign.throws.simulation import DROPS_PER_TASK, Throws, simulate
+from dicedesign.throws.simulation import Throws, simulate
 from dicedesign.throws.tables import table_named
 
 BOARD, CARPET = table_named("board-game"), table_named("carpet")
@@ -34,28 +34,12 @@ def test_the_same_in_any_number_of_workers() -> None:
 
 
 @compiled_only
-def test_more_drops_begin_with_the_same() -> None:
-    body, _ = random_body(1)
-    few, many = simulate(body, CARPET, DROPS_PER_TASK), simulate(body, CARPET, 700)
-    np.testing.assert_array_equal(many.outcomes[:DROPS_PER_TASK], few.outcomes)
-
-
-@compiled_only
 def test_what_lost_workers_left_is_thrown_again() -> None:
     body, _ = random_body(1)
     lossy = Lossy(lambda count: count in (1, 2, 3))
     np.testing.assert_array_equal(
         simulate(body, CARPET, 600, workers=lossy).outcomes, simulate(body, CARPET, 600).outcomes
     )
-
-
-@compiled_only
-def test_progress() -> None:
-    body, _ = random_body(1)
-    for workers in (None, Inline()):
-        told: list[int] = []
-        simulate(body, CARPET, 2 * DROPS_PER_TASK + 7, workers=workers, progress=told.append)
-        assert told == [DROPS_PER_TASK, DROPS_PER_TASK, 7]
 
 
 @compiled_only

@@ -1,4 +1,4 @@
-"""The package's own engine against MuJoCo, throw by throw and by frequency."""
+"""MuJoCo beside the package's own engine, and rests that cannot be missed."""
 
 from __future__ import annotations
 
@@ -7,17 +7,48 @@ import sys
 import numpy as np
 import pytest
 from common.kernels import compiled_only
-from common.thrown import BOARD, OCTAHEDRON, alike, box, random_body, random_points, thrown
+from common.thrown import BOARD, OCTAHEDRON, alike, random_body, random_points, thrown
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import InputError
-from dicedesign.throws.engines import GRAVITY, contact_of
-from dicedesign.throws.mujoco_engine import _advance, _scene, throw_states
+from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.kernels import ops as kernels
+from dicedesign.throws.engines import contact_of
+from dicedesign.throws.mujoco_engine import _scene, final_rest, rest_below, throw_states
 from dicedesign.throws.native import advance
 from dicedesign.throws.release import released
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
+
+
+@compiled_only
+@pytest.mark.parametrize("seed", range(10))
+def test_compiled_and_in_python(seed: int) -> None:
+    body, _ = random_body(seed)
+    downs = unit_vectors(np.random.default_rng(seed).normal(size=(200, 3)))
+    found = kernels.compiled.rests_below(
+        body.vertices,
+        body.start,
+        body.neighbors,
+        body.left,
+        body.right,
+        body.normals,
+        body.rest_of_facet,
+        body.barriers,
+        downs,
+    )
+    np.testing.assert_array_equal(found, [rest_below(body, down) for down in downs])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_body_can_leave_a_basin_over_its_lowest_saddle_only(seed: int) -> None:
+    body, _ = random_body(seed)
+    for rest, normal in enumerate(body.rest_normals):
+        barrier = float(body.barriers[rest])
+        assert final_rest(body, normal, 0.999 * barrier) == rest
+        assert final_rest(body, normal, 1.001 * barrier) == -1
+
 
 CARPET, PAPER = table_named("carpet"), table_named("paper")
 
@@ -77,34 +108,6 @@ def test_throw_by_throw(table: Table, points: np.ndarray) -> None:
     assert all(bounced)
     assert np.median(errors) < 2e-6
     assert np.quantile(errors, 0.75) < 1e-5
-
-
-@pytest.mark.parametrize("points", [OCTAHEDRON * [1.0, 1.1, 1.2], box(0.3, 1.0, 2.0)])
-def test_a_long_flight(points: np.ndarray) -> None:
-    """It falls as a point does, and keeps the energy and the angular momentum of its spin, as fast
-    as a throw can make it."""
-    mujoco = pytest.importorskip("mujoco", reason="the extra 'throws' is not installed")
-    body, _ = thrown(points)
-    contact = contact_of(BOARD)
-    model = mujoco.MjModel.from_xml_string(_scene(body, BOARD, contact))
-    data = mujoco.MjData(model)
-    seconds = 32 * contact.step
-    for state in let_go(body, BOARD, 4):
-        state[2] += 5.0
-        state[10:] *= 150.0 / BOARD.spin
-        mujoco.mj_resetData(model, data)
-        data.qpos[:], data.qvel[:] = state[:7], state[7:]
-        flown = 0.0
-        while flown < 0.5:
-            _advance(mujoco, model, data, contact, BOARD.size / 2.0)
-            flown += seconds
-        assert data.time == pytest.approx(flown)
-        assert data.qpos[2] == pytest.approx(state[2] - 0.5 * GRAVITY * flown**2, rel=1e-9)
-        after = np.concatenate([data.qpos, data.qvel])
-        energies = [one[10:] ** 2 @ body.moments for one in (state, after)]
-        momenta = [turned(one[3:7], body.moments * one[10:]) for one in (state, after)]
-        assert energies[1] == pytest.approx(energies[0], rel=1e-4)
-        np.testing.assert_allclose(*momenta, atol=3e-3 * np.linalg.norm(momenta[0]))
 
 
 @compiled_only

@@ -1,4 +1,4 @@
-"""The compiled momentum model against its formulas in NumPy and torch, and against differences."""
+"""Odds of thrown bodies by the momentum model, compiled and by its formulas."""
 
 from __future__ import annotations
 
@@ -15,9 +15,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.solid import solid_inertia
 from dicedesign.gradient.rest_odds import RestEvaluation
-from dicedesign.gradient.solid_moments import hull_inertia
 from dicedesign.gradient.thrown_odds import ThrownOdds
-from dicedesign.kernels import ops as kernels
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.momentum_odds import hull_odds, landing_odds, momentum_odds
@@ -135,18 +133,6 @@ def test_gradients_are_those_of_the_formulas(smooth_points: Floats) -> None:
             assert_near(mine.numpy(), other.numpy(), 1e-10)
 
 
-@compiled_only
-def test_the_jacobian_is_that_of_the_formulas(smooth_points: Floats) -> None:
-    for rests in both_ways(smooth_points):
-        found = BOARD_GAME.jacobian(rests)
-        weights = np.linspace(-1.0, 1.0, len(found))
-        value = (BOARD_GAME.tensor(rests) * torch.from_numpy(weights)).sum()
-        assert_near(weights @ found, gradients(value, rests)[0].numpy().ravel(), 1e-10)
-        if len(found) <= 12:
-            with without_kernels():
-                assert_near(found, BOARD_GAME.jacobian(rests), 1e-10)
-
-
 @pytest.mark.parametrize("name", ["random 8", "random 13", "two saddles between two rests"])
 def test_the_jacobian_is_that_of_differences(name: str) -> None:
     hull = convex_hull(BODIES[name]())
@@ -186,21 +172,6 @@ def test_a_barrier_that_rounds_below_nothing_is_none() -> None:
     assert np.abs(np.array(found) - found[0]).max() < 1e-6
 
 
-@compiled_only
-def test_a_gradient_can_be_differentiated_again() -> None:
-    rests = both_ways(random_points(8, 8))[0]
-    weights = torch.linspace(-1.0, 1.0, len(rests.odds), dtype=torch.float64)
-
-    def second(value: torch.Tensor) -> Floats:
-        (slope,) = gradients((value * weights).sum(), rests, create_graph=True)
-        return gradients((slope * slope).sum(), rests)[0].numpy()
-
-    found = second(BOARD_GAME.tensor(rests))
-    with without_kernels():
-        again = RestEvaluation(rests.equilibria, rests.vertices)
-        assert_near(found, second(BOARD_GAME.tensor(again)), 1e-9)
-
-
 def test_one_rest_is_always_reached() -> None:
     # About a ball with its weight near one facet.
     points = np.random.default_rng(2).normal(size=(20, 3))
@@ -215,16 +186,6 @@ def test_one_rest_is_always_reached() -> None:
     inertia = solid_inertia(hull.vertices, hull.triangles)
     found = hull_odds(hull, rests.paths, center, inertia, np.ones(1), BOARD_GAME.model[0])
     assert found == pytest.approx([1.0])
-
-
-@pytest.mark.parametrize("name", WITH_TIES)
-def test_derivatives_are_finite_where_there_are_none(name: str) -> None:
-    """Between parallel rests the angle, a half turn, has none, and that of ties is one of two."""
-    for rests in both_ways(BODIES[name]()):
-        assert np.isfinite(BOARD_GAME.jacobian(rests)).all()
-        with without_kernels():
-            again = RestEvaluation(rests.equilibria, rests.vertices, rests.given_center)
-            assert np.isfinite(BOARD_GAME.jacobian(again)).all()
 
 
 @compiled_only
@@ -245,16 +206,6 @@ def test_a_tied_body_has_the_odds_of_both_sides() -> None:
         # Barriers as low as the center is moved aside are known to a few digits.
         assert found == pytest.approx(expected, abs=1e-4)
         assert found.sum() == pytest.approx(1.0, abs=1e-12)
-
-
-def test_inertia_is_that_of_the_solid(points: Floats) -> None:
-    hull = convex_hull(points)
-    expected = solid_inertia(hull.vertices, hull.triangles)
-    _, by_torch = hull_inertia(torch.tensor(hull.vertices), hull)
-    assert_near(by_torch.numpy(), expected, 1e-12)
-    found = kernels.solid_inertia(hull)
-    if found is not None:
-        assert_near(found, expected, 1e-12)
 
 
 def test_carries_are_pairs_of_passes_over_two_saddles() -> None:

@@ -1,4 +1,4 @@
-"""Tables against what came up with real dice."""
+"""What is predicted of a die, and checks of tables."""
 
 from __future__ import annotations
 
@@ -7,12 +7,47 @@ import pytest
 from common.kernels import compiled_only
 from common.paths import public_data
 from common.thrown import box, thrown
+from scipy import stats
+from scipy.special import xlogy
 
 from dicedesign.throws.goodness_of_fit import chi_square, two_sample_chi_square
-from dicedesign.throws.predictions import check_table
+from dicedesign.throws.predictions import SERIES, check_table, expected_deviations, predicted
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
 from dicedesign.throws.throw_counts import CountedDie, read_throw_counts
+
+
+def test_one_parameter_on_which_two_odds_depend() -> None:
+    """Normal to a good approximation: precisions add up."""
+    value = np.random.default_rng(0).normal(0.5, 0.02, 100_000)
+    odds = np.stack([value, 1.0 - value], axis=1)
+    found = expected_deviations(value[:, None], odds, [100, 1000])
+    for count, left in zip((100, 1000), found[:, 0], strict=True):
+        assert left == pytest.approx((1.0 / 0.02**2 + count / 0.25) ** -0.5, rel=0.01)
+
+
+def test_by_odds_that_are_known_it_is_the_likelihood_ratio_test() -> None:
+    """Against all possible counts."""
+    throws, p = 30, 0.3
+    every = np.arange(throws + 1)
+    counts = np.stack([every, throws - every], axis=1)
+    ratio = 2.0 * (xlogy(counts, counts / throws) - counts * np.log([p, 1.0 - p])).sum(axis=1)
+    for came in (4, 9, 15):
+        exact = stats.binom.pmf(every[ratio >= ratio[came] - 1e-9], throws, p).sum()
+        found = predicted(counts[came], np.array([[p, 1.0 - p]]), np.random.default_rng(came))
+        assert found.p_value == pytest.approx(exact, abs=4.0 * found.standard_error + 1e-3)
+        assert found.odds == pytest.approx([p, 1.0 - p])
+        assert found.deviation == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+def test_the_outcome_that_is_least_as_predicted() -> None:
+    odds = np.tile([0.1, 0.3, 0.6], (50, 1))
+    found = predicted(np.array([60, 90, 150]), odds, np.random.default_rng(4))
+    assert found.worst == 0
+    low, high = found.interval
+    assert [low, high] == pytest.approx(stats.binom.ppf([0.025, 0.975], 300, 0.1), abs=1)
+    assert found.p_value == pytest.approx(1.0 / (SERIES + 1))
+
 
 DEAD = Table("dead", 0.0, 0.5, 0.03, 0.0, 0.0)
 

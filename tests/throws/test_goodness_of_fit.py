@@ -1,4 +1,4 @@
-"""Tests of odds, against SciPy, brute force and published throws."""
+"""Tests of odds and their power, against SciPy, brute force and published throws."""
 
 from __future__ import annotations
 
@@ -12,7 +12,16 @@ from common.paths import public_data
 from scipy import stats
 
 from dicedesign.throws import goodness_of_fit as module
-from dicedesign.throws.goodness_of_fit import chi_square, exact_multinomial, two_sample_chi_square
+from dicedesign.throws.goodness_of_fit import (
+    BLOCK,
+    chance_noticed,
+    chances_noticed,
+    chi_square,
+    drawn_counts,
+    exact_multinomial,
+    two_sample_chi_square,
+    weighted_chi_square_tail,
+)
 
 
 def published(die: str, column: str) -> np.ndarray:
@@ -65,24 +74,6 @@ def test_two_samples_as_in_scipy() -> None:
     assert (found.degrees, found.p_value) == (2, pytest.approx(expected.pvalue, rel=1e-12))
 
 
-def test_what_one_of_two_samples_never_showed_counts() -> None:
-    table = np.array([[30, 0, 12], [55, 4, 40]])
-    found, expected = two_sample_chi_square(*table), stats.chi2_contingency(table, correction=False)
-    assert (found.statistic, found.degrees) == (pytest.approx(expected.statistic, rel=1e-13), 2)
-
-
-def test_two_samples_of_the_throws_of_a_pig() -> None:
-    """Do a black and a pink pig land alike, by the margins of Kern's table of pairs?"""
-    with public_data("published/kern2006_pass_the_pigs.csv").open() as file:
-        rows = list(csv.reader(file))[1:]
-    table = np.array([[float(entry) for entry in row[1:]] for row in rows])
-    black, pink = table.sum(axis=0), table.sum(axis=1)
-    found = two_sample_chi_square(black, pink)
-    expected = stats.chi2_contingency(np.stack([black, pink]), correction=False)
-    assert found.statistic == pytest.approx(expected.statistic, rel=1e-12)
-    assert found.p_value == pytest.approx(expected.pvalue, rel=1e-10)
-
-
 def brute_force(counts: np.ndarray, odds: np.ndarray) -> float:
     throws = int(counts.sum())
     law = stats.multinomial(throws, odds)
@@ -110,18 +101,6 @@ def test_the_exact_test_by_brute_force(counts: list[int], odds: list[float]) -> 
     assert found.standard_error == 0.0
 
 
-@pytest.mark.parametrize("count", [0, 3, 9, 20])
-def test_of_two_outcomes_it_is_the_binomial_test(count: int) -> None:
-    found = exact_multinomial([count, 20 - count], [0.3, 0.7])
-    assert found.p_value == pytest.approx(stats.binomtest(count, 20, 0.3).pvalue, rel=1e-9)
-
-
-def test_no_p_value_is_above_one() -> None:
-    """Of the likeliest counts all others are taken together, and rounding with them."""
-    for half in range(1, 60):
-        assert 1.0 - 1e-12 < exact_multinomial([half, half], [0.5, 0.5]).p_value <= 1.0
-
-
 def test_drawn_tables_agree_with_all(monkeypatch: pytest.MonkeyPatch) -> None:
     counts, odds = [9, 4, 6, 1], [0.25, 0.25, 0.25, 0.25]
     every = exact_multinomial(counts, odds)
@@ -140,16 +119,65 @@ def test_a_drawn_p_value_is_never_zero() -> None:
     assert found.p_value == 1 / 100_001
 
 
-def test_with_many_throws_it_agrees_with_the_chi_square_test() -> None:
-    counts, odds = np.array([520, 330, 150]), np.array([0.5, 0.35, 0.15])
-    assert exact_multinomial(counts, odds).p_value == pytest.approx(
-        chi_square(counts, odds).p_value, abs=0.01
-    )
-
-
 @pytest.mark.parametrize("off", [0, 3, 100, 700])
 def test_tables_that_are_equally_likely_are_told_of_many_throws_too(off: int) -> None:
     """The one seen, and that with its two counts exchanged: logarithms near 1e7 are rounded."""
     few, many = 499_999 - off, 499_999 + off
     found = exact_multinomial([few, many], [0.5, 0.5])
     assert found.p_value == pytest.approx(stats.binomtest(few, 999_998, 0.5).pvalue, rel=1e-7)
+
+
+PRINTED = np.array([0.1, 0.2, 0.3, 0.4])
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.5])
+@pytest.mark.parametrize("value", [0.5, 4.0, 30.0])
+def test_equal_weights_are_the_noncentral_chi_square(scale: float, value: float) -> None:
+    noncentral = np.array([1.0, 0.0, 2.5])
+    found = weighted_chi_square_tail(value, np.full(3, scale), noncentral)
+    assert found == pytest.approx(stats.ncx2.sf(value / scale, 3, 3.5), abs=1e-11)
+
+
+def test_right_dice_are_noticed_by_the_level() -> None:
+    nothing = np.zeros((4, 4))
+    assert chance_noticed(PRINTED, 1000, nothing, np.zeros(4)) == pytest.approx(0.05, abs=1e-12)
+    assert chance_noticed(np.ones(1), 1000, np.zeros((1, 1)), np.zeros(1)) == 0.0
+
+
+def test_a_bias_alone_is_the_noncentral_test() -> None:
+    bias = np.array([0.01, -0.01, 0.02, -0.02])
+    critical = stats.chi2.isf(0.05, 3)
+    expected = stats.ncx2.sf(critical, 3, 1000 * (bias**2 / PRINTED).sum())
+    assert chance_noticed(PRINTED, 1000, np.zeros((4, 4)), bias) == pytest.approx(expected)
+    several = np.array([bias, 0.0 * bias, 3.0 * bias, 50.0 * bias, bias + np.eye(4)[0] / 100.0])
+    found = chances_noticed(PRINTED, 1000, several)
+    for one, known in zip(several[[0, 1, 2, 4]], found[[0, 1, 2, 4]], strict=True):
+        assert chance_noticed(PRINTED, 1000, np.zeros((4, 4)), one) == pytest.approx(known)
+    assert found[3] == 1.0
+    assert chances_noticed(np.ones(1), 1000, np.zeros((2, 1))).tolist() == [0.0, 0.0]
+
+
+def test_dice_that_are_rolled_are_noticed_as_often() -> None:
+    rng = np.random.default_rng(4)
+    slopes = rng.normal(0.0, 0.008, size=(4, 6))
+    slopes -= slopes.mean(axis=0)
+    bias = np.array([0.006, -0.002, -0.008, 0.004])
+    dice = 40_000
+    odds = PRINTED + bias + rng.normal(size=(dice, 6)) @ slopes.T
+    counts = rng.multinomial(1000, odds)
+    statistic = ((counts - 1000 * PRINTED) ** 2 / (1000 * PRINTED)).sum(axis=1)
+    noticed = (statistic > stats.chi2.isf(0.05, 3)).mean()
+    predicted = chance_noticed(PRINTED, 1000, slopes @ slopes.T, bias)
+    assert 0.15 < predicted < 0.6
+    # Four standard errors, and what counts being whole and odds not quite the target's come to.
+    assert noticed == pytest.approx(predicted, abs=4 * np.sqrt(0.25 / dice) + 0.01)
+
+
+def test_blocks_are_parts_of_one_series() -> None:
+    odds = np.array([0.2, 0.3, 0.5])
+    series = BLOCK // len(odds) + 1000
+    blocks = list(drawn_counts(odds, 7, series, 4))
+    assert len(blocks) == 2
+    assert max(block.size for block in blocks) <= BLOCK
+    expected = np.random.default_rng(4).multinomial(7, odds, size=series)
+    np.testing.assert_array_equal(np.concatenate(blocks), expected)

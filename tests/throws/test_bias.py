@@ -1,11 +1,11 @@
-"""What throws of several dice say of each of them, in worlds whose odds are known."""
+"""What throws of several dice, or onto several tables, say of each, where odds are known."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from dicedesign.throws.bias import Belief, Bias, expected_variation
+from dicedesign.throws.bias import Belief, Bias, Series, expected_variation, variations_on_tables
 
 ODDS = np.array([0.5, 0.3, 0.15, 0.05])
 ALONE = np.array([1.0])
@@ -20,20 +20,6 @@ def test_one_die_of_which_nothing_was_known_has_the_frequencies_of_its_throws() 
     binomial = np.sqrt(frequencies * (1.0 - frequencies) / 1e4)
     np.testing.assert_allclose(belief.scatter, binomial, rtol=1e-3)
     np.testing.assert_allclose(np.exp(bias.logarithms(ALONE)), frequencies / ODDS, rtol=1e-6)
-
-
-def test_throws_that_say_nothing_leave_the_model() -> None:
-    bias = Bias(np.array([[1e-6]]))
-    bias.learn(ALONE, ODDS, np.array([10, 90, 0, 0]))
-    belief = bias.belief(ALONE, ODDS)
-    np.testing.assert_allclose(belief.odds, ODDS, rtol=1e-6)
-    assert belief.scatter.max() < 1e-6
-
-
-def test_an_outcome_that_never_came_up_has_little_odds_but_some() -> None:
-    bias = Bias(np.array([[0.5]]))
-    bias.learn(ALONE, ODDS, np.array([520, 320, 160, 0]))
-    assert 0.0 < bias.belief(ALONE, ODDS).odds[3] < 0.02
 
 
 def test_few_throws_of_many_dice_say_what_each_does() -> None:
@@ -79,14 +65,6 @@ def test_how_large_weights_are_is_learned_too(true: float) -> None:
     assert small.sum() < large.sum()
 
 
-def test_logarithms_of_many_at_once() -> None:
-    bias = Bias(np.array([[0.4, 0.2]]))
-    bias.learn(np.array([1.0, 0.3]), ODDS, np.array([400, 380, 140, 80]))
-    rows = np.array([[1.0, 0.0], [1.0, 0.3], [1.0, -2.0]])
-    for row, found in zip(rows, bias.logarithms(rows), strict=True):
-        np.testing.assert_array_equal(found, bias.logarithms(row))
-
-
 @pytest.mark.parametrize("scatter", [0.0, 0.002, 0.01, 0.1])
 def test_the_expected_variation_is_the_mean_over_what_may_be(scatter: float) -> None:
     target = np.array([0.5, 0.3, 0.2])
@@ -94,3 +72,44 @@ def test_the_expected_variation_is_the_mean_over_what_may_be(scatter: float) -> 
     drawn = belief.odds + belief.scatter * np.random.default_rng(2).normal(size=(200_000, 3))
     mean = (np.abs(drawn - target).sum(axis=1) / 2.0).mean()
     assert expected_variation(belief, target) == pytest.approx(mean, rel=0.01)
+
+
+TARGET = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1]) / 36.0
+MEASURES = np.random.default_rng(1).normal(size=(32, 3))
+TILT = 0.05 * np.random.default_rng(2).normal(size=(3, 11))
+
+
+def tilted(odds: np.ndarray, logarithms: np.ndarray) -> np.ndarray:
+    found = odds * np.exp(logarithms)
+    return found / found.sum()
+
+
+def judged(change: float, known: float, drops: int, seed: int) -> tuple[np.ndarray, object]:
+    """True total variations on the tables, and what throws say, of a die whose odds change so much
+    with the table, of which a model knows a part."""
+    rng = np.random.default_rng(seed)
+    true = [tilted(TARGET, change * row @ TILT) for row in MEASURES]
+    others = [
+        Series(tilted(TARGET, known * change * row @ TILT), rng.multinomial(drops, odds))
+        for row, odds in zip(MEASURES, true, strict=True)
+    ]
+    meant = Series(TARGET, rng.multinomial(20 * drops, TARGET))
+    found = variations_on_tables(TARGET, MEASURES, others, meant)
+    return np.array([0.5 * np.abs(odds - TARGET).sum() for odds in true]), found
+
+
+@pytest.mark.parametrize("known", [0.0, 0.7])
+def test_few_throws_onto_each_table_tell_what_the_die_does_on_all(known: float) -> None:
+    true, found = judged(1.0, known, 1000, 3)
+    # A thousand throws onto one table alone show three times as much of chance.
+    assert np.abs(np.array(found.values) - true).max() < 0.015
+    assert found.often == pytest.approx(np.quantile(true, 0.9), abs=0.008)
+    assert found.worst == pytest.approx(true.max(), abs=0.01)
+    assert found.often > 2.0 * found.chance_often
+
+
+def test_a_perfect_die_shows_chance() -> None:
+    found = [judged(0.0, 1.0, 500, seed)[1] for seed in range(5)]
+    mean = np.mean([one.often for one in found])
+    assert mean == pytest.approx(np.mean([one.chance_often for one in found]), rel=0.3)
+    assert all(one.chance_worst >= one.chance_often > 0.0 for one in found)

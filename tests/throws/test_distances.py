@@ -1,0 +1,207 @@
+"""Intervals and distances, against SciPy, enumeration, another library and sampling."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.spatial.transform import Rotation
+
+from dicedesign.errors import InputError
+from dicedesign.geometry.sphere import angle_between, unit_vectors
+from dicedesign.runtime.intervals import exact_intervals
+from dicedesign.throws import distances as module
+from dicedesign.throws.distances import (
+    effective_counts,
+    jeffreys_posterior,
+    measure_transport,
+    measure_variation,
+    noise_floor,
+    total_variation,
+    wasserstein_distance,
+)
+
+
+@pytest.mark.parametrize("confidence", [0.5, 0.95, 0.999])
+@pytest.mark.parametrize("throws", [1, 7, 664])
+def test_exact_intervals_as_in_scipy(throws: int, confidence: float) -> None:
+    counts = np.unique([0, 1, throws // 3, throws - 1, throws])
+    for count, interval in zip(counts, exact_intervals(counts, throws, confidence), strict=True):
+        expected = stats.binomtest(int(count), throws).proportion_ci(confidence, method="exact")
+        np.testing.assert_allclose(interval, expected, rtol=1e-9)
+
+
+def test_the_posterior_is_that_of_a_dirichlet_distribution() -> None:
+    counts = np.array([0, 3, 11])
+    posterior = jeffreys_posterior(counts, 0.8)
+    dirichlet = stats.dirichlet(counts + 0.5)
+    np.testing.assert_allclose(posterior.means, dirichlet.mean(), rtol=1e-14)
+    drawn = dirichlet.rvs(40_000, random_state=0)
+    np.testing.assert_allclose(
+        posterior.intervals, np.quantile(drawn, [0.1, 0.9], axis=0).T, atol=0.004
+    )
+    within = (posterior.intervals[:, 0] < posterior.means).all()
+    assert within
+
+
+def test_a_confidence_next_to_1_leaves_limits_below_it() -> None:
+    """The part above is 5.6e-17, which no difference from 1 has room for."""
+    intervals = jeffreys_posterior([0, 5, 5], 1.0 - 2.0**-53).intervals
+    weights = np.array([0.5, 5.5, 5.5])
+    above = stats.beta.sf(intervals[:, 1], weights, 11.5 - weights)
+    np.testing.assert_allclose(above, 2.0**-54, rtol=1e-6)
+
+
+TWO_DICE = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1]) / 36
+
+
+def test_total_variation_is_the_largest_difference_of_any_event() -> None:
+    rng = np.random.default_rng(0)
+    p, q = rng.dirichlet(np.ones(6)), rng.dirichlet(np.ones(6))
+    events = np.array(list(product([0.0, 1.0], repeat=6)))
+    assert total_variation(p, q) == pytest.approx((events @ (p - q)).max(), abs=1e-15)
+    assert total_variation(p, p) == 0.0
+    assert total_variation([1, 0], [0, 1]) == 1.0
+
+
+@pytest.mark.parametrize("throws", [1, 2, 6, 7, 36, 100])
+@pytest.mark.parametrize("odds", [TWO_DICE, np.array([0.5, 0.5]), np.array([0.999, 0.001])])
+def test_the_noise_floor_is_the_mean_over_all_counts(odds: np.ndarray, throws: int) -> None:
+    counts = np.arange(throws + 1)[:, None]
+    deviations = np.abs(counts / throws - odds) * stats.binom.pmf(counts, throws, odds)
+    assert noise_floor(odds, throws) == pytest.approx(deviations.sum() / 2, rel=1e-12)
+
+
+def test_unequal_weights_have_the_variance_of_fewer_throws() -> None:
+    """The variance of a weighted frequency is p (1 - p) over the effective number."""
+    rng = np.random.default_rng(1)
+    weights = rng.exponential(size=200)
+    came = rng.random((4000, 200)) < 0.3
+    frequencies = came @ weights / weights.sum()
+    throws = effective_counts(came[0], weights, 2).sum()
+    assert throws == pytest.approx(weights.sum() ** 2 / np.square(weights).sum())
+    assert throws < 130
+    assert frequencies.var() == pytest.approx(0.3 * 0.7 / throws, rel=0.08)
+
+
+@pytest.mark.parametrize("throws", [60, 2_000])
+@pytest.mark.parametrize(
+    ("odds", "truth"),
+    [
+        pytest.param(TWO_DICE, TWO_DICE, id="as given"),
+        pytest.param(TWO_DICE, (TWO_DICE + 1 / 11) / 2, id="flatter"),
+        pytest.param(np.full(4, 0.25), np.array([0.4, 0.1, 0.25, 0.25]), id="two labels off"),
+        pytest.param(np.array([0.5, 0.5]), np.array([0.5, 0.5]), id="coin"),
+        pytest.param(np.array([0.98, 0.02]), np.array([0.9, 0.1]), id="rare outcome"),
+    ],
+)
+def test_the_interval_covers(
+    odds: np.ndarray, truth: np.ndarray, throws: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In 300 series of throws; the standard error of the coverage is 0.013."""
+    monkeypatch.setattr(module, "DRAWS", 500)
+    expected = total_variation(odds, truth)
+    drawn = np.random.default_rng(2).multinomial(throws, truth, size=300)
+    measured = [measure_variation(counts, odds, 0.95) for counts in drawn]
+    covered = [m.interval[0] <= expected <= m.interval[1] for m in measured]
+    assert np.mean(covered) >= 0.93
+    if odds is truth:
+        values = [m.value for m in measured]
+        assert np.mean(values) == pytest.approx(measured[0].noise_floor, rel=0.08)
+
+
+def test_a_confidence_next_to_1() -> None:
+    _, high = measure_variation([700, 300], [0.7, 0.3], 1.0 - 2.0**-53).interval
+    assert high == pytest.approx(8.2924 * np.sqrt(0.7 * 0.3 / 1000), rel=1e-3)
+
+
+X, Y, Z = np.eye(3)
+
+
+def distribution(seed: int, count: int, spread: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Random directions and weights; a small spread makes most weights tiny."""
+    rng = np.random.default_rng(seed)
+    weights = np.maximum(rng.dirichlet(np.full(count, spread)), 10 ** rng.uniform(-14, -5, count))
+    return unit_vectors(rng.normal(size=(count, 3))), weights / weights.sum()
+
+
+def test_along_a_great_circle_it_is_the_distance_of_distribution_functions() -> None:
+    """On an arc shorter than pi the problem is that on a line."""
+    rng = np.random.default_rng(3)
+    angles, weights = np.sort(rng.uniform(0, 3, 9)), rng.dirichlet(np.ones(9))
+    other = rng.dirichlet(np.ones(9))
+    directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(9)], axis=1)
+    expected = np.abs(np.cumsum(weights - other))[:-1] @ np.diff(angles)
+    found = wasserstein_distance(directions, weights, directions, other)
+    assert found == pytest.approx(expected, abs=1e-9)
+
+
+def test_turning_scaling_splitting_and_order_change_nothing() -> None:
+    (a, p), (b, q) = distribution(4, 9), distribution(5, 7)
+    turn = Rotation.random(random_state=6).as_matrix()
+    expected = wasserstein_distance(a, p, b, q)
+    halves = np.concatenate([p / 2, p / 2])
+    for changed in (
+        wasserstein_distance(b, q, a, p),
+        wasserstein_distance(a @ turn.T, p, b @ turn.T, q),
+        wasserstein_distance(a, 80 * p, b, 3 * q),
+        wasserstein_distance(np.concatenate([a, a]), halves, b[::-1], q[::-1]),
+        wasserstein_distance([*a, X], [*p, 0.0], b, q),
+    ):
+        assert changed == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("spread", [1.0, 0.03])
+@pytest.mark.parametrize("count", [2, 11, 60])
+def test_against_another_library(count: int, spread: float) -> None:
+    ot = pytest.importorskip("ot")
+    for seed in range(5):
+        (a, p), (b, q) = distribution(seed, count, spread), distribution(99 + seed, count + 3)
+        expected = ot.emd2(p, q, angle_between(a[:, None], b))
+        assert wasserstein_distance(a, p, b, q) == pytest.approx(expected, abs=1e-8)
+        # Both at the same rests.
+        other = distribution(seed + 50, count, spread)[1]
+        expected = ot.emd2(p, other, angle_between(a[:, None], a))
+        assert wasserstein_distance(a, p, a, other) == pytest.approx(expected, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("weights", "message"),
+    [
+        ([1.0], r"first_weights: expected 2, one for each direction"),
+        ([1.0, -0.1], r"at least 0 that are not all 0, got a least of -0.1"),
+        ([0.0, 0.0], r"not all 0"),
+        ([np.nan, 1.0], r"finite numbers"),
+        ([np.inf, 1.0], r"finite numbers"),
+    ],
+)
+def test_weights_that_are_no_distribution(weights: list[float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        wasserstein_distance([X, Y], weights, [Z], [1.0])
+
+
+def test_between_two_rests_it_is_their_angle_times_the_total_variation() -> None:
+    measured = measure_transport([X, Y], [60, 40], [0.5, 0.5], 0.95)
+    assert measured.value == pytest.approx(0.1 * np.pi / 2)
+    # The mean of 200 draws, within four standard errors.
+    expected = noise_floor([0.5, 0.5], 100) * np.pi / 2
+    assert measured.noise_floor == pytest.approx(expected, rel=4 * 0.76 / np.sqrt(200))
+    low, high = measured.interval
+    assert 0.0 <= low < measured.value < high
+    # 1.96 standard errors of the frequency to either side.
+    assert high - measured.value == pytest.approx(1.96 * 0.049 * np.pi / 2, rel=0.15)
+
+
+@pytest.mark.parametrize("off", [0.0, 0.1])
+def test_the_interval_of_a_transport_covers(off: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In 20 series of throws; the standard error of a coverage of 0.95 is 0.05."""
+    monkeypatch.setattr(module, "TRANSPORT_DRAWS", 20)
+    directions, odds = distribution(7, 5)
+    truth = (1 - off) * odds + off * np.eye(5)[0]
+    expected = wasserstein_distance(directions, truth, directions, odds)
+    drawn = np.random.default_rng(8).multinomial(300, truth, size=20)
+    measured = [measure_transport(directions, counts, odds, 0.95) for counts in drawn]
+    covered = [m.interval[0] <= expected <= m.interval[1] for m in measured]
+    assert np.mean(covered) >= 0.85

@@ -1,0 +1,393 @@
+"""Fits of tables to counts, against posteriors known otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from common.inline_executor import Inline
+from common.kernels import compiled_only
+from common.thrown import box, random_body, thrown
+from scipy.special import expit
+
+from dicedesign.errors import InputError
+from dicedesign.throws import sessions as simulated
+from dicedesign.throws.importance import WeightedPoints, effective, weighted_points
+from dicedesign.throws.odds_surrogate import LEVEL, LogOddsProcess, OddsSurrogate
+from dicedesign.throws.sessions import (
+    BETWEEN,
+    PARAMETERS,
+    SIMULATED,
+    SIZE,
+    WITHIN,
+    session_points,
+    shared_values,
+    simulated_table,
+)
+from dicedesign.throws.simulation import simulate
+from dicedesign.throws.table_fit import TableFit, fit_table
+from dicedesign.throws.tables import Table, least_of, mean_of
+from dicedesign.throws.throw_counts import CountedDie
+
+CENTERS = np.array([[0.3, 0.6], [0.4, 0.5]])
+
+SPREADS = np.array([[0.05, 0.1], [0.02, 0.3]])
+"""Of two counts, whose likelihood is normal in each of two parameters."""
+
+
+def normal(points: np.ndarray) -> np.ndarray:
+    return np.stack(
+        [
+            -0.5 * (((points - c) / s) ** 2).sum(axis=1)
+            for c, s in zip(CENTERS, SPREADS, strict=True)
+        ],
+        axis=1,
+    )
+
+
+@pytest.fixture(scope="module")
+def found() -> WeightedPoints:
+    return weighted_points(normal, 2, 2048, np.random.default_rng(1), leave_one_out=True)
+
+
+@pytest.mark.parametrize("without", [None, 0, 1])
+def test_moments(found: WeightedPoints, without: int | None) -> None:
+    """Against quadrature, within the limits of the cube."""
+    axis = (np.arange(1000) + 0.5) / 1000
+    grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    kept = [i for i in (0, 1) if i != without]
+    exact = np.exp(normal(grid)[:, kept].sum(axis=1))
+    exact /= exact.sum()
+    weights = found.weights(without)
+    assert weights.sum() == pytest.approx(1.0)
+    mean = exact @ grid
+    deviation = np.sqrt(exact @ (grid - mean) ** 2)
+    assert (np.abs(weights @ found.points - mean) < 0.1 * deviation).all()
+    of_points = np.sqrt(weights @ (found.points - mean) ** 2)
+    assert of_points == pytest.approx(deviation, rel=0.08)
+    assert effective(weights) > 500
+
+
+def test_a_posterior_that_is_narrow_beside_the_prior() -> None:
+    """As of a million throws, of which the prior's points are too far off to have any weight."""
+    center, deviation = np.array([0.3, 0.7, 0.5]), 1e-4
+
+    def narrow(points: np.ndarray) -> np.ndarray:
+        return -0.5 * np.square((points - center) / deviation).sum(axis=1, keepdims=True)
+
+    found = weighted_points(narrow, 3, 1024, np.random.default_rng(3), leave_one_out=False)
+    weights = found.weights()
+    assert effective(weights) > 200
+    mean = weights @ found.points
+    assert mean == pytest.approx(center, abs=0.3 * deviation)
+    spread = np.sqrt(weights @ (found.points - mean) ** 2)
+    assert spread == pytest.approx(np.full(3, deviation), rel=0.2)
+
+
+def curve(points: np.ndarray) -> np.ndarray:
+    return np.asarray(np.sin(4.0 * points[:, 0]) + 0.5 * points[:, 1] ** 2)
+
+
+@pytest.fixture(scope="module")
+def process() -> LogOddsProcess:
+    rng = np.random.default_rng(1)
+    points = rng.random((120, 3))
+    noise = rng.uniform(0.002, 0.02, 120)
+    return LogOddsProcess(points, curve(points) + rng.normal(size=120) * np.sqrt(noise), noise)
+
+
+def test_it_finds_the_curve_and_its_own_error(process: LogOddsProcess) -> None:
+    points = np.random.default_rng(2).random((2000, 3))
+    errors = process.means(points) - curve(points)
+    deviations = np.sqrt(process.variances(points))
+    assert np.abs(errors).mean() < 0.04
+    assert 0.7 < np.sqrt(np.mean((errors / deviations) ** 2)) < 1.4
+    assert 0.8 < np.sqrt(np.mean(process.surprises() ** 2)) < 1.2
+
+
+def test_prediction_is_the_conditional_distribution() -> None:
+    """Against the joint normal distribution of observed and new values, inverted as a block."""
+    rng = np.random.default_rng(3)
+    points, new = rng.random((15, 2)), rng.random((4, 2))
+    noise = rng.uniform(0.01, 0.1, 15)
+    values = curve(points)
+    process = LogOddsProcess(points, values, noise)
+    both = np.vstack([points, new]) / process.lengths
+    squares = ((both[:, None] - both[None]) ** 2).sum(-1)
+    joint = process.variance * np.exp(-0.5 * squares) + LEVEL
+    joint[:15, :15] += np.diag(noise + process.excess)
+    precision = np.linalg.inv(joint)
+    covariance = np.linalg.inv(precision[15:, 15:])
+    means = process.mean - covariance @ precision[15:, :15] @ (values - process.mean)
+    assert process.means(new) == pytest.approx(means, abs=1e-8)
+    assert process.variances(new) == pytest.approx(np.diag(covariance), abs=1e-8)
+    for i in range(15):
+        rest = np.delete(np.arange(15), i)
+        weights = np.linalg.solve(joint[np.ix_(rest, rest)], joint[rest, i])
+        left = values[i] - process.mean - weights @ (values[rest] - process.mean)
+        spread = joint[i, i] - weights @ joint[rest, i]
+        assert process.surprises()[i] == pytest.approx(left / np.sqrt(spread), abs=1e-7)
+
+
+@pytest.fixture(scope="module")
+def surrogate() -> tuple[OddsSurrogate, np.ndarray]:
+    """Of three outcomes whose odds depend on the first of two parameters."""
+    rng = np.random.default_rng(4)
+    points = rng.random((100, 2))
+    counts = np.array([rng.multinomial(500, p) for p in true_odds(points)])
+    return OddsSurrogate.through(points, counts), points
+
+
+def true_odds(points: np.ndarray) -> np.ndarray:
+    first = expit(2.0 * points[:, 0] - 2.0)
+    second = (1.0 - first) * 0.3
+    return np.stack([first, second, 1.0 - first - second], axis=1)
+
+
+def test_odds(surrogate: tuple[OddsSurrogate, np.ndarray]) -> None:
+    points = np.random.default_rng(5).random((300, 2))
+    odds = surrogate[0].odds(points)
+    assert odds.sum(axis=1) == pytest.approx(np.ones(300), abs=1e-14)
+    assert np.abs(odds - true_odds(points)).max() < 0.03
+
+
+def test_likelihood(surrogate: tuple[OddsSurrogate, np.ndarray]) -> None:
+    """Against the multinomial formula, and its mean over draws of the odds."""
+    points = np.array([[0.2, 0.5], [0.7, 0.9]])
+    counts = np.array([30, 0, 50])
+    of_odds = counts[[0, 2]] @ np.log(surrogate[0].odds(points)[:, [0, 2]].T)
+    best = 30 * np.log(30 / 80) + 50 * np.log(50 / 80)
+    plain = surrogate[0].log_likelihood(points, counts, False)
+    assert plain == pytest.approx(of_odds - best, abs=1e-10)
+    rng = np.random.default_rng(6)
+    first, second = (
+        expit(p.means(points) + np.sqrt(p.variances(points)) * rng.normal(size=(200_000, 2)))
+        for p in surrogate[0].processes
+    )
+    drawn = first**30 * ((1.0 - first) * (1.0 - second)) ** 50
+    exact = surrogate[0].log_likelihood(points, counts, True)
+    assert exact == pytest.approx(np.log(drawn.mean(axis=0)) - best, abs=0.01)
+
+
+START = Table("mine", 0.0, 0.0, 0.0, 0.0, 0.0, source="counts")
+
+MIDDLE = np.full((1, 5), 0.5)
+
+
+def values_of(points: np.ndarray) -> np.ndarray:
+    """Of simulated sets."""
+    least, most = np.array(list(SIMULATED.values())).T
+    hand = least[2:] * (most[2:] / least[2:]) ** points[..., 2:]
+    return np.concatenate([least[:2] + (most - least)[:2] * points[..., :2], hand], axis=-1)
+
+
+def test_the_prior_is_flat_in_logarithms_of_the_hand() -> None:
+    least, most = np.array(list(PARAMETERS.values())).T
+    assert shared_values(np.zeros((1, 5)))[0] == pytest.approx(least)
+    assert shared_values(np.ones((1, 5)))[0] == pytest.approx(most)
+    middle = [*(least + most)[:2] / 2.0, *np.sqrt(least * most)[2:]]
+    assert shared_values(MIDDLE)[0] == pytest.approx(middle)
+
+
+def test_a_session_of_a_die_of_known_size() -> None:
+    """Height in sizes, speed in roots of gravity times size, and spin in their inverse."""
+    offsets = np.array([[0.2, -0.1, 0.3, 0.9], [0.0, 0.0, 0.0, 0.1]])
+    shared = shared_values(MIDDLE)[0]
+    for size in (SIZE, 0.03):
+        found = values_of(session_points(MIDDLE, offsets, size))[0]
+        assert found[:, :2] == pytest.approx(np.array([shared[:2], shared[:2]]))
+        height, speed, spin = (found[:, 2:] / np.exp(offsets[:, :3])).T
+        assert height / SIZE == pytest.approx(np.full(2, shared[2] / size))
+        assert speed / SIZE**0.5 == pytest.approx(np.full(2, shared[3] / size**0.5))
+        assert spin * SIZE**0.5 == pytest.approx(np.full(2, shared[4] * size**0.5))
+
+
+def test_the_table_of_a_set_has_its_throws_about_the_session() -> None:
+    for point in (np.zeros(5), np.full(5, 0.4), np.ones(5)):
+        table, values = simulated_table(START, point), values_of(point)
+        assert (table.name, table.source, table.size) == ("mine", "counts", SIZE)
+        assert [table.restitution, table.friction] == pytest.approx(values[:2], rel=0.006)
+        ranges = np.array([table.height, table.speed, table.spin])
+        assert ranges.mean(axis=1) == pytest.approx(values[2:], rel=0.006)
+        wide = (ranges[:, 1] - ranges[:, 0]) / ranges.sum(axis=1)
+        assert wide == pytest.approx(np.full(3, WITHIN), abs=0.01)
+
+
+@compiled_only
+def test_a_larger_die_does_the_same_when_it_is_thrown_as_much_more() -> None:
+    """To the last bit, as a factor of four in length is one of two in time and speed."""
+    body, _ = random_body(2)
+    table = Table("small", 0.5, 0.4, (0.03, 0.1), (0.1, 0.4), (10.0, 40.0), size=0.025)
+    large = Table("large", 0.5, 0.4, (0.12, 0.4), (0.2, 0.8), (5.0, 20.0), size=0.1)
+    both = [simulate(body, sized, 200, seed=3).outcomes.tolist() for sized in (table, large)]
+    assert both[0] == both[1]
+
+
+def die(name: str, counts: Sequence[int], size: float | None = SIZE) -> CountedDie:
+    """A box whose three pairs of sides are two outcomes."""
+    body, poses = thrown(box(1.0, 1.2, 1.4))
+    shows = (np.abs(poses.normals).argmax(axis=1) > 0).astype(np.int64)
+    even = np.array([0.5, 0.5])
+    return CountedDie(name, body, size, ("a", "b"), np.array(counts), even, shows, poses)
+
+
+def by_restitution(restitution: np.ndarray) -> np.ndarray:
+    return np.asarray(expit(5.0 * (restitution - 0.55)))
+
+
+def by_friction(friction: np.ndarray, restitution: np.ndarray) -> np.ndarray:
+    return np.asarray(expit(4.0 * (friction + restitution - 1.0)))
+
+
+def by_height(height: np.ndarray, restitution: np.ndarray) -> np.ndarray:
+    return np.asarray(expit(5.0 * (restitution - 0.55) + 1.5 * np.log(height / 0.15)))
+
+
+def supposed(die: CountedDie, table: Table, drops: int, seed: Sequence[int]) -> np.ndarray:
+    """Counts from known odds in place of simulated ones."""
+    restitution = np.array(table.restitution)
+    if die.name == "hand":
+        p = by_height(np.array(mean_of(table.height)), restitution)
+    elif die.name == "second":
+        p = by_friction(np.array(table.friction), restitution)
+    else:
+        p = by_restitution(restitution)
+    came = np.random.default_rng(seed).binomial(drops, p)
+    return np.array([came, drops - came])
+
+
+FIRST, SECOND = die("first", [160, 240]), die("second", [200, 300])
+
+
+@pytest.fixture(autouse=True)
+def known_odds(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if "simulated" not in request.node.name:
+        monkeypatch.setattr(simulated, "outcome_counts", supposed)
+
+
+@pytest.fixture(scope="module")
+def fit() -> TableFit:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(simulated, "outcome_counts", supposed)
+        others = [die("same", [16, 24]), die("other", [35, 5])]
+        return fit_table([FIRST, SECOND], START, 64, 2000, 1, others=others, workers=Inline())
+
+
+def grid() -> tuple[np.ndarray, np.ndarray]:
+    axes = [np.linspace(*PARAMETERS[name], 401) for name in ("restitution", "friction")]
+    e, mu = np.meshgrid(*axes, indexing="ij")
+    return e, mu
+
+
+def likelihoods() -> tuple[np.ndarray, np.ndarray]:
+    e, mu = grid()
+    p, q = by_restitution(e), by_friction(mu, e)
+    return p**160 * (1 - p) ** 240 * 1e110, q**200 * (1 - q) ** 300 * 1e140
+
+
+def test_posterior_is_that_of_the_known_odds(fit: TableFit) -> None:
+    """Against quadrature over the two parameters on which the odds depend."""
+    e, mu = grid()
+    first, second = likelihoods()
+    weights = first * second / (first * second).sum()
+    for name, values in (("restitution", e), ("friction", mu)):
+        mean = (weights * values).sum()
+        deviation = np.sqrt((weights * (values - mean) ** 2).sum())
+        found = fit.parameters[name]
+        assert found.mean == pytest.approx(mean, abs=0.25 * deviation)
+        assert found.standard_deviation == pytest.approx(deviation, rel=0.2)
+        order = np.argsort(values, axis=None)
+        share = weights.ravel()[order].cumsum()
+        limits = values.ravel()[order[np.searchsorted(share, [0.05, 0.95])]]
+        assert found.interval == pytest.approx(limits, abs=0.5 * deviation)
+        assert found.fitted == pytest.approx(mean, abs=deviation)
+        assert found.searched == PARAMETERS[name]
+    assert fit.correlations[0, 1] < -0.4
+    assert fit.log_likelihood > -1.0
+
+
+def test_what_the_counts_do_not_tell_keeps_its_prior(fit: TableFit) -> None:
+    """Which is flat in the logarithm."""
+    for name in ("height", "speed", "spin"):
+        least, most = PARAMETERS[name]
+        found, wide = fit.parameters[name], np.log(most / least)
+        assert found.mean == pytest.approx((most - least) / wide, rel=0.15)
+        ends = np.log(np.array(found.interval) / least) / wide
+        assert ends == pytest.approx([0.05, 0.95], abs=0.06)
+    assert np.abs(fit.correlations[2:, :2]).max() < 0.25
+
+
+def test_each_die_is_predicted_without_its_own_counts(fit: TableFit) -> None:
+    e, mu = grid()
+    first, second = likelihoods()
+    for number, weights, odds in (
+        (0, second, by_restitution(e)),
+        (1, first, by_friction(mu, e)),
+        (2, first * second, by_restitution(e)),
+    ):
+        mean = (weights * odds).sum() / weights.sum()
+        deviation = np.sqrt((weights * (odds - mean) ** 2).sum() / weights.sum())
+        found = fit.dice[number].left_out
+        assert found is not None
+        assert found.odds[0] == pytest.approx(mean, abs=0.25 * deviation)
+        assert found.deviation[0] == pytest.approx(deviation, rel=0.2)
+
+
+def test_a_posterior_table_is_a_draw_of_the_posterior_and_of_a_session(fit: TableFit) -> None:
+    assert len(fit.posterior) == 32
+    for name in ("restitution", "friction"):
+        values = np.array([getattr(table, name) for table in fit.posterior])
+        parameter = fit.parameters[name]
+        assert values.mean() == pytest.approx(
+            parameter.mean, abs=0.4 * parameter.standard_deviation
+        )
+        assert values.std() == pytest.approx(parameter.standard_deviation, rel=0.35)
+    assert all(least_of(table.height) >= 0.04 for table in fit.posterior)
+    # Wider than the prior of the center by the sessions.
+    speeds = np.log([mean_of(table.speed) for table in fit.posterior])
+    least, most = PARAMETERS["speed"]
+    wide = np.sqrt(np.log(most / least) ** 2 / 12.0 + BETWEEN**2)
+    assert speeds.std() == pytest.approx(wide, rel=0.3)
+
+
+def test_sessions_differ_in_hands() -> None:
+    """Against quadrature over restitution, the center of heights, and a session about it."""
+    found = fit_table([die("hand", [160, 240])], START, 64, 2000, 3, workers=Inline())
+    e = np.linspace(*PARAMETERS["restitution"], 81)[:, None, None]
+    center = np.geomspace(*PARAMETERS["height"], 81)[:, None]
+    session = np.linspace(-4.0, 4.0, 81)
+    p = by_height(center * np.exp(BETWEEN * session), e)
+    likelihood = p**160 * (1 - p) ** 240 * 1e115
+    weights = (likelihood * np.exp(-0.5 * session**2)).sum(axis=2)
+    weights /= weights.sum()
+    for name, values in (("restitution", e[..., 0]), ("height", center.T)):
+        mean = (weights * values).sum()
+        deviation = np.sqrt((weights * (values - mean) ** 2).sum())
+        assert found.parameters[name].mean == pytest.approx(mean, abs=0.25 * deviation)
+        assert found.parameters[name].standard_deviation == pytest.approx(deviation, rel=0.2)
+
+
+def test_counts_that_no_table_explains() -> None:
+    """The odds of the first outcome are at least 0.095 within the limits."""
+    found = fit_table([die("first", [4, 396]), SECOND], START, 32, 2000, 0, workers=Inline())
+    first, second = found.dice
+    assert first.whole is not None
+    assert second.whole is not None
+    assert first.whole.p_value < 0.001
+    low, high = first.whole.interval
+    assert 4 < low < high
+    assert second.whole.p_value > 0.01
+
+
+@pytest.mark.parametrize(
+    ("effort", "message"),
+    [
+        ((31, 10, 0), "evaluations: expected a whole number of at least 32, got 31"),
+        ((32, 0, 0), "drops: expected a whole number above 0, got 0"),
+        ((32, 10, -1), "seed: expected a whole number of at least 0, got -1"),
+    ],
+)
+def test_too_little_effort(effort: tuple[int, int, int], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        fit_table([FIRST], START, *effort, workers=Inline())
