@@ -127,7 +127,7 @@ def _throw(options: argparse.Namespace) -> int:
     except InputError as error:
         print(f"note: without odds by the momentum model, as {printable(error)}", file=sys.stderr)
     table = table.sized(size)
-    usual = "icosahedron" if name == "paper" else "uniform"
+    usual: Orientations = "icosahedron" if name == "paper" else "uniform"
     orientations = usual if options.orientations is None else options.orientations
     drops = options.drops
     if drops is None:

@@ -221,7 +221,7 @@ def models(draw: st.DrawFn) -> dict[str, Any]:
 
 
 # A model holds a thousand numbers.
-@settings(suppress_health_check=[HealthCheck.too_slow])
+@settings(suppress_health_check=[HealthCheck.too_slow], max_examples=15)
 @given(models(), st.integers(0, 2**32))
 def test_every_model_within_its_ranges_gives_odds(plain: dict[str, Any], seed: int) -> None:
     table = GENERAL.drawn(TABLE, np.random.default_rng(seed))
@@ -291,9 +291,9 @@ def test_the_model_knows_what_a_livelier_table_does(dice: list[RandomDie]) -> No
     table, model = table_named("board-game"), momentum_model("board-game")
     assert model is not None
     seen, expected = [], []
-    for die in dice:
+    for die in dice[:4]:
         livelier = [table.livelier(change) for change in CHANGES]
-        throws = [simulate(die.body, one, 2000, 5) for one in livelier]
+        throws = [simulate(die.body, one, 1000, 5) for one in livelier]
         up, down = (one.counts / one.counts.sum() for one in throws)
         seen.append(up - down)
         up, down = (momentum_odds(die.poses, die.body, model.on(one)) for one in livelier)

@@ -187,10 +187,9 @@ def test_vertices_far_from_the_table_are_safely_left_out(table: Table) -> None:
 
 
 @compiled_only
-@pytest.mark.parametrize("seed", [1, 2, 5])
-def test_without_momentum_odds_are_the_geometric_ones(seed: int) -> None:
-    body, poses = random_body(seed)
-    throws = simulate(body, CARPET, 2000, 7)
+def test_without_momentum_odds_are_the_geometric_ones() -> None:
+    body, poses = random_body(1)
+    throws = simulate(body, CARPET, 1000, 7)
     assert throws.unresolved == 0
     likely = poses.probabilities > 5e-3
     counts = np.append(throws.counts[likely], throws.counts[~likely].sum())
