@@ -104,22 +104,6 @@ def test_a_padded_tensor_is_the_list(way) -> None:
 
 
 @compiled_only
-def test_threads_change_nothing() -> None:
-    generator = torch.Generator().manual_seed(0)
-    points = torch.randn(300, 10, 3, dtype=torch.float64, generator=generator).requires_grad_()
-    found, before = [], torch.get_num_threads()
-    try:
-        for threads in (1, 3):
-            torch.set_num_threads(threads)
-            rests = differentiable_rest_batch(points)
-            found.append((*rests, torch.autograd.grad(rowwise(*rests), points)[0]))
-    finally:
-        torch.set_num_threads(before)
-    for one, other in zip(*found, strict=True):
-        assert torch.equal(one, other)
-
-
-@compiled_only
 def test_others_run_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
     """Another thread of Python gets its turns before the kernels are done."""
     turns, done, counted = 0, threading.Event(), []

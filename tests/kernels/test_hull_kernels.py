@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import weld
 from dicedesign.kernels import ops as kernels
 from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32
 
@@ -149,36 +148,3 @@ def test_the_first_of_repeated_points_stands_for_all() -> None:
         first = np.sort(np.unique(points, axis=0, return_index=True)[1])
         np.testing.assert_array_equal(hull.source, first)
         np.testing.assert_array_equal(hull.tail, convex_hull(points[first]).tail)
-
-
-def test_slivers_and_thin_bodies_have_their_measures_from_numpy() -> None:
-    """Those need exact arithmetic or a stretched image; all else is there."""
-    thin = sphere(np.random.default_rng(5), 30) * [1.0, 1.0, 1e-6]
-    attributes = asked(thin)
-    assert attributes is not None
-    assert "centroid" not in attributes
-    assert "normals" in attributes
-    assert_same(convex_hull(thin), plain(thin))
-    cut = 1e-10
-    corner = [CUBE[7] - [cut, 0, 0], CUBE[7] - [0, 1.0, 0], CUBE[7] - [0, 0, 1.0]]
-    sliver = np.concatenate([CUBE[:7], corner])
-    attributes = asked(sliver)
-    assert attributes is not None
-    assert_same(convex_hull(sliver), plain(sliver))
-
-
-def test_welding_finds_the_same_positions() -> None:
-    rng = np.random.default_rng(7)
-    for count in (1, 2, 9, 300):
-        points = rng.integers(-2, 3, size=(count, 3)) / 3.0
-        points = np.where(rng.random(points.shape) < 0.5, points, points * -0.0 + points)
-        points[points == 0.0] *= rng.choice([-1.0, 1.0], size=int((points == 0.0).sum()))
-        faces = rng.integers(count, size=(40, 3))
-        found = weld(points, faces)
-        with without_kernels():
-            expected = weld(points, faces)
-        for ours, theirs in zip(found, expected, strict=True):
-            assert ours is not None
-            assert theirs is not None
-            np.testing.assert_array_equal(ours, theirs)
-            np.testing.assert_array_equal(np.signbit(ours), np.signbit(theirs))

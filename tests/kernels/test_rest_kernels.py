@@ -14,7 +14,7 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.kernels.ops import Tie
 from dicedesign.rest import morse, tracing
 from dicedesign.rest.basins import basin_areas, find_basins, tie_distance
-from dicedesign.rest.equilibria import Equilibria, classify, surroundings
+from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import Separatrices, separatrices
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats
@@ -98,49 +98,6 @@ def test_separatrices_are_those_of_numpy(ties: bool) -> None:
     assert undecided < 0.02 * bodies
 
 
-def brink(hull: ConvexHull, direction: Floats) -> tuple[Floats, Floats] | None:
-    """Two centers of mass with no float64 position between them on a line from the centroid, for
-    which the body does not do the same; None where nothing changes on the way."""
-
-    def center(reach: float) -> Floats:
-        return hull.centroid + reach * direction
-
-    def same(a: float, b: float) -> bool:
-        one, other = by_numpy(classify(hull, center(a))), by_numpy(classify(hull, center(b)))
-        return all(np.array_equal(getattr(one, n), getattr(other, n)) for n in ARRAYS)
-
-    low, high = 0.0, 0.2 * float(surroundings(hull, hull.centroid).height)
-    if same(low, high):
-        return None
-    while low < (middle := (low + high) / 2.0) < high:
-        low, high = (middle, high) if same(low, middle) else (low, middle)
-    return center(low), center(high)
-
-
-def test_at_the_brink_decisions_are_those_of_exact_arithmetic() -> None:
-    # Doubles do not tell what the body does there; pairs of doubles mostly do.
-    decided, brinks = 0, 0
-    rng = np.random.default_rng(0)
-    for hull in hulls(60):
-        ends = brink(hull, rng.normal(size=3))
-        if ends is None:
-            continue
-        brinks += 1
-        for center in ends:
-            found = answer(classify(hull, center), True)
-            if found is None:
-                continue
-            decided += 1
-            assert isinstance(found, Separatrices)
-            expected = by_numpy(classify(hull, center))
-            for name in ARRAYS:
-                np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
-            with pytest.raises(Tie):
-                separatrices(classify(hull, center, 10.0 * tie_distance(hull, center)))
-    assert brinks > 10
-    assert decided > brinks
-
-
 def test_without_kernels_odds_are_the_same() -> None:
     for seed in range(60):
         points = random_points(seed)
@@ -180,26 +137,3 @@ def test_destinations_are_those_of_numpy() -> None:
             expected = tracing._numpy_destinations(classify(hull, center), facets)
             np.testing.assert_array_equal(found, expected)
     assert np.mean(answers) > 0.98
-
-
-@pytest.mark.parametrize("error", [0.0, 1e-3])
-def test_slides_are_those_of_numpy(error: float) -> None:
-    rng = np.random.default_rng(0)
-    answers, certain = [], []
-    for hull in hulls(60):
-        equilibria = classify(hull, hull.centroid)
-        down = rng.normal(size=(50, 3))
-        down /= np.linalg.norm(down, axis=1)[:, None]
-        lowest = np.argmax(down @ equilibria.radii.T, axis=1)
-        errors = np.full(len(down), error)
-        found = kernels.slides(hull, hull.centroid, 0.0, lowest, down, errors)
-        answers.append(found is not None)
-        if found is None:
-            continue
-        expected = tracing._step_by_step(equilibria, lowest, down, errors)
-        np.testing.assert_array_equal(found[1], expected[1])
-        np.testing.assert_array_equal(found[0][found[1]], expected[0][found[1]])
-        certain.append(found[1].mean())
-    assert np.mean(answers) > 0.98
-    # Directions that are not known well are decided about less often.
-    assert np.mean(certain) > 0.9 if error == 0.0 else 0.1 < np.mean(certain) < 0.95

@@ -13,7 +13,6 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.poses import rest_poses
 from dicedesign.rest.roll import RollStep, roll_steps
-from dicedesign.rest.tracing import destined_facets
 
 
 def body(seed: int) -> Equilibria:
@@ -76,20 +75,6 @@ def test_no_step_turns_farther_than_asked(seed: int) -> None:
                 turn = after.transform[:3, :3] @ before.transform[:3, :3].T
                 angle = np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))
                 assert angle <= max_angle + 1e-7
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_rolls_end_where_facets_are_destined(seed: int) -> None:
-    equilibria = body(seed)
-    hull = equilibria.hull
-    facets = np.arange(len(hull.normals))
-    destined = destined_facets(equilibria, facets)
-    assert equilibria.stable[destined].all()
-    np.testing.assert_array_equal(destined[equilibria.stable], facets[equilibria.stable])
-    for facet in facets:
-        last = roll_steps(equilibria, hull.normals[facet])[-1]
-        np.testing.assert_array_equal(last.down, hull.normals[destined[facet]])
-        assert last.contact == "facet"
 
 
 def test_rolls_from_everywhere_count_up_to_the_probabilities() -> None:

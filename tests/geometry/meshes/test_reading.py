@@ -16,7 +16,7 @@ import trimesh
 from common.paths import ROOT
 
 from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
-from dicedesign.geometry.meshes.formats import OWN_ENDINGS, parsed_stl, stl_bytes
+from dicedesign.geometry.meshes.formats import OWN_ENDINGS, stl_bytes
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.solid import is_closed, solid_properties
 
@@ -60,21 +60,6 @@ def test_a_written_mesh_is_read_back(tmp_path: Path, name: str, tolerance: float
     assert len(body.points) == len(mesh.vertices)
     assert is_closed(body.triangles)
     np.testing.assert_allclose(body.points[body.triangles], mesh.triangles, atol=tolerance)
-
-
-@pytest.mark.parametrize("kind", ["stl", "stl_ascii"])
-@pytest.mark.parametrize("solids", [1, 2])
-def test_stl_agrees_with_trimesh(tmp_path: Path, kind: str, solids: int) -> None:
-    meshes = [asymmetric().apply_translation([5.0 * i, 0, 0]) for i in range(solids)]
-    if kind == "stl":
-        content = trimesh.util.concatenate(meshes).export(file_type="stl")
-    else:
-        content = "\n".join(mesh.export(file_type="stl_ascii") for mesh in meshes)
-    path = write(tmp_path, "a.stl", content)
-    other = trimesh.util.concatenate(trimesh.load(path, force="scene", process=False).dump())
-    points, triangles = parsed_stl(path.read_bytes(), path)
-    np.testing.assert_array_equal(points[triangles], other.triangles)
-    assert read_body(path).single_precision == (kind == "stl")  # text keeps all digits
 
 
 def test_a_binary_stl_may_begin_with_solid(tmp_path: Path) -> None:

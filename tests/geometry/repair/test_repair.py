@@ -18,7 +18,6 @@ from dicedesign.geometry.repair.grid_surface import surface_nets, without_double
 from dicedesign.geometry.repair.repair import RepairedMesh, input_surface, repaired
 from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats, Integers
 
 CELL = 0.02
@@ -78,22 +77,6 @@ def test_a_surface_with_holes_is_closed(original: Surface) -> None:
     assert made.numbers.handles_before is None
     assert made.numbers.off_mean < 1e-3
     assert made.numbers.missed_mean < 5e-4
-
-
-def test_the_odds_of_a_repaired_surface_are_near_those_of_the_original() -> None:
-    """Those of lying on either flat side, and on either half of the arc."""
-    original = bent_capsule()
-    kept = np.random.default_rng(1).random(len(original.triangles)) > 0.03
-    surface = fixed(body_of(original.points, original.triangles[kept])).surface
-    sides = np.array([[0, 0, -1], [0, 0, 1], [0.97, 0, 0.26], [0.97, 0, -0.26]])
-
-    def odds(own: Surface) -> Floats:
-        poses = rest_poses(body_of(own.points, own.triangles))
-        near = poses.normals @ sides.T > np.cos(np.radians(15.0))
-        return poses.probabilities @ near
-
-    assert odds(original).sum() == pytest.approx(1.0)
-    np.testing.assert_allclose(odds(surface), odds(original), atol=0.02)
 
 
 def test_two_overlapping_balls_are_one_solid() -> None:

@@ -11,8 +11,6 @@ from common.bumpy import ball, pushed_through
 from dicedesign.geometry.surfaces.quality import surface_distortion, surface_quality
 from dicedesign.geometry.surfaces.surface import Surface
 
-TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
-
 
 def test_a_sphere_has_no_defect() -> None:
     quality = surface_quality(ball(3))
@@ -23,19 +21,6 @@ def test_a_sphere_has_no_defect() -> None:
     assert np.degrees(quality.smallest_angle) > 50
     assert quality.distortion is None
     assert len(quality.places) == 0
-
-
-def test_angles_of_a_needle_are_those_of_its_closed_form() -> None:
-    height = 1e-2
-    points = np.array([[0, 0, 0], [1, 0, 0], [0.5, height, 0], [0.5, 0.5, 1]])
-    needle = Surface(points, TETRAHEDRON)
-    quality = surface_quality(needle)
-    assert quality.smallest_angle == pytest.approx(np.arctan(2 * height), rel=1e-12)
-    assert quality.slivers.tolist() == []
-    points[2, 1] = 1e-3
-    quality = surface_quality(Surface(points, needle.triangles))
-    assert quality.slivers.tolist() == [0]
-    assert quality.sentences()[-1] == ("1 sliver with an angle below 1 degrees, the smallest 0.11")
 
 
 def folded_sphere() -> tuple[Surface, Surface, int]:

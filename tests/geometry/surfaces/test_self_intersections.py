@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.surfaces.self_intersections import (
     intersecting_triangles,
-    overlapping_boxes,
 )
 
 
@@ -96,36 +95,6 @@ def test_places_off_by_one_unit_of_rounding_agree_with_exact_clipping(seed: int)
     }
     expected = set(exactly_intersecting(places, triangles)) - edges
     assert set(pairs_of(places, triangles)) - edges == expected
-
-
-def test_boxes_agree_with_all_pairs() -> None:
-    rng = np.random.default_rng(5)
-    for count in (1, 2, 3, 50, 64, 65):
-        lower = rng.integers(0, 12, (count, 3)).astype(np.float64)
-        upper = lower + rng.integers(0, 3, (count, 3)) * rng.integers(0, 4, (count, 1))
-        meet = (lower[:, None] <= upper[None]).all(-1) & (lower[None] <= upper[:, None]).all(-1)
-        np.testing.assert_array_equal(
-            overlapping_boxes(lower, upper), np.argwhere(np.triu(meet, 1))
-        )
-
-
-def sphere(radius: float = 1.0, shift: tuple[float, float, float] = (0, 0, 0)) -> trimesh.Trimesh:
-    return trimesh.creation.icosphere(subdivisions=3, radius=radius).apply_translation(shift)
-
-
-def joined(*parts: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
-    mesh = trimesh.util.concatenate(list(parts))
-    return np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64)
-
-
-def test_two_spheres_cross_on_their_circle_only() -> None:
-    points, triangles = joined(sphere(), sphere(shift=(0.8, 0.1, 0.05)))
-    pairs = intersecting_triangles(points, triangles)
-    assert len(pairs) > 100
-    assert ((pairs[:, 0] < 1280) & (pairs[:, 1] >= 1280)).all()
-    distances = np.linalg.norm(points[triangles[pairs[:, 0]]].mean(axis=1), axis=1)
-    other = np.linalg.norm(points[triangles[pairs[:, 0]]].mean(axis=1) - [0.8, 0.1, 0.05], axis=1)
-    np.testing.assert_allclose(distances, other, rtol=0, atol=0.25)
 
 
 @pytest.mark.parametrize("turned", [False, True])
