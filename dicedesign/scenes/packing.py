@@ -76,11 +76,8 @@ def _convex_polygon(points: Floats) -> Floats:
 CLEARANCE = 1e-6
 """Least distance between two footprints, over the largest radius: far more than rounding."""
 
-TRIES = 24
-"""Random places that are tried at once."""
-
-ROUNDS = 8
-"""Of so many tries for each body, before all of the floor is looked at."""
+ROUNDS, TRIES = 8, 24
+"""Times that so many random places are drawn for each body before all of the floor is looked at."""
 
 MESH = 24
 """Places along each side when all of the floor is looked at."""
@@ -103,72 +100,50 @@ def pack(
 
     floor: its sides along x and y, around the origin.
     """
-    sides, layout = np.array(floor), _Layout(footprints)
-    for k in np.argsort(-layout.outer, kind="stable").tolist():
-        room = sides - np.ptp(footprints[k].corners, axis=0)
-        if (room < 0.0).any():
-            continue
-        lowest = -sides / 2.0 - footprints[k].corners.min(axis=0)
-        for tried in _tries(chance):
-            if layout.place(k, lowest + tried * room):
-                break
-    return layout.shifts
+    sides, shifts = np.array(floor), np.full((len(footprints), 2), np.nan)
+    # Discs about the middles of their boxes tell most pairs that do not meet, and those that are
+    # far away are not looked at: they are in cells that are no neighbors.
+    corners = [footprint.corners for footprint in footprints]
+    middles = np.array([(p.min(axis=0) + p.max(axis=0)) / 2.0 for p in corners])
+    arms = [p - m for p, m in zip(corners, middles, strict=True)]
+    outer = np.sqrt([(arm * arm).sum(-1).max() for arm in arms])
+    clearance = CLEARANCE * float(outer.max())
+    size = 2.0 * float(outer.max()) + clearance
+    cells: dict[tuple[int, int], list[int]] = {}
 
-
-class _Layout:
-    """Footprints of which some have places.
-
-    Discs about the middles of their boxes tell most pairs that do not meet, and those that are far
-    away are not looked at: they are in cells that are no neighbors.
-
-    Attributes
-    ----------
-    shifts: (n, 2) to the places, or NaN.
-    middles, outer: (n, 2) and radii (n,) of their discs.
-    clearance: that two have to keep.
-    """
-
-    def __init__(self, footprints: Sequence[Footprint]) -> None:
-        self.footprints = footprints
-        self.shifts = np.full((len(footprints), 2), np.nan)
-        corners = [footprint.corners for footprint in footprints]
-        self.middles = np.array([(p.min(axis=0) + p.max(axis=0)) / 2.0 for p in corners])
-        arms = [p - m for p, m in zip(corners, self.middles, strict=True)]
-        self.outer = np.sqrt([(arm * arm).sum(-1).max() for arm in arms])
-        self.clearance = CLEARANCE * float(self.outer.max())
-        self._cell = 2.0 * float(self.outer.max()) + self.clearance
-        self._cells: dict[tuple[int, int], list[int]] = {}
-
-    def place(self, k: int, shifts: Floats) -> bool:
-        """Give a footprint the first of some shifts (t, 2) that leads to a free place, if any."""
-        for shift in shifts:
-            column, row = np.floor((shift + self.middles[k]) / self._cell).astype(int).tolist()
-            if self._is_free(k, shift, column, row):
-                self.shifts[k] = shift
-                self._cells.setdefault((column, row), []).append(k)
-                return True
-        return False
-
-    def _is_free(self, k: int, shift: Floats, column: int, row: int) -> bool:
+    def is_free(k: int, shift: Floats, column: int, row: int) -> bool:
         """Whether a footprint that is shifted into a cell meets no other."""
-        cells = ((column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1))
-        others = np.array([n for cell in cells for n in self._cells.get(cell, ())], dtype=np.int64)
-        between = shift + self.middles[k] - (self.shifts[others] + self.middles[others])
+        around = ((column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1))
+        others = np.array([n for cell in around for n in cells.get(cell, ())], dtype=np.int64)
+        between = shift + middles[k] - (shifts[others] + middles[others])
         squared = (between * between).sum(-1)
-        near = squared < (self.outer[k] + self.outer[others] + self.clearance) ** 2
+        near = squared < (outer[k] + outer[others] + clearance) ** 2
         # The nearest are the likeliest to be met.
         return all(
-            gap(self.footprints[k], self.footprints[n], self.shifts[n] - shift) > self.clearance
+            gap(footprints[k], footprints[n], shifts[n] - shift) > clearance
             for n in others[near][np.argsort(squared[near])].tolist()
         )
 
+    for k in np.argsort(-outer, kind="stable").tolist():
+        room = sides - np.ptp(corners[k], axis=0)
+        if (room < 0.0).any():
+            continue
+        for part in _tries(chance):
+            shift = part * room - sides / 2.0 - corners[k].min(axis=0)
+            column, row = np.floor((shift + middles[k]) / size).astype(int).tolist()
+            if is_free(k, shift, column, row):
+                shifts[k] = shift
+                cells.setdefault((column, row), []).append(k)
+                break
+    return shifts
+
 
 def _tries(chance: np.random.Generator) -> Iterator[Floats]:
-    """Places (t, 2) as parts of the room there is, from 0 to 1, in the order of trying."""
+    """Places (2,) as parts of the room there is, from 0 to 1, in the order of trying."""
     for _ in range(ROUNDS):
-        yield chance.random((TRIES, 2))
+        yield from chance.random((TRIES, 2))
     grid = (np.arange(MESH) + chance.random()) / MESH
-    yield chance.permutation(np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2))
+    yield from chance.permutation(np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2))
 
 
 def fitting_floor(
