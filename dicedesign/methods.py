@@ -1,12 +1,12 @@
 """Solvers with their options, and the coordinates that they move."""
 
 from dicedesign.optimize.coordinates.facets import FacetCoordinates as FacetCoordinates
-from dicedesign.optimize.coordinates.symmetric import SymmetricCoordinates as SymmetricCoordinates
-from dicedesign.optimize.coordinates.vertices import VertexCoordinates as VertexCoordinates
+from dicedesign.optimize.coordinates.facets import VertexCoordinates as VertexCoordinates
+from dicedesign.optimize.coordinates.linked import SymmetricCoordinates as SymmetricCoordinates
 from dicedesign.optimize.options import ExactOptions as ExactOptions
+from dicedesign.optimize.options import PaperOptions as PaperOptions
+from dicedesign.optimize.options import PaperWeights as PaperWeights
 from dicedesign.optimize.options import RefineOptions as RefineOptions
 from dicedesign.optimize.options import SobolevOptions as SobolevOptions
-from dicedesign.optimize.paper_options import PaperOptions as PaperOptions
-from dicedesign.optimize.paper_options import PaperWeights as PaperWeights
 from dicedesign.optimize.solvers.exact import solve_exactly as solve_exactly
 from dicedesign.optimize.solvers.paper import descend_as_paper as descend_as_paper

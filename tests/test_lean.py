@@ -25,14 +25,13 @@ from dicedesign import rest_poses
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient import rest_odds as differentiable
 from dicedesign.kernels import ops as kernels
-from dicedesign.optimize.energy.objective import Evaluation, Objective
+from dicedesign.optimize.energy.energy import Evaluation, Objective
 from dicedesign.optimize.energy.term import TERMS
-from dicedesign.optimize.options import SobolevOptions
-from dicedesign.optimize.paper_options import PaperOptions, PaperWeights
+from dicedesign.optimize.options import PaperOptions, PaperWeights, SobolevOptions
 from dicedesign.optimize.result import DesignResult
-from dicedesign.optimize.solvers.line_search import LineSearch
+from dicedesign.optimize.solvers.descent import LineSearch
 from dicedesign.optimize.solvers.paper import descend_as_paper
-from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.optimize.starts.built_in import hendecahedron
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.rest import morse, poses
@@ -84,7 +83,6 @@ def replaced(monkeypatch: pytest.MonkeyPatch, term: str, **parts: Any) -> None:
     """Give a term of the energy other functions."""
     TERMS._read()
     monkeypatch.setitem(TERMS._entries, term, replace(TERMS[term], **parts))
-    monkeypatch.setattr(TERMS, "_ordered", None)
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.solvers.exact import solve_exactly
-from dicedesign.optimize.starts.repulsion import spread_directions
+from dicedesign.optimize.starts.half_space_odds import spread_directions
 from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.rest.poses import RestPoses, rest_poses

@@ -23,7 +23,7 @@ from dicedesign.concave.slopes import SlopeMemory, SlopeOptions, climbs, least_d
 from dicedesign.errors import DiceError
 from dicedesign.geometry.sphere import angle_between, foot_on_line, norms, unit_vectors
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from dicedesign.optimize.coordinates.facets import VertexCoordinates
 from dicedesign.optimize.options import SobolevOptions
 from dicedesign.optimize.solvers.candidate import CandidateMaker
 from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt

@@ -9,8 +9,13 @@ from typing import Literal
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.optimize.options import LARGEST_SMOOTHING, SobolevOptions, refused, require_choice
-from dicedesign.optimize.paper_options import PaperWeights
+from dicedesign.optimize.options import (
+    LARGEST_SMOOTHING,
+    PaperWeights,
+    SobolevOptions,
+    refused,
+    require_choice,
+)
 from dicedesign.runtime.numbers import Number
 from dicedesign.runtime.registry import STRICT
 

@@ -15,7 +15,7 @@ from dicedesign.concave.options import ConcavePaperOptions, HullWeights
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms
-from dicedesign.optimize.paper_options import PaperOptions
+from dicedesign.optimize.options import PaperOptions
 from dicedesign.optimize.result import DesignStep
 from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.optimize.starts.start import Start

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Final, Literal
 
-from dicedesign.optimize.starts.start import STARTS, StartKind, StartSurface
+from dicedesign.optimize.starts.start import StartKind, StartSurface
 
 
 def _surface(name: str, _: int) -> StartSurface:
@@ -13,13 +13,10 @@ def _surface(name: str, _: int) -> StartSurface:
     return StartSurface(shape(name))
 
 
-STARTS.register(
-    StartKind(
-        name="shape",
-        line="a surface built in, `dragon`, `duck`, `kitten` or `knot`, for method concave",
-        rank=4,
-        # The keys of `SHAPES`, whose builders take long to import.
-        options=Literal["dragon", "duck", "kitten", "knot"],
-        surface=_surface,
-    )
+SHAPE: Final = StartKind(
+    name="shape",
+    line="a surface built in, `dragon`, `duck`, `kitten` or `knot`, for method concave",
+    # The keys of `SHAPES`, whose builders take long to import.
+    options=Literal["dragon", "duck", "kitten", "knot"],
+    surface=_surface,
 )

@@ -20,10 +20,8 @@ from pydantic import (
 from pydantic_core import core_schema
 
 # Registers the surfaces that the package builds.
-import dicedesign.concave.shape_start  # noqa: F401
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.optimize.options import ExactOptions
-from dicedesign.optimize.paper_options import PaperOptions
+from dicedesign.optimize.options import ExactOptions, PaperOptions
 from dicedesign.optimize.starts.start import STARTS, Start, StartKind, Task, made_start
 from dicedesign.optimize.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
 

@@ -16,7 +16,7 @@ from dicedesign.fabricate.file_formats import with_stl
 from dicedesign.fabricate.finish_options import EdgeOptions, EngravingOptions, core_scale
 from dicedesign.fabricate.print_options import PrintOptions
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.optimize.starts.kinds.search import SearchOptions
+from dicedesign.optimize.starts.built_in import SearchOptions
 from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts
 from dicedesign.recipe.entries import Label, MethodRecipe, StartRecipe, Strict, TargetRecipe
 from dicedesign.rest.prior import DensityPrior, read_prior

@@ -103,7 +103,7 @@ def _check_table(options: ExactOptions, size_mm: float) -> None:
 
 def check_orbits(recipe: Recipe, directions: np.ndarray) -> None:
     """Raise InputError unless labels on facets that are images of each other are as probable."""
-    from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
+    from dicedesign.optimize.coordinates.linked import orbits_of_directions
 
     group, target = recipe.group(), recipe.target.target()
     assert group is not None

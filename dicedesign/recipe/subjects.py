@@ -192,7 +192,7 @@ def _ablated(
     from dataclasses import replace
 
     from dicedesign.optimize.energy.clusters import cluster
-    from dicedesign.optimize.paper_options import PaperWeights
+    from dicedesign.optimize.options import PaperWeights
     from dicedesign.optimize.solvers.paper import descend_as_paper
     from dicedesign.recipe.convex import normalised_center, wanted_odds
     from dicedesign.recipe.pipeline import run_stages

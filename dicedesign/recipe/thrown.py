@@ -15,10 +15,10 @@ from dicedesign.errors import NoStartError
 from dicedesign.fabricate.die import Design
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.thrown_odds import TableSensitivity, ThrownOdds
-from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
+from dicedesign.optimize.coordinates.linked import orbits_of_directions
 from dicedesign.optimize.options import MOST_ROUNDS, RefineOptions
 from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.optimize.refinement.measures import shape_measures
+from dicedesign.optimize.refinement.known_odds import shape_measures
 from dicedesign.optimize.refinement.rounds import Refinement, Round, Thrown
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.starts.start import Start

@@ -14,10 +14,9 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.fabricate.die import Design
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.optimize.options import legible
-from dicedesign.optimize.paper_options import PaperWeights
+from dicedesign.optimize.options import PaperWeights, legible
 from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.optimize.starts.repulsion import FEWEST_FACETS
+from dicedesign.optimize.starts.half_space_odds import FEWEST_FACETS
 from dicedesign.optimize.starts.start import Start
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.recipe.reading import checked_recipe

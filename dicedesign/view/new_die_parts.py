@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.errors import DiceError, InputError
-from dicedesign.optimize.options import legible
-from dicedesign.optimize.paper_options import PaperWeights
+from dicedesign.optimize.options import PaperWeights, legible
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.starts.start import STARTS, StartKind
 from dicedesign.report.palette import BASINS

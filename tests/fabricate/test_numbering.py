@@ -11,7 +11,7 @@ import pytest
 from dicedesign.fabricate import even_sums
 from dicedesign.fabricate.numbering import Numbering, numbered
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.optimize.starts.built_in import hendecahedron
 from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.runtime.arrays import Floats
 from tests.reference.solids import PLATONIC, catalan

@@ -22,9 +22,8 @@ from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.energy.clusters import ClusteredRests, Clusters, cluster
 from dicedesign.optimize.energy.energy import Energy, energy_terms
 from dicedesign.optimize.energy.term import EnergyWeights
-from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
-from dicedesign.optimize.starts.kinds.prism import prism
-from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.built_in import hendecahedron, prism
+from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.rest.equilibria import classify
 from tests.reference import solids
 from tests.reference.extremes import large

@@ -11,7 +11,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.facet_offsets import offset_derivatives, offset_secants
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.gradient.thrown_odds import ThrownOdds
-from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.half_space_odds import repulsion
 
 BOARD_GAME = ThrownOdds.on("board-game")
 

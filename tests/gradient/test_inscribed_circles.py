@@ -16,8 +16,8 @@ from dicedesign.gradient.inscribed_circles import SOFTNESS, circle_radii, soft_c
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.solvers.candidate import BARRIER_DEPTH, barrier_residuals
-from dicedesign.optimize.starts.kinds.prism import prism
-from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.built_in import prism
+from dicedesign.optimize.starts.half_space_odds import repulsion
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 AROUND = np.linspace(0.0, 2.0 * np.pi, 41)[:-1] + 0.05 * np.sin(np.arange(40))

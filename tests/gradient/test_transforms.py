@@ -16,10 +16,8 @@ from torch.func import grad, hessian, jacfwd, jacrev, jvp, vmap
 
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.gradient.differentiable_rest import differentiable_rest
-from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.coordinates.shape import Coordinates
-from dicedesign.optimize.coordinates.symmetric import SymmetricCoordinates
-from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from dicedesign.optimize.coordinates.facets import Coordinates, FacetCoordinates, VertexCoordinates
+from dicedesign.optimize.coordinates.linked import SymmetricCoordinates
 from tests.reference import solids
 
 # Torch itself warns where it is first asked for tangents.

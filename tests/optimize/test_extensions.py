@@ -25,7 +25,7 @@ from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import PREFERENCES, Preferences
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.solvers.paper import descend_as_paper
-from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.optimize.starts.start import STARTS, Task
 from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.recipe.reading import read_recipe

@@ -10,7 +10,7 @@ import pytest
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.refinement.rounds import Round
 from dicedesign.optimize.result import DesignResult
-from dicedesign.optimize.starts.kinds.prism import prism
+from dicedesign.optimize.starts.built_in import prism
 from dicedesign.recipe.convex import designed_die, wanted_odds
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.reading import checked_recipe

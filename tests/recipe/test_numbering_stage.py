@@ -9,7 +9,7 @@ import pytest
 from common.made_up_die import SIDES, box, designed
 
 from dicedesign.errors import RecipeError
-from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
+from dicedesign.optimize.coordinates.linked import orbits_of_directions
 from dicedesign.optimize.refinement.rounds import Round
 from dicedesign.recipe.design_die import design, design_recipe
 from dicedesign.recipe.pipeline import run_stages

@@ -16,7 +16,7 @@ from check_outputs import check
 from dicedesign import rest_poses
 from dicedesign.errors import EngravingError, OutputError
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.optimize.starts.kinds.mesh import mesh_start
+from dicedesign.optimize.starts.built_in import mesh_start
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import run
 from dicedesign.recipe.reading import read_recipe
@@ -213,7 +213,7 @@ def test_an_outcome_without_a_facet_leaves_the_die_plain(
     directions = np.array([a + d, b, c, b + 0.3 * c])
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     crowded = dataclasses.replace(start, directions=directions)
-    monkeypatch.setattr("dicedesign.optimize.starts.kinds.mesh.mesh_start", lambda *_: crowded)
+    monkeypatch.setattr("dicedesign.optimize.starts.built_in.mesh_start", lambda *_: crowded)
     result = run(recipe, tmp_path / "out")
     assert result.status == "step_limit"
     assert "1 outcomes have no facet to rest on" in result.message

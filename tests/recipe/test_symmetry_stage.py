@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
+from dicedesign.optimize.coordinates.linked import orbits_of_directions
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.work import Work

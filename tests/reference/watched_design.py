@@ -15,8 +15,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.optimize.energy.clusters import cluster
-from dicedesign.optimize.options import ExactOptions
-from dicedesign.optimize.paper_options import PaperOptions
+from dicedesign.optimize.options import ExactOptions, PaperOptions
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.solvers.paper import descend_as_paper

@@ -15,7 +15,7 @@ from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.solvers.exact import solve_exactly
-from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
+from dicedesign.optimize.starts.built_in import hendecahedron
 from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.rest.poses import RestPoses

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError, RecipeError
-from dicedesign.optimize.paper_options import PaperWeights
+from dicedesign.optimize.options import PaperWeights
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status

@@ -24,7 +24,7 @@ from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.coordinates.tied import TiedCoordinates
+from dicedesign.optimize.coordinates.linked import TiedCoordinates
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
 from dicedesign.rest.outcomes import gathered

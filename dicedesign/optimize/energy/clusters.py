@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SAME_REST_ANGLE
-
-if TYPE_CHECKING:
-    from dicedesign.geometry.hulls.hull import ConvexHull
-    from dicedesign.gradient.rest_odds import RestEvaluation
-
-__all__ = ["ClusteredRests", "Clusters", "cluster", "outcome_facets", "updated_directions"]
 
 
 @dataclass(frozen=True)

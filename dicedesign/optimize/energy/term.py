@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.runtime.folder_registry import FolderRegistry
 from dicedesign.runtime.numbers import Number, Numbers
-from dicedesign.runtime.registry import Extension
+from dicedesign.runtime.registry import Extension, Registry
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -70,7 +69,19 @@ class Term(Extension):
     of_normals: Callable[[ClusteredRests, EnergyWeights], tuple[float, Floats]] | None = None
 
 
-TERMS: Final = FolderRegistry[Term]("energy term", "dicedesign.optimize.energy.terms", Term)
+TERMS: Final = Registry(
+    "energy term",
+    Term,
+    builtin=(
+        "dicedesign.optimize.energy.built_in:DICE",
+        "dicedesign.optimize.energy.built_in:COPLANAR",
+        "dicedesign.optimize.energy.built_in:BARYCENTER",
+        "dicedesign.optimize.energy.built_in:NEIGHBOR",
+        "dicedesign.optimize.energy.built_in:STABILITY",
+        "dicedesign.optimize.energy.built_in:APART",
+    ),
+    group="dicedesign.terms",
+)
 
 
 class EnergyWeights(Numbers):
@@ -112,9 +123,9 @@ class EnergyWeights(Numbers):
     @property
     def active(self) -> tuple[tuple[Term, float], ...]:
         """Terms that have a weight, with it, in their order."""
-        terms = TERMS.entries
+        terms = tuple(TERMS)
         known = getattr(self, "_active", None)
-        if known is None or known[0] is not terms:
+        if known is None or known[0] != terms:
             pairs = (
                 (term, 1.0 if term.weight is None else getattr(self, term.name)) for term in terms
             )

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.runtime.folder_registry import FolderRegistry
 from dicedesign.runtime.numbers import Number, Numbers
-from dicedesign.runtime.registry import Extension
+from dicedesign.runtime.registry import Extension, Registry
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -60,8 +59,21 @@ class Preference(Extension):
     residuals: Callable[[BearingFacets], Tensor | None]
 
 
-PREFERENCES: Final = FolderRegistry[Preference](
-    "preference", "dicedesign.optimize.preferences", Preference
+PREFERENCES: Final = Registry(
+    "preference",
+    Preference,
+    builtin=(
+        "dicedesign.optimize.preferences.built_in:CIRCLES",
+        "dicedesign.optimize.preferences.built_in:MARGIN",
+        "dicedesign.optimize.preferences.built_in:ASYMMETRY",
+        "dicedesign.optimize.preferences.built_in:ROUNDNESS",
+        "dicedesign.optimize.preferences.built_in:AREAS",
+        "dicedesign.optimize.preferences.built_in:SMALL_HELPERS",
+        "dicedesign.optimize.preferences.built_in:ROBUSTNESS",
+        "dicedesign.optimize.preferences.built_in:NEARNESS",
+        "dicedesign.optimize.preferences.built_in:TOLERANCE",
+    ),
+    group="dicedesign.preferences",
 )
 
 

@@ -1,7 +1,4 @@
-"""What throws of dice that are much alike, onto tables that are, say of each of them.
-
-All is by orbit of outcomes: those whose facets are images of each other are equally frequent.
-"""
+"""What throws of some dice tell of the odds of others like them."""
 
 from __future__ import annotations
 
@@ -10,10 +7,22 @@ from typing import Final
 
 import numpy as np
 
+from dicedesign.optimize.result import DesignResult
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.bias import Bias, expected_variation
 
-__all__ = ["KnownOdds"]
+
+def shape_measures(die: DesignResult, center: Floats | None) -> Floats:
+    """(4 k,) of a die that change by little from one to the next near it: normals of the outcomes'
+    facets, and logarithms of their distances from the center of mass over the mean of these.
+
+    center: (3,) of mass, or None for the uniform solid.
+    """
+    hull = die.hull
+    facets = np.argmax(die.directions @ hull.normals.T, axis=1)
+    distances = hull.depths(hull.centroid if center is None else center)[facets]
+    return np.concatenate([hull.normals[facets].ravel(), np.log(distances / distances.mean())])
+
 
 COMMON: Final = 0.4
 """Standard deviation of the logarithm of an outcome's odds over those in the model."""

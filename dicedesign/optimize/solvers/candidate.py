@@ -11,15 +11,16 @@ import torch
 from torch import Tensor
 
 from dicedesign.errors import DiceError
-from dicedesign.geometry.hulls.hull import HullMemory
+from dicedesign.geometry.hulls.hull import HullMemory, convex_hull
 from dicedesign.gradient.inscribed_circles import SOFTNESS, FacetEdges
 from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.kernels.ops import Tie
-from dicedesign.optimize.coordinates.shape import Coordinates, Shape
+from dicedesign.optimize.coordinates.facets import Coordinates, Shape
+from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.poses import analyse
+from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats, Integers
-
-__all__ = ["BARRIER_DEPTH", "Candidate", "CandidateMaker", "barrier_residuals"]
 
 BARRIER_DEPTH: Final = 0.01
 """Depth of a facet, over the mean distance of the vertices, at which its barrier is 1."""
@@ -168,3 +169,26 @@ def barrier_residuals(rests: RestEvaluation) -> Tensor:
     depths = torch.where(stable, held, edges.mean_power(outside, SOFTNESS))
     size = torch.linalg.vector_norm(rests.vertices - rests.center, dim=1).mean()
     return BARRIER_DEPTH * size / depths
+
+
+TRIALS: Final = 4
+
+ROUNDED: Final = float(np.finfo(np.float32).eps) / 2.0
+"""Largest error of a coordinate in single precision, over its size."""
+
+
+def largest_jump(candidate: Candidate, target: Floats, prior: Prior) -> float:
+    """Largest |p - q| of copies of a die whose corners are off by what a file may be; 1 where one
+    is no die. target: (k,) odds under a prior."""
+    corners, center = candidate.rests.hull.vertices, candidate.rests.given_center
+    size, random = float(np.abs(corners).max()), np.random.default_rng(0)
+    errors = []
+    for _ in range(TRIALS):
+        off = ROUNDED * size * random.uniform(-1.0, 1.0, corners.shape)
+        try:
+            hull = convex_hull(corners + off, single_precision=True)
+            poses = analyse(hull, hull.centroid if center is None else center.numpy())
+            errors.append(outcome_odds(poses.under(prior), candidate.directions).error(target))
+        except DiceError:
+            errors.append(1.0)
+    return max(errors)

@@ -14,14 +14,13 @@ import numpy as np
 from dicedesign.errors import NoStartError
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.energy.clusters import cluster
-from dicedesign.optimize.energy.objective import Evaluation, Objective
+from dicedesign.optimize.energy.energy import Evaluation, Objective
 from dicedesign.optimize.energy.term import EnergyWeights
-from dicedesign.optimize.options import ExactOptions
-from dicedesign.optimize.paper_options import PaperOptions
+from dicedesign.optimize.options import ExactOptions, PaperOptions
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
+from dicedesign.optimize.solvers.descent import LineSearch
 from dicedesign.optimize.solvers.exact import solve_exactly
-from dicedesign.optimize.solvers.line_search import LineSearch
 from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.poses import RestPoses, analyse
 from dicedesign.results.parts import Status

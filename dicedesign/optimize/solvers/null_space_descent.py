@@ -19,7 +19,7 @@ from torch import Tensor
 
 from dicedesign.gradient.inscribed_circles import circle_radii
 from dicedesign.gradient.thrown_odds import TableSensitivity
-from dicedesign.optimize.preferences.nearness import nearness_pull
+from dicedesign.optimize.preferences.built_in import nearness_pull
 from dicedesign.optimize.preferences.preference import (
     BearingFacets,
     Preferences,

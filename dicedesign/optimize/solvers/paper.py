@@ -11,14 +11,13 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import HullMemory
-from dicedesign.optimize.coordinates.vertices import VertexCoordinates
-from dicedesign.optimize.energy.objective import Evaluation, Objective
-from dicedesign.optimize.paper_options import PaperOptions
+from dicedesign.optimize.coordinates.facets import VertexCoordinates
+from dicedesign.optimize.energy.energy import Evaluation, Objective
+from dicedesign.optimize.options import PaperOptions
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.solvers.candidate import Candidate
+from dicedesign.optimize.solvers.descent import LineSearch, Momentum, has_slope
 from dicedesign.optimize.solvers.finish import finished
-from dicedesign.optimize.solvers.line_search import LineSearch, has_slope
-from dicedesign.optimize.solvers.momentum import Momentum
 from dicedesign.optimize.solvers.sobolev import SobolevGradient
 from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.equilibria import classify

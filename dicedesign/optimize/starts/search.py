@@ -10,9 +10,14 @@ from typing import Final
 import numpy as np
 
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.optimize.starts.half_space_odds import resting_half_spaces, start_with_odds
+from dicedesign.optimize.starts.half_space_odds import (
+    FEWEST_FACETS,
+    repulsion,
+    resting_half_spaces,
+    spread_directions,
+    start_with_odds,
+)
 from dicedesign.optimize.starts.needles import needle_near
-from dicedesign.optimize.starts.repulsion import FEWEST_FACETS, repulsion, spread_directions
 from dicedesign.optimize.starts.start import Start
 from dicedesign.runtime.arrays import Floats
 

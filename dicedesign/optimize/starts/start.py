@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from dicedesign.runtime.arrays import Floats
-from dicedesign.runtime.folder_registry import FolderRegistry
-from dicedesign.runtime.registry import Extension
+from dicedesign.runtime.registry import Extension, Registry
 
 if TYPE_CHECKING:
     from dicedesign.geometry.repair.repair import RepairedMesh
@@ -137,7 +136,19 @@ class StartKind(Extension):
     surface: Callable[[Any, int], StartSurface] | None = None
 
 
-STARTS: Final = FolderRegistry[StartKind]("start", "dicedesign.optimize.starts.kinds", StartKind)
+STARTS: Final = Registry(
+    "start",
+    StartKind,
+    builtin=(
+        "dicedesign.optimize.starts.built_in:PRISM",
+        "dicedesign.optimize.starts.built_in:HENDECAHEDRON",
+        "dicedesign.optimize.starts.built_in:REPULSION",
+        "dicedesign.optimize.starts.built_in:MESH",
+        "dicedesign.concave.shape_start:SHAPE",
+        "dicedesign.optimize.starts.built_in:SEARCH",
+    ),
+    group="dicedesign.starts",
+)
 
 
 def check_sides(outcomes: int) -> None:

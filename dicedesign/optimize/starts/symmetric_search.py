@@ -11,9 +11,12 @@ import numpy as np
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.optimize.starts.half_space_odds import resting_half_spaces, start_with_odds
+from dicedesign.optimize.starts.half_space_odds import (
+    FEWEST_FACETS,
+    resting_half_spaces,
+    start_with_odds,
+)
 from dicedesign.optimize.starts.orbit_layouts import Layout, OrbitLayouts, OrbitSite
-from dicedesign.optimize.starts.repulsion import FEWEST_FACETS
 from dicedesign.optimize.starts.search import (
     NEARNESS,
     REPULSION_STEPS,

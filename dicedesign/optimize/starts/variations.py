@@ -11,10 +11,8 @@ import numpy as np
 
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.coordinates.pinned import PinnedCoordinates
-from dicedesign.optimize.coordinates.shape import Coordinates
-from dicedesign.optimize.coordinates.symmetric import SymmetricCoordinates
+from dicedesign.optimize.coordinates.facets import Coordinates, FacetCoordinates
+from dicedesign.optimize.coordinates.linked import PinnedCoordinates, SymmetricCoordinates
 from dicedesign.optimize.starts.start import Start
 from dicedesign.runtime.arrays import Floats
 

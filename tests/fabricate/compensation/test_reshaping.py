@@ -17,7 +17,7 @@ from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.work import Work

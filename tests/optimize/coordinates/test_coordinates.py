@@ -13,11 +13,9 @@ from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.gradient.rest_odds import evaluate_rests
-from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.coordinates.vertices import VertexCoordinates
-from dicedesign.optimize.starts.kinds.hendecahedron import HENDECAHEDRA, hendecahedron
-from dicedesign.optimize.starts.kinds.prism import prism
-from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.coordinates.facets import FacetCoordinates, VertexCoordinates
+from dicedesign.optimize.starts.built_in import HENDECAHEDRA, hendecahedron, prism
+from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.optimize.starts.start import Start
 
 STARTS = {

@@ -11,11 +11,11 @@ import torch
 
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.coordinates.pinned import PinnedCoordinates
+from dicedesign.optimize.coordinates.linked import PinnedCoordinates
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.solvers.exact import solve_exactly
-from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status

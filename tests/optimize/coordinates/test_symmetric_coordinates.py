@@ -14,8 +14,8 @@ from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.coordinates.symmetric import SymmetricCoordinates, orbits_of_directions
-from dicedesign.optimize.starts.kinds.prism import prism
+from dicedesign.optimize.coordinates.linked import SymmetricCoordinates, orbits_of_directions
+from dicedesign.optimize.starts.built_in import prism
 from dicedesign.optimize.starts.start import Start
 
 CUBE = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T

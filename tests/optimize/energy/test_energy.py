@@ -22,8 +22,8 @@ from dicedesign.optimize.energy.clusters import (
 )
 from dicedesign.optimize.energy.energy import Energy, energy_terms
 from dicedesign.optimize.energy.term import TERMS, EnergyWeights, Term, TermOption
-from dicedesign.optimize.starts.kinds.prism import prism
-from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.built_in import prism
+from dicedesign.optimize.starts.half_space_odds import repulsion
 
 REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability", "apart")
 ROUND = (1.0, 0.9, 1.15)

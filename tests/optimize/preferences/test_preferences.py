@@ -16,20 +16,23 @@ from dicedesign.gradient.inscribed_circles import SOFTNESS
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.gradient.thrown_odds import USUAL_SWING, TableSensitivity, ThrownOdds
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.preferences.areas import USUAL_RATIO
-from dicedesign.optimize.preferences.asymmetry import USUAL_INEQUALITY
-from dicedesign.optimize.preferences.circles import CIRCLE_POWER, USUAL_CIRCLE
-from dicedesign.optimize.preferences.margin import USUAL_OFFSET
+from dicedesign.optimize.preferences.built_in import (
+    CIRCLE_POWER,
+    USUAL_CIRCLE,
+    USUAL_HELPERS,
+    USUAL_INEQUALITY,
+    USUAL_OFFSET,
+    USUAL_RATIO,
+    USUAL_SPREAD,
+)
 from dicedesign.optimize.preferences.preference import (
     PREFERENCES,
     BearingFacets,
     Preferences,
     preference_residuals,
 )
-from dicedesign.optimize.preferences.roundness import USUAL_SPREAD
-from dicedesign.optimize.preferences.small_helpers import USUAL_HELPERS
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
-from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.rest.asymmetry import basin_moments
 from dicedesign.rest.morse import separatrix_points
 from dicedesign.rest.poses import rest_poses

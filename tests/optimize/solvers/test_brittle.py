@@ -7,8 +7,7 @@ import pytest
 
 import dicedesign as dd
 from dicedesign.methods import ExactOptions, FacetCoordinates, solve_exactly
-from dicedesign.optimize.solvers.brittle import largest_jump
-from dicedesign.optimize.solvers.candidate import CandidateMaker
+from dicedesign.optimize.solvers.candidate import CandidateMaker, largest_jump
 from dicedesign.starts import Start
 
 PRIOR = dd.VonMisesFisher([0.2, 0.1, -1.0], 2.0)

@@ -18,9 +18,8 @@ from dicedesign.optimize.options import ExactOptions, SobolevOptions
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.solvers.exact import solve_exactly
-from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
-from dicedesign.optimize.starts.kinds.prism import prism
-from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.built_in import hendecahedron, prism
+from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.starts.variations import shapes_like

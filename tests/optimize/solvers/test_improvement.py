@@ -12,9 +12,12 @@ from dicedesign.geometry.hulls.hull import HullMaker, convex_hull
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.inscribed_circles import circle_radii
 from dicedesign.gradient.rest_odds import RestEvaluation
-from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.coordinates.shape import Coordinates, Shape
-from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from dicedesign.optimize.coordinates.facets import (
+    Coordinates,
+    FacetCoordinates,
+    Shape,
+    VertexCoordinates,
+)
 from dicedesign.optimize.preferences.preference import (
     BearingFacets,
     Preferences,
@@ -23,7 +26,7 @@ from dicedesign.optimize.preferences.preference import (
 from dicedesign.optimize.solvers import null_space_descent as improvement
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, barrier_residuals
 from dicedesign.optimize.solvers.null_space_descent import improve
-from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.rest.poses import rest_poses
 
 TOLERANCE = 1e-12

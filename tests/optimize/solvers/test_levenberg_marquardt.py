@@ -7,9 +7,7 @@ import pytest
 import torch
 
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.coordinates.shape import Coordinates
-from dicedesign.optimize.coordinates.vertices import VertexCoordinates
+from dicedesign.optimize.coordinates.facets import Coordinates, FacetCoordinates, VertexCoordinates
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
 from dicedesign.optimize.solvers.sobolev import SobolevOptions, graph_laplacian

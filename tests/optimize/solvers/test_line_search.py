@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from dicedesign.optimize.solvers.line_search import LARGEST_MOVE, LARGEST_STEP, MEMORY, LineSearch
+from dicedesign.optimize.solvers.descent import LARGEST_MOVE, LARGEST_STEP, MEMORY, LineSearch
 
 DIRECTIONS = np.eye(3)
 

@@ -11,18 +11,16 @@ from common.slow_machine import slow_machine
 
 from dicedesign import rest_poses
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
-from dicedesign.optimize.coordinates.vertices import VertexCoordinates
-from dicedesign.optimize.energy.objective import Evaluation, Objective
-from dicedesign.optimize.options import SobolevOptions
-from dicedesign.optimize.paper_options import PaperOptions, PaperWeights
+from dicedesign.optimize.coordinates.facets import VertexCoordinates
+from dicedesign.optimize.energy.energy import Evaluation, Objective
+from dicedesign.optimize.options import PaperOptions, PaperWeights, SobolevOptions
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.result import DesignResult, DesignStep
+from dicedesign.optimize.solvers.descent import Momentum
 from dicedesign.optimize.solvers.finish import flattened
-from dicedesign.optimize.solvers.momentum import Momentum
 from dicedesign.optimize.solvers.paper import descend_as_paper
-from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
-from dicedesign.optimize.starts.kinds.prism import prism
-from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.built_in import hendecahedron, prism
+from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import Target, binomial, fair, listed, sum_of_dice
 from dicedesign.results.parts import Status

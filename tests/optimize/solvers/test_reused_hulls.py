@@ -11,17 +11,14 @@ import torch
 from dicedesign.geometry.hulls import hull as hulls
 from dicedesign.geometry.hulls.hull import HullMemory, convex_hull
 from dicedesign.gradient.rest_odds import evaluate_rests
-from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.coordinates.vertices import VertexCoordinates
-from dicedesign.optimize.energy.objective import Objective
+from dicedesign.optimize.coordinates.facets import FacetCoordinates, VertexCoordinates
+from dicedesign.optimize.energy.energy import Objective
 from dicedesign.optimize.energy.term import EnergyWeights
-from dicedesign.optimize.options import SobolevOptions
-from dicedesign.optimize.paper_options import PaperOptions
+from dicedesign.optimize.options import PaperOptions, SobolevOptions
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.solvers.paper import descend_as_paper
-from dicedesign.optimize.starts.kinds.hendecahedron import hendecahedron
-from dicedesign.optimize.starts.kinds.prism import prism
-from dicedesign.optimize.starts.repulsion import repulsion
+from dicedesign.optimize.starts.built_in import hendecahedron, prism
+from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import Target, binomial, fair, sum_of_dice
 

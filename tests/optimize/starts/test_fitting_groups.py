@@ -7,8 +7,8 @@ import pytest
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.optimize.coordinates.symmetric import orbits_of_directions
-from dicedesign.optimize.starts.fitting_groups import fitting_groups, group_names
+from dicedesign.optimize.coordinates.linked import orbits_of_directions
+from dicedesign.optimize.starts.orbit_layouts import fitting_groups, group_names
 from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.optimize.targets import binomial, fair, sum_of_dice
 

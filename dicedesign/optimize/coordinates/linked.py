@@ -1,8 +1,8 @@
-"""Facet coordinates of a symmetric shape: one normal and one distance for each orbit of facets.
+"""Facet coordinates of which some are held or move together: facets that stay in their planes,
+those that lie almost in one plane, and images of each other under a point group.
 
 A point group acts about the origin of space; an orbit is the set of facets that it carries to each
-other. A facet on a mirror plane or an axis of the group has its normal there.
-"""
+other. A facet on a mirror plane or an axis of the group has its normal there."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, HullMaker, convex_hull
 from dicedesign.geometry.point_groups import fixed_space
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.coordinates.shape import Shape
+from dicedesign.optimize.coordinates.facets import FacetCoordinates, Shape
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SYMMETRY_TOLERANCE
 
@@ -25,7 +24,129 @@ if TYPE_CHECKING:
 
     from dicedesign.gradient.rest_odds import RestEvaluation
 
-__all__ = ["SymmetricCoordinates", "images_of_directions", "orbits_of_directions"]
+
+@dataclass(frozen=True, eq=False)
+class PinnedCoordinates:
+    """Normals and distances of all half-spaces but the pinned ones: parameters are the free ones of
+    `FacetCoordinates`, in their order.
+
+    Attributes
+    ----------
+    facets: coordinates of the whole shape.
+    whole: (4 m,) its parameters, of which those of pinned facets stay.
+    free: (n,) numbers of the others.
+    """
+
+    facets: FacetCoordinates
+    whole: Floats
+    free: Integers
+
+    @classmethod
+    def of(
+        cls, points: Floats, origin: Floats, pinned: Floats, hull_of: HullMaker = convex_hull
+    ) -> tuple[PinnedCoordinates, Floats]:
+        """Coordinates about an origin (3,) inside, and the parameters of the hull of points (n, 3).
+
+        pinned: (p, 3) unit directions; of each the facet stays whose normal is nearest.
+
+        Raises DegenerateBodyError if the origin is not strictly inside.
+        """
+        facets, whole = FacetCoordinates.of(points, origin, hull_of)
+        count = len(whole) // 4
+        normals = whole[: 3 * count].reshape(count, 3)
+        is_free = np.ones(count, dtype=bool)
+        is_free[np.argmax(pinned @ normals.T, axis=1)] = False
+        free = np.flatnonzero(np.concatenate([np.repeat(is_free, 3), is_free])).astype(np.int64)
+        return cls(facets, whole, free), whole[free]
+
+    def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
+        """See `FacetCoordinates`."""
+        moved = self.whole.copy()
+        moved[self.free] = parameters
+        shape = self.facets.shape(moved, hull_of)
+
+        def pulled_back(gradients: Floats) -> Floats:
+            return shape.pulled_back(gradients)[:, self.free]
+
+        return Shape(shape.points, pulled_back)
+
+    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
+        """See `Coordinates`; raises as `shape`, and InputError if these are no parameters."""
+        import torch
+
+        from dicedesign.gradient.body_function import double_tensor
+
+        given = double_tensor(parameters, "parameters", len(self.free))
+        moved = torch.from_numpy(self.whole).index_copy(0, torch.from_numpy(self.free), given)
+        return self.facets.points(moved, hull_of).to(parameters)
+
+    def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
+        """See `FacetCoordinates`."""
+        return parameters
+
+
+@dataclass(frozen=True)
+class TiedCoordinates:
+    """Parameters are changes of the normals and of the logarithms of the distances, shared by the
+    facets of a group.
+
+    Attributes
+    ----------
+    facets: coordinates of all m facets. whole: (4 m,) their parameters before any change.
+    expansion: (4 m, r) with orthonormal columns, from the parameters (r,) to the changes.
+    """
+
+    facets: FacetCoordinates
+    whole: Floats
+    expansion: Floats
+
+    @classmethod
+    def of(
+        cls, hull: ConvexHull, directions: Floats, angle: float
+    ) -> tuple[FacetCoordinates | TiedCoordinates, Floats]:
+        """Coordinates about the centroid of a hull, and its parameters.
+
+        Each facet is tied to the nearest of those with normals `directions` (k, 3), if that is
+        within an angle in radians. Where there is nothing to tie, these are facet coordinates.
+        """
+        facets, whole = FacetCoordinates.of(hull.vertices, hull.centroid)
+        normals = whole[: 3 * len(whole) // 4].reshape(-1, 3)
+        leaders = np.argmax(normals @ directions.T, axis=0)
+        cosines = normals @ normals[leaders].T
+        nearest = leaders[np.argmax(cosines, axis=1)]
+        group = np.where(cosines.max(axis=1) > np.cos(angle), nearest, np.arange(len(normals)))
+        # A leader is nearest to itself, but for rounding.
+        group[leaders] = leaders
+        members = (group[:, None] == np.unique(group)).astype(np.float64)
+        if members.shape[1] == len(normals):
+            return facets, whole
+        members /= np.sqrt(members.sum(axis=0))
+        normals_part = np.kron(members, np.eye(3))
+        expansion = np.zeros((len(whole), 4 * members.shape[1]))
+        expansion[: len(normals_part), : normals_part.shape[1]] = normals_part
+        expansion[len(normals_part) :, normals_part.shape[1] :] = members
+        return cls(facets, whole, expansion), np.zeros(expansion.shape[1])
+
+    def half_spaces(self, parameters: Floats) -> Floats:
+        """(4 m,) parameters of all facets."""
+        moved: Floats = self.whole + self.expansion @ parameters
+        return moved
+
+    def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
+        """See `FacetCoordinates`."""
+        shape = self.facets.shape(self.half_spaces(parameters), hull_of)
+        return Shape(shape.points, lambda rows: shape.pulled_back(rows) @ self.expansion)
+
+    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
+        """See `Coordinates`."""
+        import torch
+
+        moved = torch.from_numpy(self.whole) + torch.from_numpy(self.expansion) @ parameters
+        return self.facets.points(moved, hull_of)
+
+    def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
+        """See `FacetCoordinates`."""
+        return parameters
 
 
 @dataclass(frozen=True)
