@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, ClassVar, Final, Literal
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.optimize.starts.half_space_odds import FEWEST_FACETS, repulsion
 from dicedesign.optimize.starts.start import (
     Start,
     StartKind,
@@ -214,6 +213,8 @@ class RepulsionOptions:
 
 
 def _check_repulsion(options: RepulsionOptions, outcomes: int) -> None:
+    from dicedesign.optimize.starts.half_space_odds import FEWEST_FACETS
+
     check_sides(outcomes)
     if outcomes < FEWEST_FACETS:
         raise InputError(
@@ -222,12 +223,18 @@ def _check_repulsion(options: RepulsionOptions, outcomes: int) -> None:
         )
 
 
+def _make_repulsion(options: RepulsionOptions, task: Task) -> Start:
+    from dicedesign.optimize.starts.half_space_odds import repulsion
+
+    return repulsion(task.outcomes, task.seed)
+
+
 REPULSION: Final = StartKind(
     name="repulsion",
     line="facets tangent to a sphere at points that repel each other, one for each outcome",
     options=RepulsionOptions,
     check=_check_repulsion,
-    make=lambda options, task: repulsion(task.outcomes, task.seed),
+    make=_make_repulsion,
 )
 
 
