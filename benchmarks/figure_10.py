@@ -129,13 +129,16 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     summarise(places, report)
     published = {} if options.distances is None else read_published(options.distances)
     row = report.table(
-        "paper", {"the paper": "24s", "printed r": "6.2f", "p": "8.1g", "its table: r": "6.2f"}
+        "paper",
+        {"the paper": "24s", "printed r": "6.2f", "p": "8.1g", "its table: r": "6.2f"}
+        | {"its p": "8.1g"},
     )
     for column, (models, coefficient, p_value) in PUBLISHED.items():
-        again = None
+        again: tuple[float | None, float | None] = (None, None)
         if published:
-            again = float(pearsonr(published["weight_ratio"], published[column]).statistic)
-        row(models, coefficient, p_value, again)
+            found = pearsonr(published["weight_ratio"], published[column])
+            again = float(found.statistic), float(found.pvalue)
+        row(models, coefficient, p_value, *again)
     if options.out is not None:
         report.figure = draw(places, published)
     return True
