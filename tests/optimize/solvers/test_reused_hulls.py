@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from common.kernels import compiled_only
 
 from dicedesign.geometry.hulls import hull as hulls
 from dicedesign.geometry.hulls.hull import HullMemory, convex_hull
@@ -48,6 +49,7 @@ def designed(name: str) -> DesignResult:
     return descend_as_paper(start, target.probabilities, options)
 
 
+@compiled_only
 @pytest.mark.parametrize("name", sorted(DESIGNS))
 def test_a_descent_is_the_same_without_reuse(monkeypatch, name: str) -> None:
     result = designed(name)
