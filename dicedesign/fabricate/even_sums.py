@@ -11,14 +11,11 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from dicedesign.runtime.arrays import Floats, Integers
-
-if TYPE_CHECKING:
-    from scipy.optimize import LinearConstraint
 
 TRIES: Final = 300
 """Random arrangements that a search begins with."""
@@ -184,61 +181,44 @@ class EvenSums:
         choices = int(np.square(np.bincount(self.kinds)).sum())
         if choices > MOST_CHOICES:
             return found
-        program = _Program(self)
-        better, is_least = program.better(largest=found.largest - FINEST, total=math.inf)
-        if better is not None and better.beats(found):
-            found = better
-        better, is_best = program.better(largest=found.largest + FINEST, total=found.total - FINEST)
-        if better is not None and better.beats(found):
-            found = better
-        return replace(found, is_best=is_least and is_best)
+        certain = []
+        for largest, total in ((-FINEST, math.inf), (FINEST, -FINEST)):
+            better, is_certain = self._solved(found.largest + largest, found.total + total)
+            certain.append(is_certain)
+            if better is not None and better.beats(found):
+                found = better
+        return replace(found, is_best=all(certain))
 
+    def _solved(self, largest: float, total: float) -> tuple[Arrangement | None, bool]:
+        """The arrangement of least total, or where that may be any of least largest deviation,
+        within these bounds, by an integer program; None where none was found. And whether that
+        answer is certain.
 
-def _worth(deviations: Floats, squared: bool) -> Floats:
-    """(s,) what deviations (s, g) are worth, the less the better."""
-    if squared:
-        return np.square(deviations).sum(axis=1)
-    size = np.abs(deviations)
-    return np.asarray(WEIGHT * size.max(axis=1) + size.sum(axis=1))
+        Its variables are a binary for each number and each place that it may go to, the deviation
+        of each group, and the largest of these.
+        """
+        from scipy.optimize import Bounds, LinearConstraint, milp
 
-
-class _Program:
-    """The integer program of a task: a binary for each number and each place that it may go to, the
-    deviation of each group, and the largest of these."""
-
-    def __init__(self, task: EvenSums) -> None:
-        from scipy.optimize import LinearConstraint
-
-        self._task = task
-        number, place = np.nonzero(task.kinds[:, None] == task.kinds[None])
-        self._number, self._place = number, place
-        count, groups, binaries = len(task.numbers), len(task.groups), len(number)
+        number, place = np.nonzero(self.kinds[:, None] == self.kinds[None])
+        count, groups, binaries = len(self.numbers), len(self.groups), len(number)
         once = np.zeros((2 * count, binaries + groups + 1))
         once[number, np.arange(binaries)] = 1.0
         once[count + place, np.arange(binaries)] = 1.0
-        sums = task.groups[:, place] * task._values[number]
+        sums = self.groups[:, place] * self._values[number]
         beyond = np.hstack([-np.eye(groups), np.zeros((groups, 1))])
         widest = np.hstack([np.zeros((groups, binaries)), np.eye(groups), -np.ones((groups, 1))])
-        self._constraints: list[LinearConstraint] = [
+        constraints = [
             LinearConstraint(once, 1.0, 1.0),
             LinearConstraint(np.hstack([sums, beyond]), -np.inf, 0.0),
             LinearConstraint(np.hstack([-sums, beyond]), -np.inf, 0.0),
             LinearConstraint(widest, -np.inf, 0.0),
         ]
-
-    def better(self, largest: float, total: float) -> tuple[Arrangement | None, bool]:
-        """The arrangement of least total, or where that may be any of least largest deviation,
-        within these bounds; None where none was found. And whether that answer is certain."""
-        from scipy.optimize import Bounds, LinearConstraint, milp
-
-        binaries, groups = len(self._number), len(self._task.groups)
         totalled = np.concatenate([np.zeros(binaries), np.ones(groups), [0.0]])
         objective = np.zeros(binaries + groups + 1)
         objective[-1] = 1.0
-        constraints = self._constraints
         if math.isfinite(total):
             objective = totalled
-            constraints = [*constraints, LinearConstraint(totalled, -np.inf, total)]
+            constraints.append(LinearConstraint(totalled, -np.inf, total))
         answer = milp(
             objective,
             constraints=constraints,
@@ -251,6 +231,14 @@ class _Program:
         if answer.x is None:
             return None, is_certain
         taken = answer.x[:binaries] > 0.5
-        order = np.zeros(len(self._task.numbers), dtype=np.int64)
-        order[self._place[taken]] = self._number[taken]
-        return self._task.arranged(order), is_certain
+        order = np.zeros(count, dtype=np.int64)
+        order[place[taken]] = number[taken]
+        return self.arranged(order), is_certain
+
+
+def _worth(deviations: Floats, squared: bool) -> Floats:
+    """(s,) what deviations (s, g) are worth, the less the better."""
+    if squared:
+        return np.square(deviations).sum(axis=1)
+    size = np.abs(deviations)
+    return np.asarray(WEIGHT * size.max(axis=1) + size.sum(axis=1))

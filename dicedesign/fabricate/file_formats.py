@@ -18,13 +18,6 @@ BODY_COLOR: Final = "#e8e3d8"
 LABEL_COLOR: Final = "#1f2933"
 """Of a die, and of its labels."""
 
-_SAME_ODDS: Final = {"float32": 1e-6, "float64": 1e-9}
-"""Largest difference between odds of one solid in coordinates of a precision and in float64."""
-
-
-def _nothing() -> None:
-    pass
-
 
 def _read(path: Path) -> tuple[Floats, Integers]:
     from dicedesign.geometry.meshes.reading import read_body
@@ -95,13 +88,13 @@ class FileFormat(Extension):
     require: raises InputError where a library that it needs is not installed.
     """
 
-    unit: str
-    upward: str
-    precision: str
-    carries: str
     write: Callable[[Contents], bytes]
+    unit: str = "mm"
+    upward: str = "z"
+    precision: str = "float64"
+    carries: str = "nothing else"
     read: Callable[[Path], tuple[Floats, Integers]] = _read
-    require: Callable[[], None] = _nothing
+    require: Callable[[], object] = bool
 
     @property
     def frame(self) -> Floats:
@@ -113,7 +106,7 @@ class FileFormat(Extension):
     @property
     def same_odds(self) -> float:
         """Largest difference of the odds of a solid by its file from those of the solid."""
-        return _SAME_ODDS[self.precision]
+        return {"float32": 1e-6, "float64": 1e-9}[self.precision]
 
     def read_back(self, path: Path) -> tuple[Floats, Integers]:
         """Points (n, 3) in mm, z upward, and triangles (t, 3) of a file. Raises MeshFileError."""

@@ -13,7 +13,6 @@ import numpy as np
 
 from dicedesign.fabricate.file_formats import Contents, FileFormat, Part, joined
 from dicedesign.geometry.meshes.formats import stl_bytes
-from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.runtime.arrays import Floats, Integers
 
 
@@ -33,10 +32,7 @@ def stl(contents: Contents) -> bytes:
 STL: Final = FileFormat(
     name="stl",
     line="binary STL, which every printing program takes",
-    unit="mm",
-    upward="z",
     precision="float32",
-    carries="nothing else",
     write=stl,
 )
 
@@ -158,9 +154,6 @@ def _object(part: Part, number: int, materials: Sequence[tuple[str, str]]) -> st
 THREE_MF: Final = FileFormat(
     name="3mf",
     line="3MF, the printers' own format, with labels in a colour of their own",
-    unit="mm",
-    upward="z",
-    precision="float64",
     carries="name, parts, colours, target, odds, recipe, checksum",
     write=three_mf,
 )
@@ -181,7 +174,8 @@ ROUGHNESS: Final = 0.6
 
 
 def glb(contents: Contents) -> bytes:
-    """Contents as GLB: a node for each part, a material for each colour of one, flat faces."""
+    """Contents as GLB: a node for each part, a material for each colour of one. Faces are flat, as
+    programs have to show those without normals."""
     data = b""
     views: list[dict[str, Any]] = []
     accessors: list[dict[str, Any]] = []
@@ -192,17 +186,14 @@ def glb(contents: Contents) -> bytes:
         places = (part.points @ GLB.frame.T).astype("<f4")
         for name, color, triangles in part.groups():
             corners = places[triangles].reshape(-1, 3)
-            for kind, values in (("POSITION", corners), ("NORMAL", _flat_normals(corners))):
-                view = {"buffer": 0, "byteOffset": len(data), "byteLength": values.nbytes}
-                views.append({**view, "target": VERTICES})
-                accessor = {"bufferView": len(views) - 1, "componentType": FLOAT, "type": "VEC3"}
-                accessor["count"] = len(values)
-                if kind == "POSITION":
-                    accessor |= {"min": values.min(0).tolist(), "max": values.max(0).tolist()}
-                accessors.append(accessor)
-                data += values.tobytes()
+            place = {"buffer": 0, "byteOffset": len(data), "byteLength": corners.nbytes}
+            views.append({**place, "target": VERTICES})
+            bounds = {"min": corners.min(axis=0).tolist(), "max": corners.max(axis=0).tolist()}
+            kind = {"componentType": FLOAT, "type": "VEC3", "count": len(corners)}
+            accessors.append({"bufferView": len(accessors), **kind, **bounds})
+            data += corners.tobytes()
             number = materials.setdefault((name, color), len(materials))
-            attributes = {"POSITION": len(accessors) - 2, "NORMAL": len(accessors) - 1}
+            attributes = {"POSITION": len(accessors) - 1}
             primitives.append({"attributes": attributes, "material": number})
         meshes.append({"name": part.name, "primitives": primitives})
     scene = {
@@ -219,18 +210,6 @@ def glb(contents: Contents) -> bytes:
     text = json.dumps(scene, separators=(",", ":")).encode()
     body = _chunk(b"JSON", text, b" ") + _chunk(b"BIN\0", data, b"\0")
     return MAGIC + struct.pack("<II", VERSION, 12 + len(body)) + body
-
-
-def _flat_normals(corners: Floats) -> Floats:
-    """Unit normals (3 t, 3) of triangles at each of their corners (3 t, 3); of those without area
-    any."""
-    doubled = doubled_area_vectors(
-        corners.astype(np.float64), np.arange(len(corners)).reshape(-1, 3)
-    )
-    lengths = np.linalg.norm(doubled, axis=1, keepdims=True)
-    normals = np.broadcast_to([0.0, 1.0, 0.0], doubled.shape).copy()
-    np.divide(doubled, lengths, out=normals, where=lengths > 0.0)
-    return normals.repeat(3, axis=0).astype("<f4")
 
 
 def _material(name: str, color: str) -> dict[str, Any]:
@@ -276,9 +255,6 @@ def obj(contents: Contents) -> bytes:
 OBJ: Final = FileFormat(
     name="obj",
     line="Wavefront OBJ, for every program of three dimensions, all digits as text",
-    unit="mm",
-    upward="z",
-    precision="float64",
     carries="parts; labels as a group",
     write=obj,
 )
@@ -299,10 +275,6 @@ def ply(contents: Contents) -> bytes:
 PLY: Final = FileFormat(
     name="ply",
     line="binary PLY, small, all digits",
-    unit="mm",
-    upward="z",
-    precision="float64",
-    carries="nothing else",
     write=ply,
 )
 
@@ -317,9 +289,5 @@ def off(contents: Contents) -> bytes:
 OFF: Final = FileFormat(
     name="off",
     line="OFF, the plainest format of programs for geometry, all digits as text",
-    unit="mm",
-    upward="z",
-    precision="float64",
-    carries="nothing else",
     write=off,
 )

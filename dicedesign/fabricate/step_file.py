@@ -208,9 +208,6 @@ def _require() -> None:
 STEP: Final = FileFormat(
     name="step",
     line="STEP, which programs for construction read: a solid of flat faces",
-    unit="mm",
-    upward="z",
-    precision="float64",
     carries="name, parts",
     write=step,
     read=read_step,

@@ -148,12 +148,8 @@ def test_coordinates_are_in_metres_with_y_upward(contents) -> None:
         points = vectors(file, primitive.attributes.POSITION).reshape(-1, 3, 3)
         corners = expected[part.triangles[part.labels == are_labels]]
         np.testing.assert_allclose(points, corners, rtol=0.0, atol=1e-9)
-        normals = vectors(file, primitive.attributes.NORMAL).reshape(-1, 3, 3)
-        np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1.0, atol=1e-6)
-        areas = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        large = np.linalg.norm(areas, axis=1) > 1e-8
-        along = (normals * areas[:, None]).sum(axis=2) / np.linalg.norm(areas, axis=1)[:, None]
-        assert along[large].min() > 0.9999
+        # Else programs need not show flat faces.
+        assert primitive.attributes.NORMAL is None
 
 
 def test_colours_and_facts_are_read(contents) -> None:
