@@ -74,9 +74,11 @@ def _opened(found: Balanced) -> Picture:
         triangles.append(np.array(mesh.tri_verts, dtype=np.int64) + start)
         colors.append(np.tile(color, (len(corners), 1)).astype(np.float64))
         start += len(corners)
-    cut = [np.concatenate(parts) for parts in (points, triangles, colors)]
+    cut = Surface(
+        np.concatenate(points), np.concatenate(triangles), np.concatenate(colors), smooth=False
+    )
     camera = camera_on(found.made.body.points, across + 0.15 * UP, UP)
-    picture = render(Surface(*cut, smooth=False), camera, PIXELS)
+    picture = render(cut, camera, PIXELS)
     rows, columns = np.indices((420, PIXELS)) + 0.5
     for center, dot in ((found.center_before, FAINT), (found.center, ACCENT)):
         column, row = camera.pixel_positions(center[None], PIXELS)[0, :2]

@@ -102,9 +102,11 @@ def energy_of(history: Sequence[Step]) -> Sheet:
             axes.axvspan(
                 begin, end, color=colors[name], alpha=0.35, linewidth=0.0, zorder=0.5, label=name
             )
-    keys = dict(zip(*reversed(left.get_legend_handles_labels()), strict=True))
-    place, ends_at = "upper center", (0.5, 80.0 / sheet.height)
-    sheet.figure.legend(keys.values(), keys.keys(), loc=place, bbox_to_anchor=ends_at, ncols=8)
+    handles = {span.get_label(): span for span in left.patches}
+    place = (0.5, 80.0 / sheet.height)
+    sheet.figure.legend(
+        handles=list(handles.values()), loc="upper center", bbox_to_anchor=place, ncols=8
+    )
     return sheet
 
 
@@ -148,7 +150,7 @@ def _draw_course(
     left out; name: of the values; log: whether the axis is logarithmic in any case; otherwise where
     values differ widely; level: a value above 0 that the axis reaches too.
     """
-    curves = [np.array(part).T for part in parts if part]
+    curves = [(np.array(part)[:, 0], np.array(part)[:, 1]) for part in parts if part]
     values = np.concatenate([level, *(y for _, y in curves)])
     largest = float(values.max(initial=0.0)) or 1.0
     positive = values[values > largest * 10.0**-MOST_DECADES]
@@ -340,10 +342,12 @@ def pareto_chart(
 
     sheet, axes = _scatter_sheet("radius of the smallest inscribed circle (mm)")
     axes.set(ylabel="momentum margin (°)", title="larger is better in both")
-    for values, set_limits in zip(points(measured), (axes.set_xlim, axes.set_ylim), strict=True):
+    limits = []
+    for values in points(measured):
         low, high = min(values, default=0.0), max(values, default=1.0)
         room = 0.08 * (high - low) if high > low else 0.1 * max(high, 1.0)
-        set_limits(max(low - room, 0.0), high + room)
+        limits.append((max(low - room, 0.0), high + room))
+    axes.set(xlim=limits[0], ylim=limits[1])
     if best:
         radii, margins = points(sorted(best, key=lambda trial: -trial["margin_deg"]))
         x, y = [axes.get_xlim()[0], *np.repeat(radii, 2)], [*np.repeat(margins, 2), 0.0]

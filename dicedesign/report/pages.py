@@ -6,7 +6,7 @@ import gzip
 import hashlib
 from base64 import b64encode
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.resources import files
 from typing import Any, Final
 
@@ -150,7 +150,7 @@ def die_page(result: Result, images: Mapping[str, bytes], live: LiveDie | None =
             if result.thrown is None and balance is not None and len(balance.errors) > 1
             else None,
             drafts=[] if search is None else _best_drafts(search),
-            flaws=lambda draft: _flaws(search, draft),
+            flaws=partial(_flaws, search),
             material=None if found is None else MATERIALS[found.material].title,
         )
     )
@@ -188,7 +188,8 @@ def _best_drafts(search: Search) -> list[Draft]:
     return sorted(trade_off.drafts, key=rank)[:MOST_ATTEMPTS]
 
 
-def _flaws(search: Search, draft: Draft) -> str:
+def _flaws(search: Search | None, draft: Draft) -> str:
+    assert search is not None
     return ", ".join(FLAWS[status] for status in search.trade_off.flaws(draft)) or "nothing"
 
 

@@ -35,7 +35,7 @@ TINY: Final = 15
 DPI: Final = 72
 """A pixel is a point, so that sizes of letters and widths of lines are in pixels too."""
 
-STYLE: Final = {
+STYLE: Final[dict[Any, Any]] = {
     "figure.facecolor": "white",
     "font.family": "DejaVu Sans",
     "font.size": BODY,
@@ -175,8 +175,8 @@ class Sheet:
     @property
     def texts(self) -> list[str]:
         """What is written on it, but for ticks."""
-        found = self.figure.findobj(lambda one: isinstance(one, Text) and one.get_text() != "")
-        return [text.get_text() for text in found if text.get_visible()]
+        found = [one for one in self.figure.findobj(Text) if isinstance(one, Text)]
+        return [text.get_text() for text in found if text.get_text() and text.get_visible()]
 
     @styled
     def saved(self, format: str, dpi: int = DPI, **more: Any) -> bytes:

@@ -349,8 +349,8 @@ def _draw_face(sheet: Sheet, face: Face, scale: float, middle: tuple[float, floa
     def on_sheet(points: Floats) -> Floats:
         return np.asarray(np.array(middle) + scale * (points - center) * (1.0, -1.0))
 
-    look = {"facecolor": FACE_COLOR, "edgecolor": FAINT, "linewidth": 1.5}
-    sheet.drawing.add_patch(Polygon(on_sheet(face.outline), **look))
+    outline = Polygon(on_sheet(face.outline), facecolor=FACE_COLOR, edgecolor=FAINT, linewidth=1.5)
+    sheet.drawing.add_patch(outline)
     if face.cuts:
         closed = [np.vstack([contour, contour[:1]]) for contour in face.cuts]
         path = Path.make_compound_path(*(Path(on_sheet(c), closed=True) for c in closed))

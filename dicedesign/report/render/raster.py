@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
@@ -93,11 +94,11 @@ def framed(cameras: Sequence[Camera], points: Sequence[Floats]) -> list[Camera]:
     return [replace(camera, half_width=MARGIN * max(half_widths)) for camera in moved]
 
 
-def camera_on(points: Floats, direction: Sequence[float] | Floats, up: Sequence[float]) -> Camera:
+def camera_on(points: Floats, direction: ArrayLike, up: ArrayLike) -> Camera:
     """Camera that has points (n, 3) in its picture, whichever direction it looks from."""
     center = (points.min(axis=0) + points.max(axis=0)) / 2.0
     radius = 1.03 * float(np.linalg.norm(points - center, axis=1).max())
-    return Camera(np.asarray(direction, dtype=np.float64), np.array(up, float), center, radius)
+    return Camera(np.asarray(direction, float), np.asarray(up, float), center, radius)
 
 
 def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Integers, Floats]:
