@@ -572,7 +572,7 @@ def surface_recipe(tmp_path: Path, *changes: str) -> Recipe:
     return read_recipe(path, changes)
 
 
-@pytest.mark.parametrize("points", [400, 5000])
+@pytest.mark.parametrize("points", [400, pytest.param(5000, marks=pytest.mark.shipped)])
 def test_a_surface_is_brought_to_a_number_of_points(points: int, tmp_path: Path) -> None:
     work = design_recipe(surface_recipe(tmp_path), last="start")
     surface = work.surface
@@ -607,6 +607,7 @@ def test_what_was_repaired_is_told(
 # The real search.
 
 
+@pytest.mark.shipped
 def test_a_knot_becomes_a_loaded_die_killed_or_not(tmp_path: Path, quick: None) -> None:
     """Killed while the state after the second attempt is written. Which attempts lead there is a
     matter of rounding, which is not the same on all processors."""

@@ -16,7 +16,8 @@ from pygltflib import GLTF2
 from dicedesign.cli.main import main
 from dicedesign.rest.poses import rest_poses
 
-QUICK = ["finished_2d6", "finished_binomial_3", "finished_loaded_d6"]
+SHIPPED = ("finished_binomial_3", "finished_loaded_d6")
+NAMES = ["finished_2d6", *(pytest.param(name, marks=pytest.mark.shipped) for name in SHIPPED)]
 WITHIN = {"stl": 1e-6, "obj": 1e-9, "3mf": 1e-9, "glb": 1e-6}
 """Largest |p - q|; STL and GLB are in single precision."""
 
@@ -39,39 +40,43 @@ def odds(file: Path, result: dict) -> np.ndarray:
     return np.bincount(labels, poses.probabilities, len(result["labels"]))
 
 
-@pytest.mark.parametrize("name", QUICK)
-def test_every_file_has_the_odds_names_and_colours(name: str, tmp_path: Path) -> None:
-    recipe = ROOT / "recipes" / "finished" / f"{name}.yaml"
-    assert main(["run", str(recipe), "--out", str(tmp_path), "--no-figures"]) == 0
-    result = json.loads((tmp_path / "result.json").read_text())
+@pytest.fixture(scope="module", params=NAMES)
+def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a run leaves of a recipe, called like it."""
+    recipe = ROOT / "recipes" / "finished" / f"{request.param}.yaml"
+    out = tmp_path_factory.mktemp("finished") / request.param
+    assert main(["run", str(recipe), "--out", str(out), "--no-figures"]) == 0
+    return out
+
+
+def test_a_slicer_takes_them_without_repair(folder: Path) -> None:
+    for kind in ("stl", "3mf"):
+        assert told_of(folder / f"die.{kind}")["manifold"] == "yes"
+
+
+def test_every_file_has_the_odds_names_and_colours(folder: Path) -> None:
+    result = json.loads((folder / "result.json").read_text())
     assert result["status"] == "converged"
     for kind, most in WITHIN.items():
-        found = odds(tmp_path / f"die.{kind}", result)
+        found = odds(folder / f"die.{kind}", result)
         assert np.abs(found - result["target"]).max() <= most, kind
 
     model = lib3mf.Wrapper().CreateModel()
     reader = model.QueryReader("3mf")
     reader.SetStrictModeActive(True)
-    reader.ReadFromFile(str(tmp_path / "die.3mf"))
+    reader.ReadFromFile(str(folder / "die.3mf"))
     assert reader.GetWarningCount() == 0
     group = model.GetMetaDataGroup()
     told = [group.GetMetaData(k) for k in range(group.GetMetaDataCount())]
-    assert {"Title": name}.items() <= {entry.GetName(): entry.GetValue() for entry in told}.items()
+    assert {"Title": folder.name}.items() <= {
+        entry.GetName(): entry.GetValue() for entry in told
+    }.items()
     colors = model.GetBaseMaterialGroups()
     assert colors.MoveNext()
     assert len(colors.GetCurrentBaseMaterialGroup().GetAllPropertyIDs()) == 2
 
-    scene = GLTF2().load(str(tmp_path / "die.glb"))
+    scene = GLTF2().load(str(folder / "die.glb"))
     assert {"Target", "Odds", "Recipe", "Checksum"} <= scene.asset.extras.keys()
     assert len({tuple(m.pbrMetallicRoughness.baseColorFactor) for m in scene.materials}) == 2
     for page in ("data_sheet.pdf", "data_sheet.png"):
-        assert (tmp_path / page).stat().st_size > 0
-
-
-@pytest.mark.parametrize("name", QUICK)
-def test_a_slicer_takes_them_without_repair(name: str, tmp_path: Path) -> None:
-    recipe = ROOT / "recipes" / "finished" / f"{name}.yaml"
-    changes = ["--no-figures", "--set", "files=[3mf]", "--set", "data_sheet=false"]
-    assert main(["run", str(recipe), "--out", str(tmp_path), *changes]) == 0
-    for kind in ("stl", "3mf"):
-        assert told_of(tmp_path / f"die.{kind}")["manifold"] == "yes"
+        assert (folder / page).stat().st_size > 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from dicedesign.geometry.meshes.orientation import shells_of
 from dicedesign.geometry.meshes.reading import read_body
@@ -19,6 +20,7 @@ from dicedesign.rest.poses import rest_poses
 WALL_MM = 1.0
 
 
+@pytest.mark.shipped
 def test_a_hollow_die_has_the_odds_by_its_own_center_of_mass(tmp_path: Path) -> None:
     tolerance = 0.005
     recipe = {

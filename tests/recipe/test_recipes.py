@@ -20,6 +20,8 @@ from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
 from dicedesign.throws.distances import total_variation
 
+pytestmark = pytest.mark.shipped
+
 RECIPES = sorted((ROOT / "recipes").rglob("*.yaml"))
 EXACT = 1e-12
 SINGLE, DOUBLE = 1e-5, 1e-11
