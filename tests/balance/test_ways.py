@@ -13,7 +13,6 @@ from dicedesign.balance.options import Material
 from dicedesign.balance.ways import Made, move_center, reachable_shifts
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.geometry.triangles import winding_number
 
 SIZES = np.array([30.0, 40.0, 50.0])
@@ -119,12 +118,6 @@ def test_a_drain_larger_than_any_side() -> None:
         move_center(BLOCK, center, "cavity", Material(wall_mm=WALL, drain_mm=45.0))
 
 
-def test_nothing_is_made_where_nothing_is_to_be_moved() -> None:
-    made = move_center(BLOCK, MIDDLE, "cavity", Material(wall_mm=WALL))
-    assert read(made).volume == pytest.approx(SIZES.prod())
-    assert made.wall_mm is None
-
-
 @pytest.mark.parametrize(
     ("entries", "said"),
     [
@@ -135,11 +128,3 @@ def test_nothing_is_made_where_nothing_is_to_be_moved() -> None:
 def test_materials_that_are_none(entries: dict[str, object], said: str) -> None:
     with pytest.raises(InputError, match=said):
         Material(**entries)  # type: ignore[arg-type]
-
-
-def test_a_leaning_block_keeps_its_outside() -> None:
-    body = box((20.0, 30.0, 40.0), (12.0, 5.0, 0.0))
-    surface = Surface(body.points.astype(np.float32).astype(np.float64), body.triangles)
-    made = move_center(surface, surface.centroid + np.array([1.0, 0.5, -1.0]), "cavity", Material())
-    hull = convex_hull(made.body.points, single_precision=True)
-    assert {tuple(corner) for corner in hull.vertices} == {tuple(c) for c in surface.points}

@@ -7,14 +7,12 @@ from itertools import product
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import angle_between, unit_vectors
 from dicedesign.runtime.intervals import exact_intervals
 from dicedesign.throws import distances as module
 from dicedesign.throws.distances import (
-    effective_counts,
     jeffreys_posterior,
     measure_transport,
     measure_variation,
@@ -66,7 +64,7 @@ def test_total_variation_is_the_largest_difference_of_any_event() -> None:
     assert total_variation([1, 0], [0, 1]) == 1.0
 
 
-@pytest.mark.parametrize("throws", [1, 2, 6, 7, 36, 100])
+@pytest.mark.parametrize("throws", [1, 7, 100])
 @pytest.mark.parametrize("odds", [TWO_DICE, np.array([0.5, 0.5]), np.array([0.999, 0.001])])
 def test_the_noise_floor_is_the_mean_over_all_counts(odds: np.ndarray, throws: int) -> None:
     counts = np.arange(throws + 1)[:, None]
@@ -74,26 +72,12 @@ def test_the_noise_floor_is_the_mean_over_all_counts(odds: np.ndarray, throws: i
     assert noise_floor(odds, throws) == pytest.approx(deviations.sum() / 2, rel=1e-12)
 
 
-def test_unequal_weights_have_the_variance_of_fewer_throws() -> None:
-    """The variance of a weighted frequency is p (1 - p) over the effective number."""
-    rng = np.random.default_rng(1)
-    weights = rng.exponential(size=200)
-    came = rng.random((4000, 200)) < 0.3
-    frequencies = came @ weights / weights.sum()
-    throws = effective_counts(came[0], weights, 2).sum()
-    assert throws == pytest.approx(weights.sum() ** 2 / np.square(weights).sum())
-    assert throws < 130
-    assert frequencies.var() == pytest.approx(0.3 * 0.7 / throws, rel=0.08)
-
-
 @pytest.mark.parametrize("throws", [60, 2_000])
 @pytest.mark.parametrize(
     ("odds", "truth"),
     [
         pytest.param(TWO_DICE, TWO_DICE, id="as given"),
-        pytest.param(TWO_DICE, (TWO_DICE + 1 / 11) / 2, id="flatter"),
         pytest.param(np.full(4, 0.25), np.array([0.4, 0.1, 0.25, 0.25]), id="two labels off"),
-        pytest.param(np.array([0.5, 0.5]), np.array([0.5, 0.5]), id="coin"),
         pytest.param(np.array([0.98, 0.02]), np.array([0.9, 0.1]), id="rare outcome"),
     ],
 )
@@ -136,21 +120,6 @@ def test_along_a_great_circle_it_is_the_distance_of_distribution_functions() -> 
     expected = np.abs(np.cumsum(weights - other))[:-1] @ np.diff(angles)
     found = wasserstein_distance(directions, weights, directions, other)
     assert found == pytest.approx(expected, abs=1e-9)
-
-
-def test_turning_scaling_splitting_and_order_change_nothing() -> None:
-    (a, p), (b, q) = distribution(4, 9), distribution(5, 7)
-    turn = Rotation.random(random_state=6).as_matrix()
-    expected = wasserstein_distance(a, p, b, q)
-    halves = np.concatenate([p / 2, p / 2])
-    for changed in (
-        wasserstein_distance(b, q, a, p),
-        wasserstein_distance(a @ turn.T, p, b @ turn.T, q),
-        wasserstein_distance(a, 80 * p, b, 3 * q),
-        wasserstein_distance(np.concatenate([a, a]), halves, b[::-1], q[::-1]),
-        wasserstein_distance([*a, X], [*p, 0.0], b, q),
-    ):
-        assert changed == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize("spread", [1.0, 0.03])

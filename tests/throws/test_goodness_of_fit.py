@@ -38,9 +38,7 @@ def published(die: str, column: str) -> np.ndarray:
     [
         ("2d6_hendecahedron", "geometric", 36.7, 5),
         ("2d6_hendecahedron", "bullet", 13.4, 5),
-        ("2d6_hendecahedron", "ipc", 12.4, 5),
         ("binomial3", "geometric", 1.3, 1),
-        ("binomial2", "geometric", 0.04, 1),
     ],
 )
 def test_published_throws(die: str, model: str, statistic: float, degrees: int) -> None:
@@ -86,10 +84,7 @@ def brute_force(counts: np.ndarray, odds: np.ndarray) -> float:
     ("counts", "odds"),
     [
         ([3, 0, 1], [0.2, 0.3, 0.5]),
-        ([5, 0, 0, 0], [0.25, 0.25, 0.25, 0.25]),
         ([1, 1, 1, 1], [0.25, 0.25, 0.25, 0.25]),
-        ([0, 2, 7], [1 / 6, 1 / 3, 1 / 2]),
-        ([0, 0, 9], [1 / 3, 1 / 3, 1 / 3]),
         ([4, 3], [0.01, 0.99]),
     ],
 )
@@ -119,7 +114,7 @@ def test_a_drawn_p_value_is_never_zero() -> None:
     assert found.p_value == 1 / 100_001
 
 
-@pytest.mark.parametrize("off", [0, 3, 100, 700])
+@pytest.mark.parametrize("off", [3, 700])
 def test_tables_that_are_equally_likely_are_told_of_many_throws_too(off: int) -> None:
     """The one seen, and that with its two counts exchanged: logarithms near 1e7 are rounded."""
     few, many = 499_999 - off, 499_999 + off

@@ -43,7 +43,7 @@ from dicedesign.throws.table_terms import (
     other_tables,
     scaled,
 )
-from dicedesign.throws.tables import TABLE_NAMES, Table, posterior_tables, table_named
+from dicedesign.throws.tables import TABLE_NAMES, Table, table_named
 
 PLAIN = plain_model(general_model())
 UNITS = len(PLAIN["carries"]["outward"])
@@ -123,20 +123,6 @@ def test_a_table_counts_by_numbers_that_have_no_unit() -> None:
     np.testing.assert_allclose(dimensionless(table)[:4], [0.5, 0.3, 10.0, speed], rtol=1e-12)
     spread = replace(table, height=(0.1, 0.3), speed=(0.0, 1.4), spin=(10.0, 30.0))
     np.testing.assert_allclose(dimensionless(spread), dimensionless(table), rtol=1e-12)
-
-
-def test_a_model_of_another_table_is_that_which_the_file_gives() -> None:
-    other = table_named("hard-wood")
-    model, direct = momentum_model("board-game"), momentum_model("hard-wood")
-    assert model is not None
-    assert direct is not None
-    moved = model.on(other)
-    # The third one has two rests, which all tables make even.
-    for body in BODIES[:2]:
-        odds = hull_odds(*body, moved)
-        np.testing.assert_array_equal(odds, hull_odds(*body, direct))
-        assert np.abs(odds - hull_odds(*body, model)).max() > 1e-3
-        np.testing.assert_array_equal(hull_odds(*body, moved.on(TABLE)), hull_odds(*body, model))
 
 
 @pytest.mark.parametrize(
@@ -299,15 +285,3 @@ def test_the_model_knows_what_a_livelier_table_does(dice: list[RandomDie]) -> No
         up, down = (momentum_odds(die.poses, die.body, model.on(one)) for one in livelier)
         expected.append(up - down)
     assert np.corrcoef(np.concatenate(seen), np.concatenate(expected))[0, 1] > 0.5
-
-
-def test_the_model_knows_all_that_the_table_may_be_instead(dice: list[RandomDie]) -> None:
-    model, posterior = momentum_model("board-game"), posterior_tables("board-game")
-    assert model is not None
-    assert len(posterior) > 10
-    spreads = []
-    for die in dice:
-        odds = [momentum_odds(die.poses, die.body, model.on(table)) for table in posterior]
-        np.testing.assert_allclose(np.sum(odds, axis=1), 1.0, atol=1e-9)
-        spreads.append(np.std(odds, axis=0).max())
-    assert max(spreads) > 0.005

@@ -93,14 +93,6 @@ def assert_near(found: Floats, expected: Floats, tolerance: float) -> None:
     assert float(np.abs(found - expected).max()) <= tolerance * size
 
 
-def test_the_bodies_have_what_is_hard() -> None:
-    counts = {name: len(both_ways(make())[0].odds) for name, make in BODIES.items()}
-    assert counts["many rests"] > 50
-    for name in ("two saddles between two rests", "coin"):
-        pairs = np.sort(both_ways(BODIES[name]())[0].paths.basins, axis=1)
-        assert len(np.unique(pairs, axis=0)) < len(pairs)
-
-
 @compiled_only
 def test_odds_are_those_of_the_formulas(points: Floats) -> None:
     for rests in both_ways(points):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from common.kernels import compiled_only
 from common.thrown import BOARD, OCTAHEDRON, alike, random_body, random_points, thrown
-from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import unit_vectors
@@ -63,12 +62,6 @@ def balanced(points: np.ndarray) -> np.ndarray:
     # Second moments of its mass along the principal axes.
     squares = body.moments.sum() / 2.0 - body.moments
     return points @ (body.axes / np.sqrt(squares)) @ body.axes.T
-
-
-def turned(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """A vector of the body in the world; quaternion: w, x, y, z."""
-    world: np.ndarray = Rotation.from_quat(np.roll(quaternion, -1)).apply(vector)
-    return world
 
 
 @compiled_only

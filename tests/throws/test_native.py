@@ -168,25 +168,6 @@ def test_what_a_body_cannot_miss_it_does_not(table: Table) -> None:
 
 
 @compiled_only
-@pytest.mark.parametrize("table", [BOARD, WOOD, CARPET, PAPER])
-def test_vertices_far_from_the_table_are_safely_left_out(table: Table) -> None:
-    """Of 400 vertices most are looked at once in many steps. A throw that is taken up anew at every
-    step, and so looks at all of them, is the same throw."""
-    points = np.random.default_rng(6).normal(size=(400, 3))
-    body, _ = thrown(points / np.linalg.norm(points, axis=1)[:, None] * [1.0, 0.9, 0.8])
-    assert len(body.vertices) == 400
-    listed = let_go(body, table, 20)
-    fall = np.sqrt(2.0 * table.height / GRAVITY)
-    advance(body, table, listed, round(0.97 * fall / contact_of(table).step))
-    anew = listed.copy()
-    rests, _ = advance(body, table, listed, 600)
-    assert (rests == -1).all()
-    for _ in range(600):
-        advance(body, table, anew, 1)
-    np.testing.assert_allclose(listed, anew, atol=1e-6)
-
-
-@compiled_only
 def test_without_momentum_odds_are_the_geometric_ones() -> None:
     body, poses = random_body(1)
     throws = simulate(body, CARPET, 1000, 7)

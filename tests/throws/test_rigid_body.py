@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from common.thrown import OCTAHEDRON, box, random_body, random_points, thrown
+from common.thrown import OCTAHEDRON, box, random_points, thrown
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import InputError
@@ -64,25 +64,6 @@ def test_turning_moving_and_scaling_change_nothing(seed: int) -> None:
     np.testing.assert_allclose(second.rest_heights, first.rest_heights, rtol=1e-9)
     np.testing.assert_allclose(second.barriers, first.barriers, rtol=1e-9)
     assert second.radius == pytest.approx(7.0 * first.radius)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_rests_and_neighbors(seed: int) -> None:
-    body, poses = random_body(seed)
-    np.testing.assert_allclose(body.rest_normals @ body.axes.T, poses.normals, atol=1e-14)
-    heights = poses.hull.heights(poses.center_of_mass)[poses.facets]
-    np.testing.assert_allclose(body.rest_heights * body.radius, heights, rtol=1e-12)
-    assert (body.barriers > body.rest_heights).all()
-    np.testing.assert_array_equal(body.rest_of_facet[poses.facets], np.arange(len(poses.facets)))
-    tails = np.repeat(np.arange(len(body.vertices)), np.diff(body.start))
-    edges = set(zip(tails.tolist(), body.neighbors.tolist(), strict=True))
-    assert edges == {(head, tail) for tail, head in edges}
-    # Both facets beside an edge hold both of its ends.
-    for facets in (body.left, body.right):
-        for ends in (tails, body.neighbors):
-            depth = (body.vertices[ends] * body.normals[facets]).sum(axis=1)
-            most = (body.vertices @ body.normals[facets].T).max(axis=0)
-            np.testing.assert_allclose(depth, most, atol=1e-12)
 
 
 def test_a_given_inertia() -> None:

@@ -11,7 +11,6 @@ from common.kernels import compiled_only
 from common.thrown import box, random_body, thrown
 from scipy.special import expit
 
-from dicedesign.errors import InputError
 from dicedesign.throws import sessions as simulated
 from dicedesign.throws.importance import WeightedPoints, effective, weighted_points
 from dicedesign.throws.odds_surrogate import LEVEL, LogOddsProcess, OddsSurrogate
@@ -20,10 +19,8 @@ from dicedesign.throws.sessions import (
     PARAMETERS,
     SIMULATED,
     SIZE,
-    WITHIN,
     session_points,
     shared_values,
-    simulated_table,
 )
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.table_fit import TableFit, fit_table
@@ -203,17 +200,6 @@ def test_a_session_of_a_die_of_known_size() -> None:
         assert spin * SIZE**0.5 == pytest.approx(np.full(2, shared[4] * size**0.5))
 
 
-def test_the_table_of_a_set_has_its_throws_about_the_session() -> None:
-    for point in (np.zeros(5), np.full(5, 0.4), np.ones(5)):
-        table, values = simulated_table(START, point), values_of(point)
-        assert (table.name, table.source, table.size) == ("mine", "counts", SIZE)
-        assert [table.restitution, table.friction] == pytest.approx(values[:2], rel=0.006)
-        ranges = np.array([table.height, table.speed, table.spin])
-        assert ranges.mean(axis=1) == pytest.approx(values[2:], rel=0.006)
-        wide = (ranges[:, 1] - ranges[:, 0]) / ranges.sum(axis=1)
-        assert wide == pytest.approx(np.full(3, WITHIN), abs=0.01)
-
-
 @compiled_only
 def test_a_larger_die_does_the_same_when_it_is_thrown_as_much_more() -> None:
     """To the last bit, as a factor of four in length is one of two in time and speed."""
@@ -307,17 +293,6 @@ def test_posterior_is_that_of_the_known_odds(fit: TableFit) -> None:
     assert fit.log_likelihood > -1.0
 
 
-def test_what_the_counts_do_not_tell_keeps_its_prior(fit: TableFit) -> None:
-    """Which is flat in the logarithm."""
-    for name in ("height", "speed", "spin"):
-        least, most = PARAMETERS[name]
-        found, wide = fit.parameters[name], np.log(most / least)
-        assert found.mean == pytest.approx((most - least) / wide, rel=0.15)
-        ends = np.log(np.array(found.interval) / least) / wide
-        assert ends == pytest.approx([0.05, 0.95], abs=0.06)
-    assert np.abs(fit.correlations[2:, :2]).max() < 0.25
-
-
 def test_each_die_is_predicted_without_its_own_counts(fit: TableFit) -> None:
     e, mu = grid()
     first, second = likelihoods()
@@ -366,28 +341,3 @@ def test_sessions_differ_in_hands() -> None:
         deviation = np.sqrt((weights * (values - mean) ** 2).sum())
         assert found.parameters[name].mean == pytest.approx(mean, abs=0.25 * deviation)
         assert found.parameters[name].standard_deviation == pytest.approx(deviation, rel=0.2)
-
-
-def test_counts_that_no_table_explains() -> None:
-    """The odds of the first outcome are at least 0.095 within the limits."""
-    found = fit_table([die("first", [4, 396]), SECOND], START, 32, 2000, 0, workers=Inline())
-    first, second = found.dice
-    assert first.whole is not None
-    assert second.whole is not None
-    assert first.whole.p_value < 0.001
-    low, high = first.whole.interval
-    assert 4 < low < high
-    assert second.whole.p_value > 0.01
-
-
-@pytest.mark.parametrize(
-    ("effort", "message"),
-    [
-        ((31, 10, 0), "evaluations: expected a whole number of at least 32, got 31"),
-        ((32, 0, 0), "drops: expected a whole number above 0, got 0"),
-        ((32, 10, -1), "seed: expected a whole number of at least 0, got -1"),
-    ],
-)
-def test_too_little_effort(effort: tuple[int, int, int], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        fit_table([FIRST], START, *effort, workers=Inline())

@@ -8,11 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.throws.momentum_model import MomentumModel, general_model, momentum_model
 from dicedesign.throws.tables import (
     HANDS,
     TABLE_NAMES,
@@ -149,13 +147,6 @@ def test_files_that_are_no_tables(tmp_path: Path, text: str, message: str) -> No
         table_named(str(path))
 
 
-def test_tables_that_are_not_there(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="table felt: expected board-game, hard-wood, carpet"):
-        table_named("felt")
-    with pytest.raises(InputError, match=r"no\.json: no such file"):
-        table_named(str(tmp_path / "no.json"))
-
-
 @pytest.mark.parametrize(
     ("height", "lifted"),
     [(0.1, 0.1), (0.03, 0.035), ((0.03, 0.09), (0.035, 0.09)), ((0.02, 0.03), 0.035), (0.0, 0.0)],
@@ -223,29 +214,3 @@ def test_files_with_a_hand_that_cannot_be(tmp_path: Path, changes: dict, message
     path.write_text(json.dumps({**LINO, **changes}))
     with pytest.raises(InputError, match=message):
         table_named(str(path))
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("board-game:foot", "table board-game:foot: hand: expected cup, hand, tower, got 'foot'"),
-        ("board-game:", "table board-game:: hand: expected cup, hand, tower, got ''"),
-        ("felt:cup", "table felt:cup: expected board-game, hard-wood, carpet, paper or the path"),
-        ("board-game:cup:hand", "table board-game:cup:hand: expected board-game, hard-wood"),
-        ("carpet:cup", "table carpet: expected a table on which dice have momentum for the hand c"),
-    ],
-)
-def test_names_with_a_hand_that_cannot_be(name: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        table_named(name)
-
-
-@pytest.mark.parametrize("hand", HANDS)
-def test_the_momentum_model_knows_the_hand(hand: str) -> None:
-    """It is asked for the middle of what the hand does."""
-    own = table_named("board-game").thrown_by(hand)
-    middles = {name: float(np.mean(getattr(own, name))) for name in ("height", "speed", "spin")}
-    known = momentum_model(f"board-game:{hand}")
-    of_middles = MomentumModel.of(general_model(), replace(own, **middles))
-    assert known is not None
-    assert (known.hot, known.cooling) == (of_middles.hot, of_middles.cooling)

@@ -56,9 +56,6 @@ def test_the_published_dice() -> None:
     assert all(die.size is None for die in dice)
 
 
-ARMADILLO = ((109, 0.34), (115, 0.34), (106, 0.32))
-
-
 def test_a_mesh(box: Path, tmp_path: Path) -> None:
     """Other columns and empty lines do not matter, nor blanks; sizes are in millimetres."""
     text = "note,die,mesh,outcome,throws,geometric,size_mm\n"
