@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.compensation.convex_object import (
+from dicedesign.fabricate.convex_object import (
     ConvexObject,
     Measured,
     measure_resting,
     measure_thrown,
 )
-from dicedesign.fabricate.compensation.reshaping import MOST_ROUNDS, largest_move, reshaped
-from dicedesign.fabricate.compensation.stretching import stretched
 from dicedesign.fabricate.die import Assessment, assess_file
 from dicedesign.fabricate.label_layout import Placement
 from dicedesign.fabricate.label_reading import MARKED
@@ -30,6 +28,8 @@ from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.surface import Surface, joined
 from dicedesign.gradient.odds_model import OddsModel, OddsUnderPrior
 from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, reshaped
+from dicedesign.optimize.solvers.stretching import stretched
 from dicedesign.recipe.work import Work
 from dicedesign.results.parts import Status
 from dicedesign.results.result import Balance, Inside

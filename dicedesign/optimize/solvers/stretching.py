@@ -2,8 +2,7 @@
 thousand.
 
 A linear image keeps what is flat, convex, closed or in contact, and its center of mass is the image
-of that of the body: so the odds after it are known from the corners of the hull alone.
-"""
+of that of the body: so the odds after it are known from the corners of the hull alone."""
 
 from __future__ import annotations
 
@@ -21,8 +20,6 @@ from dicedesign.rest.poses import analyse, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import BALANCED_ODDS, FILE_ODDS
-
-__all__ = ["Stretched", "stretched"]
 
 STEP: Final = 1e-6
 """Of the differences that derivatives are taken from, as a stretch."""

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.compensation.hidden_ball import WALL, hollowed
+from dicedesign.fabricate.convex_object import WALL, hollowed
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.manifold import mesh_of, solid
 from dicedesign.geometry.surfaces.surface import Surface

@@ -9,14 +9,14 @@ import pytest
 import trimesh
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.compensation.convex_object import ConvexObject, measure_resting
-from dicedesign.fabricate.compensation.reshaping import reshaped
+from dicedesign.fabricate.convex_object import ConvexObject, measure_resting
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import Placement, place_labels
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.optimize.solvers.reshaping import reshaped
 from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.recipe.reading import checked_recipe

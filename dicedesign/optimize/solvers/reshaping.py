@@ -2,22 +2,18 @@
 
 The facets of the plain shape are moved until the object that is made of it, measured as it will be
 written, has the odds: labels shift the center of mass, and with it the odds, by some 1e-4. Lengths
-are in millimetres.
-"""
+are in millimetres."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Generic, Protocol, TypeVar
 
 import numpy as np
 import torch
 
 from dicedesign.errors import DiceError
-from dicedesign.fabricate.compensation.carried_labels import carried
-from dicedesign.fabricate.compensation.convex_object import ConvexObject, Measured
-from dicedesign.fabricate.label_layout import Placement
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.geometry.surfaces.surface import Surface
@@ -30,8 +26,6 @@ from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
 from dicedesign.rest.outcomes import gathered
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import BALANCED_ODDS
-
-__all__ = ["MOST_ROUNDS", "Reshaped", "largest_move", "reshaped"]
 
 MOST_ROUNDS: Final = 6
 """Objects that are made and measured after the first: labels alone need three."""
@@ -52,8 +46,39 @@ RANK: Final = 1e-8
 """Differences between guesses below this part of the largest tell nothing."""
 
 
+Label = TypeVar("Label")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a solid does: its center of mass (3,) and the odds (k,) of its outcomes."""
+
+    center_of_mass: Floats
+    odds: Floats
+
+
+class Labelled(Protocol[Label]):
+    """How an object is made of a plain shape and labels on its facets."""
+
+    def balanced(self, core: ConvexHull, placements: Sequence[Label]) -> Surface:
+        """The solid by which the object is judged."""
+
+    def carried(
+        self,
+        placements: Sequence[Label],
+        before: ConvexHull,
+        after: ConvexHull,
+        moved_normals: Floats,
+    ) -> tuple[Label, ...]:
+        """Labels on the facets of one hull, moved onto those of another; moved_normals: (m, 3) that
+        the facets of the first have in the second."""
+
+    def bearing(self, placements: Sequence[Label]) -> Floats:
+        """(l, 3) normals of the facets with labels."""
+
+
 @dataclass(frozen=True, eq=False)
-class Reshaped:
+class Reshaped(Generic[Label]):
     """An object and the plain shape that it is made of.
 
     Attributes
@@ -67,7 +92,7 @@ class Reshaped:
 
     surface: Surface
     core: ConvexHull
-    placements: tuple[Placement, ...]
+    placements: tuple[Label, ...]
     directions: Floats
     measured: Measured
     first: Measured
@@ -77,14 +102,14 @@ class Reshaped:
 def reshaped(
     core: ConvexHull,
     directions: Floats,
-    placements: Sequence[Placement],
+    placements: Sequence[Label],
     target: Floats,
-    made: ConvexObject,
+    made: Labelled[Label],
     measure: Callable[[Surface, Floats], Measured],
     *,
     rounds: int = MOST_ROUNDS,
     model: OddsModel | None = None,
-) -> Reshaped:
+) -> Reshaped[Label]:
     """Lead the object made of a shape to wanted odds.
 
     In each round the object is made and measured. It differs from the plain shape in its center of
@@ -116,10 +141,11 @@ def reshaped(
         if min(errors) <= BALANCED_ODDS or (len(errors) > 2 and errors[-1] > SLOW * errors[-3]):
             break
         try:
-            shape = _solved(core, directions, labels, measured, target, model, guesses)
+            bearing = np.concatenate([directions, made.bearing(labels)])
+            shape = _solved(core, directions, bearing, measured, target, model, guesses)
             if shape is None:
                 break
-            labels = carried(labels, core, shape.rests.hull, _moved_normals(core, shape))
+            labels = made.carried(labels, core, shape.rests.hull, _moved_normals(core, shape))
             core, directions = shape.rests.hull, shape.directions
             surface = made.balanced(core, labels)
             measured = measure(surface, directions)
@@ -187,7 +213,7 @@ class _Guesses:
 def _solved(
     core: ConvexHull,
     directions: Floats,
-    labels: Sequence[Placement],
+    bearing: Floats,
     measured: Measured,
     target: Floats,
     model: OddsModel | None,
@@ -200,7 +226,7 @@ def _solved(
     offset, rest = guesses.next(offset, measured.odds - plain)
     wanted, maker = target - rest, CandidateMaker(None, model, offset)
     best = None
-    for first in _candidates(core, directions, labels, maker):
+    for first in _candidates(core, directions, bearing, maker):
         approach = LevenbergMarquardt(
             wanted, maker, None, 0.1 * BALANCED_ODDS, lambda: False, lambda candidate: None
         )
@@ -222,11 +248,10 @@ def _plain_odds(
 
 
 def _candidates(
-    hull: ConvexHull, directions: Floats, labels: Sequence[Placement], maker: CandidateMaker
+    hull: ConvexHull, directions: Floats, bearing: Floats, maker: CandidateMaker
 ) -> Iterator[Candidate]:
     """The shape, and others beside it, of those that are no ties."""
-    labelled = [label.frame[:3, 2] for label in labels]
-    coordinates, parameters = TiedCoordinates.of(hull, np.array([*directions, *labelled]), FOLD)
+    coordinates, parameters = TiedCoordinates.of(hull, bearing, FOLD)
     random = np.random.default_rng(0)
     for nudge in NUDGES:
         moved = parameters + nudge * random.standard_normal(len(parameters))
