@@ -100,10 +100,10 @@ def energy_of(history: Sequence[Step]) -> Sheet:
     for begin, end, (name, _) in zip([0.0, *ends], ends, runs, strict=False):
         for axes in (left, right):
             axes.axvspan(
-                begin, end, color=colors[name], alpha=0.35, linewidth=0.0, zorder=0.5, label=name
+                begin, end, color=colors[name], alpha=0.35, linewidth=0.0, zorder=0.4, label=name
             )
     handles = {span.get_label(): span for span in left.patches}
-    place = (0.5, 80.0 / sheet.height)
+    place = (0.5, 0.0)
     sheet.figure.legend(
         handles=list(handles.values()), loc="upper center", bbox_to_anchor=place, ncols=8
     )
