@@ -7,12 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Final, Generic, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 from dicedesign.errors import InputError
-
-if TYPE_CHECKING:
-    from importlib.metadata import EntryPoints
 
 STRICT: Final = {"extra": "forbid", "strict": True}
 """Class attribute `__pydantic_config__` of every option dataclass: when a recipe is read into it,
@@ -125,7 +122,7 @@ class Registry(Generic[Kind]):
 
 
 @cache
-def _entry_points() -> EntryPoints:
+def _entry_points() -> Any:
     """Those of all installed packages; reading them takes milliseconds, once for all registries."""
     from importlib.metadata import entry_points
 

@@ -12,7 +12,8 @@ from dicedesign.recipe.reading import typed_target, written_odds
 from dicedesign.view.design_run import PRESETS, DesignedShape, DieRequest
 from dicedesign.view.design_session import DesignSession
 from dicedesign.view.exhibit import Exhibit
-from dicedesign.view.new_die_parts import DieFiles, DieOptions, sentence, session_html
+from dicedesign.view.html_parts import html_part
+from dicedesign.view.new_die_parts import DieFiles, DieOptions, session_html
 from dicedesign.view.page import Job, Page, Stopped
 from dicedesign.view.printable_die import PrintableDie
 from dicedesign.view.viewed_body import Outcomes, ViewedBody
@@ -91,7 +92,7 @@ class NewDiePanel:
             asked = self._options.request(target)
             asked.recipe()
         except DiceError as error:
-            self._wrong.content = sentence("target-error", str(error), wrong=True)
+            self._wrong.content = html_part("sentence", "target-error", str(error), True)
             return None
         self._wrong.content = ""
         return asked
@@ -122,7 +123,7 @@ class NewDiePanel:
         try:
             session.change(request)
         except DiceError as error:
-            self._refused.content = sentence("change-error", str(error), wrong=True)
+            self._refused.content = html_part("sentence", "change-error", str(error), True)
             return False
         self._refused.content = ""
         return True

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import socket
 import sys
 import threading
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from dicedesign.errors import DiceError
 from dicedesign.runtime.text import printable
+from dicedesign.view.html_parts import html_part
 from dicedesign.view.serving import Gate, start_server, stop_server
 
 if TYPE_CHECKING:
@@ -232,12 +232,7 @@ class Page:
 
     def say(self, text: str, *, wrong: bool = False) -> None:
         """Show a sentence at the top of the page until the next; "" for none."""
-        look = "wrong" if wrong else "note"
-        self._notice.content = (
-            f'<div class="dd"><p id="notice" class="{look}">{html.escape(text)}</p></div>'
-            if text
-            else ""
-        )
+        self._notice.content = html_part("sentence", "notice", text, wrong)
 
     def download(self, client: viser.ClientHandle | None, name: str, content: bytes) -> None:
         """Have a browser save a file; None for all that are open."""
@@ -269,11 +264,5 @@ class Page:
             self.soon(lambda: act(int(number)))
 
     def _say_progress(self, words: str, part: float | None) -> None:
-        if not words:
-            self._progress.content = ""
-            return
-        width = 100.0 if part is None else 100.0 * min(max(part, 0.0), 1.0)
-        self._progress.content = (
-            f'<div class="dd"><p id="progress">{html.escape(words)}</p><div class="track">'
-            f'<div class="fill" style="width:{width:.1f}%;background:#4f8fc0"></div></div></div>'
-        )
+        part = 1.0 if part is None else min(max(part, 0.0), 1.0)
+        self._progress.content = html_part("progress", words, part) if words else ""
