@@ -8,8 +8,6 @@ from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["DesignResult", "DesignStep"]
-
 
 @dataclass(frozen=True)
 class DesignStep:

@@ -13,8 +13,6 @@ from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
 
-__all__ = ["Target", "binomial", "fair", "listed", "relabelled", "sum_of_dice"]
-
 MOST_OUTCOMES: Final = 200
 """More faces than anybody can print and read."""
 

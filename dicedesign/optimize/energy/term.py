@@ -18,14 +18,6 @@ if TYPE_CHECKING:
     from dicedesign.optimize.energy.clusters import ClusteredRests
     from dicedesign.runtime.arrays import Floats
 
-__all__ = [
-    "LARGEST_SQUARED_DISTANCE",
-    "SMALLEST_MEAN",
-    "TERMS",
-    "EnergyWeights",
-    "Term",
-    "TermOption",
-]
 
 LARGEST_SQUARED_DISTANCE: Final = 4.0
 """Between two unit vectors: what a cluster without a rest is charged."""

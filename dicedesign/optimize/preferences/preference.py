@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from dicedesign.gradient.thrown_odds import TableSensitivity
     from dicedesign.runtime.arrays import Integers
 
-__all__ = ["PREFERENCES", "BearingFacets", "Preference", "Preferences", "preference_residuals"]
 
 LARGEST_WEIGHT: Final = 1e6
 """Beyond it the other terms are lost in rounding."""

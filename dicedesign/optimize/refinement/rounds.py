@@ -32,8 +32,6 @@ from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.bias import OFTEN
 from dicedesign.throws.distances import noise_floor, total_variation
 
-__all__ = ["Refinement", "Round", "Thrown"]
-
 ON_TABLES: Final = 0.5
 """Throws onto the other tables, all together, over those onto the one that is meant."""
 

@@ -26,8 +26,6 @@ from dicedesign.rest.poses import RestPoses, analyse
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["finished", "flattened"]
-
 ABSORBED: Final = (0.0, 1.0, 3.0, 6.0, 10.0, 15.0)
 """Angles, in degrees, within which a facet near that of an outcome gives way to it: one after the
 other is tried."""

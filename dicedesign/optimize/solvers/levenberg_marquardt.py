@@ -19,8 +19,6 @@ from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.optimize.solvers.sobolev import SobolevSolver, graph_laplacian
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["LevenbergMarquardt"]
-
 DEPTH_MARGIN: Final = 0.03
 """Depth of a facet, over the circumscribed radius, below which it is a residual."""
 

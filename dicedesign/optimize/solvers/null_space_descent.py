@@ -28,8 +28,6 @@ from dicedesign.optimize.preferences.preference import (
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, barrier_residuals
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["improve"]
-
 SHORTFALL: Final = 0.2
 """Part by which a circle is too small that counts as a residual of 1."""
 

@@ -24,8 +24,6 @@ from dicedesign.rest.equilibria import classify
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["descend_as_paper"]
-
 POLISH: Final = 300
 """Most steps of line search after the steps with momentum."""
 

@@ -16,13 +16,6 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_array
     from scipy.sparse.linalg import SuperLU
 
-__all__ = [
-    "SobolevGradient",
-    "SobolevSolver",
-    "edge_laplacian",
-    "graph_laplacian",
-]
-
 
 def graph_laplacian(hull: ConvexHull) -> csc_array:
     """(n, n) Laplacian L of the hull's edge graph: degree on the diagonal, -1 for each edge."""

@@ -20,8 +20,6 @@ from dicedesign.optimize.starts.half_space_odds import resting_half_spaces, star
 from dicedesign.optimize.starts.start import Start
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["needle_near"]
-
 HALF_LENGTHS: Final = (1.5, 15.0)
 """Range of half the length of a needle, over the largest radius of its section."""
 

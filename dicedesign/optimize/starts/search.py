@@ -21,16 +21,6 @@ from dicedesign.optimize.starts.needles import needle_near
 from dicedesign.optimize.starts.start import Start
 from dicedesign.runtime.arrays import Floats
 
-__all__ = [
-    "NEARNESS",
-    "REPULSION_STEPS",
-    "STRETCH",
-    "UNEVENNESS",
-    "has_helpers",
-    "nearest_first",
-    "shapes_near",
-]
-
 
 def shapes_near(target: Floats, seed: int, helpers: int = 0) -> Iterator[Start | None]:
     """Starting shapes with one rest for each outcome and no other, without end; None where a turn

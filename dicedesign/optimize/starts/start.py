@@ -20,17 +20,6 @@ if TYPE_CHECKING:
     from dicedesign.geometry.repair.repair import RepairedMesh
     from dicedesign.geometry.surfaces.surface import Surface
 
-__all__ = [
-    "FEWEST_SIDES",
-    "STARTS",
-    "Start",
-    "StartKind",
-    "StartSurface",
-    "Task",
-    "check_sides",
-    "made_start",
-    "normalised_start",
-]
 
 FEWEST_SIDES: Final = 3
 """Shapes that are made without regard to the target's odds have at least so many rests."""

@@ -29,8 +29,6 @@ from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.equilibria import classify
 from dicedesign.runtime.arrays import Floats, Integers
 
-__all__ = ["symmetric_shapes_near"]
-
 EVEN_STEPS: Final = 200
 """Steps that spread the facets of even shapes."""
 

@@ -16,8 +16,6 @@ from dicedesign.optimize.coordinates.linked import PinnedCoordinates, SymmetricC
 from dicedesign.optimize.starts.start import Start
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["shapes_like"]
-
 FIRST_VARIATION: Final = 0.01
 """Size of the first variation of a start: a standard deviation of normals, and of the logarithms of
 distances."""
