@@ -216,7 +216,7 @@ def test_best_is_what_was_found(tmp_path: Path, recipe: Recipe) -> None:
     assert again["margin_deg"] == result["margin_deg"]
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_lying_die_is_seen_whole(seed: int) -> None:
     """White on all borders, and in the middle."""
     rng = np.random.default_rng(seed)
@@ -262,13 +262,6 @@ def test_the_picture_tells_kinds_apart(recipe: Recipe) -> None:
     assert axes.get_ylabel().endswith("(°)")
     assert axes.texts[0].get_text() == str(solved[0]["number"])
     assert is_whole(sheet)
-
-
-@pytest.mark.parametrize("status", ["converged", "no_progress", "no_die"])
-def test_a_picture_of_one_trial(recipe: Recipe, status: str) -> None:
-    trial = next(trial for trial in made(recipe, 60) if trial["status"] == status)
-    front = [trial["number"]] if status == "converged" else []
-    assert is_whole(pareto_chart([trial], front, front))
 
 
 def test_a_picture_of_nothing() -> None:
