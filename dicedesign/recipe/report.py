@@ -29,7 +29,7 @@ def draw_figures(work: Work) -> None:
 def write_data_sheet(work: Work) -> None:
     """Make data_sheet.pdf and data_sheet.png of the result and the figures."""
     from dicedesign.report.data_sheet import data_sheet, four_views, sheet_facts, sheet_pdf
-    from dicedesign.report.pictures import decoded
+    from dicedesign.report.render.pictures import decoded
     from dicedesign.report.render.renderer import Surface
 
     die = finished_die(work)

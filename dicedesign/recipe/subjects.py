@@ -22,7 +22,7 @@ from dicedesign.rest.poses import rest_poses
 
 if TYPE_CHECKING:
     from dicedesign.recipe.recipe import Recipe
-    from dicedesign.report.body_figures import Ablation
+    from dicedesign.report.body_drawings import Ablation
 
 RECIPES = (".yaml", ".yml")
 """Endings of recipe files."""
@@ -197,7 +197,7 @@ def _ablated(
     from dicedesign.recipe.convex import normalised_center, wanted_odds
     from dicedesign.recipe.pipeline import run_stages
     from dicedesign.recipe.work import Listeners, Work
-    from dicedesign.report.body_figures import Ablation
+    from dicedesign.report.body_drawings import Ablation
     from dicedesign.rest.poses import analyse
     from dicedesign.runtime.workers import one_tensor_thread
 

@@ -10,7 +10,7 @@ from dicedesign.balance.balanced import Balanced
 from dicedesign.geometry.manifold import solid
 from dicedesign.report.bar_charts import Bars, outcome_chart
 from dicedesign.report.palette import ACCENT, FAINT, PALE, rgb
-from dicedesign.report.pictures import Picture, trim
+from dicedesign.report.render.pictures import Picture, trim
 from dicedesign.report.render.raster import camera_on
 from dicedesign.report.render.renderer import Surface, render
 from dicedesign.report.render.shading import MATERIAL

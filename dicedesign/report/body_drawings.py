@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from dicedesign.geometry.sphere import angle_between, even_directions
-from dicedesign.report.body_figures import Ablation
 from dicedesign.report.gauss_map import path_of, paths_figure
 from dicedesign.report.palette import ACCENT, BASINS, rgb
-from dicedesign.report.pictures import trim
+from dicedesign.report.render.pictures import trim
 from dicedesign.report.render.raster import Camera, camera_on, framed
 from dicedesign.report.render.renderer import Surface, render
 from dicedesign.report.render.shading import MATERIAL
@@ -29,6 +28,23 @@ UP: Final = np.array([0.0, 0.0, 1.0])
 
 SIDE: Final = np.array([1.0, -0.7, 0.5])
 """From where bodies are seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ablation:
+    """A die that was designed without some terms of the energy.
+
+    Attributes
+    ----------
+    name: what was left out.
+    error: largest |p - q| of the outcomes.
+    poses: its rests; outcomes: (k,) which outcome each counts for.
+    """
+
+    name: str
+    error: float
+    poses: RestPoses
+    outcomes: Integers
 
 
 def drop_figure(

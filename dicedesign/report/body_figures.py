@@ -17,6 +17,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.registry import Extension, Registry
 
 if TYPE_CHECKING:
+    from dicedesign.report.body_drawings import Ablation
     from dicedesign.report.sheet import Sheet
 
 MOST_TRIANGLES: Final = 1_000_000
@@ -24,23 +25,6 @@ MOST_TRIANGLES: Final = 1_000_000
 
 MOST_FLAT: Final = 400
 """Triangles up to which a mesh is drawn with flat faces and edges."""
-
-
-@dataclass(frozen=True, eq=False)
-class Ablation:
-    """A die that was designed without some terms of the energy.
-
-    Attributes
-    ----------
-    name: what was left out.
-    error: largest |p - q| of the outcomes.
-    poses: its rests; outcomes: (k,) which outcome each counts for.
-    """
-
-    name: str
-    error: float
-    poses: RestPoses
-    outcomes: Integers
 
 
 @dataclass(frozen=True, eq=False)

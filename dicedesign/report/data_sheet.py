@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 from dicedesign.fabricate.printers import MATERIALS, PRINTERS
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.report.palette import ACCENT, DARK, FAINT, GRID
-from dicedesign.report.pictures import Picture
+from dicedesign.report.render.pictures import Picture
 from dicedesign.report.render.raster import Camera, framed
 from dicedesign.report.render.renderer import Surface, render
 from dicedesign.report.sheet import Sheet, styled, text_width

@@ -24,7 +24,7 @@ from dicedesign.report.discs import (
     placed_discs,
 )
 from dicedesign.report.palette import BASINS, DARK, FAINT, LOW_TO_HIGH, rgb
-from dicedesign.report.pictures import Picture
+from dicedesign.report.render.pictures import Picture
 from dicedesign.report.sheet import NOTE, Sheet, styled
 from dicedesign.rest.poses import RestPoses
 from dicedesign.rest.prior import DensityPrior

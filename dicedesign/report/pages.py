@@ -18,7 +18,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.report.discs import MAP_SIZE
 from dicedesign.report.figures import FIGURES
 from dicedesign.report.live_die import LiveDie, three_script
-from dicedesign.report.pictures import encoded
+from dicedesign.report.render.pictures import encoded
 from dicedesign.report.render.raster import Camera
 from dicedesign.report.render.renderer import Surface, render
 from dicedesign.report.throwing import throwing_advice, throws_told

@@ -23,7 +23,7 @@ from matplotlib.textpath import text_to_path
 from numpy.typing import ArrayLike
 
 from dicedesign.report.palette import DARK, GRID
-from dicedesign.report.pictures import Picture, decoded
+from dicedesign.report.render.pictures import Picture, decoded
 
 TITLE: Final = 23
 BODY: Final = 21
@@ -107,7 +107,7 @@ class Sheet:
     Attributes
     ----------
     width, height: in pixels. grows: whether the picture is cut, or grows, to what is drawn.
-    figure: of matplotlib, without pyplot.
+    figure: of matplotlib.
     pictures: what is pasted on it, in the order of pasting.
     """
 

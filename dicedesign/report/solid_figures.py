@@ -15,7 +15,7 @@ from matplotlib.path import Path
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.report.palette import ACCENT, DARK, FAINT, rgb
-from dicedesign.report.pictures import trim
+from dicedesign.report.render.pictures import trim
 from dicedesign.report.render.raster import Camera, camera_on, framed
 from dicedesign.report.render.renderer import Surface, render
 from dicedesign.report.render.shading import MATERIAL

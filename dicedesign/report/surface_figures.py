@@ -13,7 +13,7 @@ from dicedesign.errors import InputError
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.geometry.triangles import edge_keys
 from dicedesign.report.palette import BASINS, repeated, rgb
-from dicedesign.report.pictures import trim
+from dicedesign.report.render.pictures import trim
 from dicedesign.report.render.raster import Camera, framed, three_cameras
 from dicedesign.report.render.renderer import Shell, Surface, render
 from dicedesign.report.render.shading import MATERIAL

@@ -14,7 +14,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from dicedesign.fabricate.die import FinishedDie
-from dicedesign.report.pictures import Picture, trim
+from dicedesign.report.render.pictures import Picture, trim
 from dicedesign.report.render.raster import Camera
 from dicedesign.report.render.tabletop import Tabletop, side_camera
 from dicedesign.report.sheet import Sheet, picture_grid

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dicedesign.report.palette import BASINS, rgb
-from dicedesign.report.pictures import encoded, trim
+from dicedesign.report.render.pictures import encoded, trim
 from dicedesign.report.render.raster import Camera, framed, rasterize
 from dicedesign.report.render.renderer import Surface, render
 from dicedesign.report.render.tabletop import shadowed_table

@@ -22,7 +22,7 @@ from dicedesign.report.data_sheet import (
     sheet_pdf,
     wrap,
 )
-from dicedesign.report.pictures import decoded
+from dicedesign.report.render.pictures import decoded
 from dicedesign.report.render.renderer import Surface
 from dicedesign.report.sheet import Sheet, text_width
 from dicedesign.results.result import Engraved

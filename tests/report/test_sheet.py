@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dicedesign.report.palette import rgb
-from dicedesign.report.pictures import decoded, encoded, trim
+from dicedesign.report.render.pictures import decoded, encoded, trim
 from dicedesign.report.sheet import Sheet, picture_grid, text_width
 
 

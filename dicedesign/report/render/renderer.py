@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.report.pictures import Picture
+from dicedesign.report.render.pictures import Picture
 from dicedesign.report.render.raster import Camera, rasterize
 from dicedesign.report.render.shading import (
     LINE,

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.report.pictures import Picture
+from dicedesign.report.render.pictures import Picture
 from dicedesign.report.render.raster import Camera, rasterize
 from dicedesign.report.render.renderer import Surface, render
 from dicedesign.report.render.shading import blurred
