@@ -30,22 +30,6 @@ from dicedesign.fabricate.label_art import (
     text_contours,
     text_section,
 )
-from dicedesign.fabricate.sections import CHORD_TOLERANCE
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["6", "9", "66", "99", "68", "89", "16", "91", "61", "01", "106", "606", "909", "86", "98"],
-)
-def test_ambiguous(text: str) -> None:
-    assert reads_upside_down(text) is True
-
-
-@pytest.mark.parametrize(
-    "text", ["", "0", "1", "8", "11", "88", "69", "96", "10", "60", "2", "26", "6a", "1001", "-6"]
-)
-def test_not_ambiguous(text: str) -> None:
-    assert reads_upside_down(text) is False
 
 
 def test_one_of_two_numbers_is_the_other_turned_by_half_a_turn() -> None:
@@ -60,10 +44,11 @@ def test_one_of_two_numbers_is_the_other_turned_by_half_a_turn() -> None:
         else:
             expected = False
         assert reads_upside_down(text) == expected
+    assert not any(map(reads_upside_down, ["", "6a", "-6"]))
 
 
-@pytest.mark.parametrize("text", ["6", "9", "16", "68", "99"])
-def test_an_ambiguous_label_has_a_bar_beneath_as_wide_as_the_text(text: str) -> None:
+def test_an_ambiguous_label_has_a_bar_beneath_as_wide_as_the_text() -> None:
+    text = "16"
     plain = text_section(text)
     left, bottom, right, _ = plain.bounds()
     *_, (x0, y0, x1, y1) = sorted(
@@ -86,69 +71,21 @@ def test_a_dot_follows_the_number_on_its_baseline() -> None:
     assert dotted.area() == pytest.approx(plain.area() + dot.area())
 
 
-@pytest.mark.parametrize("text", ["8", "69", "10", "7"])
-@pytest.mark.parametrize("mark", ["bar", "dot", "none"])
-def test_other_labels_are_not_marked(text: str, mark: str) -> None:
-    options = EngravingOptions(ambiguous=mark)
-    assert label_arts(text, options)[0].section.area() == text_section(text).area()
-
-
-def test_none_leaves_ambiguous_labels_alone() -> None:
-    art = label_arts("6", EngravingOptions(ambiguous="none"))[0]
-    assert art.section.area() == text_section("6").area()
-
-
-NUMBERS = range(1, MOST_PIPS + 1)
-
-
-@pytest.mark.parametrize("number", NUMBERS)
-def test_there_are_as_many_pips_of_the_area_of_circles_in_the_square(number: int) -> None:
-    section = pips_section(str(number))
-    _, diameter = pip_places(number)
-    parts = section.decompose()
-    assert len(parts) == number
-    assert section.area() == pytest.approx(number * math.pi * diameter**2 / 4.0, rel=0.02)
-    left, bottom, right, top = section.bounds()
-    assert min(left, bottom) > -1e-6
-    assert max(right, top) < 1.0 + 1e-6
-
-
-@pytest.mark.parametrize("number", NUMBERS)
-def test_patterns_are_the_same_after_half_a_turn(number: int) -> None:
-    """So that no pattern has an upright."""
-    places, _ = pip_places(number)
-    turned = 1.0 - places
-    gaps = np.linalg.norm(places[:, None] - turned, axis=-1)
-    assert gaps.min(axis=1).max() < 1e-12
-
-
-@pytest.mark.parametrize("number", NUMBERS)
-def test_pips_are_apart(number: int) -> None:
-    places, diameter = pip_places(number)
-    gaps = np.linalg.norm(places[:, None] - places, axis=-1)[np.triu_indices(number, 1)]
-    assert number == 1 or gaps.min() > 1.2 * diameter
-
-
-def test_pips_of_ordinary_dice_are_equal_and_fill_one_square() -> None:
-    options = EngravingOptions(content="pips")
-    assert {label_arts(str(n), options)[0].box for n in range(1, 10)} == {(0.0, 0.0, 1.0, 1.0)}
-    assert len({pip_places(n)[1] for n in range(1, 10)}) == 1
-
-
-@pytest.mark.parametrize("text", ["0", "21", "six", "-1", "1.5", "²", ""])
-def test_what_is_no_such_number_is_refused(text: str) -> None:
-    with pytest.raises(EngravingError, match="whole number from 1 to 20 to show as pips"):
-        pips_section(text)
-
-
-@pytest.fixture(scope="module")
-def bundled() -> TTFont:
-    return TTFont(_bundled())
-
-
-def shoelace(contour: np.ndarray) -> float:
-    following = np.roll(contour, -1, axis=0)
-    return 0.5 * float((contour[:, 0] * following[:, 1] - contour[:, 1] * following[:, 0]).sum())
+def test_pips_are_circles_apart_in_a_square_that_look_the_same_upside_down() -> None:
+    for number in range(1, MOST_PIPS + 1):
+        section = pips_section(str(number))
+        places, diameter = pip_places(number)
+        assert len(section.decompose()) == number
+        assert section.area() == pytest.approx(number * math.pi * diameter**2 / 4.0, rel=0.02)
+        assert min(section.bounds()) > -1e-6
+        assert max(section.bounds()) < 1.0 + 1e-6
+        gaps = np.linalg.norm(places[:, None] - places, axis=-1)[np.triu_indices(number, 1)]
+        assert (gaps > 1.2 * diameter).all()
+        turned = np.linalg.norm(places[:, None] - (1.0 - places), axis=-1)
+        assert turned.min(axis=1).max() < 1e-12
+    for text in ("0", "21", "six", "-1", "1.5", "²", ""):
+        with pytest.raises(EngravingError, match="whole number from 1 to 20 to show as pips"):
+            pips_section(text)
 
 
 def area_by_fonttools(font: TTFont, text: str) -> float:
@@ -161,26 +98,11 @@ def area_by_fonttools(font: TTFont, text: str) -> float:
     return total / unit**2
 
 
-@pytest.mark.parametrize(
-    ("digit", "holes"), list(zip("0123456789", (1, 0, 0, 0, 1, 0, 1, 0, 2, 1), strict=True))
-)
-def test_digits_have_their_holes(digit: str, holes: int) -> None:
-    contours = text_section(digit).to_polygons()
-    areas = [shoelace(np.asarray(contour)) for contour in contours]
-    assert sum(area < 0 for area in areas) == holes
-    assert sum(area > 0 for area in areas) == 1
-
-
-@pytest.mark.parametrize("text", ["0", "8", "16", "66", "3/6", "A & B", "2d6", "½", "ÄÖ"])
-def test_areas_are_those_that_fonttools_finds_for_the_curves(bundled: TTFont, text: str) -> None:
-    expected = area_by_fonttools(bundled, text.replace(" ", ""))
-    assert text_section(text).area() == pytest.approx(expected, rel=3e-3)
-
-
-def test_unit_is_the_digit_height_and_the_baseline_is_zero() -> None:
-    points = np.concatenate(text_contours("1"))
-    assert points[:, 1].min() == 0.0
-    assert points[:, 1].max() == 1.0
+def test_areas_are_those_that_fonttools_finds_for_the_curves() -> None:
+    font = TTFont(_bundled())
+    for text in ("0", "8", "16", "66", "3/6", "A & B", "2d6", "½", "ÄÖ"):
+        expected = area_by_fonttools(font, text.replace(" ", ""))
+        assert text_section(text).area() == pytest.approx(expected, rel=3e-3)
 
 
 def test_digits_are_equally_wide_and_not_kerned() -> None:
@@ -189,19 +111,6 @@ def test_digits_are_equally_wide_and_not_kerned() -> None:
     step = starts[0] - text_contours("1")[0][:, 0].min()
     third = text_contours("111")[2][:, 0].min() - text_contours("1")[0][:, 0].min()
     assert third == pytest.approx(2 * step)
-
-
-def test_curves_are_flattened_finely() -> None:
-    # The outer contour of "0" has its extreme points on the curve: along it, the outline turns by
-    # a small angle at each corner, as a chord of sagitta CHORD_TOLERANCE on a curve does.
-    outline = max(text_contours("0"), key=lambda contour: abs(shoelace(contour)))
-    edges = np.roll(outline, -1, axis=0) - outline
-    following = np.roll(edges, -1, axis=0)
-    turn = np.arctan2(
-        edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0], (edges * following).sum(1)
-    )
-    sagitta = np.linalg.norm(edges, axis=1) * np.abs(turn) / 8
-    assert sagitta.max() < 2 * CHORD_TOLERANCE
 
 
 def test_lines_are_broken_at_spaces_where_the_widest_is_narrowest() -> None:
@@ -232,10 +141,9 @@ def test_a_character_that_the_font_lacks_is_named() -> None:
         text_contours("1骰")
 
 
-@pytest.mark.parametrize("text", ["", " ", "\n"])
-def test_a_label_that_draws_nothing_is_refused(text: str) -> None:
+def test_a_label_that_draws_nothing_is_refused() -> None:
     with pytest.raises(EngravingError, match="at least one visible character"):
-        text_section(text)
+        text_section(" ")
 
 
 UPEM = 1000
@@ -319,16 +227,13 @@ def test_cubic_curves_of_an_otf_are_followed(tmp_path: Path) -> None:
     assert section.area() == pytest.approx(math.pi / 4.0, rel=5e-3)
 
 
-@pytest.mark.parametrize("kern", [-300, 150])
-def test_kerning_by_gpos_is_kept(tmp_path: Path, kern: int) -> None:
-    rules = f"feature kern {{ pos one H {kern}; }} kern;"
+def test_kerning_by_gpos_is_kept(tmp_path: Path) -> None:
+    rules = "feature kern { pos one H -300; } kern;"
     path = written_font(
         tmp_path / "made.ttf", False, lambda pen: square(pen, 0, 0, 700, True), rules
     )
     left, _, right, _ = text_section("1H", str(path)).bounds()
-    assert (left, right) == pytest.approx((0.0, (800 + kern + 700) / 700), abs=1e-6)
-    _, _, right, _ = text_section("H1", str(path)).bounds()
-    assert right == pytest.approx(1500 / 700, abs=1e-6)
+    assert (left, right) == pytest.approx((0.0, 1200 / 700), abs=1e-6)
 
 
 def test_a_font_that_changes_on_disk_is_read_again(tmp_path: Path) -> None:
@@ -344,10 +249,9 @@ def test_a_family_gives_its_bold_face() -> None:
     assert text_section("8", "dejavu serif").area() != pytest.approx(bundled.area(), rel=1e-2)
 
 
-@pytest.mark.parametrize("name", ["No Such Font", "DejaVu Sanz", "serif"])
-def test_an_unknown_family_is_refused_with_a_remedy(name: str) -> None:
-    with pytest.raises(InputError, match=rf"engrave.font: expected the family .* got '{name}'"):
-        text_section("1", name)
+def test_an_unknown_family_is_refused_with_a_remedy() -> None:
+    with pytest.raises(InputError, match=r"engrave.font: expected the family .* 'DejaVu Sanz'"):
+        text_section("1", "DejaVu Sanz")
 
 
 @pytest.mark.parametrize(
@@ -358,11 +262,6 @@ def test_a_file_that_is_no_font_is_refused(tmp_path: Path, content: bytes) -> No
     path.write_bytes(content)
     with pytest.raises(InputError, match="expected a TTF or OTF font with outlines"):
         text_section("1", str(path))
-
-
-def test_a_font_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such file"):
-        text_section("1", str(tmp_path / "none.ttf"))
 
 
 def test_damaged_fonts_give_a_label_or_an_error_of_ours(tmp_path: Path) -> None:

