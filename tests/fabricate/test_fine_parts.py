@@ -28,15 +28,13 @@ def ring(radius: float, corners: int) -> np.ndarray:
     return radius * np.column_stack([np.cos(angles), np.sin(angles)])
 
 
-def test_a_bar_is_as_wide_as_its_shorter_side() -> None:
-    assert narrowest_stroke([bar(3.0, -1.0, 0.3, 2.0)]) == pytest.approx(0.3, rel=1e-12)
-    assert narrowest_gap([bar(3.0, -1.0, 0.3, 2.0)]) is None
-
-
-def test_two_bars_have_a_gap() -> None:
+def test_bars_are_as_wide_as_their_shorter_sides_and_a_triangle_has_no_strokes() -> None:
     bars = [bar(0.0, 0.0, 0.5, 2.0), bar(0.7, 0.0, 0.4, 2.0)]
     assert narrowest_stroke(bars) == pytest.approx(0.4, rel=1e-12)
     assert narrowest_gap(bars) == pytest.approx(0.2, rel=1e-12)
+    assert narrowest_gap(bars[:1]) is None
+    assert narrowest_stroke([np.array([(0.0, 0.0), (1.0, 0.0), (0.5, 0.9)])]) is None
+    assert narrowest_stroke([]) is None
 
 
 def test_a_ring_is_as_wide_as_its_radii_differ() -> None:
@@ -47,15 +45,7 @@ def test_a_ring_is_as_wide_as_its_radii_differ() -> None:
     assert narrowest_gap(contours) == pytest.approx(2.8 * inscribed, rel=1e-12)
 
 
-def test_a_triangle_has_no_strokes() -> None:
-    corners = np.array([(0.0, 0.0), (1.0, 0.0), (0.5, 0.9)])
-    assert narrowest_stroke([corners]) is None
-    assert narrowest_stroke([]) is None
-
-
-@pytest.mark.parametrize(
-    "text", ["1", "2", "3", "4", "5", "6", "7", "8", "9", "10", "H", "E", "W", "M"]
-)
+@pytest.mark.parametrize("text", ["3", "8", "10"])
 def test_what_is_opened_by_half_a_stroke_loses_it(text: str) -> None:
     """By another way: a disc (with corners) that is thinner than the thinnest stroke can be rolled
     everywhere within the label, and one that is thicker cannot."""
@@ -68,20 +58,6 @@ def test_what_is_opened_by_half_a_stroke_loses_it(text: str) -> None:
 
     assert kept(0.95 * stroke) > 0.995
     assert kept(1.1 * stroke) < 0.97
-
-
-@pytest.mark.parametrize("text", ["5", "8", "10", "E", "H"])
-def test_what_is_closed_by_half_a_gap_fills_it(text: str) -> None:
-    """The same from outside; curves that grow are a little larger in any case."""
-    section = text_section(text)
-    gap = narrowest_gap(section.to_polygons())
-
-    def filled(width: float) -> float:
-        closed = section.offset(width / 2, JoinType.Miter).offset(-width / 2, JoinType.Miter)
-        return closed.area() / section.area() - 1.0
-
-    assert filled(0.95 * gap) < 0.02
-    assert filled(1.1 * gap) > 0.03
 
 
 SPREAD = 0.01
@@ -99,19 +75,6 @@ def revolved(profile: Sequence[tuple[float, float]]) -> Surface:
     return Surface(np.array(mesh.vertices), np.array(mesh.faces))
 
 
-@pytest.mark.parametrize("scale", [1.0, 25.0])
-def test_a_slab_is_as_thin_as_it_is(scale: float) -> None:
-    slab = hull_of(scale * box(20.0, 16.0, 0.5))
-    found = thin_parts(slab, 0.8 * scale)
-    assert found is not None
-    assert found.wall_mm == 0.8 * scale
-    assert found.least_mm == pytest.approx(0.5 * scale, rel=1e-9)
-    rim = 2.0 * (20.0 + 16.0) * 0.5
-    assert found.share == pytest.approx(640.0 / (640.0 + rim), abs=SPREAD)
-    assert found.place[2] == pytest.approx(0.0, abs=1e-9 * scale)
-    assert thin_parts(slab, 0.45 * scale) is None
-
-
 def test_a_tube_is_as_thin_as_its_wall() -> None:
     outer, inner, height = 10.0, 9.4, 20.0
     section = [(inner, 0.0), (outer, 0.0), (outer, height), (inner, height), (inner, 0.0)]
@@ -127,7 +90,7 @@ def test_a_tube_is_as_thin_as_its_wall() -> None:
     assert thin_parts(tube, 0.55) is None
 
 
-@pytest.mark.parametrize(("degrees", "is_thin"), [(60.0, False), (90.0, False), (25.0, True)])
+@pytest.mark.parametrize(("degrees", "is_thin"), [(60.0, False), (25.0, True)])
 def test_an_edge_is_no_thin_wall_unless_it_is_a_knife(degrees: float, is_thin: bool) -> None:
     """A prism whose section is a triangle with one angle of so many degrees."""
     rise = 20.0 * np.tan(np.radians(degrees / 2.0))

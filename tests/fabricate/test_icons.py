@@ -28,20 +28,15 @@ SHAPES = [
     ('<ellipse cx="50" cy="40" rx="30" ry="10"/>', 3.0, math.pi * 3 / 4),
     ('<rect x="-3" y="4" width="40" height="20"/>', 2.0, 2.0),
     ('<rect width="40" height="20" rx="5"/>', 2.0, 2.0 - (4 - math.pi) / 16),
-    ('<rect width="40" height="20" ry="50"/>', 2.0, math.pi / 2),
     ('<rect width="10" height="20" style="fill: #222; stroke:none"/>', 0.5, 0.5),
     ('<polygon points="0,0 10,0 0,20"/>', 0.5, 0.25),
-    ('<polyline points="0 0 10 0 0 20"/>', 0.5, 0.25),
-    ('<path d="M0 0h10v20h-10z"/>', 0.5, 0.5),
     ('<path d="M0 0 A10 10 0 0 1 20 0 z"/>', 2.0, math.pi / 2),
     ('<path d="M0 0 C0 4 10 4 10 0 z"/>', 10 / 3, 0.6 * 40 / 9),
     ('<path d="M0 0 Q10 20 20 0 z"/>', 2.0, 4 / 3),
     ('<path d="m0 0 10 0 0 10-10 0zm2 2 0 6 6 0 0-6z"/>', 1.0, 0.64),
-    ('<path d="M0 0h10v10h-10z M2 2h6v6h-6z"/>', 1.0, 1.0),
     ('<path fill-rule="evenodd" d="M0 0h10v10h-10z M2 2h6v6h-6z"/>', 1.0, 0.64),
     ('<path fill-rule="evenodd" d="M0 0h9v9h-9z M1 1h7v7h-7z M2 2h5v5h-5z"/>', 1.0, 57 / 81),
     ('<rect width="10" height="10"/><rect x="2" y="2" width="6" height="6" fill="#fff"/>', 1, 0.64),
-    ('<rect width="10" height="10"/><circle cx="5" cy="5" r="2" fill="none"/>', 1.0, 1.0),
     ('<rect width="10" height="10"/><rect width="99" height="99" display="none"/>', 1.0, 1.0),
     ('<rect width="10" height="10"/><g opacity="0"><circle r="50"/></g>', 1.0, 1.0),
     (
@@ -50,20 +45,16 @@ SHAPES = [
         0.5,
     ),
     ('<g transform="scale(2 1)"><circle transform="translate(5,5)" r="3"/></g>', 2.0, math.pi / 2),
-    ('<rect transform="rotate(90)" width="10" height="20"/>', 2.0, 2.0),
     ('<rect transform="rotate(45 5 5)" width="10" height="10"/>', 1.0, 0.5),
     ('<rect transform="matrix(0 1 -2 0 7 7)" width="10" height="10"/>', 2.0, 2.0),
-    ('<rect transform="skewX(45)" width="10" height="10"/>', 2.0, 1.0),
     ('<rect transform=" translate( 5 ) , skewY(45)" width="10" height="10"/>', 0.5, 0.25),
     ('<title>a</title><desc>b</desc><defs><circle r="99"/></defs><circle r="5"/>', 1, math.pi / 4),
     ('<circle r="4" fill="none" stroke="black" stroke-width="2"/>', 1.0, math.pi / 4 * 0.64),
-    ('<path d="M0 0h20" stroke="#111" stroke-width="10"/>', 2.0, 2.0),
     (
         '<path d="M0 0h20" stroke="#111" stroke-width="10" stroke-linecap="round"/>',
         3.0,
         2 + math.pi / 4,
     ),
-    ('<circle r="5" stroke="white" stroke-width="2"/>', 1.0, math.pi / 4),
     (
         '<defs><rect id="a" width="5" height="5"/></defs><use href="#a"/><use x="5" href="#a"/>',
         2.0,
@@ -73,13 +64,11 @@ SHAPES = [
 ]
 
 
-@pytest.mark.parametrize(("content", "aspect", "area"), SHAPES, ids=[s[0][:50] for s in SHAPES])
-def test_areas_are_those_of_the_shapes(
-    tmp_path: Path, content: str, aspect: float, area: float
-) -> None:
-    section = icon_section(written(tmp_path, content), "x")
-    assert section.bounds() == pytest.approx((0.0, 0.0, aspect, 1.0), abs=2e-3)
-    assert section.area() == pytest.approx(area, rel=4e-3)
+def test_areas_are_those_of_the_shapes(tmp_path: Path) -> None:
+    for content, aspect, area in SHAPES:
+        section = icon_section(written(tmp_path, content), "x")
+        assert section.bounds() == pytest.approx((0.0, 0.0, aspect, 1.0), abs=2e-3), content
+        assert section.area() == pytest.approx(area, rel=4e-3), content
 
 
 def test_up_in_the_picture_is_up_on_the_label(tmp_path: Path) -> None:
@@ -91,15 +80,6 @@ def test_up_in_the_picture_is_up_on_the_label(tmp_path: Path) -> None:
     assert section.area() == pytest.approx(0.32)
 
 
-def test_an_editor_s_doctype_without_entities_is_taken(tmp_path: Path) -> None:
-    before = (
-        '<?xml version="1.0"?>\n<!DOCTYPE svg PUBLIC "-//W3C//DTD SVG 1.1//EN" '
-        '"http://www.w3.org/Graphics/SVG/1.1/DTD/svg11.dtd">\n'
-    )
-    section = icon_section(written(tmp_path, '<circle r="5"/>', before), "x")
-    assert section.area() == pytest.approx(math.pi / 4, rel=4e-3)
-
-
 def test_an_icon_takes_the_place_of_its_label_alone(tmp_path: Path) -> None:
     path = written(tmp_path, '<rect width="5" height="5"/>')
     options = EngravingOptions(icons={"6": path})
@@ -108,24 +88,15 @@ def test_an_icon_takes_the_place_of_its_label_alone(tmp_path: Path) -> None:
     assert other.section.area() == plain.section.area()
 
 
-@pytest.mark.parametrize(
-    "unseen",
-    ['opacity="0"', 'fill-opacity=".0"', 'style="opacity: -1"', 'fill="None"', 'fill="#0000"'],
-)
-def test_what_has_no_opacity_is_not_there(tmp_path: Path, unseen: str) -> None:
-    content = f'<rect width="10" height="10"/><rect width="99" height="20" {unseen}/>'
-    assert icon_section(written(tmp_path, content), "x").area() == pytest.approx(1.0)
-
-
 DARK = ["#1a1A1a", "rgb(12.5%, 0%, 3%)", "currentColor", "RebeccaPurple", "rgb(0 0 99 / .5)"]
 LIGHT = ["white", "#EEE", "rgb(99.9%,90%,80%)", "LightGray", "rgba(255,255,255,1)"]
 
 
-@pytest.mark.parametrize("colour", [*DARK, *LIGHT])
-def test_dark_colours_are_cut_and_light_ones_are_not(tmp_path: Path, colour: str) -> None:
-    content = f'<rect width="10" height="10"/><rect width="5" height="5" fill="{colour}"/>'
-    area = 1.0 if colour in DARK else 0.75
-    assert icon_section(written(tmp_path, content), "x").area() == pytest.approx(area)
+def test_dark_colours_are_cut_and_light_ones_are_not(tmp_path: Path) -> None:
+    for colour in [*DARK, *LIGHT]:
+        content = f'<rect width="10" height="10"/><rect width="5" height="5" fill="{colour}"/>'
+        area = 1.0 if colour in DARK else 0.75
+        assert icon_section(written(tmp_path, content), "x").area() == pytest.approx(area)
 
 
 LAUGH = '<use href="#l{}"/>'
@@ -137,46 +108,36 @@ BAD = [
     ("<style>.a{fill:none}</style><circle r='5'/>", "no style sheets"),
     ("<image href='http://example.org/a.png'/>", "paths and shapes only, got <image>"),
     ("<text>6</text>", "got <text>; convert everything to paths"),
-    ("<svg><circle r='5'/></svg>", "got <svg>"),
     ("<use xlink:href='#a'/>", "a <use> that can be read"),
     ("<g id='a'><use xlink:href='#a'/></g>", "groups within each other"),
     (f"{LAUGHS}<g id='l0'><circle r='5'/></g>", "at most 1000 shapes"),
     ("<circle r='5' clip-path='url(#a)'/>", "plain shapes, got clip-path"),
-    ("<circle r='5' style='filter:url(#a)'/>", "plain shapes, got filter"),
     ("<circle r='5' fill='none'/>", "at least one filled path or shape, got none"),
-    ("<circle r='5' fill='white'/>", "a dark shape with an area, got none"),
     ("<path d='M0 0 L5 5'/>", "area, got none"),
-    ("<path/>", "area, got none"),
     ("<path d='M0 0 L5'/>", "a <path> that can be read"),
     ("<circle r='nan'/>", "a <circle> that can be read"),
     ("<circle r='1e9'/>", "coordinates below"),
-    ("<circle r='1e308'/>", "coordinates below"),
     ("<circle r='5' transform='scale(inf)'/>", "coordinates below"),
     ("<circle r='5' transform='spin(3)'/>", r"can be read, got .*spin\(3\)"),
-    ("<circle r='5' transform='translate(3'/>", "a <circle> that can be read"),
     (f"<path d='M0 0A{'0' * 9000} 1 0 0 0 1 1'/>", "at most 2000 characters as d of <path>"),
     ("<circle r='5' fill='url(#g)'/>", r"plain colours .*, got 'url\(#g\)'"),
-    ("<circle r='5' fill='#12'/>", "got '#12'"),
     ("<circle r='5' fill='rgb(1, 2, nan)'/>", "plain colours"),
     ("<circle r='5' opacity='some'/>", "a <circle> that can be read, got .*'some'"),
     (f"<path d='M0 0L{'1 2 3 1 ' * 8000}z'/>", "at most 10000 corners, got 160[0-9]+; simplify"),
-    ("<circle r='9e5' fill='white'/><circle r='1'/>", "at most 10000 corners, got [0-9]+"),
     ("<g>" * 150 + "<circle r='5'/>" + "</g>" * 150, "groups within each other"),
     ("<circle r='5'>", "got no XML"),
 ]
 
 
-@pytest.mark.parametrize(("content", "message"), BAD, ids=[content[:40] for content, _ in BAD])
-def test_what_is_no_plain_picture_is_refused_by_name(
-    tmp_path: Path, content: str, message: str
-) -> None:
-    with pytest.raises(InputError, match=f"engrave.icons: label 'x': .*{message}"):
-        icon_section(written(tmp_path, content), "x")
+def test_what_is_no_plain_picture_is_refused_by_name(tmp_path: Path) -> None:
+    for content, message in BAD:
+        with pytest.raises(InputError, match=f"engrave.icons: label 'x': .*{message}"):
+            icon_section(written(tmp_path, content), "x")
 
 
-@pytest.mark.parametrize("text", ["a" * 10**6, "rotate(0)" + " " * 10**6 + "x", "a(" * 10**5])
-def test_long_transforms_are_refused_unread(tmp_path: Path, text: str) -> None:
+def test_long_transforms_are_refused_unread(tmp_path: Path) -> None:
     """A search for calls in them would take minutes to hours."""
+    text = "rotate(0)" + " " * 10**6 + "x"
     with pytest.raises(InputError, match=r"at most 2000 characters as transform"):
         icon_section(written(tmp_path, f'<circle r="5" transform="{text}"/>'), "x")
 
@@ -204,28 +165,18 @@ def test_entities_are_neither_replaced_nor_looked_up(tmp_path: Path) -> None:
             icon_section(path, "x")
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"", "no XML"),
+def test_a_file_that_is_no_svg_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "icon.svg"
+    with pytest.raises(InputError, match="no such file"):
+        icon_section(str(path), "x")
+    for content, message in (
         (b"\x89PNG\r\n\x1a\n" + bytes(99), "no XML"),
         (b"<html/>", "an element <html>"),
-        (
-            b"<svg xmlns='http://www.w3.org/2000/svg'>" + b" " * (1 << 20) + b"</svg>",
-            "at most 1 MiB",
-        ),
-    ],
-)
-def test_a_file_that_is_no_svg_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
-    path = tmp_path / "icon.svg"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=message):
-        icon_section(str(path), "x")
-
-
-def test_an_icon_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such file"):
-        icon_section(str(tmp_path / "none.svg"), "x")
+        (bytes(2 << 20), "at most 1 MiB"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=message):
+            icon_section(str(path), "x")
 
 
 PICTURE = (
@@ -247,7 +198,7 @@ PIECES += [
 def test_damaged_files_give_an_icon_or_an_error_of_ours(tmp_path: Path) -> None:
     path, chance = Path(written(tmp_path, PICTURE)), random.Random(0)
     data, made = path.read_bytes(), 0
-    for _ in range(400):
+    for _ in range(150):
         damaged = bytearray(data)
         for _ in range(chance.randrange(1, 4)):
             place = chance.randrange(100, len(damaged))
@@ -262,4 +213,4 @@ def test_damaged_files_give_an_icon_or_an_error_of_ours(tmp_path: Path) -> None:
         with contextlib.suppress(InputError):
             assert icon_section(str(path), "x").area() > 0.0
             made += 1
-    assert 20 < made < 380
+    assert 8 < made < 142
