@@ -12,6 +12,7 @@ from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Contents,
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import place_labels
 from dicedesign.fabricate.label_triangles import labels_below_hull
+from dicedesign.geometry.manifold import mesh_of, solid
 
 
 @dataclass
@@ -85,19 +86,9 @@ def contents(box, placements) -> Contents:
 @pytest.fixture
 def inlaid(box) -> Contents:
     """A box of 10 mm with a pit of 4 mm in its top, and a block that fills the pit."""
-    pit = box(4.0, 4.0, 4.0)
-    outer = box(10.0, 10.0, 10.0)
-    floor = np.array([0.0, 0.0, 3.0])
-    # The pit is open: its top lies in the box's, of which a frame of eight triangles is left.
-    points = np.concatenate([outer.vertices, pit.vertices + floor])
-    top, sides = outer.facets[0], outer.facets[1:]
-    rim = pit.facets[0] + 8
-    frame = []
-    for k in range(4):
-        a, b, c, d = top[k], top[(k + 1) % 4], rim[(k + 1) % 4], rim[k]
-        frame += [(a, b, c), (a, c, d)]
-    outside = np.concatenate([sides[:, [0, 1, 2]], sides[:, [0, 2, 3]]])
-    inside = np.concatenate([pit.facets[1:][:, [0, 2, 1]], pit.facets[1:][:, [0, 3, 2]]]) + 8
-    body = Part("die", BODY_COLOR, points, np.concatenate([outside, np.array(frame), inside]))
-    inlay = Part("inlay", LABEL_COLOR, pit.vertices + floor, pit.triangles)
+    outer, pit = box(10.0, 10.0, 10.0), box(4.0, 4.0, 4.0)
+    places = pit.vertices + np.array([0.0, 0.0, 3.0])
+    whole = solid(outer.vertices, outer.triangles) - solid(places, pit.triangles)
+    body = Part("die", BODY_COLOR, *mesh_of(whole))
+    inlay = Part("inlay", LABEL_COLOR, places, pit.triangles)
     return Contents("inlaid", [body, inlay], {})

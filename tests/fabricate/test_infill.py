@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common.made_up_die import box
+from common.made_up_die import SIDES, box, checked
 from common.random_points import depths, drawn, in_pocket_walls
 
 from dicedesign.fabricate.engraving import cut_sections, engrave
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.infill import Inside, inside_walls, pocket_walls, weighed
+from dicedesign.fabricate.infill import Inside, infill_odds, inside_walls, pocket_walls, weighed
 from dicedesign.fabricate.label_layout import edge_margins, place_labels
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.solid import solid_properties
@@ -77,3 +77,12 @@ def test_pockets_have_walls_too(text: str, style: str) -> None:
     np.testing.assert_array_less(np.abs(center - lost.mean(axis=0)), 4.0 * error)
     # The noise is small beside the effect.
     assert 4.0 / np.sqrt(len(lost)) < 0.08
+
+
+def test_least_infill_is_sought_among_prints_that_weigh_something() -> None:
+    """Walls as thin as nothing leave a center of mass that is nowhere when all inside is gone."""
+    verdict = checked(box(4.0, 5.0, 6.0)).plain
+    volume, centroid = solid_properties(verdict.body.points, verdict.body.triangles)
+    inside = Inside((1.0 - 1e-9) * volume, centroid + 1e-6)
+    found = infill_odds(verdict, SIDES, volume, inside, 0.5, 1e-9)
+    assert found.least_infill == pytest.approx(0.05)

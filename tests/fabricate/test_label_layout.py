@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from contextlib import suppress
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import EngravingError, InputError, LabelRoomError
-from dicedesign.fabricate.engraving import engrave
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import edge_margins, place_labels
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -38,25 +36,6 @@ def test_a_pocket_as_deep_reaches_the_bisector_of_the_edge_but_for_the_wall(degr
     assert margins[apex] == pytest.approx(expected)
     ends = np.flatnonzero(abs(polygon[:, 2] - following[:, 2]) < 1e-9)
     assert margins[ends] == pytest.approx(1.0)  # the ends are upright
-
-
-@pytest.mark.parametrize(("seed", "depth_mm"), [(0, 0.6), (1, 2.0)])
-def test_pockets_on_all_facets_of_a_random_die_neither_meet_nor_break_through(
-    seed: int, depth_mm: float
-) -> None:
-    """The engraver checks it by the solid."""
-    points = np.random.default_rng(seed).normal(size=(8, 3))
-    hull = convex_hull(25.0 * points / np.linalg.norm(points, axis=1, keepdims=True))
-    options = EngravingOptions(depth_mm=depth_mm, min_height_mm=0.3, max_height_mm=30.0)
-    placements = []
-    for facet, normal in enumerate(hull.normals):
-        margins = [edge_margins(hull, facet, options)]
-        with suppress(LabelRoomError):
-            placements += place_labels(
-                ["■"], [hull.polygon(facet)], [normal], [facet], options, 50.0, margins
-            )
-    assert placements
-    assert len(engrave(hull.vertices, hull.triangles, placements, options).points)
 
 
 OPTIONS = EngravingOptions()

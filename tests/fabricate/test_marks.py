@@ -56,19 +56,22 @@ def test_marks_of_a_ring_face_up_in_sight_and_take_their_outlines_times_the_dept
         engrave_marks(points, triangles, DOWNS[:1], ["1", "2"], OPTIONS)
 
 
-def test_a_mark_is_cut_straight_down_by_the_depth_all_over():
-    points, triangles = sphere(25.0)
-    die, (mark,) = engrave_marks(points, triangles, DOWNS[:1], ["8"], OPTIONS)
-    # Seen from above, the surface is lower by the depth within the outlines and as it was beside.
-    before, after = relief(points, triangles), relief(die.points, die.triangles)
-    inside = np.isfinite(before.height)
-    assert np.array_equal(inside, np.isfinite(after.height))
-    fall = before.height[inside] - after.height[inside]
-    cut = fall > 0.5 * OPTIONS.depth_mm
-    assert fall[cut] == pytest.approx(OPTIONS.depth_mm, abs=1e-9)
-    assert fall[~cut] == pytest.approx(0.0, abs=1e-9)
-    area = mark.art.section.area() * mark.height**2
-    assert cut.sum() * before.spacing**2 == pytest.approx(area, rel=0.05)
+def test_an_l_is_cut_straight_down_by_the_depth_upright_and_not_mirrored():
+    points, triangles = ellipsoid(40.0, 25.0, 16.0)
+    die, (mark,) = engrave_marks(points, triangles, DOWNS[:1], ["L"], OPTIONS)
+    to_mark = np.linalg.inv(mark.frame)
+    cut = relief(die.points @ to_mark[:3, :3].T + to_mark[:3, 3], die.triangles)
+    plain = relief(points @ to_mark[:3, :3].T + to_mark[:3, 3], triangles)
+    inside = np.argwhere(np.isfinite(plain.height))
+    fall = plain.height[tuple(inside.T)] - cut.height[tuple(inside.T)]
+    is_cut = fall > 0.5 * OPTIONS.depth_mm
+    assert fall[is_cut] == pytest.approx(OPTIONS.depth_mm, abs=1e-9)
+    assert fall[~is_cut] == pytest.approx(0.0, abs=1e-9)
+    x, y = (cut.corner + cut.spacing * inside[is_cut]).T
+    # The stem is on the left and the foot below: its right half is only at the bottom.
+    assert np.ptp(y) > np.ptp(x)
+    assert y[x > x.mean() + 0.25 * np.ptp(x)].max() < y.mean()
+    assert y[x < x.min() + 0.2 * np.ptp(x)].max() == y.max()
 
 
 def test_pips_icons_and_wide_strokes_are_cut_as_on_flat_faces(tmp_path):
@@ -89,30 +92,6 @@ def test_pips_icons_and_wide_strokes_are_cut_as_on_flat_faces(tmp_path):
     assert removed == pytest.approx(expected * options.depth_mm, rel=1e-4)
 
 
-def test_an_l_reads_upright_and_is_not_mirrored():
-    points, triangles = ellipsoid(40.0, 25.0, 16.0)
-    die, (mark,) = engrave_marks(points, triangles, DOWNS[:1], ["L"], OPTIONS)
-    to_mark = np.linalg.inv(mark.frame)
-    cut = relief(die.points @ to_mark[:3, :3].T + to_mark[:3, 3], die.triangles)
-    plain = relief(points @ to_mark[:3, :3].T + to_mark[:3, 3], triangles)
-    inside = np.argwhere(np.isfinite(plain.height))
-    fall = plain.height[tuple(inside.T)] - cut.height[tuple(inside.T)]
-    x, y = (cut.corner + cut.spacing * inside[fall > 0.5 * OPTIONS.depth_mm]).T
-    # The stem is on the left and the foot below: its right half is only at the bottom.
-    assert np.ptp(y) > np.ptp(x)
-    assert y[x > x.mean() + 0.25 * np.ptp(x)].max() < y.mean()
-    assert y[x < x.min() + 0.2 * np.ptp(x)].max() == y.max()
-
-
-def test_marks_of_one_direction_lie_beside_each_other():
-    points, triangles = ellipsoid(60.0, 60.0, 20.0)
-    downs = np.tile(DOWNS[:1], (3, 1))
-    _, marks = engrave_marks(points, triangles, downs, ["1", "2", "3"], OPTIONS)
-    places = np.array([mark.frame[:3, 3] for mark in marks])
-    apart = np.linalg.norm(places[:, None] - places, axis=-1)[np.triu_indices(3, 1)]
-    assert apart.min() > max(mark.height for mark in marks)
-
-
 def test_a_part_that_hangs_over_is_not_looked_through():
     # A lid over one half of a block: there is room on top of the lid and on the uncovered half.
     block = trimesh.creation.box((30, 30, 10))
@@ -126,6 +105,10 @@ def test_a_part_that_hangs_over_is_not_looked_through():
     for mark in marks:
         x, _, z = mark.frame[:3, 3]
         assert z == pytest.approx(15.0 if x > -3.0 else 5.0)
+    # Marks of one direction lie beside each other.
+    places = np.array([mark.frame[:3, 3] for mark in marks])
+    apart = np.linalg.norm(places[:, None] - places, axis=-1)[np.triu_indices(3, 1)]
+    assert apart.min() > max(mark.height for mark in marks)
 
 
 def test_a_body_too_small_is_refused_with_the_size_that_does():

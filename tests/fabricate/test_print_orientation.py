@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from dicedesign.fabricate.print_orientation import (
     PrintedSolid,
@@ -66,18 +65,6 @@ def test_an_icosahedron_hangs_over_by_three_faces() -> None:
         poses = solid.poses(hull.normals, upto(limit))
         assert [pose.overhang_mm2 for pose in poses] == [0.0] * 20
     assert solid.overhanging(hull.normals, upto(45.0)).sum(axis=0).tolist() == [3] * 20
-
-
-def test_what_is_at_the_limit_needs_no_supports() -> None:
-    """The long side of half a cube, cut across, above one of its legs."""
-    corners = [(0, 0), (4, 0), (0, 4)]
-    hull = convex_hull(np.array([(x, y, z) for x, z in corners for y in (0, 6)], dtype=float))
-    down = np.array([[0.0, 0.0, 1.0]])
-    for turn in Rotation.random(8, rng=np.random.default_rng(3)):
-        turned = convex_hull(turn.apply(hull.vertices))
-        for limit, area in ((45.0, 0.0), (45.4, 0.0), (45.6, 4.0 * math.sqrt(2.0) * 6.0)):
-            (pose,) = plain(turned).poses(turn.apply(down), upto(limit))
-            assert pose.overhang_mm2 == pytest.approx(area, abs=1e-9)
 
 
 def test_numbers_on_supports_are_spoiled_too() -> None:

@@ -104,15 +104,6 @@ def test_a_density_that_grows_to_the_top() -> None:
     assert found.by_gradient(up)[2] > 0.0 > found.by_gradient(up)[5]
 
 
-def test_a_bubble_anywhere() -> None:
-    """Its place has the variance a^2 / 3 along a half extent a, and the center of mass moves by its
-    part of the volume."""
-    found = slopes(-HALF, HALF)
-    part = 1.0 / (8.0 * HALF.prod())
-    expected = found.by_center @ np.diag(part**2 * HALF**2 / 3.0) @ found.by_center.T
-    np.testing.assert_allclose(found.of_bubble(), expected, atol=1e-18)
-
-
 HOUSE = np.concatenate([box(20.0, 20.0, 20.0), [[0.0, 0.0, 21.0]]])
 """A cube with a roof, on whose sides it only just rests."""
 

@@ -183,25 +183,6 @@ def test_what_cannot_be_made_is_said_with_a_remedy(entries: dict, told: str) -> 
     assert tuple(work.notes[-len(found(work).warnings) :]) == found(work).warnings
 
 
-def test_a_die_with_a_given_center_of_mass_is_judged_too() -> None:
-    points = box(1.0, 1.0, 1.0)
-    work = checked(
-        points,
-        SIDES,
-        target={"fair": 6},
-        entries={
-            "engrave": True,
-            "center_of_mass": [0.0, 0.0, 0.0],
-            "start": {"prism": {"sides": 6}},
-        },
-        center_of_mass=np.zeros(3),
-    )
-    run_stages(work, after="check", last="printing")
-    assert work.engraved is not None
-    assert work.engraved.assessment is None
-    assert found(work).file.is_solid
-
-
 def test_flaws_of_a_file_are_counted() -> None:
     hull = convex_hull(box(2.0, 2.0, 2.0))
     whole = checked_file(make_body(hull.vertices, hull.triangles))
