@@ -65,12 +65,6 @@ def test_coordinates_of_any_unit_and_place(kind) -> None:
     np.testing.assert_allclose(made.centroid, hull.centroid, rtol=1e-9)
 
 
-def test_vertex_parameters_are_in_units_of_their_largest_offset(random_points) -> None:
-    points = 30.0 * random_points(1, 12)
-    _, parameters = VertexCoordinates.of(points, points.mean(axis=0))
-    assert np.abs(parameters).max() == pytest.approx(1.0)
-
-
 @pytest.mark.parametrize("kind", [FacetCoordinates, VertexCoordinates])
 def test_gradcheck_of_points(random_points, kind) -> None:
     points = random_points(4, 9)
@@ -81,21 +75,12 @@ def test_gradcheck_of_points(random_points, kind) -> None:
     assert torch.autograd.gradcheck(coordinates.points, (leaf,), eps=1e-6, atol=1e-6, rtol=1e-4)
 
 
-def test_the_length_of_a_facet_s_normal_does_not_matter() -> None:
-    coordinates, parameters = FacetCoordinates.of(STARTS["repulsion"].points, np.zeros(3))
-    scaled = parameters.copy()
-    scaled[:33] *= np.repeat(np.linspace(0.2, 5.0, 11), 3)
-    np.testing.assert_allclose(
-        corners(evaluated(coordinates, scaled)), corners(evaluated(coordinates, parameters))
-    )
-
-
 @pytest.mark.parametrize("noise", [1e-6, 1e-3, 0.05])
 def test_facets_stay_flat_under_any_change(start: Start, noise: float) -> None:
     """As many polygonal facets as half-spaces that cut, which Qhull's intersection tells."""
     coordinates, parameters = FacetCoordinates.of(start.points, np.zeros(3))
     count = len(parameters) // 4
-    for seed in range(3):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         moved = parameters + noise * rng.normal(size=parameters.shape)
         normals = moved[: 3 * count].reshape(count, 3)

@@ -22,7 +22,6 @@ from dicedesign.optimize.energy.clusters import (
 )
 from dicedesign.optimize.energy.energy import Energy, energy_terms
 from dicedesign.optimize.energy.term import TERMS, EnergyWeights, Term, TermOption
-from dicedesign.optimize.starts.built_in import prism
 from dicedesign.optimize.starts.half_space_odds import repulsion
 
 REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability", "apart")
@@ -55,7 +54,7 @@ def case(points: np.ndarray, outcomes: int, seed: int = 0) -> tuple[RestEvaluati
     raise AssertionError("no directions without an empty cluster")
 
 
-@pytest.fixture(params=[(1, 12, 2), (3, 16, 3), (4, 20, 2), (7, 8, 3), (9, 30, 3)])
+@pytest.fixture(params=[(3, 16, 3), (4, 20, 2), (7, 8, 3)])
 def clustered(request, random_points):
     seed, count, outcomes = request.param
     rests, clusters = case(random_points(seed, count, ROUND), outcomes, seed)
@@ -173,33 +172,6 @@ def test_stability_energy_of_a_tetrahedron_is_known() -> None:
     assert stability(rests, three, 0.2) == pytest.approx(expected)
 
 
-def test_stability_energy_vanishes_only_where_every_margin_holds() -> None:
-    for sides in (3, 6, 12):
-        start = prism(sides)
-        rests = evaluate_rests(torch.tensor(start.points))
-        normals = rests.hull.normals[rests.paths.rests]
-        clusters = cluster(normals, start.directions)
-        margins = np.linspace(0.01, 1.0, 60)
-        values = [stability(rests, clusters, margin) for margin in margins]
-        assert values[0] == 0.0
-        assert values[-1] > 0.0
-        first = int(np.argmax(np.array(values) > 0.0))
-        assert all(value > 0.0 for value in values[first:])
-        # One outcome less: its side is now an unwanted rest, at every margin.
-        fewer = cluster(normals, start.directions[1:])
-        assert stability(rests, fewer, 0.01) > 1.0
-
-
-def test_fewer_facets_than_outcomes_cost_the_largest_wall() -> None:
-    rests = evaluate_rests(torch.tensor(repulsion(4, 0).points))
-    normals = rests.hull.normals[rests.paths.rests]
-    whole = stability(rests, cluster(normals, normals), 0.05)
-    directions = np.concatenate([unit(np.array([[1.0, 2.0, 3.0]])), normals])
-    clusters = cluster(normals, directions)
-    assert clusters.empty == 1
-    assert stability(rests, clusters, 0.05) == pytest.approx(whole + 21.0**2)
-
-
 @pytest.mark.parametrize("distance", [0.4, 1.2, 2.0])
 def test_apart_energy_charges_pairs_of_outcomes_that_are_near(clustered, distance: float) -> None:
     rests, clusters = clustered
@@ -229,7 +201,7 @@ def test_outcomes_in_one_place_cost_much_but_no_infinity() -> None:
 
 
 @pytest.mark.parametrize("name", ["dice", *REGULARIZERS])
-@pytest.mark.parametrize("seed", [1, 5])
+@pytest.mark.parametrize("seed", [1])
 def test_gradcheck_of_every_term(random_points, name: str, seed: int) -> None:
     points = random_points(seed, 10, ROUND)
     _, clusters = case(points, 3, seed)
@@ -274,21 +246,6 @@ def test_an_empty_cluster_raises_the_energy_and_keeps_it_finite(random_points) -
         assert torch.isfinite(gradient).all()
 
 
-def test_one_cluster_with_all_rests_has_no_border() -> None:
-    start = repulsion(5, 0)
-    rests = evaluate_rests(torch.tensor(start.points, requires_grad=True))
-    normals = rests.hull.normals[rests.paths.rests]
-    clusters = Clusters(np.zeros(5, dtype=np.int64), start.directions)
-    assert clusters.empty == 4
-    assert float(term("barycenter", rests, clusters)) == 16.0
-    terms = energy_terms(ClusteredRests(rests, clusters, np.full(5, 0.2)), EnergyWeights())
-    gradient = torch.autograd.grad(torch.stack(list(terms.values())).sum(), rests.vertices)[0]
-    assert torch.isfinite(gradient).all()
-    np.testing.assert_allclose(
-        updated_directions(normals, clusters)[1:], start.directions[1:], atol=0.0
-    )
-
-
 @pytest.mark.parametrize("compiled", [True, False], ids=["kernels", "no kernels"])
 def test_terms_without_weight_are_left_out(
     random_points, monkeypatch: pytest.MonkeyPatch, compiled: bool
@@ -304,16 +261,6 @@ def test_terms_without_weight_are_left_out(
         none = {other: 0.0 for other in REGULARIZERS if other not in names}
         terms = Energy(state, whole.changed(**none)).terms
         assert terms == {name: full[name] for name in ["dice", *names]}
-
-
-def test_weights_multiply_their_terms(random_points) -> None:
-    state = ClusteredRests(*case(random_points(2, 12, ROUND), 2), np.full(2, 0.5))
-    factors = dict(zip(REGULARIZERS, (2.0, 3.0, 4.0, 5.0, 6.0), strict=True))
-    ones = EnergyWeights(**dict.fromkeys(REGULARIZERS, 1.0), apart_distance=2.0)
-    one = energy_terms(state, ones)
-    other = energy_terms(state, ones.changed(**factors))
-    for name, factor in {"dice": 1.0, **factors}.items():
-        assert float(other[name].detach()) == pytest.approx(factor * float(one[name].detach()))
 
 
 def test_terms_see_saddles_and_maxima_of_the_shape(clustered) -> None:
@@ -338,12 +285,6 @@ def test_updated_directions_are_means_and_an_empty_cluster_keeps_its_own(random_
     np.testing.assert_array_equal(updated[3], far[0])
 
 
-def test_updated_directions_of_normals_that_cancel_keep_the_old_one() -> None:
-    normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
-    clusters = Clusters(np.zeros(2, dtype=np.int64), np.array([[1.0, 0.0, 0.0]]))
-    np.testing.assert_array_equal(updated_directions(normals, clusters), clusters.directions)
-
-
 @pytest.mark.parametrize("outcomes", [1, 3, 8])
 def test_outcome_facets_are_distinct_and_near_as_a_whole(random_points, outcomes: int) -> None:
     normals = unit(random_points(1, 8))
@@ -359,13 +300,6 @@ def test_outcome_facets_are_distinct_and_near_as_a_whole(random_points, outcomes
         assert (directions * normals[other]).sum() <= lost + 1e-12
 
 
-def test_outcome_facets_of_facet_normals_are_these_facets(random_points) -> None:
-    normals = unit(random_points(1, 20))
-    order = np.random.default_rng(0).permutation(20)[:7]
-    facets = outcome_facets(normals, normals[order], np.zeros(20))
-    np.testing.assert_array_equal(facets, order)
-
-
 def test_of_the_parts_of_a_broken_facet_the_deepest_bears_the_outcome() -> None:
     parts = unit(np.array([[0.0, 0.01, 1.0], [0.0, -0.01, 1.0], [1.0, 0.0, 0.0]]))
     up = np.array([[0.0, 0.0, 1.0]])
@@ -375,32 +309,19 @@ def test_of_the_parts_of_a_broken_facet_the_deepest_bears_the_outcome() -> None:
     assert both.tolist() == [1, 2]
 
 
-def test_all_weights_times_a_factor() -> None:
-    weights = EnergyWeights(coplanar=0.4, barycenter=0.0, apart=3.0, neighbor_radius=0.3)
-    less = weights.times(0.25)
-    assert (less.coplanar, less.barycenter, less.apart) == (0.1, 0.0, 0.75)
-    assert less.neighbor_radius == 0.3
-    assert less.of_terms["dice"] == 1.0
-
-
 @pytest.mark.parametrize(
     ("options", "text"),
     [
         ({"coplanar": -1.0}, "weights.coplanar: expected a number not below 0, got -1"),
-        ({"barycenter": np.inf}, "weights.barycenter: expected a number not below 0, got inf"),
         ({"neighbor": np.nan}, "weights.neighbor: expected a number not below 0, got nan"),
-        ({"stability": -0.1}, "weights.stability: expected a number not below 0, got -0.1"),
         (
             {"neighbor_radius": 0.0},
             "weights.neighbor_radius: expected a chord length above 0 and at most 2, got 0",
         ),
-        ({"neighbor_radius": 2.1}, "above 0 and at most 2, got 2.1"),
-        ({"neighbor_radius": np.nan}, "above 0 and at most 2, got nan"),
         (
             {"stability_margin": 0.0},
             "weights.stability_margin: expected a fraction above 0 and at most 1, got 0",
         ),
-        ({"stability_margin": 1.5}, "above 0 and at most 1, got 1.5"),
     ],
 )
 def test_bad_weights_are_refused_in_words(options: dict[str, float], text: str) -> None:

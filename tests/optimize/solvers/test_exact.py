@@ -1,4 +1,4 @@
-"""The exact method: odds as wanted to rounding, and one flat rest for each outcome."""
+"""The exact method: odds as wanted to rounding, one flat rest for each outcome, other priors."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ import pytest
 import torch
 from common.slow_machine import slow_machine
 
+import dicedesign as dd
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.options import ExactOptions, SobolevOptions
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.result import DesignResult, DesignStep
+from dicedesign.optimize.solvers.candidate import CandidateMaker, largest_jump
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.built_in import hendecahedron, prism
 from dicedesign.optimize.starts.half_space_odds import repulsion
@@ -37,7 +40,6 @@ TARGETS = {
     "a loaded die": [1 / 3, 2 / 15, 2 / 15, 2 / 15, 2 / 15, 2 / 15],
     "two dice": sum_of_dice([6, 6]).probabilities.tolist(),
     "three dice": sum_of_dice([6, 6, 6]).probabilities.tolist(),
-    "two coins": binomial(2).probabilities.tolist(),
     "six coins": binomial(6).probabilities.tolist(),
     "uneven": [0.45, 0.3, 0.15, 0.06, 0.04],
 }
@@ -70,20 +72,14 @@ def test_targets_are_met_to_rounding(name: str) -> None:
     check_exact(solved(TARGETS[name]), target)
 
 
-@pytest.mark.parametrize("metric", [None, SobolevOptions(1.0, 1), SobolevOptions(0.5, 2)])
-@pytest.mark.parametrize("name", ["two dice", "a coin", "uneven"])
+@pytest.mark.parametrize(
+    ("name", "metric"), [("two dice", None), ("a coin", None), ("two dice", SobolevOptions(0.5, 2))]
+)
 def test_vertices_meet_targets_too(name: str, metric: SobolevOptions | None) -> None:
     result = solved(TARGETS[name], coordinates="vertices", sobolev=metric)
     check_exact(result, np.array(TARGETS[name]))
     # Nothing keeps four vertices in one plane.
     assert (np.diff(result.hull.facet_start) == 3).all()
-
-
-def test_the_same_seed_gives_the_same_die() -> None:
-    first, again, other = (solved(TARGETS["uneven"], seed) for seed in (3, 3, 4))
-    np.testing.assert_array_equal(first.hull.vertices, again.hull.vertices)
-    assert first.evaluations == again.evaluations
-    assert first.hull.vertices.tolist() != other.hull.vertices.tolist()
 
 
 @pytest.mark.parametrize(
@@ -102,15 +98,6 @@ def test_a_start_of_one_s_own_is_kept_to(start: Start, target: np.ndarray) -> No
     assert len(result.hull.normals) <= len(all_normals(start))
     nearest = np.argmax(result.directions @ start.directions.T, axis=1)
     assert np.mean(nearest == np.arange(len(target))) > 0.5
-
-
-def test_a_center_of_mass_of_one_s_own() -> None:
-    target, center = np.array([0.4, 0.3, 0.2, 0.1]), np.array([0.05, -0.02, 0.1])
-    starts = shapes_like(repulsion(4, 0), 0)
-    result = solve_exactly(starts, target, ExactOptions(), center_of_mass=center)
-    assert result.status is Status.CONVERGED
-    poses = rest_poses(result.hull.vertices, center)
-    np.testing.assert_allclose(poses.probabilities, target, atol=2e-12)
 
 
 def test_every_accepted_step_is_told() -> None:
@@ -149,35 +136,14 @@ def test_what_is_not_met_ends_with_the_best_found() -> None:
         solved(OUT_OF_REACH, evaluations=0)
 
 
-@pytest.mark.parametrize("largest", [0.6, 0.9, 0.99])
-def test_one_outcome_may_have_nearly_all(largest: float) -> None:
-    target = np.array([largest, 0.7 * (1.0 - largest), 0.3 * (1.0 - largest)])
-    check_exact(solved(target.tolist()), target)
-
-
-def test_the_terms_are_those_of_the_die_that_is_given_back() -> None:
-    target = np.array(TARGETS["uneven"])
-    result = solve_exactly(
-        shapes_near(target, 0), target, ExactOptions(tolerance=0.3, starts=4), least_circle=0.4
-    )
-    assert result.status is Status.TOO_SMALL
-    poses = rest_poses(result.hull.vertices)
-    outcome = np.argmax(poses.normals @ result.directions.T, axis=1)
-    energy = ((poses.probabilities - target[outcome]) ** 2).sum()
-    assert result.terms["dice"] == pytest.approx(energy, rel=1e-6)
-
-
 def test_starts_without_a_fixed_center_inside_are_passed_over() -> None:
     target, center = np.array([0.4, 0.3, 0.2, 0.1]), np.array([0.05, -0.02, 0.1])
     start = repulsion(4, 0)
     beside = replace(start, points=start.points + 5.0)
     result = solve_exactly([beside, start], target, ExactOptions(), center_of_mass=center)
     assert (result.status, result.starts) == (Status.CONVERGED, 2)
-
-
-def test_a_search_that_finds_no_shape_ends_in_time() -> None:
-    with pytest.raises(NoStartError, match=r"got none; allow more with method\.exact\.seconds"):
-        solve_exactly(repeat(None), np.array([0.5, 0.5]), ExactOptions(seconds=1e-9))
+    poses = rest_poses(result.hull.vertices, center)
+    np.testing.assert_allclose(poses.probabilities, target, atol=2e-12)
 
 
 def test_a_search_that_finds_no_shape_ends_on_any_machine() -> None:
@@ -226,29 +192,13 @@ def test_a_start_without_the_wanted_rests_is_refused_in_words() -> None:
     ("options", "text"),
     [
         ({"tolerance": 0.0}, "tolerance: expected a number from 1e-15 on and below 1, got 0"),
-        ({"coordinates": "edges"}, 'expected "facets" or "vertices", got .edges.'),
         ({"sobolev": SobolevOptions()}, 'sobolev: expected coordinates "vertices"'),
-        ({"starts": 0}, "starts: expected a whole number above 0"),
         ({"seconds": float("nan")}, "seconds: expected a positive number"),
     ],
 )
 def test_bad_options_are_refused_in_words(options: dict[str, Any], text: str) -> None:
     with pytest.raises(InputError, match=text):
         ExactOptions(**options)
-
-
-@pytest.mark.parametrize("outcomes", [2, 3, 5, 9])
-def test_searched_shapes_have_the_wanted_rests_and_come_nearer_first(outcomes: int) -> None:
-    target = np.random.default_rng(outcomes).dirichlet(np.ones(outcomes))
-    for start in islice(filter(None, shapes_near(target, 0)), 8):
-        poses = rest_poses(start.points)
-        assert len(poses.normals) == outcomes == len(start.directions)
-        cosines = poses.normals @ start.directions.T
-        assert cosines.max(axis=0) == pytest.approx(1.0, abs=1e-9)
-        assert np.abs(start.points).max() == pytest.approx(1.0)
-    # The first ones of a draw, after those of equal facets, have the target's order.
-    place = np.argmax(cosines, axis=1)
-    assert (np.diff(target[place]) <= 0.0).all()
 
 
 def test_variations_of_a_start_grow_and_keep_its_facets() -> None:
@@ -258,3 +208,43 @@ def test_variations_of_a_start_grow_and_keep_its_facets() -> None:
     apart = [np.arccos((s.directions * start.directions).sum(-1)).max() for s in others]
     assert apart[0] < apart[-1]
     assert all(0.0 < angle < 0.6 for angle in apart)
+
+
+PRIOR = dd.VonMisesFisher([0.2, 0.1, -1.0], 2.0)
+WEDGE = np.array([[0, 0, 0], [2, 0, 0], [0, 1, 0], [2, 1, 0], [-1, 0, 2], [2, 0, 2.0]])
+WEDGE = np.concatenate([WEDGE, WEDGE[4:] + np.array([0, 1, 0])])
+
+
+@pytest.mark.parametrize(("aside", "jumps"), [(0.3, False), (1e-9, True)])
+def test_a_center_of_mass_over_an_edge_is_a_place_to_jump(aside: float, jumps: bool) -> None:
+    center = np.array([aside, 0.5, 0.9])
+    poses = dd.rest_poses(WEDGE, center).under(PRIOR)
+    coordinates, parameters = FacetCoordinates.of(WEDGE, center)
+    candidate = CandidateMaker(center).attempt(coordinates, parameters, poses.normals)
+    assert candidate is not None
+    jump = largest_jump(candidate, poses.probabilities, PRIOR)
+    assert jump > 1e-3 if jumps else jump < 1e-6
+
+
+def test_the_solver_takes_a_prior_by_its_text() -> None:
+    cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    start = Start(cube, dd.rest_poses(cube).normals)
+    target = np.array([0.3, 0.14, 0.14, 0.14, 0.14, 0.14])
+    found = solve_exactly([start], target, ExactOptions(), prior="vmf:0,0,1:1")
+    assert found.status is dd.Status.CONVERGED
+    poses = dd.rest_poses(found.hull.vertices, "hull").under("vmf:0,0,1:1")
+    nearest = np.argmax(found.directions @ poses.normals.T, axis=1)
+    np.testing.assert_allclose(poses.probabilities[nearest], target, atol=1e-12)
+
+
+def test_a_prior_goes_with_no_symmetry() -> None:
+    cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    start = Start(cube, dd.rest_poses(cube).normals)
+    with pytest.raises(dd.InputError, match="symmetry"):
+        solve_exactly(
+            [start],
+            np.full(6, 1 / 6),
+            ExactOptions(),
+            group=dd.point_group("C2"),
+            prior="half:0,0,1",
+        )

@@ -74,16 +74,6 @@ def test_a_quadratic_converges(curvatures: list[float]) -> None:
     assert search.evaluations == len(problem.tried)
 
 
-def test_a_good_metric_needs_fewer_steps() -> None:
-    curvatures = [1.0, 100.0, 10_000.0]
-    plain, good = quadratic(curvatures), quadratic(curvatures)
-    start = np.ones(3)
-    _, without, _ = minimised(plain, plain.at(start), 400)
-    _, with_metric, _ = minimised(good, good.at(start), 400, 1.0 / np.array(curvatures))
-    count = [int(np.argmax(np.array(v) < 1e-10 * v[0])) for v in (without, with_metric)]
-    assert 0 < count[1] < 0.3 * count[0]
-
-
 def test_steps_fall_below_the_worst_of_the_last_values() -> None:
     problem = Problem(
         lambda x: float(100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2),
@@ -103,7 +93,7 @@ def test_steps_fall_below_the_worst_of_the_last_values() -> None:
 
 @pytest.mark.parametrize(
     "ascent",
-    [[-1.0, 0.0], [0.0, 0.0], [0.0, 1.0], [np.nan, 1.0], [np.inf, 0.0], [1.0, -np.inf]],
+    [[-1.0, 0.0], [0.0, 0.0], [np.nan, 1.0]],
 )
 def test_a_direction_without_ascent_is_refused_untried(ascent: list[float]) -> None:
     problem = quadratic([1.0, 1.0])
@@ -111,11 +101,6 @@ def test_a_direction_without_ascent_is_refused_untried(ascent: list[float]) -> N
     assert search.search(problem.at(np.array([1.0, 0.0])), np.array(ascent)) is None
     assert problem.tried == []
     assert search.evaluations == 0
-
-
-def test_a_gradient_that_is_no_number_ends_the_search() -> None:
-    problem = Problem(lambda x: float(x @ x), lambda x: np.full(2, np.nan))
-    assert LineSearch().search(problem.at(np.ones(2)), np.ones(2)) is None
 
 
 def test_failed_trials_are_never_taken() -> None:
@@ -138,14 +123,6 @@ def test_no_step_is_found_where_every_trial_fails() -> None:
 def test_a_wrong_gradient_finds_no_step() -> None:
     problem = Problem(lambda x: float(x[0]), lambda x: -np.ones(1))
     assert LineSearch().search(problem.at(np.zeros(1)), -np.ones(1)) is None
-
-
-def test_a_trial_that_is_not_low_enough_is_not_taken() -> None:
-    """Every trial but the smallest lies on a plateau above the start."""
-    problem = Problem(lambda x: float(x[0]) if x[0] > 0.999 else 2.0, lambda x: np.ones(1))
-    end = LineSearch().search(problem.at(np.ones(1)), np.ones(1))
-    assert end is not None
-    assert end.value < 1.0
 
 
 @pytest.mark.parametrize(
@@ -180,26 +157,6 @@ def test_a_trial_with_more_flaws_is_not_taken() -> None:
     moved = LineSearch().search(whole, np.ones(1))
     assert moved is not None
     assert moved.parameters[0] < 0.999
-
-
-def test_restart_forgets() -> None:
-    problem = quadratic([1.0, 50.0])
-    search = LineSearch()
-    point = problem.at(np.array([1.0, 1.0]))
-    for _ in range(4):
-        following = search.search(point, point.gradient)
-        assert following is not None
-        point = following
-    assert search.evaluations > 0
-    count = search.evaluations
-    search.restart()
-    other = quadratic([3.0])
-    fresh, again = LineSearch(), other.at(np.ones(1))
-    a, b = search.search(again, again.gradient), fresh.search(again, again.gradient)
-    assert a is not None
-    assert b is not None
-    np.testing.assert_array_equal(a.parameters, b.parameters)
-    assert search.evaluations == count + fresh.evaluations
 
 
 def test_after_a_restart_old_high_values_excuse_nothing() -> None:

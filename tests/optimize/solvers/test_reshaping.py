@@ -14,7 +14,6 @@ from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import Placement, place_labels
 from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.optimize.solvers.reshaping import reshaped
 from dicedesign.optimize.starts.half_space_odds import repulsion
@@ -37,15 +36,11 @@ def made(**entries: object) -> Work:
 @pytest.mark.parametrize(
     "entries",
     [
-        {},
-        {"edges": True},
         {"edges": {"radius_mm": 2.0, "shape": "chamfer"}},
         {"engrave": {"style": "raised"}},
         {"engrave": {"balance": "opposite"}},
         {"engrave": False, "edges": True},
-        {"target": {"fair": 3}, "symmetry": "D3h", "edges": True},
         {"target": {"fair": 6}, "symmetry": "Oh"},
-        {"target": {"fair": 8}, "symmetry": "Oh"},
         {"target": {"fair": 12}, "symmetry": "Ih", "size_mm": 40, "edges": True},
         {"method": "paper", "start": {"prism": {}}},
     ],
@@ -69,7 +64,7 @@ def test_the_file_has_the_odds(entries: dict[str, object], tmp_path: Path) -> No
     np.testing.assert_allclose(judge.center_mass, np.zeros(3), atol=1e-5)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 def test_facets_almost_in_one_plane(seed: int) -> None:
     """A border between two of them runs by millimetres as one of them is turned by its hundredth of
     a degree, and a label may not run along."""
@@ -149,17 +144,6 @@ def test_a_surface_is_only_marked(engrave: dict[str, str]) -> None:
                 "engrave": engrave,
             }
         )
-
-
-@pytest.mark.parametrize(("fair", "symmetry"), [(4, "Td"), (6, "Oh"), (20, "Ih")])
-def test_rounded_regular_dice_keep_their_odds_in_files(fair: int, symmetry: str) -> None:
-    """What their strips are does not hang on last bits."""
-    work = made(target={"fair": fair}, symmetry=symmetry, size_mm=40, edges=True)
-    engraved = work.engraved
-    noise = np.random.default_rng(0).normal(size=engraved.points.shape)
-    poses = rest_poses(make_body(engraved.points + 1e-11 * noise, engraved.triangles))
-    odds = outcome_odds(poses, work.die.directions)
-    assert odds.max_abs_error(work.target.probabilities) < 1e-7
 
 
 def test_a_given_center_of_mass_has_nothing_to_balance_with() -> None:

@@ -12,16 +12,14 @@ from common.kernels import compiled_only
 from dicedesign.geometry.hulls import hull as hulls
 from dicedesign.geometry.hulls.hull import HullMemory, convex_hull
 from dicedesign.gradient.rest_odds import evaluate_rests
-from dicedesign.optimize.coordinates.facets import FacetCoordinates, VertexCoordinates
-from dicedesign.optimize.energy.energy import Objective
-from dicedesign.optimize.energy.term import EnergyWeights
+from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.options import PaperOptions, SobolevOptions
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.solvers.paper import descend_as_paper
-from dicedesign.optimize.starts.built_in import hendecahedron, prism
+from dicedesign.optimize.starts.built_in import prism
 from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.optimize.starts.start import Start
-from dicedesign.optimize.targets import Target, binomial, fair, sum_of_dice
+from dicedesign.optimize.targets import Target, binomial, fair
 
 
 def ellipsoid(count: int) -> Start:
@@ -36,9 +34,7 @@ def ellipsoid(count: int) -> Start:
 
 FEW = PaperOptions(step="line_search", steps=25, finish="none")
 DESIGNS: dict[str, tuple[Start, Target, PaperOptions]] = {
-    "2d6": (hendecahedron("bisymmetric"), sum_of_dice([6, 6]), PaperOptions(steps=25)),
     "binomial 4": (prism(5), binomial(4), replace(FEW, steps=8)),
-    "repulsion": (repulsion(7, 1), fair(7), replace(FEW, perturbation=0.0)),
     "momentum": (repulsion(6, 1), fair(6), PaperOptions(steps=25, finish="none")),
     "mesh": (ellipsoid(60), fair(3), replace(FEW, sobolev=SobolevOptions(), steps=5)),
 }
@@ -64,26 +60,6 @@ def test_a_descent_is_the_same_without_reuse(monkeypatch, name: str) -> None:
     assert (result.status, result.evaluations) == (plain.status, plain.evaluations)
     for part in ("vertices", "source", "facet_start", "tail", "twin"):
         np.testing.assert_array_equal(getattr(result.hull, part), getattr(plain.hull, part))
-
-
-def test_hulls_are_counted() -> None:
-    """One for each evaluation that bounds a solid, and one for the start."""
-    result = designed("momentum")
-    hulls = result.hulls_built + result.hulls_reused
-    assert len(result.history) - 1 <= hulls <= result.evaluations + 2
-
-
-def test_each_evaluation_makes_one_hull_of_the_shape_and_one_polar_hull() -> None:
-    start = repulsion(9, 0)
-    for kind, polars in ((FacetCoordinates, 6), (VertexCoordinates, 0)):
-        coordinates, parameters = kind.of(start.points, np.zeros(3))
-        objective = Objective(coordinates, fair(9).probabilities, EnergyWeights(), None)
-        for step in range(6):
-            objective.evaluate(parameters * (1.0 + 1e-6 * step), start.directions)
-        shapes = objective.shapes
-        assert (shapes.built, shapes.reused) == (1, 5)
-        assert objective.polars.built + objective.polars.reused == polars
-        assert objective.polars.reused == max(polars - 1, 0)
 
 
 def test_values_and_gradients_with_a_memory_are_those_without() -> None:

@@ -1,4 +1,4 @@
-"""The Sobolev operator against dense linear algebra."""
+"""The Sobolev operator and one step towards wanted odds, against dense linear algebra."""
 
 from __future__ import annotations
 
@@ -6,15 +6,20 @@ import re
 
 import numpy as np
 import pytest
+import torch
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.optimize.coordinates.facets import Coordinates, FacetCoordinates, VertexCoordinates
+from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
+from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
 from dicedesign.optimize.solvers.sobolev import (
     SobolevGradient,
     SobolevOptions,
     SobolevSolver,
     graph_laplacian,
 )
+from dicedesign.rest.poses import rest_poses
 
 CUBE = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
@@ -48,8 +53,8 @@ def test_diagonals_of_flat_facets_are_no_edges() -> None:
     assert (graph_laplacian(convex_hull(CUBE)).diagonal() == 3.0).all()
 
 
-@pytest.mark.parametrize("smoothing", [0.01, 2.0, 50.0])
-@pytest.mark.parametrize("power", [1, 2, 3, 4])
+@pytest.mark.parametrize("smoothing", [0.01, 50.0])
+@pytest.mark.parametrize("power", [1, 4])
 def test_the_solver_is_the_dense_inverse(hull: ConvexHull, smoothing: float, power: int) -> None:
     size = len(hull.vertices)
     right = np.random.default_rng(0).normal(size=(size, 3))
@@ -64,23 +69,6 @@ def test_the_solver_is_the_dense_inverse(hull: ConvexHull, smoothing: float, pow
     np.testing.assert_array_equal(given, right)
 
 
-def test_constant_vectors_are_preserved(hull: ConvexHull) -> None:
-    constant = np.tile([1.0, -2.0, 0.5], (len(hull.vertices), 1))
-    for power in (1, 4):
-        solver = SobolevSolver(graph_laplacian(hull), SobolevOptions(7.0, power))
-        np.testing.assert_allclose(solver.solve(constant), constant, rtol=1e-13)
-
-
-def test_the_operator_is_symmetric_positive_definite_and_damps(hull: ConvexHull) -> None:
-    solver = SobolevSolver(graph_laplacian(hull), SobolevOptions(2.0, 2))
-    matrix = solver.solve(np.eye(len(hull.vertices)))
-    np.testing.assert_allclose(matrix, matrix.T, atol=1e-14)
-    values = np.linalg.eigvalsh(matrix)
-    assert values[0] > 0.0
-    assert values[-1] == pytest.approx(1.0)
-    assert (matrix > 0.0).all()
-
-
 @pytest.mark.parametrize(
     ("options", "text"),
     [
@@ -89,18 +77,9 @@ def test_the_operator_is_symmetric_positive_definite_and_damps(hull: ConvexHull)
             "sobolev.smoothing: expected a number above 0 and at most 1e+06, got 0",
         ),
         (
-            {"smoothing": -1.0},
-            "sobolev.smoothing: expected a number above 0 and at most 1e+06, got -1",
-        ),
-        (
-            {"smoothing": np.inf},
-            "sobolev.smoothing: expected a number above 0 and at most 1e+06, got inf",
-        ),
-        (
             {"smoothing": np.nan},
             "sobolev.smoothing: expected a number above 0 and at most 1e+06, got nan",
         ),
-        ({"power": 0}, "sobolev.power: expected 1 to 4, got 0"),
         ({"power": 5}, "sobolev.power: expected 1 to 4, got 5"),
     ],
 )
@@ -124,3 +103,66 @@ def test_without_drift_the_mean_stays_and_the_rest_is_as_before(
     assert (held * gradient).sum() > 0.0
     inside = np.setdiff1d(np.arange(30), hull.source)
     np.testing.assert_array_equal(held[inside], 0.0)
+
+
+torch.set_num_threads(1)
+
+
+def first_candidate(vertices: bool) -> tuple[CandidateMaker, Candidate]:
+    points = np.random.default_rng(5).normal(size=(9, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    center = convex_hull(points).centroid
+    coordinates: Coordinates
+    if vertices:
+        coordinates, parameters = VertexCoordinates.of(points, center)
+    else:
+        coordinates, parameters = FacetCoordinates.of(points, center)
+    maker = CandidateMaker(None)
+    candidate = maker.attempt(coordinates, parameters, rest_poses(points).normals)
+    assert candidate is not None
+    return maker, candidate
+
+
+@pytest.mark.parametrize("options", [None, SobolevOptions(1.5, 1), SobolevOptions(0.7, 2)])
+def test_a_step_is_the_shortest_in_its_metric(options: SobolevOptions | None) -> None:
+    """With little damping it is the s of least s^T W s among those with J s = q - p."""
+    maker, candidate = first_candidate(vertices=True)
+    shift = 2e-4 * np.cos(np.arange(len(candidate.odds)))
+    target = candidate.odds + shift - shift.mean()
+    candidates: list[Candidate] = []
+    approach = LevenbergMarquardt(
+        target, maker, options, 1e-13, lambda: len(candidates) > 1, candidates.append
+    )
+    approach.solve(candidate)
+    step = candidates[1].parameters - candidate.parameters
+
+    odds = candidate.jacobian(candidate.rests.probabilities[candidate.rest_of_outcome])
+    hull = candidate.rests.hull
+    metric = np.eye(odds.shape[1])
+    if options is not None:
+        laplacian = graph_laplacian(hull).toarray()
+        one = np.eye(len(laplacian)) + options.smoothing * laplacian
+        metric = np.kron(np.linalg.matrix_power(one, options.power), np.eye(3))
+    # Odds sum to 1, so that the last row says nothing new.
+    rows, misses = odds[:-1], (target - candidate.odds)[:-1]
+    zeros = np.zeros((len(rows), len(rows)))
+    conditions = np.block([[metric, rows.T], [rows, zeros]])
+    shortest = np.linalg.solve(conditions, np.concatenate([np.zeros(len(metric)), misses]))
+    shortest = shortest[: len(metric)]
+    # The first damping is a thousandth.
+    assert np.linalg.norm(step - shortest) <= 0.02 * np.linalg.norm(shortest)
+
+
+@pytest.mark.parametrize("vertices", [False, True])
+def test_a_near_target_is_met_in_few_steps(vertices: bool) -> None:
+    maker, candidate = first_candidate(vertices)
+    shift = 1e-3 * np.sin(1.0 + np.arange(len(candidate.odds)))
+    target = candidate.odds + shift - shift.mean()
+    candidates: list[Candidate] = []
+    end = LevenbergMarquardt(target, maker, None, 1e-13, lambda: False, candidates.append).solve(
+        candidate
+    )
+    assert end is candidates[-1]
+    assert end.error(target) <= 1e-13
+    assert len(candidates) <= 20
+    assert end.dice_energy(target) <= 1e-25

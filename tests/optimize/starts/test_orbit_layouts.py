@@ -1,4 +1,4 @@
-"""Outcomes spread over orbits, against all ways there are."""
+"""Outcomes spread over orbits, against all ways there are, and the most helpful symmetries."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts
-from dicedesign.optimize.targets import sum_of_dice
+from dicedesign.optimize.coordinates.linked import orbits_of_directions
+from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts, fitting_groups, group_names
+from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
+from dicedesign.optimize.targets import binomial, fair, sum_of_dice
 
 # Sizes of orbits in textbooks: on each end of the axes, then those of which there is any number.
 ORBITS = {
@@ -82,34 +85,6 @@ def test_layouts_are_those_that_trying_everything_finds(name: str) -> None:
     assert possible >= (1 if name == "Oh" else 3)
 
 
-@pytest.mark.parametrize("name", ORBITS)
-def test_a_site_has_as_many_directions_as_it_says(name: str) -> None:
-    group = point_group(name)
-    layouts, rng = (
-        OrbitLayouts(np.full(len(group), 1.0 / len(group)), group),
-        np.random.default_rng(0),
-    )
-    poles, others = ORBITS[name]
-    assert sorted(len(site.carriers) for site in layouts.poles) == poles
-    assert [layouts.smallest, layouts.largest] == [min(others), max(others)]
-    for site in [*layouts.poles, *layouts.planes, layouts.anywhere]:
-        direction = site.direction(rng)
-        np.testing.assert_allclose(site.projection @ direction, direction, atol=1e-15)
-        assert np.linalg.norm(direction) == pytest.approx(1.0, rel=1e-15)
-        images = {tuple(row) for row in ((group @ direction).round(9) + 0.0).tolist()}
-        carried = {tuple(row) for row in ((site.carriers @ direction).round(9) + 0.0).tolist()}
-        assert carried == images
-        assert len(carried) == len(site.carriers)
-        np.testing.assert_array_equal(site.carriers[0], np.eye(3))
-
-
-def test_two_dice_make_five_pairs_and_a_seven() -> None:
-    target = sum_of_dice([6, 6]).probabilities
-    for name in ("Cs", "C2"):
-        layout = OrbitLayouts(target, point_group(name)).draw(np.random.default_rng(0))
-        assert {some for _, some in layout} == {(5,), *((i, 10 - i) for i in range(5))}
-
-
 def test_odds_that_differ_by_rounding_are_equal() -> None:
     target = np.array([0.1 + 0.2, 0.3, 0.2, 0.2])
     layout = OrbitLayouts(target, point_group("Ci")).draw(np.random.default_rng(0))
@@ -130,3 +105,50 @@ def test_odds_that_fill_no_orbits_are_refused_in_words(
 ) -> None:
     with pytest.raises(InputError, match=text):
         OrbitLayouts(target_of(classes), point_group(name))
+
+
+def test_all_groups_are_known_and_named_once() -> None:
+    names = group_names()
+    assert len(set(names)) == len(names)
+    assert sorted(len(point_group(name)) for name in names)[-1] == 120
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "name"),
+    [
+        (4, "Td"),
+        (6, "Oh"),
+        (7, "D7h"),
+        (10, "D5d"),
+        (30, "Ih"),
+    ],
+)
+def test_fair_dice_are_the_solids_whose_faces_are_all_alike(outcomes: int, name: str) -> None:
+    """Tetrahedron, cube, octahedron, dodecahedron, icosahedron, trapezohedra, the rhombic
+    triacontahedron, and prisms for odd numbers."""
+    assert fitting_groups(fair(outcomes).probabilities)[0] == name
+
+
+@pytest.mark.parametrize(
+    ("target", "odds_left"),
+    [
+        (binomial(4).probabilities, 3),
+        (sum_of_dice([6, 6]).probabilities, 6),
+    ],
+)
+def test_images_share_their_odds(target: np.ndarray, odds_left: int) -> None:
+    """In shapes that are made for the first groups, each orbit of facets has one odds, and there
+    are as many orbits as different odds."""
+    for name in fitting_groups(target)[:2]:
+        group = point_group(name)
+        starts = symmetric_shapes_near(target, group, 0)
+        start = next(one for one in starts if one is not None)
+        orbits = orbits_of_directions(start.directions, group)
+        assert len(np.unique(orbits)) == odds_left
+        for orbit in np.unique(orbits):
+            assert np.ptp(target[orbits == orbit]) < 1e-12
+        assert len(convex_hull(start.points).normals) >= len(target)
+
+
+def test_different_odds_allow_none() -> None:
+    assert fitting_groups(np.array([0.5, 0.3, 0.2])) == []

@@ -14,8 +14,6 @@ from dicedesign.optimize.starts.half_space_odds import resting_half_spaces, star
 from dicedesign.optimize.starts.needles import needle_near
 from dicedesign.optimize.starts.search import (
     DRAWN,
-    EVEN_SHAPES,
-    PROPOSED,
     nearest_first,
     shapes_near,
 )
@@ -80,12 +78,6 @@ def _bounded(normals: np.ndarray) -> bool:
     return bool((convex_hull(normals).heights(np.zeros(3)) > 0.0).all())
 
 
-def test_half_spaces_in_one_plane_bound_no_solid() -> None:
-    turn = 2.0 * np.pi * np.arange(6) / 6.0
-    around = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(6)])
-    assert len(resting_half_spaces(around, np.ones(6))) == 0
-
-
 def test_starts_of_half_spaces_have_their_odds_in_the_order_of_the_rests() -> None:
     rng = np.random.default_rng(1)
     for _ in range(20):
@@ -101,11 +93,6 @@ def test_starts_of_half_spaces_have_their_odds_in_the_order_of_the_rests() -> No
         np.testing.assert_allclose(start.directions, units, atol=1e-9)
         assert start_with_odds(normals, distances, rests[1:]) is None
         assert start_with_odds(normals, distances, np.append(rests, rests[0])) is None
-
-
-def test_half_spaces_that_are_open_make_no_start() -> None:
-    normals = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 2, 1]])
-    assert start_with_odds(normals, np.ones(5), np.arange(2)) is None
 
 
 @pytest.mark.parametrize("name", TARGETS)
@@ -124,33 +111,6 @@ def test_needles_have_the_odds_wanted(name: str) -> None:
         assert np.abs(center / start.scale).max() < 1e-9
         extents = np.ptp(start.points, axis=0)
         assert extents[0] > extents[1:].max()
-
-
-def test_odds_that_no_needle_comes_near_give_none() -> None:
-    assert needle_near(np.array([0.5, 0.5 - 1e-14, 1e-14]), np.random.default_rng(0)) is None
-
-
-def test_a_needle_is_proposed_after_the_nearest_polyhedra() -> None:
-    target = np.array([0.85, 0.05, 0.05, 0.05])
-    near = [np.abs(outcome_odds(s) - target).max() for s in islice(shapes(target, 0), 2)]
-    assert min(near) < 1e-3
-    for start in islice(shapes(target, 0), 2 + PROPOSED):
-        outcome_odds(start)
-
-
-def test_even_shapes_come_first_where_they_are_near() -> None:
-    fair = next(shapes(np.full(6, 1 / 6), 0))
-    hull = convex_hull(fair.points * fair.scale + fair.origin)
-    assert hull.heights(np.zeros(3)) == pytest.approx(1.0, abs=1e-9)
-    assert len(hull.normals) == 6
-    uneven = np.array([0.9, 0.02, 0.02, 0.02, 0.02, 0.02])
-    assert outcome_odds(next(shapes(uneven, 0)))[0] > 0.4
-
-
-def test_polyhedra_are_proposed_where_nothing_is_near() -> None:
-    target = np.array([1.0 - 2e-14, 1e-14, 1e-14])
-    odds = [outcome_odds(start) for start in islice(shapes(target, 0), 3)]
-    assert all(p[0] == p.max() for p in odds)
 
 
 def test_a_seed_proposes_the_same_shapes_again() -> None:
@@ -197,11 +157,6 @@ def test_the_pool_proposes_the_nearest_of_all_that_were_drawn() -> None:
     assert pool.scales(Pool.uneven, len(expected)) == expected
 
 
-def test_even_shapes_are_proposed_only_for_odds_that_are_near_them() -> None:
-    assert Pool([], []).scales(np.array([0.6, 0.4]), 3) == [-1.0] * EVEN_SHAPES + [None]
-    assert Pool([], []).scales(Pool.uneven, 2) == [None, None]
-
-
 @pytest.mark.parametrize(("outcomes", "drawn"), [(2, 30), (50, 30), (200, 10), (3000, 1)])
 def test_a_turn_that_finds_nothing_draws_so_many_and_gives_none(outcomes: int, drawn: int) -> None:
     target = np.zeros(outcomes)
@@ -209,10 +164,3 @@ def test_a_turn_that_finds_nothing_draws_so_many_and_gives_none(outcomes: int, d
     pool = Pool([], [])
     assert pool.scales(target, 4) == [None] * 4
     assert pool.drawn == 4 * drawn
-
-
-def test_odds_that_nothing_is_near_give_none() -> None:
-    target = np.full(20, 1e-12)
-    target[0] = 1.0 - 19e-12
-    assert list(islice(shapes_near(target, 0), 3)) == [None] * 3
-    assert list(islice(shapes_near(np.array([0.5, 0.5]), 0), EVEN_SHAPES)) == [None] * EVEN_SHAPES

@@ -22,7 +22,7 @@ def nearest_angle(directions: np.ndarray, normals: np.ndarray) -> np.ndarray:
     return 2.0 * np.arcsin(chord / 2.0)
 
 
-@pytest.mark.parametrize("sides", range(3, 13))
+@pytest.mark.parametrize("sides", [3, 6, 12])
 def test_a_prism_rests_on_its_sides_only(sides: int) -> None:
     start = prism(sides)
     poses = rest_poses(start.points)
@@ -32,29 +32,6 @@ def test_a_prism_rests_on_its_sides_only(sides: int) -> None:
     assert start.directions.shape == (sides, 3)
     assert nearest_angle(start.directions, poses.normals).max() < 1e-14
     assert nearest_angle(poses.normals, start.directions).max() < 1e-14
-
-
-def test_outcomes_of_a_prism_go_around_its_axis() -> None:
-    directions = prism(7).directions
-    turned = np.roll(directions, -1, axis=0)
-    np.testing.assert_allclose((directions * turned).sum(-1), np.cos(2.0 * np.pi / 7.0))
-    assert (np.linalg.cross(directions, turned)[:, 2] > 0.0).all()
-
-
-def test_a_prism_without_caps_has_two_flat_ends() -> None:
-    poses = rest_poses(prism(5, cap=0.0).points)
-    assert len(poses.hull.normals) == 7
-    assert np.abs(poses.hull.normals[:, 2]).max() == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize(("height", "cap"), [(1.0, 0.5), (3.0, 2.0)])
-def test_a_prism_keeps_its_proportions(height: float, cap: float) -> None:
-    points = prism(4, height, cap).points
-    radius = np.hypot(points[:, 0], points[:, 1]).max()
-    levels = np.unique(np.round(points[:, 2] / radius, 12))
-    np.testing.assert_allclose(
-        levels, [-height / 2 - cap, -height / 2, height / 2, height / 2 + cap]
-    )
 
 
 @pytest.mark.parametrize("kind", sorted(HENDECAHEDRA))
@@ -69,7 +46,7 @@ def test_a_hendecahedron_has_eleven_rests_in_its_directions(kind: str) -> None:
     assert nearest_angle(poses.normals, start.directions).max() < 1e-14
 
 
-@pytest.mark.parametrize("outcomes", [4, 5, 6, 11, 16, 30])
+@pytest.mark.parametrize("outcomes", [4, 11, 30])
 def test_repulsion_gives_one_stable_facet_for_each_outcome(outcomes: int) -> None:
     start = repulsion(outcomes, seed=3)
     poses = rest_poses(start.points)
@@ -86,32 +63,7 @@ def test_repulsion_of_four_and_six_finds_the_platonic_solids() -> None:
         assert distance.max() < 1e-4
 
 
-def test_repulsion_depends_on_the_seed_alone() -> None:
-    first, again, other = repulsion(9, 5), repulsion(9, 5), repulsion(9, 6)
-    np.testing.assert_array_equal(first.points, again.points)
-    np.testing.assert_array_equal(first.directions, again.directions)
-    assert np.abs(first.directions - other.directions).max() > 0.01
-
-
-def test_every_start_has_an_extent_of_two() -> None:
-    starts = [prism(3), prism(12, 0.4, 0.2), repulsion(7, 0)]
-    starts += [hendecahedron(kind) for kind in HENDECAHEDRA]
-    for start in starts:
-        assert np.ptp(start.points, axis=0).max() == pytest.approx(2.0)
-        assert np.abs(start.points).max() == pytest.approx(1.0)
-
-
-def test_a_mesh_start_takes_the_most_probable_rests() -> None:
-    points = np.random.default_rng(8).normal(size=(40, 3)) * [3.0, 2.0, 1.0]
-    start = mesh_start(make_body(points), 3)
-    poses = rest_poses(points)
-    assert len(poses.normals) > 3
-    np.testing.assert_allclose(start.directions, poses.normals[:3], atol=1e-12)
-    moved = rest_poses(start.points)
-    np.testing.assert_allclose(moved.probabilities, poses.probabilities, atol=1e-10)
-
-
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_mesh_start_in_single_precision_keeps_flat_facets_whole(seed: int) -> None:
     turn, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
     box = np.array([(x, y, z) for x in (-1, 1) for y in (-2, 2) for z in (-3, 3)]) @ turn
@@ -171,15 +123,11 @@ def test_starts_have_the_own_coordinates_that_they_describe() -> None:
     ("make", "text"),
     [
         (lambda: prism(2), "start.prism.sides: expected 3 to 12, got 2"),
-        (lambda: prism(13), "start.prism.sides: expected 3 to 12, got 13"),
         (lambda: prism(4, 0.0), "start.prism.height: expected a positive number, got 0"),
-        (lambda: prism(4, float("nan")), "expected a positive number, got nan"),
-        (lambda: prism(4, float("inf")), "start.prism.height: expected a positive number, got inf"),
         (
             lambda: prism(4, 1.0, float("inf")),
             "start.prism.cap: expected a number not below 0, got inf; leave it out for 1.3",
         ),
-        (lambda: prism(4, 1.0, -0.1), "start.prism.cap: expected a number not below 0, got -0.1"),
         (
             lambda: hendecahedron("cube"),
             "start.hendecahedron: expected one of bisymmetric, circus, got 'cube'",
