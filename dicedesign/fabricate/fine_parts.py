@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import combinations
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -20,8 +21,6 @@ from dicedesign.results.parts import ThinParts
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
-    from manifold3d import Manifold
-
     from dicedesign.fabricate.label_layout import Placement
 
 PARALLEL_COSINE: Final = math.cos(math.radians(15.0))
@@ -108,30 +107,6 @@ BENEATH: Final = -1e-2
 """Cosine between the normals of two facets below which one is beneath the other."""
 
 
-class _Pocket:
-    """The pocket of a label: corners (n, 3) of its floor, and a ball that holds all of it."""
-
-    def __init__(self, placement: Placement, depth: float) -> None:
-        self.placement, self.depth = placement, depth
-        self.section = placement.section()
-        flat = np.concatenate(self.section.to_polygons())
-        frame = placement.frame
-        rim = flat @ frame[:3, :2].T + frame[:3, 3]
-        self.normal = frame[:3, 2]
-        self.floor = rim - depth * self.normal
-        self.middle = (rim.min(axis=0) + rim.max(axis=0) - depth * self.normal) / 2.0
-        corners = np.concatenate([rim, self.floor])
-        self.radius = float(np.linalg.norm(corners - self.middle, axis=1).max())
-        self._solid: Manifold | None = None
-
-    @property
-    def solid(self) -> Manifold:
-        if self._solid is None:
-            cut = self.section.extrude(self.depth).translate((0.0, 0.0, -self.depth))
-            self._solid = cut.transform(self.placement.frame[:3])
-        return self._solid
-
-
 def walls_under(
     placements: Sequence[Placement], depth: float, hull: ConvexHull
 ) -> tuple[float, ...]:
@@ -145,22 +120,18 @@ def walls_under(
     placements: k labels on facets of the die; depth: of their pockets, above 0; hull: the die, in
     mm. Returns k numbers; 0 where a pocket meets another, or comes out beneath.
     """
-    pockets = [_Pocket(placement, depth) for placement in placements]
-    walls = []
-    for pocket in pockets:
-        beneath = hull.normals @ pocket.normal < BENEATH
-        room = hull.depths(pocket.floor)[:, beneath]
-        wall = max(float(room.min()), 0.0) if room.size else np.inf
-        near = [
-            (float(np.linalg.norm(pocket.middle - other.middle)) - pocket.radius - other.radius, n)
-            for n, other in enumerate(pockets)
-            if other is not pocket
-        ]
-        for least, number in sorted(near):
-            if least >= wall:
-                break
-            wall = min(wall, float(pocket.solid.min_gap(pockets[number].solid, wall)))
-        walls.append(wall)
+    pockets, walls = [], []
+    for placement in placements:
+        section, frame = placement.section(), placement.frame
+        cut = section.extrude(depth).translate((0.0, 0.0, -depth))
+        pockets.append(cut.transform(frame[:3]))
+        rim = np.concatenate(section.to_polygons()) @ frame[:3, :2].T + frame[:3, 3]
+        beneath = hull.normals @ frame[:3, 2] < BENEATH
+        room = hull.depths(rim - depth * frame[:3, 2])[:, beneath]
+        walls.append(max(float(room.min(initial=hull.diameter)), 0.0))
+    for one, other in combinations(range(len(pockets)), 2):
+        gap = float(pockets[one].min_gap(pockets[other], max(walls[one], walls[other])))
+        walls[one], walls[other] = min(walls[one], gap), min(walls[other], gap)
     return tuple(walls)
 
 

@@ -5,7 +5,7 @@ Lengths are in digit heights.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import Final
@@ -290,9 +290,3 @@ def label_arts(text: str, options: EngravingOptions) -> list[LabelArt]:
 def _within_bounds(section: CrossSection) -> LabelArt:
     left, bottom, right, top = section.bounds()
     return LabelArt(section, (left, bottom, right, top))
-
-
-def require_art(labels: Iterable[str], options: EngravingOptions) -> None:
-    """Raise InputError where the art of a label cannot be made."""
-    for label in labels:
-        label_arts(label, options)

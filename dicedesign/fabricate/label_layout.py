@@ -140,19 +140,6 @@ class Placement:
         return replace(self, frame=frame)
 
 
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """A label as large as it fits on a facet.
-
-    room: width and height in mm of the rectangle that it fills; needed: by which factor the facet
-    must grow, at least, for digits of `min_height_mm`.
-    """
-
-    placement: Placement
-    room: tuple[float, float]
-    needed: float
-
-
 def _fit(
     text: str,
     polygon: Floats,
@@ -160,8 +147,9 @@ def _fit(
     facet: int,
     options: EngravingOptions,
     margins: float | Floats,
-) -> _Fit:
-    """The label as large as it fits, in any number of lines and of any upright that it may have."""
+) -> tuple[Placement, float]:
+    """The label as large as it fits, in any number of lines and of any upright that it may have,
+    and by which factor the facet must grow, at least, for digits of `min_height_mm`."""
     polygon = np.asarray(polygon, dtype=np.float64)
     outward = np.asarray(normal, dtype=np.float64)
     if polygon.ndim != 2 or polygon.shape[1] != 3 or outward.shape != (3,) or not outward.any():
@@ -178,7 +166,7 @@ def _fit(
     ]
     best = fits[0]
     for fit in fits[1:]:
-        if fit.placement.height > (1.0 + LONGER) * best.placement.height:
+        if fit[0].height > (1.0 + LONGER) * best[0].height:
             best = fit
     return best
 
@@ -210,8 +198,8 @@ def _fit_along(
     facet: int,
     options: EngravingOptions,
     margins: float | Floats,
-) -> _Fit:
-    """The label as large as it fits with a direction to its right."""
+) -> tuple[Placement, float]:
+    """As `_fit`, with a direction to the label's right."""
     up = np.cross(outward, right)
     origin = polygon.mean(axis=0)
     flat = (polygon - origin) @ np.column_stack([right, up])
@@ -246,8 +234,7 @@ def _fit_along(
     start = center - 0.5 * height * np.array([left + far_right, bottom + top])
     frame = np.eye(4)
     frame[:3] = np.column_stack([right, up, outward, origin + start[0] * right + start[1] * up])
-    placement = Placement(text, frame, height, art, facet, growth)
-    return _Fit(placement, (width * height, tall * height), needed)
+    return Placement(text, frame, height, art, facet, growth), needed
 
 
 def place_labels(
@@ -301,26 +288,18 @@ def place_labels(
     if margins is not None:
         kept = margins
     fits = [
-        _fit(text, polygon, normal, facet, options, margin)
-        for text, polygon, normal, facet, margin in zip(
-            texts, polygons, normals, facets, kept, strict=True
-        )
+        _fit(*label, options, margin)
+        for *label, margin in zip(texts, polygons, normals, facets, kept, strict=True)
     ]
-    require_room(
-        [fit.placement.height for fit in fits],
-        [fit.needed for fit in fits],
-        [
-            (
-                f"label {text!r}",
-                f"facet {facet}",
-                f" in a rectangle of {fit.room[0]:.2f} by {fit.room[1]:.2f} mm",
-            )
-            for text, facet, fit in zip(texts, facets, fits, strict=True)
-        ],
-        size_mm,
-        options,
-    )
-    return [fit.placement for fit in fits]
+    placements = [placement for placement, _ in fits]
+    rooms = []
+    for placement in placements:
+        width, tall = (placement.height * side for side in placement.art.size)
+        room = f" in a rectangle of {width:.2f} by {tall:.2f} mm"
+        rooms.append((f"label {placement.text!r}", f"facet {placement.facet}", room))
+    heights = [placement.height for placement in placements]
+    require_room(heights, [needed for _, needed in fits], rooms, size_mm, options)
+    return placements
 
 
 def require_room(

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -24,24 +23,11 @@ NUMBER: Final = re.compile(r"[+-]?\d+([.]\d*)?")
 """Labels that count as numbers."""
 
 
-@dataclass(frozen=True, eq=False)
-class Numbering:
-    """Which outcome is where.
-
-    Attributes
-    ----------
-    order: (k,) outcome that is on the facet of each outcome as it was.
-    note: what came of it, in a sentence.
-    """
-
-    order: Integers
-    note: str
-
-
 def numbered(
     hull: ConvexHull, facets: Integers, labels: Sequence[str], odds: Floats, style: str
-) -> Numbering:
-    """The numbering of a die in a style.
+) -> tuple[Integers, str]:
+    """The numbering of a die in a style: (k,) outcome that is on the facet of each outcome as it
+    was, and what came of it, in a sentence.
 
     Parameters
     ----------
@@ -57,11 +43,11 @@ def numbered(
     members = np.flatnonzero([NUMBER.fullmatch(label) is not None for label in labels])
     kinds = _equal(odds[members])
     if not len(members) or np.bincount(kinds).max() < 2:
-        return Numbering(order, "numbering: no two numbers are equally probable, so that they stay")
+        return order, "numbering: no two numbers are equally probable, so that they stay"
     pairs = _opposite_places(hull, facets[members])
     if style == "standard" and not pairs:
         note = "numbering: no two facets with numbers are opposite to each other, so that they stay"
-        return Numbering(order, note)
+        return order, note
     groups = pairs if style == "standard" else [*pairs, *_places_around(hull, facets[members])]
     member = np.zeros((len(groups), len(members)))
     for row, group in zip(member, groups, strict=True):
@@ -73,10 +59,6 @@ def numbered(
     order[members] = members[found.order]
     sums = member @ numbers[found.order]
     off = np.abs(sums - member.sum(axis=1) * numbers.mean()).max(initial=0.0)
-    return Numbering(order, _note(style, sums, float(off), found.is_best))
-
-
-def _note(style: str, sums: Floats, off: float, is_best: bool) -> str:
     if style == "standard":
         low, high = sums.min(), sums.max()
         told = f"{low:g}" if high - low < 1e-9 * (1.0 + abs(low)) else f"{low:g} to {high:g}"
@@ -84,11 +66,11 @@ def _note(style: str, sums: Floats, off: float, is_best: bool) -> str:
     else:
         note = (
             "numbering: sums of opposite facets and around corners are even to within "
-            f"{round(off, 6):g}"
+            f"{round(float(off), 6):g}"
         )
-    if is_best:
-        return note
-    return f"{note}; that is the best that was found, but there may be better ones"
+    if not found.is_best:
+        note += "; that is the best that was found, but there may be better ones"
+    return order, note
 
 
 def _equal(odds: Floats) -> Integers:

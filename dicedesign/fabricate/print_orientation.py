@@ -152,19 +152,6 @@ def beds(hull: ConvexHull, rests: Integers, is_convex: bool) -> Floats:
     return hull.normals[kept if kept else rests]
 
 
-def best_pose(poses: Sequence[PrintPose]) -> PrintPose:
-    """Of poses, at least one, that which spoils the fewest labels, then that with the least area
-    to support, then that with the largest on the bed. Hundredths of mm2 decide nothing."""
-    return min(
-        poses,
-        key=lambda pose: (
-            len(pose.spoiled),
-            round(pose.overhang_mm2, 1),
-            -round(pose.contact_mm2, 1),
-        ),
-    )
-
-
 def placement_on_bed(points: Floats, down: Floats) -> Floats:
     """(4, 4) rigid motion that turns a unit direction (3,) down by the smallest rotation, and puts
     points (n, 3) onto the bed z = 0 with the middle of their box above its origin."""

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 import torch
+from scipy.optimize import brentq
 
 from dicedesign.errors import DiceError
 from dicedesign.fabricate.print_options import PrintErrors
@@ -26,7 +27,6 @@ from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.gradient.facet_offsets import offset_derivatives
 from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.rest.basins import Basins
 from dicedesign.rest.outcomes import OutcomeOdds, gathered
 from dicedesign.rest.poses import RestPoses
 from dicedesign.results.result import PrintTolerances
@@ -42,8 +42,8 @@ class OddsSlopes:
     ----------
     hull: of the body.
     center: (3,) its center of mass.
-    volume: of the body; inside: (3, 3) mean of the products of two coordinates over it, about the
-        center of mass.
+    volume: of the body, or where its surface is open of its hull; inside: (3, 3) mean of the
+        products of two coordinates over it, about the center of mass.
     by_corners: (k, n, 3) in the corners, the center of mass staying where it is.
     by_planes: (k, m) in the offsets of the facets, likewise.
     is_uniform: whether the center of mass is that of the solid, and so moves with what is added.
@@ -75,19 +75,24 @@ class OddsSlopes:
         place[poses.facets] = outcomes.outcome_of_rest
         rows, planes = [], []
         for side in poses.basins:
-            rests = _evaluation(side)
+            center = torch.from_numpy(side.equilibria.center_of_mass)
+            vertices = torch.from_numpy(side.equilibria.hull.vertices)
+            rests = RestEvaluation(side.equilibria, vertices, center, side)
             jacobian = rests.jacobian if model is None else model.jacobian(rests)
             of_outcomes = np.zeros((len(outcomes.odds), jacobian.shape[1]))
             of_rests = place[side.paths.rests]
             np.add.at(of_outcomes, of_rests[of_rests >= 0], jacobian[of_rests >= 0])
             rows.append(of_outcomes)
             planes.append(offset_derivatives(rests, of_outcomes))
-        volume, inside = _moments(body, poses)
+        points, triangles = body.points, body.triangles
+        if triangles is None or not is_closed(triangles):
+            points, triangles = poses.hull.vertices, poses.hull.triangles
+        moments, volume = second_moments(points - poses.center_of_mass, triangles, np)
         return cls(
             hull=poses.hull,
             center=poses.center_of_mass,
-            volume=volume,
-            inside=inside,
+            volume=float(volume),
+            inside=np.asarray(moments / volume),
             by_corners=np.mean(rows, axis=0).reshape(len(outcomes.odds), -1, 3),
             by_planes=np.mean(planes, axis=0),
             is_uniform=poses.center_of_mass_source != "given",
@@ -126,22 +131,6 @@ class OddsSlopes:
         """(k, k) covariance of the odds for a bubble of volume 1 anywhere in the body: the center
         of mass moves away from it by its part of the volume."""
         return np.asarray(self.by_center @ self.inside @ self.by_center.T / self.volume**2)
-
-
-def _evaluation(side: Basins) -> RestEvaluation:
-    vertices = torch.from_numpy(side.equilibria.hull.vertices)
-    center = torch.from_numpy(side.equilibria.center_of_mass)
-    return RestEvaluation(side.equilibria, vertices, center, side)
-
-
-def _moments(body: Body, poses: RestPoses) -> tuple[float, Floats]:
-    """Volume of the body, or where its surface is open of its hull, and the mean (3, 3) of the
-    products of two coordinates about the center of mass."""
-    points, triangles = body.points, body.triangles
-    if triangles is None or not is_closed(triangles):
-        points, triangles = poses.hull.vertices, poses.hull.triangles
-    moments, volume = second_moments(points - poses.center_of_mass, triangles, np)
-    return float(volume), np.asarray(moments / volume)
 
 
 PRINTS: Final = 32
@@ -303,11 +292,7 @@ def allowed_offset(spread: OddsSpread, target: Floats, bias: Floats) -> float | 
         return 0.0
     if excess(NEVER * size) <= 0.0:
         return None
-    least, most = 0.0, NEVER * size
-    while most - least > FINENESS * size:
-        middle = (least + most) / 2.0
-        least, most = (middle, most) if excess(middle) < 0.0 else (least, middle)
-    return least or most
+    return float(brentq(excess, 0.0, NEVER * size, xtol=FINENESS * size))
 
 
 def _let_through(prints: OffPrints, offset: float, target: Floats, bias: Floats) -> float:

@@ -15,7 +15,6 @@ from dicedesign.fabricate.print_options import PrintOptions
 from dicedesign.fabricate.print_orientation import (
     PrintedSolid,
     beds,
-    best_pose,
     placement_on_bed,
 )
 from dicedesign.fabricate.printers import Printer
@@ -113,9 +112,23 @@ def printability(die: PrintedDie, options: PrintOptions) -> Printability:
     printer = options.chosen
     solid = die.solid
     directions = beds(die.poses.hull, die.poses.facets, die.designed is not None)
-    best = best_pose(solid.poses(directions, printer))
-    check = checked_file(die.body)
-    labels, thin = _labels(die), _thin_parts(die, printer)
+    # The fewest labels spoiled, then the least area to support, then the largest on the bed.
+    # Hundredths of mm2 decide nothing.
+    best = min(
+        solid.poses(directions, printer),
+        key=lambda pose: (
+            len(pose.spoiled),
+            round(pose.overhang_mm2, 1),
+            -round(pose.contact_mm2, 1),
+        ),
+    )
+    placement = placement_on_bed(die.body.points, np.array(best.normal))
+    check, labels, thin = checked_file(die.body), _labels(die), None
+    if die.shape is not None:
+        # Brings a library of solids along, which no convex die needs here.
+        from dicedesign.fabricate.fine_parts import thin_parts
+
+        thin = thin_parts(die.shape, printer.wall_mm)
     return Printability(
         printer=printer.name,
         spot_mm=printer.spot_mm,
@@ -130,13 +143,9 @@ def printability(die: PrintedDie, options: PrintOptions) -> Printability:
         labels=labels,
         poses=tuple(solid.poses(die.poses.normals, printer)),
         best=best,
-        placement=_rows(placement_on_bed(die.body.points, np.array(best.normal))),
-        warnings=(*_thin_warnings(printer, thin), *_warnings(die, printer, labels, check)),
+        placement=tuple(map(tuple, placement.tolist())),
+        warnings=tuple(_warnings(die, printer, thin, labels, check)),
     )
-
-
-def _rows(matrix: Floats) -> tuple[tuple[float, ...], ...]:
-    return tuple(map(tuple, matrix.tolist()))
 
 
 def _smallest_facet(hull: ConvexHull | None) -> SmallestFacet | None:
@@ -161,83 +170,57 @@ def _labels(die: PrintedDie) -> tuple[PrintedLabel, ...]:
     for placement, wall in zip(die.placements, walls, strict=True):
         contours = placement.section().to_polygons()
         stroke, gap = narrowest_stroke(contours), narrowest_gap(contours)
-        labels.append(
-            PrintedLabel(
-                placement.text,
-                stroke,
-                gap,
-                wall,
-            )
-        )
+        labels.append(PrintedLabel(placement.text, stroke, gap, wall))
     return tuple(labels)
 
 
-def _thin_parts(die: PrintedDie, printer: Printer) -> ThinParts | None:
-    if die.shape is None:
-        return None
-    # Brings a library of solids along, which no convex die needs here.
-    from dicedesign.fabricate.fine_parts import thin_parts
-
-    return thin_parts(die.shape, printer.wall_mm)
-
-
-def _thin_warnings(printer: Printer, thin: ThinParts | None) -> Iterator[str]:
-    if thin is None:
-        return
-    x, y, z = (f"{coordinate:.1f}" for coordinate in thin.place)
-    factor = thin.wall_mm / thin.least_mm
-    larger = f"raise size_mm by a factor of {factor:.2g}, or " if factor < MOST_LARGER else ""
-    yield (
-        f"parts under {100.0 * thin.share:.2g} % of the surface are thinner than the "
-        f"{thin.wall_mm:.2g} mm that {_called(printer)} makes, the thinnest {thin.least_mm:.2g} mm "
-        f"at ({x}, {y}, {z}) of die_plain.stl: {larger}thicken the model there"
-    )
-
-
 def _warnings(
-    die: PrintedDie, printer: Printer, labels: Sequence[PrintedLabel], check: FileCheck
+    die: PrintedDie,
+    printer: Printer,
+    thin: ThinParts | None,
+    labels: Sequence[PrintedLabel],
+    check: FileCheck,
 ) -> Iterator[str]:
     """What the printer will not make, one sentence each with what would help."""
+    called = printer.name
+    if printer.has_nozzle:
+        called += f" with a nozzle of {printer.spot_mm:.2g} mm"
+    if thin is not None:
+        x, y, z = (f"{coordinate:.1f}" for coordinate in thin.place)
+        factor = thin.wall_mm / thin.least_mm
+        larger = f"raise size_mm by a factor of {factor:.2g}, or " if factor < MOST_LARGER else ""
+        yield (
+            f"parts under {100.0 * thin.share:.2g} % of the surface are thinner than the "
+            f"{thin.wall_mm:.2g} mm that {called} makes, the thinnest {thin.least_mm:.2g} mm "
+            f"at ({x}, {y}, {z}) of die_plain.stl: {larger}thicken the model there"
+        )
     strokes, ridges = (
         (printer.raised_mm, printer.groove_mm)
         if die.raised
         else (printer.groove_mm, printer.ridge_mm)
     )
+    larger = "raise size_mm or engrave.min_height_mm, or shorten the label"
+    deeper = "reduce engrave.depth_mm or raise size_mm"
     for what, widths, least, remedy in (
-        (
-            "the strokes",
-            [label.stroke_mm for label in labels],
-            strokes,
-            "raise size_mm or engrave.min_height_mm, or shorten the label",
-        ),
-        (
-            "the ridges between the strokes",
-            [label.ridge_mm for label in labels],
-            ridges,
-            "raise size_mm or engrave.min_height_mm, or shorten the label",
-        ),
-        (
-            "the walls under the pocket",
-            [label.wall_mm for label in labels],
-            printer.wall_mm,
-            "reduce engrave.depth_mm or raise size_mm",
-        ),
+        ("the strokes", [label.stroke_mm for label in labels], strokes, larger),
+        ("the ridges between the strokes", [label.ridge_mm for label in labels], ridges, larger),
+        ("the walls under the pocket", [each.wall_mm for each in labels], printer.wall_mm, deeper),
     ):
-        thin = [
+        fine = [
             (width, label.text)
             for width, label in zip(widths, labels, strict=True)
             if width is not None and width < least
         ]
-        if thin:
-            width, text = min(thin)
-            others = f" (and {len(thin) - 1} more)" if len(thin) > 1 else ""
+        if fine:
+            width, text = min(fine)
+            others = f" (and {len(fine) - 1} more)" if len(fine) > 1 else ""
             yield (
-                f"{what} of label {text}{others} measure {width:.2g} mm, {_called(printer)} makes "
+                f"{what} of label {text}{others} measure {width:.2g} mm, {called} makes "
                 f"{least:.2g} mm or more: {remedy}"
             )
     if labels and die.depth < printer.groove_depth_mm:
         yield (
-            f"labels are {die.depth:.2g} mm deep, {_called(printer)} shows them from "
+            f"labels are {die.depth:.2g} mm deep, {called} shows them from "
             f"{printer.groove_depth_mm:.2g} mm on: raise engrave.depth_mm"
         )
     if check.cavities and not printer.has_nozzle:
@@ -257,8 +240,3 @@ def _warnings(
             f"{check.self_intersections} pairs of triangles that meet, {check.flat_triangles} "
             "without area; let the program of the printer repair it"
         )
-
-
-def _called(printer: Printer) -> str:
-    nozzle = f" with a nozzle of {printer.spot_mm:.2g} mm" if printer.has_nozzle else ""
-    return f"{printer.name}{nozzle}"

@@ -36,11 +36,11 @@ def number(work: Work) -> None:
         work.notes.append("numbering: an outcome has no facet, so that all stay where they are")
         return
     facets = solid.poses.facets[main]
-    numbering = numbered(
+    order, note = numbered(
         solid.poses.hull, facets, target.labels, target.probabilities, work.recipe.numbering
     )
     # Where each outcome now is.
-    place = np.argsort(numbering.order)
+    place = np.argsort(order)
     work.die = replace(
         die,
         directions=die.directions[place],
@@ -49,7 +49,7 @@ def number(work: Work) -> None:
             for done in die.rounds
         ),
     )
-    work.notes.append(numbering.note)
+    work.notes.append(note)
 
 
 def enlarge(work: Work) -> None:

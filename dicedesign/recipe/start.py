@@ -32,9 +32,11 @@ def make_start(work: Work) -> None:
     if ignored is not None:
         work.notes.append(ignored)
     if recipe.engrave is not None:
-        from dicedesign.fabricate.label_art import require_art
+        from dicedesign.fabricate.label_art import label_arts
 
-        require_art(work.target.labels, recipe.engrave)
+        # Raises where the art of a label cannot be made.
+        for label in work.target.labels:
+            label_arts(label, recipe.engrave)
 
 
 def _make_surface(work: Work) -> None:
