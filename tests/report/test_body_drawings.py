@@ -6,8 +6,13 @@ import numpy as np
 import trimesh
 from common.drawings import is_whole
 
-from dicedesign.report.body_drawings import MOST_MOMENTS, ablation_figure, drop_figure
-from dicedesign.report.body_figures import MOST_TRIANGLES, Ablation, drawn_surface
+from dicedesign.report.body_drawings import (
+    MOST_MOMENTS,
+    Ablation,
+    ablation_figure,
+    drop_figure,
+)
+from dicedesign.report.body_figures import MOST_TRIANGLES, drawn_surface
 from dicedesign.report.palette import ACCENT, rgb
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import RollStep, roll_steps
@@ -41,13 +46,6 @@ def test_further_rests_are_told_and_shown() -> None:
     assert len(shares) == 4
     assert max(shares[:2]) < 0.02
     assert sum(shares[2:]) > 0.3
-
-
-def test_one_outcome() -> None:
-    poses = rest_poses(CUBE)
-    figure = ablation_figure([Ablation("all terms", 0.0, poses, np.zeros(6, dtype=np.int64))] * 3)
-    assert is_whole(figure)
-    assert len(figure.pictures) == 6
 
 
 def rolled(mesh: trimesh.Trimesh, down: list[float]) -> tuple[RestPoses, tuple[RollStep, ...]]:

@@ -12,7 +12,6 @@ import pytest
 from common.finished import finished_box
 
 from dicedesign.report.data_sheet import (
-    CORNERS,
     HEIGHT,
     WIDTH,
     SheetFacts,
@@ -130,11 +129,3 @@ def test_odds_are_those_of_the_printed_file() -> None:
     for row in found.rows:
         assert float(row[3]) == pytest.approx(float(row[2]) - float(row[1]), abs=0.0011)
     assert "25 %" in found.remark
-
-
-def test_all_of_a_convex_die_is_seen_from_four_sides() -> None:
-    """Every direction is at most 71 degrees from one of the four."""
-    sides = np.array(CORNERS) / np.sqrt(3.0)
-    directions = np.random.default_rng(0).normal(size=(5000, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    assert (directions @ sides.T).max(axis=1).min() > np.cos(np.radians(71.0))

@@ -19,13 +19,11 @@ from dicedesign.report.discs import (
 from dicedesign.report.gauss_map import (
     gauss_map_figure,
     heights_figure,
-    path_of,
     paths_figure,
     place_texts,
 )
 from dicedesign.report.palette import BASINS, LOW_TO_HIGH
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.rest.roll import roll_steps
 from dicedesign.rest.sampled_directions import SampledDirections
 
 PIXELS = 300
@@ -51,39 +49,11 @@ def body(name: str) -> RestPoses:
         return rest_poses(
             np.concatenate([dome, [[0, 0, 1.8]], foot]), center_of_mass=[0.0, 0.0, -0.9]
         )
-    if name == "needle":
-        return rest_poses(random_directions(60, 8) * [1.0, 1.0, 9.0])
-    return rest_poses(random_directions(300, 5) * [1.0, 1.3, 0.8])
+    return rest_poses(random_directions(60, 8) * [1.0, 1.0, 9.0])
 
 
-@pytest.mark.parametrize("name", ["cube", "box", "random", TUMBLER])
-def test_pixel_areas_are_the_probabilities(name):
-    poses = body(name)
-    counts = np.zeros(len(poses.normals))
-    centres = (2.0 * np.arange(PIXELS) + 1.0) / PIXELS - 1.0
-    on_disc = (np.square(centres)[:, None] + np.square(centres) <= 1.0).ravel()
-    for disc in opposite_discs(choose_axis(poses.normals)):
-        directions = disc.pixels(PIXELS).reshape(-1, 3)[on_disc]
-        counts += np.bincount(basin_of_directions(poses, directions), minlength=len(counts))
-    np.testing.assert_allclose(counts / (2 * on_disc.sum()), poses.probabilities, atol=0.003)
-
-
-def test_tumbler_has_one_rest():
-    assert len(body(TUMBLER).normals) == 1
-
-
-def test_a_rest_lies_in_its_own_basin():
-    poses = body("random")
-    nudged = poses.normals + 1e-9 * random_directions(len(poses.normals), 1)
-    nudged /= np.linalg.norm(nudged, axis=1, keepdims=True)
-    wide = poses.margins > 1e-6
-    found = basin_of_directions(poses, nudged)
-    np.testing.assert_array_equal(found[wide], np.arange(len(nudged))[wide])
-
-
-@pytest.mark.parametrize("axis", [(0, 0, 1), (1, 0, 0), (1, 1, 1), (2, -1, 1)])
-def test_projection_inverts_and_keeps_areas(axis):
-    for disc in opposite_discs(axis):
+def test_projection_inverts_and_keeps_areas():
+    for disc in opposite_discs((2, -1, 1)):
         np.testing.assert_allclose(np.cross(disc.right, disc.up), disc.axis, atol=1e-15)
         grid = disc.pixels(40)
         norms = np.linalg.norm(grid, axis=-1)
@@ -141,9 +111,8 @@ def test_texts_stay_in_their_region():
     assert x < -0.02
 
 
-@pytest.mark.parametrize("name", ["cube", TUMBLER])
-def test_figure_is_drawn_and_repeats(name):
-    poses = body(name)
+def test_figure_is_drawn_and_repeats():
+    poses = body(TUMBLER)
     names = [f"${i}$" for i in range(len(poses.normals))]
     figure = gauss_map_figure(poses, names)
     assert is_whole(figure)
@@ -190,9 +159,8 @@ def test_wrong_number_of_labels():
         gauss_map_figure(body("cube"), ["a", "b"])
 
 
-@pytest.mark.parametrize("name", ["box", TUMBLER])
-def test_heights_are_drawn_from_the_lowest_to_the_highest(name):
-    poses = body(name)
+def test_heights_are_drawn_from_the_lowest_to_the_highest():
+    poses = body("box")
     figure = heights_figure(poses)
     assert is_whole(figure)
     reach = np.linalg.norm(poses.hull.vertices - poses.center_of_mass, axis=1).max()
@@ -200,16 +168,6 @@ def test_heights_are_drawn_from_the_lowest_to_the_highest(name):
     assert {f"{standing:.4g}", f"{reach:.4g}"} <= set(figure.texts)
     for color in (LOW_TO_HIGH[0], LOW_TO_HIGH[-1]):
         assert painted(figure, color).any()
-
-
-def test_a_path_goes_down_to_a_rest() -> None:
-    poses = body("box")
-    for down in np.random.default_rng(1).normal(size=(20, 3)):
-        path = path_of(roll_steps(poses.morse.equilibria, down))
-        np.testing.assert_allclose(path[0], down / np.linalg.norm(down), atol=1e-15)
-        heights = (path @ poses.hull.vertices.T).max(axis=1)
-        assert (np.diff(heights) < 1e-12).all()
-        assert np.linalg.norm(poses.normals - path[-1], axis=1).min() < 1e-12
 
 
 def test_paths_are_drawn_and_no_others() -> None:
@@ -220,13 +178,6 @@ def test_paths_are_drawn_and_no_others() -> None:
     more = paths_figure(poses, np.random.default_rng(2).normal(size=(40, 3)))
     assert painted(more, PATH).sum() > 4 * painted(figure, PATH).sum()
     assert figure.png() == paths_figure(poses, 7.0 * few).png()
-
-
-def test_a_body_that_rests_has_a_dot_alone() -> None:
-    poses = body("box")
-    figure = paths_figure(poses, poses.normals[:1])
-    # The mark of the rest lies over it.
-    assert painted(figure, PATH)[: round(figure.height) - 130].sum() < 100
 
 
 @pytest.mark.parametrize("down", [[0.0, 0.0, 0.0], [np.nan, 1.0, 0.0]])
@@ -241,7 +192,7 @@ def shoelace(ring: np.ndarray) -> float:
     return -0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
 
 
-@pytest.mark.parametrize("name", ["cube", "needle", "random", TUMBLER])
+@pytest.mark.parametrize("name", ["needle", TUMBLER])
 def test_areas_are_the_odds(name: str) -> None:
     poses = body(name)
     one, _ = placed_discs(poses)
@@ -250,7 +201,7 @@ def test_areas_are_the_odds(name: str) -> None:
     np.testing.assert_allclose(areas, poses.probabilities, atol=2e-3)
 
 
-@pytest.mark.parametrize("name", ["cube", "needle", "random", TUMBLER])
+@pytest.mark.parametrize("name", ["needle", TUMBLER])
 def test_each_direction_is_in_the_outline_of_its_rest_alone(name: str) -> None:
     poses = body(name)
     directions = random_directions(1500, 4)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -141,14 +140,6 @@ def test_keys_do_as_the_pointer(opened: Opened) -> None:
     opened.settle()
     assert opened.shown() == {("tr", "1"), ("path", "1")}
     assert opened.facet_in_view() == "1"
-
-
-def test_the_die_turns_by_and_by(opened: Opened) -> None:
-    opened.page.emulate_media(reduced_motion="no-preference")
-    opened.page.hover("tr[data-facet='2']")
-    until = time.monotonic() + 20.0
-    while opened.marked_pixels() < 0.1:
-        assert time.monotonic() < until
 
 
 def test_dragging_turns_the_die(opened: Opened) -> None:

@@ -25,7 +25,7 @@ from dicedesign.results.parts import (
     TradeOff,
 )
 from dicedesign.results.result import Designed, InfillOdds, PrintTolerances, Result
-from dicedesign.throws.tables import Table, table_named
+from dicedesign.throws.tables import table_named
 
 PNG = b"\x89PNG"
 RESHAPED = {
@@ -156,17 +156,6 @@ def test_throws_that_tell_no_difference_and_none_at_all() -> None:
     assert "when it is let go" not in text
 
 
-@pytest.mark.parametrize(
-    ("table", "advice"),
-    [
-        ("carpet", "Set it down on the table"),
-        ("paper", "let it fall from about 10 cm above the table, each time from another"),
-    ],
-)
-def test_advice_for_gentle_tables(table: str, advice: str) -> None:
-    assert advice in throwing_advice(replace(THROWN, table=table_named(table).as_dict()))
-
-
 def test_throws_of_many_heights_and_spins() -> None:
     table = {**THROWN.table, "height": [0.05, 0.2], "speed": [0.0, 1.2], "spin": [2 * pi, 9 * pi]}
     thrown = replace(THROWN, table=table)
@@ -176,15 +165,6 @@ def test_throws_of_many_heights_and_spins() -> None:
     assert "moves sideways at 0 to 1.2 m a second and spins 1 to 4.5 times a second" in manner
     assert "of a range, each throw has a value of its own" in manner
     assert "of a range" not in throws_told(THROWN)[0]
-
-
-def test_throws_by_a_named_hand() -> None:
-    table = Table(**THROWN.table).thrown_by("cup")
-    thrown = replace(THROWN, table=table.as_dict())
-    assert throwing_advice(thrown).startswith("Throw it out of a cup: let it fall from 5 to 12 cm")
-    manner, _ = throws_told(thrown)
-    assert "are for throws out of a cup, in which it falls from 5 to 12 cm above" in manner
-    assert 'the table "my <table>:cup": guessed; out of a cup, chosen, not measured' in manner
 
 
 @pytest.mark.parametrize("changes", [{}, RESHAPED, {"thrown": THROWN}])
@@ -199,24 +179,11 @@ def test_pages_need_nothing_else_and_escape(changes: dict[str, Any]) -> None:
     assert text == die_page(result(**changes), images)
 
 
-def test_memory_since_the_start_is_said_so() -> None:
-    assert "held from its start to the end of the stage," in page_of(peak_since="start").text
-
-
 def test_figures_that_are_absent_leave_their_section_out() -> None:
     text = page_of().text
     for name in FIGURES.names:
         assert FIGURES[name].caption in page_of({name: PNG}).text
         assert FIGURES[name].caption not in text
-
-
-def test_a_page_runs_no_script_and_loads_nothing() -> None:
-    """Its policy stands before anything that could."""
-    page = die_page(result(), {})
-    policy = page.index("Content-Security-Policy")
-    assert policy < page.index("<title>")
-    assert "default-src 'none'" in page[policy:]
-    assert "<script" not in page
 
 
 HEADER = 8
@@ -309,13 +276,6 @@ def test_infill_takes_the_place_of_the_advice_to_print_solid() -> None:
     assert page.text.count(INFILL.advice) == 2
     assert {"11.000", "35.000"} <= set(page.cells)
     assert "15 % infill" in page.text
-
-
-def test_a_page_without_them_says_nothing() -> None:
-    result = finished_box(tolerances=TOLERANCES, infill=INFILL).result
-    bare = die_page(replace(result, tolerances=None, infill=None), {})
-    assert bare == die_page(finished_box().result, {})
-    assert "prints" not in parsed(bare).text
 
 
 def test_a_page_has_the_measures_of_the_print() -> None:

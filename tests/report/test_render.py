@@ -28,10 +28,9 @@ def seen_by(vertices, triangles, camera, size):
     return rasterize(camera.pixel_positions(vertices, size), triangles, size)
 
 
-@pytest.mark.parametrize("direction", [(0, 0, 1), (1, 2, -3)])
-def test_silhouette_of_a_sphere(direction):
+def test_silhouette_of_a_sphere():
     sphere = trimesh.creation.icosphere(subdivisions=5)
-    camera = Camera(np.array(direction, float), np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.25)
+    camera = Camera(np.array([1.0, 2.0, -3.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.25)
     seen, _ = seen_by(sphere.vertices, sphere.faces, camera, 400)
     area = (seen >= 0).sum() * (2.5 / 400) ** 2
     assert area == pytest.approx(np.pi, rel=2e-3)
@@ -44,27 +43,6 @@ def test_depth_is_that_of_the_surface():
     squared = np.square(centres)[:, None] + np.square(centres)
     inside = squared < 0.9
     np.testing.assert_allclose(depth[inside] / 100.0, np.sqrt(1.0 - squared[inside]), atol=2e-3)
-
-
-@pytest.mark.parametrize("order", [1, -1])
-def test_a_nearer_triangle_hides_a_farther_one(order):
-    near = np.array([[-1, -1, 0.5], [1, -1, 0.5], [0, 1, 0.5]])
-    far = near * [1.3, 1.3, 1.0] - [0, 0, 1.0]
-    triangles = np.array([[0, 1, 2], [3, 4, 5]])[::order]
-    seen, _ = seen_by(np.concatenate([near, far]), triangles, FRONT, 90)
-    front = 0 if order == 1 else 1
-    assert seen[45, 45] == front
-    assert (seen == front).sum() == pytest.approx(2.0 * 30**2, rel=0.02)
-    assert (seen == 1 - front).sum() == pytest.approx(0.69 * 2.0 * 30**2, rel=0.04)
-
-
-def test_crossing_triangles_each_show_their_nearer_part():
-    rising = np.array([[-1, -1, -1], [1, -1, 1], [1, 1, 1], [-1, 1, -1]], dtype=float)
-    points = np.concatenate([rising, rising * [1, 1, -1]])
-    triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
-    seen, _ = seen_by(points, triangles, FRONT, 60)
-    assert set(seen[30, 12:28]) <= {2, 3}
-    assert set(seen[30, 32:48]) <= {0, 1}
 
 
 def test_triangles_with_common_edges_leave_no_gap_and_do_not_overlap():
@@ -119,14 +97,6 @@ def square(depth: float, half: float = 1.0) -> np.ndarray:
 
 
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])
-
-
-@pytest.mark.parametrize("subdivisions", [3, 5])
-def test_corner_normals_of_a_sphere_are_radial(subdivisions: int) -> None:
-    surface = sphere(subdivisions)
-    normals = corner_normals(surface.points, surface.triangles)
-    error = np.linalg.norm(normals - surface.points[surface.triangles], axis=-1).max()
-    assert error < 0.05 * 4.0 ** (3 - subdivisions)
 
 
 @pytest.mark.parametrize(("degrees", "shared"), [(30.0, True), (40.0, False)])
@@ -220,13 +190,6 @@ def test_a_shell_tints_what_is_behind_it() -> None:
     assert all((picture[45, 4] == 255).all() for picture in (clear, near, far))
 
 
-def test_pictures_are_the_same_without_the_kernel() -> None:
-    surface = sphere(3)
-    expected = render(surface, FRONT, 60, glass((1,)))
-    with without_kernels():
-        np.testing.assert_array_equal(render(surface, FRONT, 60, glass((1,))), expected)
-
-
 ABOVE = Camera(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 2.0)
 PLATE = np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)])
 SQUARE = np.array([(0, 1, 2), (0, 2, 3)])
@@ -244,12 +207,3 @@ def test_shadows_are_under_the_body_and_fade_with_height() -> None:
         middles.append(middle.mean())
     assert np.all(np.diff(middles) > 0.0)
     assert 0.0 < middles[0] < middles[-1] < 0.9
-
-
-def test_the_lowest_place_casts_the_shadow() -> None:
-    low = np.concatenate([PLATE, PLATE + 0.5 * UPRIGHT])
-    both = np.concatenate([SQUARE, SQUARE + 4])
-    alone = shadowed_table(PLATE, SQUARE, PLATE[:, 2], UPRIGHT, ABOVE, 60, 1.0)
-    np.testing.assert_array_equal(
-        shadowed_table(low, both, low[:, 2], UPRIGHT, ABOVE, 60, 1.0), alone
-    )

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from dicedesign.report.palette import rgb
 from dicedesign.report.render.pictures import decoded, encoded, trim
-from dicedesign.report.sheet import Sheet, picture_grid, text_width
+from dicedesign.report.sheet import Sheet, picture_grid
 
 
 def test_a_png_repeats_and_has_no_metadata() -> None:
@@ -23,23 +22,6 @@ def test_a_png_repeats_and_has_no_metadata() -> None:
     assert b"tIME" not in data
     assert decoded(data).shape == (100, 200, 3)
     np.testing.assert_array_equal(decoded(encoded(decoded(data))), draw().pixels())
-
-
-@pytest.mark.parametrize(
-    ("anchor", "left", "top"), [("ls", 60, None), ("rd", None, None), ("ma", None, 50)]
-)
-def test_texts_lie_at_their_anchor(anchor: str, left: float | None, top: float | None) -> None:
-    sheet = Sheet(200, 100)
-    sheet.text("text", (60.0, 50.0) if left else (130.0, 50.0), anchor=anchor)
-    rows, columns = np.nonzero((sheet.pixels() < 200).any(axis=2))
-    assert np.ptp(columns) == pytest.approx(text_width("text", 21), abs=5)
-    if left is not None:
-        assert columns.min() == pytest.approx(left, abs=3)
-    if top is not None:
-        assert rows.min() == pytest.approx(top, abs=6)
-    if anchor == "rd":
-        assert columns.max() <= 131
-        assert rows.max() <= 50
 
 
 def test_pictures_of_a_grid_are_drawn_pixel_for_pixel() -> None:

@@ -6,19 +6,16 @@ import numpy as np
 import pytest
 import trimesh
 from common.drawings import is_whole, painted
-from common.paths import public_data
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.report.palette import BASINS, repeated, rgb
-from dicedesign.report.render.raster import Camera, framed, three_cameras
+from dicedesign.report.render.raster import Camera, three_cameras
 from dicedesign.report.render.renderer import Shell, Surface
 from dicedesign.report.sheet import Sheet
 from dicedesign.report.surface_figures import (
     before_after_figure,
     crossings_figure,
-    displacement_colors,
     displacement_figure,
     hull_figure,
     outcome_tints,
@@ -62,26 +59,12 @@ def test_three_cameras_look_from_around_and_above_and_see_everything() -> None:
     assert largest == pytest.approx(100.0 / 1.08)
 
 
-def test_the_front_where_z_is_upward() -> None:
-    first = three_cameras(np.eye(3), UP)[0].direction
-    assert -first[1] > first[0] > 0
-
-
 def test_any_direction_may_be_upward() -> None:
     for up in (*np.eye(3), *-np.eye(3), np.ones(3)):
         for camera in three_cameras(np.eye(3), up):
             frame = camera.frame()
             np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
             assert frame[1] @ up > 0.9 * np.linalg.norm(up)
-
-
-def test_framed_cameras_share_the_scale_of_the_widest_view() -> None:
-    camera = Camera(UP, np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.0)
-    wide, narrow = np.array([[0.0, 0, 0], [8, 2, 0]]), np.array([[1.0, 1, 0], [3, 1, 5]])
-    one, other = framed([camera, camera], [wide, narrow])
-    assert one.half_width == other.half_width == pytest.approx(4.0 * 1.08)
-    np.testing.assert_allclose(one.center[:2], [4, 1])
-    np.testing.assert_allclose(other.center[:2], [2, 1])
 
 
 def test_before_and_after_are_drawn_at_one_scale() -> None:
@@ -98,15 +81,6 @@ def test_before_and_after_are_drawn_at_one_scale() -> None:
     for large, small in zip(sizes[:3], sizes[3:], strict=True):
         np.testing.assert_allclose(small, 0.5 * large, atol=1.5)
     assert figure.png() == before_after_figure(*both, cameras).png()
-
-
-def test_tints_are_the_outcomes_colours() -> None:
-    tints = outcome_tints(np.array([1, -1, 0, 21]))
-    colors = rgb(repeated(BASINS, 22))
-    np.testing.assert_array_equal(tints[[0, 2, 3]], colors[[1, 0, 21]])
-    np.testing.assert_array_equal(colors[21], colors[1])
-    assert np.isnan(tints[1]).all()
-    assert np.isnan(outcome_tints(np.array([-1, -1]))).all()
 
 
 def hull_of(mesh: trimesh.Trimesh, downs: np.ndarray) -> Shell:
@@ -177,16 +151,6 @@ def test_displacement_is_written_in_percent_of_the_diagonal_and_coloured() -> No
     assert still.astype(int).sum() > moved.astype(int).sum() + 200
 
 
-def test_lightness_falls_evenly_with_displacement() -> None:
-    # The lightness of CIELAB, computed here from sRGB.
-    colors = displacement_colors(np.linspace(0.0, 1.0, 64))
-    linear = np.where(colors <= 0.04045, colors / 12.92, ((colors + 0.055) / 1.055) ** 2.4)
-    lightness = 116.0 * np.cbrt(linear @ [0.2126, 0.7152, 0.0722]) - 16.0
-    steps = -np.diff(lightness)
-    assert steps.min() > 0.4 * steps.mean() > 0.0
-    assert steps.max() < 1.7 * steps.mean()
-
-
 def test_a_surface_that_was_not_moved_has_a_displacement_figure() -> None:
     mesh = trimesh.creation.icosphere(subdivisions=1)
     points = np.asarray(mesh.vertices)
@@ -220,33 +184,6 @@ def test_each_outcome_is_shown_lying_and_from_below(count: int) -> None:
     assert len({picture.shape[0] for picture in figure.pictures[: min(count, 4)]}) == 1
 
 
-def test_the_body_stands_on_its_shadow() -> None:
-    # A flag: a post at one end of a plate high above the table.
-    post, plate = trimesh.creation.box([0.2, 0.2, 2.0]), trimesh.creation.box([2.0, 0.2, 0.4])
-    mesh = trimesh.util.concatenate([post, plate.apply_translation([0.9, 0.0, 0.8])])
-    surface = Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
-    down = np.array([[0.0, 0.0, -1.0]])
-    figure = rests_figure(
-        surface, hull_of(mesh, down), down, ["1"], np.ones(1), np.array([0.0, -1.0, 0.0])
-    )
-    lying = figure.pictures[0].astype(int)
-    grey = (np.ptp(lying, axis=2) == 0) & (lying[..., 0] < 250) & (lying[..., 0] > 80)
-    rows, columns = np.nonzero(grey)
-    body = (np.ptp(lying, axis=2) > 10).nonzero()
-    # The shadow lies low; the plate is well above it, and white between them.
-    assert np.median(rows) > np.median(body[0]) + 50
-    middle = int(np.median(columns))
-    column = lying[:, middle]
-    between = column[body[0][body[1] == middle].max() + 8 : rows[columns == middle].min() - 1]
-    assert len(between) > 20
-    assert between.min() >= 250
-    # It is darkest beside the post's foot.
-    low = lying[..., 0].copy()
-    low[~grey] = 255
-    foot = body[1][body[0] == body[0].max()].mean()
-    assert abs(np.nonzero(low == low.min())[1].mean() - foot) < 40
-
-
 def test_resting_views_need_matching_arguments() -> None:
     mesh = dumbbell()
     surface = Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
@@ -255,26 +192,6 @@ def test_resting_views_need_matching_arguments() -> None:
         rests_figure(surface, shell, np.eye(3)[:2], ["a"], np.ones(2), UP)
     with pytest.raises(InputError, match="at least one"):
         rests_figure(surface, shell, np.zeros((0, 3)), [], np.ones(0), UP)
-
-
-@pytest.mark.parametrize("name", ["spot"])
-def test_a_model_fills_its_pictures(name: str) -> None:
-    body = read_body(public_data(f"models/{name}.obj"))
-    assert body.triangles is not None
-    cameras = three_cameras(body.points, np.array([0.0, 1.0, 0.0]))
-    surface = Surface(body.points, body.triangles)
-    shown = before_after_figure(surface, surface, cameras).pictures
-    widest = 0
-    for picture in shown[:3]:
-        drawn = (picture < 255).any(axis=2)
-        assert drawn.mean() > 0.15
-        assert not drawn[:, [0, -1]].any()
-        assert picture.min() < 90
-        rows, columns = np.nonzero(drawn)
-        widest = max(widest, int(np.ptp(rows)), int(np.ptp(columns)))
-    assert widest == pytest.approx(400 / 1.08, abs=4)
-    for one, other in zip(shown[:3], shown[3:], strict=True):
-        np.testing.assert_array_equal(one, other)
 
 
 def test_triangles_that_meet_are_red() -> None:

@@ -97,17 +97,6 @@ def test_moving_picture() -> None:
     np.testing.assert_allclose(middles[:, 1], -np.cos(RISE) * expected[:, 2], atol=3.0)
 
 
-def test_moving_picture_of_a_path_toward_the_camera() -> None:
-    along, turn = np.linspace(0.0, 0.2, 11), np.linspace(0.0, np.pi, 11)
-    path = np.stack([along, -0.05 * np.sin(turn), np.full(11, 0.015)], axis=1)
-    gif = moving_picture(filmed(film_of(path, 0.0)))
-    pictures, _, _ = frames_of(gif)
-    rows = [colored(picture)[1] for picture in pictures]
-    unit = (0.2 + 1.2 * TABLE.size) / 480
-    assert rows[5] - rows[0] == pytest.approx(0.05 * np.sin(RISE) / unit, abs=2.0)
-    assert rows[10] == pytest.approx(rows[0], abs=2.0)
-
-
 def test_a_long_film_is_thinned() -> None:
     film = falling(160)
     pictures, _, _ = frames_of(moving_picture(filmed(film)))
