@@ -44,19 +44,17 @@ class Cut:
     volume: float
 
 
-def _pocket(section: CrossSection, placement: Placement, depth: float) -> Cut:
-    """The cut of a section into the plane of its label's facet."""
-    # It reaches as far above the facet as below, so that no face of it lies in the facet.
-    cutter = section.extrude(2 * depth).translate((0.0, 0.0, -depth))
-    return Cut(placement.where, cutter.transform(placement.frame[:3]), section.area() * depth)
-
-
 def _cuts(
     hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
 ) -> list[Cut]:
     """What all labels take away from the solid with this hull."""
-    sections = cut_sections(hull, placements, options)
-    return [_pocket(section, placement, options.depth_mm) for placement, section in sections]
+    depth, cuts = options.depth_mm, []
+    for placement, section in cut_sections(hull, placements, options):
+        # It reaches as far above the facet as below, so that no face of it lies in the facet.
+        cutter = section.extrude(2 * depth).translate((0.0, 0.0, -depth))
+        cutter = cutter.transform(placement.frame[:3])
+        cuts.append(Cut(placement.where, cutter, section.area() * depth))
+    return cuts
 
 
 def cut_sections(
@@ -96,7 +94,11 @@ def _field(
     field = CrossSection([corners])
     # All other planes, as a corner may be so sharp that one without a common edge is as near.
     for distance, inward in zip(*border_lines(hull, facet, frame, options), strict=True):
-        field -= _half_plane(distance, inward, hull.diameter)
+        # What lies nearer along the direction, as far as a facet of this body reaches.
+        far, near = 4.0 * hull.diameter, distance * inward
+        along = far * np.array([inward[1], -inward[0]])
+        corners = [near + along, near - along]
+        field -= CrossSection([np.stack([*corners, *(c - far * inward for c in corners[::-1])])])
     standing = CrossSection()
     for placement, section in labels:
         turn = frame[:3, :2].T @ placement.frame[:3, :2]
@@ -111,15 +113,6 @@ def _field(
         standing += label
     named = replace(first, text=", ".join(placement.text for placement, _ in labels))
     return named, field - standing
-
-
-def _half_plane(distance: float, inward: Floats, size: float) -> CrossSection:
-    """What lies less than a distance from the origin along a unit direction (2,), as far as a facet
-    of a body of a size reaches."""
-    far, along = 4.0 * size, np.array([inward[1], -inward[0]])
-    near = distance * inward
-    corners = [near + far * along, near - far * along]
-    return CrossSection([np.stack([*corners, *(c - far * inward for c in corners[::-1])])])
 
 
 def engrave(

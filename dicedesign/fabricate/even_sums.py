@@ -143,15 +143,11 @@ class EvenSums:
             found = tried if tried.beats(found) else found
             if found.is_best or computed > MOST_SUMS:
                 break
-            order = self._shuffled(generator)
+            order = np.arange(len(self.numbers))
+            for kind in np.unique(self.kinds):
+                members = np.flatnonzero(self.kinds == kind)
+                order[members] = generator.permutation(members)
         return found
-
-    def _shuffled(self, generator: np.random.Generator) -> Integers:
-        order = np.arange(len(self.numbers))
-        for kind in np.unique(self.kinds):
-            members = np.flatnonzero(self.kinds == kind)
-            order[members] = generator.permutation(members)
-        return order
 
     def _descended(
         self, order: Integers, squared: bool, generator: np.random.Generator

@@ -104,21 +104,14 @@ class EngravingOptions:
             value = getattr(self, name)
             if not is_finite_number(value):
                 raise InputError(f"{name}: expected a finite number, got {value!r}; correct it")
+            may_be_zero = name in ("margin_mm", "stroke_mm")
+            if value < 0 or (value == 0 and not may_be_zero):
+                least = "of at least 0" if may_be_zero else "above 0"
+                raise InputError(f"{name}: expected a number {least}, got {value}; enlarge it")
             if value > MOST_MM:
                 raise InputError(
                     f"{name}: expected at most {MOST_MM:g}, the largest size of a die, got "
                     f"{value:g}; lower it"
-                )
-        for name in ("depth_mm", "min_height_mm", "border_mm"):
-            if getattr(self, name) <= 0:
-                raise InputError(
-                    f"{name}: expected a number above 0, got {getattr(self, name)}; enlarge it"
-                )
-        for name in ("margin_mm", "stroke_mm"):
-            if getattr(self, name) < 0:
-                raise InputError(
-                    f"{name}: expected a number of at least 0, got {getattr(self, name)}; enlarge "
-                    "it"
                 )
         if self.max_height_mm < self.min_height_mm:
             raise InputError(
@@ -129,9 +122,6 @@ class EngravingOptions:
             require_choice(name, getattr(self, name), *get_args(words))
         if not isinstance(self.font, str) or not self.font.strip():
             raise InputError(f"font: expected a name or a path, got {self.font!r}; write one")
-        self._check_upright()
-
-    def _check_upright(self) -> None:
         given: Any = self.upright
         if isinstance(given, str):
             fits = given in UPRIGHTS

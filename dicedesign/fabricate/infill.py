@@ -148,10 +148,16 @@ def infill_odds(
         f"{norms(shift):.2g} mm, and the odds of {verdict.target.labels[int(changes.argmax())]} "
         f"change most, by {changes.max():.2g}: "
     )
+    test = f"a chi-square test at {100.0 * LEVEL:.0f} % of {ROLLS:,} rolls"
+    if is_noticed(infill):
+        enough = "" if least == STEPS else f", or with {100.0 * least / STEPS:.0f} % or more"
+        advice = f"{test} notices. Print it solid, at 100 % infill{enough}."
+    else:
+        advice = f"{test} does not notice. Print it so, or solid."
     return InfillOdds(
         infill=infill,
         walls_mm=walls_mm,
-        advice=told + _advice(infill, least / STEPS, is_noticed(infill)),
+        advice=told + advice,
         probabilities=tuple(outcomes.odds.tolist()),
         elsewhere=outcomes.elsewhere,
         max_abs_error=outcomes.max_abs_error(verdict.target.probabilities),
@@ -159,11 +165,3 @@ def infill_odds(
         shift_mm=tuple(shift.tolist()),
         least_infill=least / STEPS,
     )
-
-
-def _advice(infill: float, least: float, is_noticed: bool) -> str:
-    test = f"a chi-square test at {100.0 * LEVEL:.0f} % of {ROLLS:,} rolls"
-    if not is_noticed:
-        return f"{test} does not notice. Print it so, or solid."
-    enough = "" if least == 1.0 else f", or with {100.0 * least:.0f} % or more"
-    return f"{test} notices. Print it solid, at 100 % infill{enough}."

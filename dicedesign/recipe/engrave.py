@@ -18,8 +18,7 @@ from dicedesign.fabricate.convex_object import (
 )
 from dicedesign.fabricate.die import Assessment, assess_file
 from dicedesign.fabricate.label_layout import Placement
-from dicedesign.fabricate.label_reading import MARKED
-from dicedesign.fabricate.labelled_facets import core_of, place_on_facets, require_rests
+from dicedesign.fabricate.label_reading import MARKED, core_of, place_on_facets, require_rests
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.geometry.meshes.orientation import shells_of

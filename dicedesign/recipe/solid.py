@@ -12,7 +12,7 @@ import numpy as np
 
 from dicedesign.errors import EngravingError, LabelRoomError
 from dicedesign.fabricate.die import Solid, assess_file, make_solid
-from dicedesign.fabricate.labelled_facets import core_of, place_on_facets
+from dicedesign.fabricate.label_reading import core_of, place_on_facets
 from dicedesign.fabricate.numbering import numbered
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.formats import stl_bytes
