@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
@@ -76,14 +76,29 @@ def outcome_tints(outcomes: Integers) -> Floats:
     return tints
 
 
+def rows_of_views(
+    surfaces: Mapping[str, Surface],
+    cameras: Sequence[Camera],
+    shell: Shell | None = None,
+    above: float = 0.0,
+    below: float = 0.0,
+) -> Sheet:
+    """A row of pictures for each surface, by what is written before the numbers of views.
+
+    cameras: of each row, at least one; shell: around the surfaces, or None; above, below: pixels of
+    room left free for more.
+    """
+    pictures, titles = [], []
+    for name, surface in surfaces.items():
+        pictures += trim([render(surface, camera, PIXELS, shell) for camera in cameras])
+        titles += [f"{name}view {k + 1}" for k in range(len(cameras))]
+    return picture_grid(pictures, titles, len(cameras), above, below)
+
+
 def before_after_figure(before: Surface, after: Surface, cameras: Sequence[Camera]) -> Sheet:
     """A surface above what it was made into, from the same cameras, of which there is at least
     one."""
-    pictures, titles = [], []
-    for name, surface in (("before", before), ("after", after)):
-        pictures += trim([render(surface, camera, PIXELS) for camera in cameras])
-        titles += [f"{name}, view {k + 1}" for k in range(len(cameras))]
-    return picture_grid(pictures, titles, len(cameras))
+    return rows_of_views({"before, ": before, "after, ": after}, cameras)
 
 
 def before_after(die: FinishedDie) -> Sheet:
@@ -143,9 +158,7 @@ def displacement_figure(
     percent = 100.0 * np.linalg.norm(after - before, axis=1) / diagonal
     top = max(float(percent.max()), 1e-9)
     surface = Surface(after, triangles, displacement_colors(percent / top))
-    pictures = trim([render(surface, camera, PIXELS) for camera in cameras])
-    titles = [f"after, view {k + 1}" for k in range(len(cameras))]
-    sheet = picture_grid(pictures, titles, len(cameras), above=42.0, below=105.0)
+    sheet = rows_of_views({"after, ": surface}, cameras, above=42.0, below=105.0)
     middle = sheet.width / 2.0
     told = (
         f"displacement: mean {percent.mean():.2g} %, largest {percent.max():.2g} % of the diagonal"
@@ -178,9 +191,7 @@ def crossings_figure(
     """
     colors = np.full(points.shape, UNMARKED)
     colors[np.unique(triangles[np.unique(pairs)])] = CROSSING
-    surface = Surface(points, triangles, colors)
-    pictures = trim([render(surface, camera, PIXELS) for camera in cameras])
-    return picture_grid(pictures, [f"view {k + 1}" for k in range(len(cameras))], len(cameras))
+    return rows_of_views({"": Surface(points, triangles, colors)}, cameras)
 
 
 def crossings(die: FinishedDie) -> Sheet:
@@ -202,10 +213,8 @@ def hull_figure(
     outcomes, at least one; cameras: at least one.
     """
     columns = 10
-    pictures = trim([render(surface, camera, PIXELS, shell) for camera in cameras])
-    titles = [f"view {k + 1}" for k in range(len(cameras))]
     below = 36.0 * -(-len(labels) // columns)
-    sheet = picture_grid(pictures, titles, len(cameras), below=below)
+    sheet = rows_of_views({"": surface}, cameras, shell, below=below)
     keys = [
         Patch(color=color, label=label)
         for color, label in zip(repeated(BASINS, len(labels)), labels, strict=True)
