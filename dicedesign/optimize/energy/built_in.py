@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from dicedesign.optimize.energy.clusters import ClusteredRests
-    from dicedesign.runtime.arrays import Floats, Integers
+    from dicedesign.runtime.arrays import Floats
 
 
 def dice_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
@@ -128,38 +128,33 @@ NEIGHBOR: Final = Term(
 
 
 def stability_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
-    """Keeps one facet for each outcome stable and all others unstable, by a margin.
-
-    A facet of depth s (`RestEvaluation.facet_depths`) with an outcome pays
-    `max(0, 1 - s / margin)^2`, another one the same with -s. Probabilities jump where a depth
-    crosses zero; this wall in front of the jump is what lets a smooth method walk along it. Not in
-    the paper.
-    """
+    """As `stability_slopes`."""
     import torch
 
-    depths, margin = state.rests.facet_depths, weights.stability_margin
-    signs, least = _sides(state, depths.detach().numpy(), margin)
-    return (torch.relu(1.0 - torch.as_tensor(signs) * depths / margin) ** 2).sum() + least
+    value, slopes = stability_slopes(state, weights)
+    depths = state.rests.facet_depths
+    return value + (torch.as_tensor(slopes) * (depths - depths.detach())).sum()
 
 
 def stability_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
-    """The stability energy and its derivative (m,) in each facet's depth."""
-    depths, margin = state.rests.depths, weights.stability_margin
-    signs, least = _sides(state, depths, margin)
-    lacking = np.maximum(1.0 - signs * depths / margin, 0.0)
-    return float(lacking @ lacking) + least, -2.0 / margin * signs * lacking
+    """Keeps one facet for each outcome stable and all others unstable, by a margin: the energy and
+    its derivative (m,) in each facet's depth.
 
-
-def _sides(state: ClusteredRests, depths: Floats, margin: float) -> tuple[Floats, float]:
-    """1 for each facet (m,) with an outcome, -1 for others, and the charge for outcomes that have
-    none."""
+    A facet of depth s (`RestEvaluation.facet_depths`) with an outcome pays
+    `max(0, 1 - s / margin)^2`, another one the same with -s; an outcome without a facet is charged
+    the most. Probabilities jump where a depth crosses zero; this wall in front of the jump is what
+    lets a smooth method walk along it. Not in the paper.
+    """
     from dicedesign.optimize.energy.clusters import outcome_facets
 
     normals, directions = state.hull.normals, state.clusters.directions
-    signs = np.full(len(normals), -1.0)
+    depths, margin = state.rests.depths, weights.stability_margin
     wanted = outcome_facets(normals, directions, depths)
+    signs = np.full(len(normals), -1.0)
     signs[wanted] = 1.0
-    return signs, (len(directions) - len(wanted)) * (1.0 + 1.0 / margin) ** 2
+    lacking = np.maximum(1.0 - signs * depths / margin, 0.0)
+    least = (len(directions) - len(wanted)) * (1.0 + 1.0 / margin) ** 2
+    return float(lacking @ lacking) + least, -2.0 / margin * signs * lacking
 
 
 STABILITY: Final = Term(
@@ -179,7 +174,8 @@ STABILITY: Final = Term(
         ),
     ),
     single_rests=True,
-    of_depths=stability_slopes,
+    value_and_slopes=stability_slopes,
+    slopes_in="depths",
 )
 
 
@@ -189,40 +185,36 @@ finite."""
 
 
 def apart_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
-    """Keeps the outcomes' mean normals m_i a chord length r = `apart_distance` apart.
+    """As `apart_slopes`."""
+    import torch
+
+    value, slopes = apart_slopes(state, weights)
+    normals = state.rests.rest_normals
+    return value + (torch.as_tensor(slopes) * (normals - normals.detach())).sum()
+
+
+def apart_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
+    """Keeps the outcomes' mean normals m_i a chord length r = `apart_distance` apart: energy and
+    its derivative (r, 3) in the unit normal of each rest.
 
     Each pair pays `-(1 - x)^2 ln x`, where `x = |m_i - m_j|^2 / r^2` is below 1. The value and two
     derivatives vanish at x = 1; below a distance of 1e-3 the energy no longer grows. Not in the
     paper, whose energy lets two outcomes grow into one facet.
     """
-    import torch
-
-    from dicedesign.optimize.energy.clusters import updated_directions
-
-    clusters, normals = state.clusters, state.rests.rest_normals
-    zeros = torch.zeros(clusters.directions.shape, dtype=torch.float64)
-    sums = zeros.index_add(0, torch.as_tensor(clusters.of_rest), normals)
-    filled = torch.as_tensor(np.unique(clusters.of_rest))
-    means = torch.as_tensor(clusters.directions).clone()
-    means[filled] = torch.nn.functional.normalize(sums[filled], dim=1)
-    first, second, _ = _near(updated_directions(normals.detach().numpy(), clusters), weights)
-    squared = ((means[first] - means[second]) ** 2).sum(1).clamp_min(CLOSEST)
-    part = squared / weights.apart_distance**2
-    return (-((1.0 - part) ** 2) * torch.log(part)).sum()
-
-
-def apart_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
-    """The apart energy and its derivative (r, 3) in the unit normal of each rest."""
     from dicedesign.optimize.energy.clusters import updated_directions
 
     clusters = state.clusters
     normals = state.hull.normals[state.rests.paths.rests]
     slopes = np.zeros_like(normals)
     means = updated_directions(normals, clusters)
-    first, second, squared = _near(means, weights)
-    if len(first) == 0:
-        return 0.0, slopes
     range_squared = weights.apart_distance**2
+    first, second = np.triu_indices(len(means), 1)
+    offset = means[first] - means[second]
+    squared = (offset * offset).sum(1)
+    near = squared < range_squared
+    if not near.any():
+        return 0.0, slopes
+    first, second, squared = first[near], second[near], squared[near]
     part = np.maximum(squared, CLOSEST) / range_squared
     value = float((-((1.0 - part) ** 2) * np.log(part)).sum())
     steepness = 2.0 * (1.0 - part) * np.log(part) - (1.0 - part) ** 2 / part
@@ -238,15 +230,6 @@ def apart_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, 
     across = by_mean - means * (by_mean * means).sum(1)[:, None]
     slopes += (across / np.where(lengths > 0.0, lengths, 1.0)[:, None])[clusters.of_rest]
     return value, slopes
-
-
-def _near(means: Floats, weights: EnergyWeights) -> tuple[Integers, Integers, Floats]:
-    """Pairs (p,), (p,) of directions (k, 3) nearer than the distance, and its squares (p,)."""
-    first, second = np.triu_indices(len(means), 1)
-    offset = means[first] - means[second]
-    squared = (offset * offset).sum(1)
-    near = squared < weights.apart_distance**2
-    return first[near], second[near], squared[near]
 
 
 APART: Final = Term(
@@ -265,5 +248,6 @@ APART: Final = Term(
             allows=lambda distance: 0.01 <= distance <= 2.0,
         ),
     ),
-    of_normals=apart_slopes,
+    value_and_slopes=apart_slopes,
+    slopes_in="normals",
 )

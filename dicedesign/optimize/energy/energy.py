@@ -83,7 +83,7 @@ class Energy:
             elif term.kernel is not None:
                 values[term.name] = weight * together[term.kernel]
             else:
-                values[term.name] = weight * (self._of_depths | self._of_normals)[term.name][0]
+                values[term.name] = weight * self._with_slopes[term.name][0]
         return values
 
     @property
@@ -94,16 +94,18 @@ class Energy:
         parts: list[Floats] = []
         if self._compiled is not None:
             by_vertices, by_center = self._compiled.gradient(self._kernel_weights)
-            for name, (_, slopes) in self._of_depths.items():
-                weight = self.weights.of_terms[name]
-                walls = rests.depth_gradient(weight * slopes)
-                assert walls is not None, "kernels that have the energies have these"
-                by_vertices, by_center = by_vertices + walls[0], by_center + walls[1]
-            for name, (_, slopes) in self._of_normals.items():
-                weight = self.weights.of_terms[name]
-                turning = kernels.normal_gradient(rests.hull, rests.paths.rests, weight * slopes)
-                assert turning is not None, "kernels that have the energies have these"
-                by_vertices = by_vertices + turning
+            for term, weight in self.weights.active:
+                if term.value_and_slopes is None:
+                    continue
+                slopes = weight * self._with_slopes[term.name][1]
+                if term.slopes_in == "depths":
+                    walls = rests.depth_gradient(slopes)
+                    assert walls is not None, "kernels that have the energies have these"
+                    by_vertices, by_center = by_vertices + walls[0], by_center + walls[1]
+                else:
+                    turning = kernels.normal_gradient(rests.hull, rests.paths.rests, slopes)
+                    assert turning is not None, "kernels that have the energies have these"
+                    by_vertices = by_vertices + turning
             parts.append(rests.with_center(by_vertices, by_center))
         varying = [term for term in self._in_torch.values() if term.requires_grad]
         if varying:
@@ -119,25 +121,16 @@ class Energy:
         return {
             term.name: weight * _evaluated(term, self.state, self.weights)
             for term, weight in self.weights.active
-            if term.kernel is None and term.of_depths is None and term.of_normals is None
+            if term.kernel is None and term.value_and_slopes is None
         }
 
     @cached_property
-    def _of_depths(self) -> dict[str, tuple[float, Floats]]:
-        """Value, and derivatives (m,) in the facets' depths, of terms of these alone."""
+    def _with_slopes(self) -> dict[str, tuple[float, Floats]]:
+        """Value and derivatives of terms of depths or normals alone."""
         return {
-            term.name: term.of_depths(self.state, self.weights)
+            term.name: term.value_and_slopes(self.state, self.weights)
             for term, _ in self.weights.active
-            if term.of_depths is not None
-        }
-
-    @cached_property
-    def _of_normals(self) -> dict[str, tuple[float, Floats]]:
-        """Value, and derivatives (r, 3) in the rests' normals, of terms of these alone."""
-        return {
-            term.name: term.of_normals(self.state, self.weights)
-            for term, _ in self.weights.active
-            if term.of_normals is not None
+            if term.value_and_slopes is not None
         }
 
     @cached_property

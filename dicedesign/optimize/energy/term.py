@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
@@ -46,10 +46,10 @@ class Term(Extension):
     single_rests: whether a step is refused that gives an outcome a second rest.
     kernel: its place among the terms that the compiled kernels evaluate together, or None; those
         without are evaluated in torch and added.
-    of_depths: for a term of the facets' depths alone (`RestEvaluation.depths`): its value, and its
-        derivative (m,) in each depth, as numbers, to which kernels take the rest of the chain.
-    of_normals: the same for a term of the rests' unit normals alone: its value, and its derivative
-        (r, 3) in each of them.
+    value_and_slopes: for a term of the facets' depths (`RestEvaluation.depths`) or the rests' unit
+        normals alone: its value, and its derivative (m,) in each depth or (r, 3) in each normal, as
+        numbers, to which kernels take the rest of the chain.
+    slopes_in: which of the two.
     """
 
     evaluate: Callable[[ClusteredRests, EnergyWeights], Tensor]
@@ -57,8 +57,8 @@ class Term(Extension):
     options: tuple[TermOption, ...] = ()
     single_rests: bool = False
     kernel: int | None = None
-    of_depths: Callable[[ClusteredRests, EnergyWeights], tuple[float, Floats]] | None = None
-    of_normals: Callable[[ClusteredRests, EnergyWeights], tuple[float, Floats]] | None = None
+    value_and_slopes: Callable[[ClusteredRests, EnergyWeights], tuple[float, Floats]] | None = None
+    slopes_in: Literal["depths", "normals"] = "depths"
 
 
 TERMS: Final = Registry(
