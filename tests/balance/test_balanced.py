@@ -88,41 +88,6 @@ def test_a_goal_that_no_center_of_mass_reaches() -> None:
     assert any("fewer rests" in note for note in found.notes)
 
 
-def test_what_was_found_as_plain_data() -> None:
-    found = balanced(leaning(), GivenOdds((0.3,), (1,)), BalanceOptions(by="infill", search=QUICK))
-    data = found.data()
-    assert [pose["odds"] for pose in data["poses"]] == found.odds.tolist()
-    assert data["made"]["infill"] == [0.1, 0.6]
-    assert data["max_abs_error"] == pytest.approx(np.abs(found.odds - found.wanted).max())
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"region": (100.0, 100.0, 100.0, 110.0, 110.0, 110.0)}, "region: expected a place"),
-        ({"region": (1.0, 1.0, 1.0, 0.0, 2.0, 2.0)}, "region: expected a box"),
-        ({"by": "cavity", "wall_mm": 30.0}, "wall_mm"),
-    ],
-)
-def test_what_leaves_no_room(options: dict[str, object], said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        balanced(leaning(), Standing(pose=2), BalanceOptions(search=QUICK, **options))  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"region": "box"}, "region: expected hull, hollow or a box"),
-        ({"region": (1.0, 2.0)}, "region: expected six numbers"),
-        ({"by": "magic"}, "by: expected cavity, infill, got"),
-        ({"size_mm": 0.0}, "size_mm"),
-    ],
-)
-def test_options_that_are_none(options: dict[str, object], said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        BalanceOptions(**options)  # type: ignore[arg-type]
-
-
 def test_meshes_that_bound_no_solid() -> None:
     surface = box((30.0, 36.0, 48.0))
     opened = make_body(surface.points, surface.triangles[1:], "open.stl")

@@ -15,10 +15,9 @@ from dicedesign.balance.goals import (
     FewestRests,
     GivenOdds,
     Standing,
-    pose_odds,
     rests_at,
 )
-from dicedesign.balance.regions import Halfspaces, box_region, least_within, points_within
+from dicedesign.balance.regions import box_region, least_within
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
@@ -56,24 +55,6 @@ def test_what_two_boxes_have_in_common() -> None:
     assert place[2] == pytest.approx(1.75)
 
 
-@pytest.mark.parametrize("high", [(1.0, 0.0, 1.0), (1.0, np.nan, 1.0)])
-def test_what_is_no_box(high: tuple[float, float, float]) -> None:
-    with pytest.raises(InputError, match="region: expected a box"):
-        box_region(np.zeros(3), np.array(high))
-
-
-def test_points_fill_a_hull_evenly() -> None:
-    hull = convex_hull(box((1.0, 2.0, 3.0), (1.0, 0.0, 0.0)).points)
-    points = points_within(hull, 4000)
-    assert (hull.depths(points) >= -1e-12).all()
-    np.testing.assert_allclose(points.mean(axis=0), hull.centroid, atol=0.02)
-    # Second moments of the leaning box: those of its height, and of its width and lean.
-    np.testing.assert_allclose(np.var(points[:, 2]), 9.0 / 12.0, rtol=0.02)
-    np.testing.assert_allclose(np.var(points[:, 0]), 2.0 / 12.0, rtol=0.03)
-    assert np.array_equal(points, points_within(hull, 4000))
-    assert (Halfspaces.of_hull(hull).heights(hull.centroid) > 0.0).all()
-
-
 def solid_angle(a: float, b: float, height: float) -> float:
     """Of a rectangle of sides 2 a and 2 b, from above its middle."""
     return float(4.0 * np.arctan(a * b / (height * np.sqrt(a * a + b * b + height * height))))
@@ -101,12 +82,6 @@ def test_slopes_are_those_of_finite_differences(shift: tuple[float, float, float
         np.testing.assert_allclose(slopes[:, axis], (after - before) / (2.0 * step), atol=1e-8)
 
 
-def test_a_pose_that_the_body_has_not_has_no_odds() -> None:
-    poses = rest_poses(box((1.0, 1.0, 1.0)).points)
-    odds = pose_odds(poses, np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 1.0]]) / [[np.sqrt(3.0)], [1.0]])
-    np.testing.assert_allclose(odds, [0.0, 1.0 / 6.0], atol=1e-12)
-
-
 QUICK = CenterSearch(samples=150, descents=4, steps=40)
 
 BLOCK = rest_poses(box((1.0, 1.3, 1.7), (0.5, 0.3, 0.0)).points)
@@ -131,15 +106,6 @@ def test_a_cube_stands_as_well_as_its_solid_angle_lets_it() -> None:
     assert found.reached
 
 
-def test_odds_that_a_center_of_mass_has_are_found() -> None:
-    given = BLOCK.center_of_mass + np.array([0.12, -0.1, 0.15])
-    wanted = odds_with(BLOCK, given, BLOCK.normals[:3])
-    goal = GivenOdds(tuple(wanted.tolist()), (1, 2, 3))
-    found = best_center(BLOCK, goal, whole_hull(BLOCK.hull), 1e-6, QUICK)
-    assert found.reached
-    np.testing.assert_allclose(odds_with(BLOCK, found.center, BLOCK.normals[:3]), wanted, atol=1e-6)
-
-
 def test_three_equal_odds() -> None:
     found = best_center(BLOCK, EqualOdds(3), whole_hull(BLOCK.hull), 1e-3, QUICK)
     assert found.reached
@@ -160,15 +126,6 @@ def test_no_center_of_a_grid_has_fewer_rests() -> None:
     assert found.rests <= min(counts) < len(poses.facets)
     assert len(rest_poses(poses.hull.vertices, found.center).facets) == found.rests
     assert found.clearance > 0.0
-
-
-def test_a_region_is_kept_to() -> None:
-    low, high = BLOCK.center_of_mass - 0.1, BLOCK.center_of_mass + 0.1
-    region = convex_hull(low + box((1.0, 1.0, 1.0)).points * (high - low))
-    found = best_center(BLOCK, Standing(pose=2), region, 1e-3, QUICK)
-    assert (region.heights(found.center) >= -1e-9).all()
-    everywhere = best_center(BLOCK, Standing(pose=2), whole_hull(BLOCK.hull), 1e-3, QUICK)
-    assert found.before[0] < found.odds[0] < everywhere.odds[0]
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,12 @@ CONCAVE = "name: c\ntarget: {fair: 6}\nstart: {mesh: {path: dented.obj}}\nmethod
 
 PAPER = "name: few\ntarget: {binomial: 2}\nstart: {prism: {}}\nmethod: {paper: {steps: 30}}\n"
 
+BOX = (0.32251078, 0.32251078, 0.1213636, 0.1213636, 0.05612562, 0.05612562)
+"""Probabilities of its rests."""
+
 SVG = '<svg xmlns="http://www.w3.org/2000/svg">{}</svg>'
+
+THROWS = "".join(f"box,box.stl,{k},9,{p}\n" for k, p in zip("ABCDEF", BOX, strict=True))
 
 FILES = {
     "empty.obj": "",
@@ -38,6 +43,10 @@ FILES = {
     "bad.yaml": RECIPE + "colour: red\n",
     "concave.yaml": CONCAVE,
     "few.yaml": PAPER,
+    "lost.yaml": RECIPE.replace("repulsion: {}", "mesh: {path: gone.stl}"),
+    "counts.csv": "label,count\n1,3\n",
+    "other.csv": "label,count\n7,3\n",
+    "throws.csv": "die,mesh,outcome,throws,geometric\n" + THROWS,
     "rubbish/bad.stl": "rubbish",
     "broken.otf": "OTTO no font",
     "blank.svg": SVG.format(""),
@@ -111,6 +120,49 @@ COMMANDS = {
     "figure ablation few.yaml --steps 0": "--steps",
     "figure complex .": "recipe.yaml",
     "figure complex few.yaml --com hull": "--com",
+    "throw box.stl --drops 0": "drops: expected a whole number above 0, got 0; raise it",
+    "throw box.stl --engine havok": "engine: expected native, mujoco, got 'havok'; take one of",
+    "throw box.stl --orientations any": "orientations: expected uniform, icosahedron, got 'any'",
+    "throw box.stl --table felt": "--table: table felt: expected board-game, hard-wood, carpet",
+    "throw box.stl --table paper --drops 300": "drops: expected a multiple of 1212 with",
+    "throw box.stl --hand foot": "hand: expected cup, hand, tower, got 'foot'; take one",
+    "throw box.stl --size 5000": "expected a die no larger than the least drop height of",
+    "throw box.stl --size nan": "expected a size of 0.0001 to 10 m, got nan",
+    "throw box.stl --inertia 1,2,3": "--inertia: expected six numbers xx,yy,zz,xy,xz,yz, got",
+    "throw box.stl --inertia=-1,1,1,0,0,0": "inertia: expected a positive definite tensor",
+    "throw box.stl --com 9,0,0": "center of mass: expected a point strictly inside the hull",
+    "throw box.stl --jobs 0": "--jobs: expected a whole number above 0, got 0; raise it",
+    "throw box.stl --seed -1": "seed: expected a whole number of at least 0, got -1",
+    "rolls box.stl counts.csv --confidence 0.49": "--confidence: expected at least 0.5 and less",
+    "rolls box.stl counts.csv --confidence nan": "--confidence: expected at least 0.5 and less",
+    "rolls box.stl other.csv": "expected a label of the die (1, 2, 3, 4, 5, 6), got '7'",
+    "rolls box.stl none.csv": "none.csv",
+    "rolls none.obj counts.csv": "none.obj",
+    "rolls within counts.csv": "result.json: expected the result of a finished run",
+    "table fit --throws throws.csv --check box": "--check: expected dice that are not fitted to",
+    "table fit --throws throws.csv --dice box --check cone": "expected a die 'cone', got box",
+    "table fit --throws throws.csv --die nowhere": "nowhere/result.json: expected the result of",
+    "table fit --throws throws.csv --evaluations 5": "evaluations: expected a whole number of at",
+    "table fit --throws throws.csv --drops 0": "drops: expected a whole number above 0, got 0",
+    "table fit --throws throws.csv --out t.txt": "--out: expected a path that ends in .json, got",
+    "table fit --throws none.csv": "none.csv: no such file",
+    "balance box.stl --out within --equal 1": "equal: expected a number of poses from 2",
+    "balance box.stl --out within --stand 77": "stand: expected the number of a pose from 1 to",
+    "balance box.stl --out within --target 0.5,0.7": "target: expected probabilities",
+    "balance box.stl --out within --target 0.5,x": "--target: expected numbers",
+    "balance box.stl --out within --target 1/2 --poses a": "--poses: expected numbers of poses",
+    "balance box.stl --out within --fewest --poses 1": "--poses: expected --target",
+    "balance box.stl --out within --fewest --region=-1,-1,-1,0": "region: expected six numbers",
+    "balance box.stl --out within --fewest --region 8,8,8,9,9,9 --size-mm 40": "region: expected a",
+    "balance box.stl --out within --fewest --size-mm 40 --wall-mm 100": "wall_mm",
+    "balance box.stl --fewest --out within.obj": "--out: expected a folder or a file that ends in",
+    "balance box.stl --stand 1 --out box.stl": "--out: expected another file than the mesh",
+    "balance open.obj --out within --fewest": "repair",
+    "balance none.stl --out within --fewest": "none.stl",
+    "search good.yaml --trials 0": "--trials: expected a whole number above 0, got 0",
+    "search good.yaml --trials 3 --jobs -1": "--jobs: expected a whole number above 0, got -1",
+    "search good.yaml --trials 3 --scheduler far": "--scheduler: expected an address such as tcp:",
+    "search lost.yaml --trials 1": "gone.stl",
     "repair cloud.xyz out.stl": "point cloud",
     "repair sheet.stl out.stl": "thickness",
     "repair hollow.stl out.stl": "got an empty one",

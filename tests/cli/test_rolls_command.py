@@ -81,17 +81,6 @@ def test_as_a_table(die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "would show that they are, to within a total variation of 0.02" in out
 
 
-def test_a_wrong_die_ends_well_too(
-    die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    throws = tmp_path / "log.csv"
-    throws.write_text("label\n" + "2\n" * 40 + "5\n" * 60)
-    figure = tmp_path / "rolls.png"
-    assert main(["rolls", str(die), str(throws), "--figure", str(figure)]) == 0
-    assert "The throws reject these odds at the level 0.05" in capsys.readouterr().out
-    assert figure.read_bytes().startswith(b"\x89PNG")
-
-
 def test_a_mesh_has_its_rests_for_labels(
     box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -160,26 +149,6 @@ def test_the_confidence_next_to_1(
     assert found["confidence"] == 1.0 - 2.0**-53
     assert found["throws_to_confirm"] > found["throws_to_reject"] > 0
     assert all(outcome["posterior_interval"][1] < 1.0 for outcome in found["outcomes"])
-
-
-@pytest.mark.parametrize("confidence", ["0", "1", "0.49", "nan", "95"])
-def test_confidence(
-    box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], confidence: str
-) -> None:
-    throws = counts(tmp_path, {"1": 3})
-    assert main(["rolls", str(box), str(throws), "--confidence", confidence]) == 2
-    assert "--confidence: expected at least 0.5 and less than 1" in capsys.readouterr().err
-
-
-def test_unknown_labels_and_files(
-    box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    throws = counts(tmp_path, {"7": 3})
-    assert main(["rolls", str(box), str(throws)]) == 2
-    assert "expected a label of the die (1, 2, 3, 4, 5, 6), got '7'" in capsys.readouterr().err
-    assert main(["rolls", str(box), str(tmp_path / "none.csv")]) == 2
-    assert main(["rolls", str(tmp_path / "none.obj"), str(throws)]) == 2
-    assert capsys.readouterr().err.count("dicedesign: ") == 2
 
 
 class Terminal(io.StringIO):

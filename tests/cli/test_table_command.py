@@ -111,25 +111,6 @@ def test_counts_that_no_table_explains(throws: Path, capsys: pytest.CaptureFixtu
     assert "no table within the limits explains box (p = 0.00025), above all E or F: 1300" in text
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--check", "box"], "--check: expected dice that are not fitted to, and some that are"),
-        (["--dice", "box", "--check", "cone"], "expected a die 'cone', got box; take one of them"),
-        (["--die", "nowhere"], "nowhere/result.json: expected the result of a finished run, got"),
-        (["--evaluations", "5"], "evaluations: expected a whole number of at least 32, got 5"),
-        (["--drops", "0"], "drops: expected a whole number above 0, got 0"),
-        (["--seed", "-1"], "seed: expected a whole number of at least 0, got -1"),
-        (["--out", "table.txt"], "--out: expected a path that ends in .json, got table.txt"),
-    ],
-)
-def test_bad_input(
-    throws: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
-) -> None:
-    assert main(["table", "fit", "--throws", str(throws), *arguments]) == 2
-    assert message in capsys.readouterr().err
-
-
 @compiled_only
 def test_a_fit_in_spite_of_kills_is_the_same(
     throws: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -15,13 +15,11 @@ from common.kernels import compiled_only
 from scipy import stats
 
 from dicedesign.cli.main import main
-from dicedesign.cli.throw import throw_summary
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.asymmetry import asymmetry
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws import distances
 from dicedesign.throws.momentum_odds import thrown_odds
-from dicedesign.throws.simulation import Throws
 from dicedesign.throws.tables import Table, table_named
 
 FEW = ("--drops", "300", "--jobs", "1", "--table", "carpet")
@@ -170,41 +168,6 @@ def test_another_center_and_inertia(box: Path, capsys: pytest.CaptureFixture[str
     found = answer(capsys, box, "--drops", 100, "--jobs", 1, *heavy)
     best = max(found["rests"], key=lambda rest: rest["count"])
     assert best["normal"] == [-1.0, 0.0, 0.0]
-
-
-def test_drops_that_found_no_rest(box: Path) -> None:
-    """Nothing is told of frequencies then, and the answer is JSON all the same."""
-    poses = rest_poses(read_body(box))
-    throws = Throws(table_named("paper"), "native", 0, np.array([-1, -1]), np.ones(2), 6)
-    summary = throw_summary(throws, poses, "uniform")
-    assert (summary["unresolved"], summary["total_variation"]) == (2, None)
-    for rest in json.loads(json.dumps(summary, allow_nan=False))["rests"]:
-        assert (rest["count"], rest["frequency"], rest["interval"]) == (0, None, [0.0, 1.0])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--drops", "0"], "drops: expected a whole number above 0, got 0; raise it"),
-        (["--engine", "havok"], "engine: expected native, mujoco, got 'havok'"),
-        (["--orientations", "any"], "orientations: expected uniform, icosahedron, got 'any'"),
-        (["--table", "felt"], "--table: table felt: expected board-game, hard-wood, carpet"),
-        (["--size", "5000"], "expected a die no larger than the least drop height of"),
-        (["--size", "nan"], "expected a size of 0.0001 to 10 m, got nan"),
-        (["--inertia", "1,2,3"], "--inertia: expected six numbers xx,yy,zz,xy,xz,yz, got '1,2,3'"),
-        (["--inertia", "-1,1,1,0,0,0"], "inertia: expected a positive definite tensor"),
-        (["--com", "9,0,0"], "center of mass: expected a point strictly inside the hull"),
-        (["--jobs", "0"], "--jobs: expected a whole number above 0, got 0; raise it"),
-        (["--seed", "-1"], "seed: expected a whole number of at least 0, got -1"),
-    ],
-)
-def test_what_is_refused(
-    box: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
-) -> None:
-    assert main(["throw", str(box), *arguments]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert message in captured.err
 
 
 def test_a_missing_extra(box: Path) -> None:

@@ -70,43 +70,10 @@ def test_no_die_in_reach(
     assert not (tmp_path / "best.yaml").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--trials", "0"], "--trials: expected a whole number above 0, got 0"),
-        (["--trials", "3", "--jobs", "-1"], "--jobs: expected a whole number above 0, got -1"),
-        (["--trials", "3", "--scheduler", "far"], "--scheduler: expected an address such as tcp:"),
-    ],
-)
-def test_bad_input_is_one_line(
-    tmp_path: Path,
-    recipe_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    message: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["search", str(recipe_path), *arguments]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.startswith(f"dicedesign: {message}")
-    assert len(captured.err.splitlines()) == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["four.yaml"]
-
-
 def test_a_search_of_refined_dice_is_refused(
     tmp_path: Path, repository: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recipe = str(repository / "recipes" / "2d6_table.yaml")
     assert main(["search", recipe, "--trials", "1", "--out", str(tmp_path / "out")]) == 2
     assert "expected no method.exact.refine in a search" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_start_that_suits_no_trial(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "mesh.yaml"
-    path.write_text("name: mesh\ntarget: {fair: 4}\nstart: {mesh: {path: gone.stl}}\n")
-    assert main(["search", str(path), "--trials", "1", "--out", str(tmp_path / "out")]) == 2
-    assert "gone.stl" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

@@ -9,10 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +18,6 @@ from common.signals import heed_interrupts
 
 from dicedesign.cli.main import main
 from dicedesign.errors import DiceError, InputError, MeshFileError
-from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.search.study import JOURNAL, open_study
 from dicedesign.search.trials import run_search, run_trial
@@ -59,36 +55,6 @@ def test_a_start_that_leads_to_no_die_is_a_result_too() -> None:
     assert "expected" in result["message"]
     assert result["max_abs_error"] is None
     assert result["vertices"] is None
-
-
-def test_whether_a_center_is_inside_depends_on_the_seed() -> None:
-    """The start bounds the unit sphere; how it is turned is random."""
-    entries = {
-        "name": "off",
-        "target": {"fair": 4},
-        "start": {"repulsion": {}},
-        "center_of_mass": [1.5, 0, 0],
-        "method": {"paper": {"step": "line_search", "finish": "none", "steps": 1}},
-    }
-    found = [run_trial({**entries, "seed": seed})["status"] for seed in range(8)]
-    assert set(found) == {"no_die", "step_limit"}
-
-
-def test_a_die_that_misses_an_outcome_has_no_circle(monkeypatch: pytest.MonkeyPatch) -> None:
-    def incomplete(*arguments: Any, **options: Any) -> SimpleNamespace:
-        work = design_recipe(*arguments, **options)
-        first, *others = work.result().facets
-        facets = (replace(first, label=None), *others)
-        return SimpleNamespace(
-            solid=work.solid, result=lambda: replace(work.result(), facets=facets)
-        )
-
-    monkeypatch.setattr("dicedesign.search.trials.design_recipe", incomplete)
-    result = run_trial({"name": "four", "target": {"fair": 4}, **EXACT})
-    assert result["status"] == "no_die"
-    assert result["inradius_mm"] is None
-    assert result["margin_deg"] is None
-    assert len(result["vertices"]) == 4
 
 
 def test_a_missing_file_is_an_error() -> None:

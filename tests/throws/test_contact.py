@@ -61,24 +61,6 @@ def test_the_fastest_impact_goes_no_deeper_than_it_may(table: Table) -> None:
     assert bounce(ratio)[1] * speed / frequency < 1.1 * DEEPEST * radius
 
 
-def test_contacts_scale_with_the_die() -> None:
-    """A table for dice twice as large, with all that follows from it, is the same in their own
-    units: lengths of 2, times of sqrt 2."""
-    root = np.sqrt(2.0)
-    large = replace(
-        BOARD,
-        size=2 * BOARD.size,
-        height=2 * BOARD.height,
-        speed=root * BOARD.speed,
-        spin=BOARD.spin / root,
-    )
-    one, two = contact_of(BOARD), contact_of(large)
-    assert two.step == pytest.approx(root * one.step)
-    assert two.seconds == pytest.approx(root * one.seconds)
-    assert two.stiffness == pytest.approx(one.stiffness / 2.0)
-    assert two.damping == pytest.approx(one.damping / root)
-
-
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.95])
 def test_a_throw_is_followed_while_a_ball_bounces(restitution: float) -> None:
     table = replace(BOARD, height=30.0, restitution=restitution)

@@ -22,8 +22,7 @@ from dicedesign.throws.distances import (
 )
 
 
-@pytest.mark.parametrize("confidence", [0.5, 0.95, 0.999])
-@pytest.mark.parametrize("throws", [1, 7, 664])
+@pytest.mark.parametrize(("throws", "confidence"), [(1, 0.95), (664, 0.999)])
 def test_exact_intervals_as_in_scipy(throws: int, confidence: float) -> None:
     counts = np.unique([0, 1, throws // 3, throws - 1, throws])
     for count, interval in zip(counts, exact_intervals(counts, throws, confidence), strict=True):
@@ -42,14 +41,6 @@ def test_the_posterior_is_that_of_a_dirichlet_distribution() -> None:
     )
     within = (posterior.intervals[:, 0] < posterior.means).all()
     assert within
-
-
-def test_a_confidence_next_to_1_leaves_limits_below_it() -> None:
-    """The part above is 5.6e-17, which no difference from 1 has room for."""
-    intervals = jeffreys_posterior([0, 5, 5], 1.0 - 2.0**-53).intervals
-    weights = np.array([0.5, 5.5, 5.5])
-    above = stats.beta.sf(intervals[:, 1], weights, 11.5 - weights)
-    np.testing.assert_allclose(above, 2.0**-54, rtol=1e-6)
 
 
 TWO_DICE = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1]) / 36
@@ -96,11 +87,6 @@ def test_the_interval_covers(
         assert np.mean(values) == pytest.approx(measured[0].noise_floor, rel=0.08)
 
 
-def test_a_confidence_next_to_1() -> None:
-    _, high = measure_variation([700, 300], [0.7, 0.3], 1.0 - 2.0**-53).interval
-    assert high == pytest.approx(8.2924 * np.sqrt(0.7 * 0.3 / 1000), rel=1e-3)
-
-
 X, Y, Z = np.eye(3)
 
 
@@ -141,9 +127,7 @@ def test_against_another_library(count: int, spread: float) -> None:
     [
         ([1.0], r"first_weights: expected 2, one for each direction"),
         ([1.0, -0.1], r"at least 0 that are not all 0, got a least of -0.1"),
-        ([0.0, 0.0], r"not all 0"),
         ([np.nan, 1.0], r"finite numbers"),
-        ([np.inf, 1.0], r"finite numbers"),
     ],
 )
 def test_weights_that_are_no_distribution(weights: list[float], message: str) -> None:
@@ -161,15 +145,3 @@ def test_between_two_rests_it_is_their_angle_times_the_total_variation() -> None
     assert 0.0 <= low < measured.value < high
     # 1.96 standard errors of the frequency to either side.
     assert high - measured.value == pytest.approx(1.96 * 0.049 * np.pi / 2, rel=0.15)
-
-
-def test_the_interval_of_a_transport_covers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In 20 series of throws; the standard error of a coverage of 0.95 is 0.05."""
-    monkeypatch.setattr(module, "TRANSPORT_DRAWS", 15)
-    directions, odds, off = *distribution(7, 5), 0.1
-    truth = (1 - off) * odds + off * np.eye(5)[0]
-    expected = wasserstein_distance(directions, truth, directions, odds)
-    drawn = np.random.default_rng(8).multinomial(300, truth, size=20)
-    measured = [measure_transport(directions, counts, odds, 0.95) for counts in drawn]
-    covered = [m.interval[0] <= expected <= m.interval[1] for m in measured]
-    assert np.mean(covered) >= 0.85

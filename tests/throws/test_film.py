@@ -8,8 +8,6 @@ from common.kernels import compiled_only
 from common.thrown import box, random_body, random_points, thrown
 from scipy.spatial.transform import Rotation
 
-from dicedesign.errors import InputError
-from dicedesign.kernels import ops as kernels
 from dicedesign.throws.engines import DEEPEST, GRAVITY, contact_of
 from dicedesign.throws.film import FRAMES_PER_SECOND, SETTLED, throw_film
 from dicedesign.throws.tables import Table
@@ -38,7 +36,7 @@ def test_a_cube_flies_as_it_should() -> None:
 
 
 @compiled_only
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_body_falls_on_the_table_and_lies_on_a_rest(seed: int) -> None:
     body, poses = random_body(seed)
     film = throw_film(body, TABLE, seed)
@@ -63,10 +61,3 @@ def test_the_body_falls_on_the_table_and_lies_on_a_rest(seed: int) -> None:
         )
         volumes = [np.linalg.det(np.diff(p[:4], axis=0)) for p in (placed, points)]
         assert volumes[0] == pytest.approx(scale**3 * volumes[1])
-
-
-def test_without_kernels_there_is_no_film(monkeypatch: pytest.MonkeyPatch) -> None:
-    body, _ = thrown(box(1, 1, 1))
-    monkeypatch.setattr(kernels, "compiled", None)
-    with pytest.raises(InputError, match="expected the compiled kernels"):
-        throw_film(body, TABLE)

@@ -6,7 +6,6 @@ import copy
 import json
 from contextlib import nullcontext
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,6 @@ from dicedesign.geometry.solid import solid_inertia
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.distances import total_variation
 from dicedesign.throws.momentum_model import (
-    NUMBERS,
     RANGES,
     WEIGHTS,
     MomentumModel,
@@ -37,11 +35,8 @@ from dicedesign.throws.simulation import simulate
 from dicedesign.throws.table_terms import (
     CHANGES,
     GENERAL,
-    MOST_OTHERS,
     TABLE_TERMS,
     dimensionless,
-    other_tables,
-    scaled,
 )
 from dicedesign.throws.tables import TABLE_NAMES, Table, table_named
 
@@ -69,30 +64,16 @@ def changed(path: str, value: object) -> dict[str, Any]:
     [
         ("numbers.0.0", 1e308, "numbers: .* got 1e.308"),
         ("numbers.0.0", float("nan"), "numbers: .* got nan"),
-        ("numbers.0.0", 10**400, "numbers: .* got "),
-        ("numbers", "1.5", "numbers: .* got '1.5'"),
-        ("numbers", True, "numbers: .* got True"),
         ("numbers", [1.0], rf"numbers: .* \({TABLE_TERMS}, 3\), got \(1,\)"),
-        ("numbers", None, "numbers: .* got None"),
-        ("range", None, "range: .* got NoneType"),
         ("range.spin", None, "range: .*restitution.*, got restitution, friction, height, speed;"),
-        ("range.spin", [1.0], r"range.spin: .* \(2,\), got \(1,\)"),
         ("range.spin", [2.0, 1.0], "range.spin: expected the lower limit first, got 2, 1"),
-        ("range.friction", [0.0, 1.0], "range.friction: .* got 0"),
         ("range.restitution", [0.0, 1.0], "range.restitution: .* got 1"),
         ("transitions", None, "transitions: .* got NoneType"),
-        ("transitions", 1, "transitions: .* got int"),
         ("transitions.bias", None, "transitions: .*bias.*, got mean, deviation"),
-        ("transitions.more", [1.0], "transitions: .* got .* more"),
-        ("transitions.deviation.3", 0.0, "transitions.deviation: .* got 0"),
         ("transitions.deviation.3", 1e-300, "transitions.deviation: .* got 1e-300"),
-        ("transitions.linear.2.1", 1e300, r"transitions.linear: .* got 1e\+300"),
         ("transitions.linear.2.1", float("-inf"), "transitions.linear: .* got -inf"),
-        ("transitions.linear.2", [1.0], "transitions.linear: .* rows of the same length"),
         ("carries.linear.0", None, r"carries.linear: .* \(14, 3\), got \(13, 3\)"),
         ("carries.outward.0", None, rf"carries.inward: .* \(14, {UNITS - 1}\), got"),
-        ("carries.outward", [], rf"carries.inward: .* \(14, 0\), got \(14, {UNITS}\)"),
-        ("carries.outward", 1.0, r"carries.inward: .* \(14, 0\), got"),
     ],
 )
 def test_a_model_that_is_none_is_refused(path: str, value: object, named: str) -> None:
@@ -100,17 +81,6 @@ def test_a_model_that_is_none_is_refused(path: str, value: object, named: str) -
     plain = json.loads(json.dumps(changed(path, value)))
     with pytest.raises(InputError, match=f"^momentum model: {named}"):
         general_model_of(plain)
-
-
-def test_what_training_led_far_away_is_kept_within_bounds() -> None:
-    general = general_model()
-    numbers = np.zeros((TABLE_TERMS, 3))
-    numbers[0] = -1e9, -3.0, 1e9
-    far = general_model_of(plain_model(replace(general, numbers=numbers)))
-    assert far.numbers[0].tolist() == [-1e3, -3.0, 1e3]
-    model = MomentumModel.of(far, TABLE)
-    assert [model.hot, model.cooling, model.carry_barrier] == [-20.0, 0.0, 100.0]
-    assert (NUMBERS[:, 0] <= NUMBERS[:, 1]).all()
 
 
 def test_a_table_counts_by_numbers_that_have_no_unit() -> None:
@@ -129,14 +99,7 @@ def test_a_table_counts_by_numbers_that_have_no_unit() -> None:
     ("changes", "message"),
     [
         ({"restitution": 0.9}, "restitution of 0 to 0.85 for dice of 25 mm, .*, got 0.9; make"),
-        ({"friction": 0.04}, "friction of 0.05 to 1.5 for dice .*, got 0.04; make a model of its"),
-        ({"height": 0.9}, "height of 0.03 to 0.8 m for dice of 25 mm, .*, got 0.9; make a model"),
         ({"height": 0.7, "size": 0.02}, "height of 0.024 to 0.64 m for dice of 20 mm"),
-        ({"speed": 4.0}, "speed of 0 to 2.97 m/s for dice of 25 mm, .*, got 4; make a model of"),
-        (
-            {"spin": 200.0},
-            "spin of 0 to 178 rad/s for dice of 25 mm, .* got 200; .* benchmarks train",
-        ),
     ],
 )
 def test_a_table_beyond_the_range_is_refused(
@@ -150,12 +113,6 @@ def test_a_table_beyond_the_range_is_refused(
     path.write_text(json.dumps({**table.as_dict(), **changes}))
     with pytest.raises(InputError, match=f"^table mine: expected a {message}"):
         momentum_model(str(path))
-    far = replace(table, **changes)
-    near = GENERAL.nearest(far)
-    (name, *_) = changes
-    assert getattr(near, name) != getattr(far, name)
-    assert replace(near, **{name: getattr(far, name)}) == far
-    model.on(near)
 
 
 def test_a_model_of_the_table_s_own_goes_before_that_of_all(tmp_path: Path) -> None:
@@ -219,31 +176,6 @@ def test_every_model_within_its_ranges_gives_odds(plain: dict[str, Any], seed: i
             assert np.isfinite(odds).all()
             assert odds.min() > -1e-12
             assert odds.sum() == pytest.approx(1.0, abs=1e-9)
-
-
-MINE = Table("mine", 0.5, 0.5, 0.2, 0.5, 20.0)
-
-
-def test_without_a_posterior_they_are_livelier_and_duller() -> None:
-    assert [one.restitution for one in other_tables(MINE)] == pytest.approx([0.6, 0.4])
-    assert other_tables(replace(MINE, restitution=0.0)) == ()
-
-
-def test_few_of_a_posterior_are_near_all_the_others() -> None:
-    """Nearly as near as the best choice of all."""
-    rng = np.random.default_rng(0)
-    posterior = [GENERAL.drawn(MINE, rng) for _ in range(12)]
-    numbers = np.array([scaled(dimensionless(one)) for one in posterior])
-    numbers /= numbers.std(axis=0)
-    apart = np.linalg.norm(numbers[:, None] - numbers, axis=2)
-
-    def distance(chosen: tuple[int, ...]) -> float:
-        return float(apart[list(chosen)].min(axis=0).sum())
-
-    found = other_tables(MINE, posterior)
-    best = min(distance(chosen) for chosen in combinations(range(12), MOST_OTHERS))
-    assert distance(tuple(posterior.index(one) for one in found)) < 1.15 * best
-    assert other_tables(MINE, posterior[:2]) in (tuple(posterior[:2]), tuple(posterior[1::-1]))
 
 
 pytestmark = compiled_only

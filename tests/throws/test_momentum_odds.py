@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,9 +17,8 @@ from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum_odds import hull_odds, landing_odds, momentum_odds
+from dicedesign.throws.momentum_odds import hull_odds, momentum_odds
 from dicedesign.throws.rigid_body import rigid_body
-from dicedesign.throws.transition_features import Transitions, body_features
 from tests.reference import solids
 
 Floats = NDArray[np.float64]
@@ -48,7 +46,7 @@ def coin() -> Floats:
 WITH_TIES = ("coin", "box")
 
 BODIES: dict[str, Callable[[], Floats]] = {
-    **{f"random {n}": lambda n=n: random_points(n, n) for n in (6, 8, 13, 18)},
+    **{f"random {n}": lambda n=n: random_points(n, n) for n in (8, 13)},
     "many rests": lambda: random_points(3, 150),
     "two saddles between two rests": lambda: random_points(5, 10) * [1.0, 1.0, 0.5],
     "coin": coin,
@@ -149,21 +147,6 @@ def test_the_jacobian_is_that_of_differences(name: str) -> None:
         assert_near((after - before) / (2.0 * step), slope, 1e-6)
 
 
-def test_a_barrier_that_rounds_below_nothing_is_none() -> None:
-    hull = convex_hull(random_points(8, 8))
-    rests = RestEvaluation(classify(hull, hull.centroid), torch.tensor(hull.vertices))
-    assert BOARD_GAME.model is not None
-    model, inertia = BOARD_GAME.model[0], solid_inertia(hull.vertices, hull.triangles)
-    transitions = Transitions.of(hull, rests.paths)
-    features = body_features(transitions, hull.vertices, hull.centroid, inertia, rests.odds, np)
-    found = []
-    for height in (-1e-16, 0.0, 1e-16, 1e-12):
-        barriers = np.where(np.arange(len(features.barriers)) == 0, height, features.barriers)
-        found.append(landing_odds(replace(features, barriers=barriers), transitions, model, np))
-    assert np.isfinite(found).all()
-    assert np.abs(np.array(found) - found[0]).max() < 1e-6
-
-
 def test_one_rest_is_always_reached() -> None:
     # About a ball with its weight near one facet.
     points = np.random.default_rng(2).normal(size=(20, 3))
@@ -198,19 +181,3 @@ def test_a_tied_body_has_the_odds_of_both_sides() -> None:
         # Barriers as low as the center is moved aside are known to a few digits.
         assert found == pytest.approx(expected, abs=1e-4)
         assert found.sum() == pytest.approx(1.0, abs=1e-12)
-
-
-def test_carries_are_pairs_of_passes_over_two_saddles() -> None:
-    rests = both_ways(coin())[0]
-    transitions = Transitions.of(rests.hull, rests.paths)
-    saddles, ways = len(rests.paths.basins), len(transitions.source)
-    assert ways == 2 * saddles
-    expected = [
-        (a, b)
-        for a in range(ways)
-        for b in range(ways)
-        if transitions.target[a] == transitions.source[b] and a % saddles != b % saddles
-    ]
-    assert list(zip(transitions.first, transitions.second, strict=True)) == expected
-    # Over the other saddle between the same two rests one comes back.
-    assert transitions.is_return.max() == 1.0

@@ -30,9 +30,6 @@ from dicedesign.throws.tables import Table, table_named
 
 WOOD, CARPET, PAPER = (table_named(name) for name in ("hard-wood", "carpet", "paper"))
 
-TALL = replace(BOARD, height=10.0, restitution=0.95)
-"""With long flights."""
-
 
 def turn_of(states: np.ndarray) -> np.ndarray:
     """Matrices (n, 3, 3) from principal axes to the world."""
@@ -93,31 +90,6 @@ def spin_energies(body: RigidBody, states: np.ndarray) -> np.ndarray:
 
 
 @compiled_only
-def test_spin_keeps_its_energy_between_bounces() -> None:
-    """Throughout throws, in which it is thrown from one axis to another."""
-    body, _ = thrown(box(1.0, 1.2, 1.5))
-    states = let_go(body, TALL, 3)
-    contact = contact_of(TALL)
-    steps = 64
-    # Of a die that is as high before and after so many steps, and did not touch the table between.
-    safe = TALL.size / 2.0 + np.sqrt(2.0 * GRAVITY * TALL.height) * steps * contact.step
-    begun = np.full(len(states), np.nan)
-    rests = np.full(len(states), -1)
-    flights, drift = 0, 0.0
-    while (rests < 0).any():
-        rests, _ = advance(body, TALL, states, steps)
-        energies = spin_energies(body, states)
-        flies = states[:, 2] > safe
-        starts = flies & np.isnan(begun)
-        flights += int(np.count_nonzero(starts))
-        begun[starts] = energies[starts]
-        begun[~flies] = np.nan
-        drift = max(drift, np.abs(energies[flies] / begun[flies] - 1.0).max(initial=0.0))
-    assert flights > 30
-    assert drift < 1e-9
-
-
-@compiled_only
 @pytest.mark.parametrize("entry", [2, 3, 9, 12])
 @pytest.mark.parametrize("number", [np.nan, np.inf])
 def test_a_motion_that_is_not_finite_ends(entry: int, number: float) -> None:
@@ -165,17 +137,6 @@ def test_what_a_body_cannot_miss_it_does_not(table: Table) -> None:
             again, _ = advance(body, table, states, 16)
             assert ((again == rests) | (again == -1)).all()
         np.testing.assert_array_equal(again, rests)
-
-
-@compiled_only
-def test_without_momentum_odds_are_the_geometric_ones() -> None:
-    body, poses = random_body(1)
-    throws = simulate(body, CARPET, 1000, 7)
-    assert throws.unresolved == 0
-    likely = poses.probabilities > 5e-3
-    counts = np.append(throws.counts[likely], throws.counts[~likely].sum())
-    odds = np.append(poses.probabilities[likely], poses.probabilities[~likely].sum())
-    assert fits(counts[odds > 0], odds[odds > 0]) > 1e-3
 
 
 @compiled_only

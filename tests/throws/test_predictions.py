@@ -78,20 +78,6 @@ def test_a_die_thrown_on_the_same_table() -> None:
 
 
 @compiled_only
-def test_a_die_larger_than_the_drop_height_is_let_go_from_higher() -> None:
-    """As one of 40 mm on a table that was fitted to dice of 25 mm."""
-    body, poses = thrown(box(1.0, 1.2, 1.4))
-    sides = np.abs(poses.normals).argmax(axis=1)
-    even = np.full(3, 1.0 / 3.0)
-    die = CountedDie("box", body, 0.04, ("x", "y", "z"), np.array([3, 2, 1]), even, sides, poses)
-    low = Table("low", 0.3, 0.5, (0.03, 0.09), 0.0, 0.0)
-    (check,) = check_table([die], low, 300, 2)
-    higher = Table("low", 0.3, 0.5, (0.04, 0.09), 0.0, 0.0, size=0.04)
-    wanted = die.by_outcome(simulate(body, higher, 300, seed=2).counts)
-    assert check.simulated.tolist() == wanted.tolist()
-
-
-@compiled_only
 def test_no_published_die_rejects_the_board_game() -> None:
     """While two reject the odds without momentum. Of four dice one has p below 0.05 on many a
     seed, without being rejected."""

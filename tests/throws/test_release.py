@@ -82,15 +82,6 @@ def test_ranges_are_drawn_evenly_and_independently(aimed: bool) -> None:
     assert np.abs(correlations[:3]).max() < 4.0 / np.sqrt(count)
 
 
-def test_the_papers_directions_point_up() -> None:
-    body = random_body(2)[0]
-    numbers = np.arange(700, 1900)
-    states = released(body, BOARD, numbers, "icosahedron", np.random.default_rng(0))
-    up = up_directions()[0][numbers % PAPER_DIRECTIONS] @ body.axes
-    turned = np.einsum("nij,nj->ni", turns(states), up)
-    np.testing.assert_allclose(turned, np.tile([0.0, 0.0, 1.0], (len(up), 1)), atol=1e-12)
-
-
 def test_orientations_are_uniform() -> None:
     """Rotation matrices have mean 0, and each entry the variance 1/3."""
     body = random_body(2)[0]

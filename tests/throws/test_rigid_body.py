@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import trimesh
 from common.thrown import OCTAHEDRON, box, random_points, thrown
-from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import make_body
@@ -54,18 +53,6 @@ def test_against_another_library(seed: int) -> None:
     assert np.linalg.norm(body.vertices, axis=1).max() == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_turning_moving_and_scaling_change_nothing(seed: int) -> None:
-    points = random_points(seed)
-    turn = Rotation.random(random_state=seed).as_matrix()
-    first, _ = thrown(points)
-    second, _ = thrown(7.0 * points @ turn.T + 20.0)
-    np.testing.assert_allclose(second.moments, first.moments, rtol=1e-9)
-    np.testing.assert_allclose(second.rest_heights, first.rest_heights, rtol=1e-9)
-    np.testing.assert_allclose(second.barriers, first.barriers, rtol=1e-9)
-    assert second.radius == pytest.approx(7.0 * first.radius)
-
-
 def test_a_given_inertia() -> None:
     body = make_body(box(1.0, 2.0, 3.0))
     poses = rest_poses(body)
@@ -78,7 +65,6 @@ def test_a_given_inertia() -> None:
 @pytest.mark.parametrize(
     ("tensor", "message"),
     [
-        (np.eye(2), "expected a symmetric .3, 3. tensor of finite numbers, got"),
         (np.diag([0.1, 0.1, np.nan]), "of finite numbers, got .*; give xx,yy,zz,xy,xz,yz"),
         ([[0.1, 0.1, 0], [0, 0.1, 0], [0, 0, 0.1]], "make it equal to its transpose"),
         (
@@ -86,7 +72,6 @@ def test_a_given_inertia() -> None:
             "inertia: expected a positive definite tensor, got principal moments of -0.1, 0.1 and "
             "0.2; correct it or leave it out",
         ),
-        (np.diag([0.1, 0.1, 0.0]), "expected a positive definite tensor"),
         (np.diag([0.1, 0.1, 0.3]), "no principal moment larger than the two others together"),
         (np.diag([1.0, 1.0, 1.0]), "whose moments sum to at most 2, got 1, 1 and 1; divide by the"),
     ],

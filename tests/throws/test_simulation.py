@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +10,9 @@ from common.inline_executor import Lossy
 from common.kernels import compiled_only
 from common.thrown import random_body
 
-from dicedesign.errors import InputError
 from dicedesign.runtime.workers import local_workers
 from dicedesign.throws.release import PAPER_DIRECTIONS
-from dicedesign.throws.simulation import Throws, simulate
+from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import table_named
 
 BOARD, CARPET = table_named("board-game"), table_named("carpet")
@@ -51,28 +49,3 @@ def test_the_papers_orientations() -> None:
     errors = throws.frequencies - poses.probabilities
     chance = np.sqrt(poses.probabilities * (1.0 - poses.probabilities) / PAPER_DIRECTIONS)
     assert np.sqrt((errors**2).mean()) < 0.7 * np.sqrt((chance**2).mean())
-
-
-def test_no_drop_is_dropped() -> None:
-    outcomes, weights = np.array([0, 2, -1, 2, -1]), np.array([1.0, 2.0, 3.0, 1.0, 1.0])
-    throws = Throws(BOARD, "native", 0, outcomes, weights, 4)
-    assert (throws.drops, throws.unresolved) == (5, 2)
-    assert throws.counts.tolist() == [1, 0, 2, 0]
-    np.testing.assert_allclose(throws.frequencies, [0.25, 0.0, 0.75, 0.0])
-    nothing = Throws(BOARD, "native", 0, outcomes[2:3], weights[2:3], 4)
-    assert np.isnan(nothing.frequencies).all()
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"drops": 0}, "drops: expected a whole number above 0, got 0; raise it"),
-        ({"seed": -1}, "seed: expected a whole number of at least 0, got -1; raise it"),
-        ({"engine": "havok"}, "engine: expected native, mujoco, got 'havok'; take one of"),
-        ({"orientations": "cube"}, "orientations: expected uniform, icosahedron, got 'cube'"),
-    ],
-)
-def test_what_cannot_be_asked(given: dict[str, Any], message: str) -> None:
-    body, _ = random_body(1)
-    with pytest.raises(InputError, match=message):
-        simulate(body, CARPET, **{"drops": 10, **given})

@@ -17,10 +17,7 @@ from dicedesign.throws.odds_surrogate import LEVEL, LogOddsProcess, OddsSurrogat
 from dicedesign.throws.sessions import (
     BETWEEN,
     PARAMETERS,
-    SIMULATED,
     SIZE,
-    session_points,
-    shared_values,
 )
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.table_fit import TableFit, fit_table
@@ -142,13 +139,6 @@ def true_odds(points: np.ndarray) -> np.ndarray:
     return np.stack([first, second, 1.0 - first - second], axis=1)
 
 
-def test_odds(surrogate: tuple[OddsSurrogate, np.ndarray]) -> None:
-    points = np.random.default_rng(5).random((300, 2))
-    odds = surrogate[0].odds(points)
-    assert odds.sum(axis=1) == pytest.approx(np.ones(300), abs=1e-14)
-    assert np.abs(odds - true_odds(points)).max() < 0.03
-
-
 def test_likelihood(surrogate: tuple[OddsSurrogate, np.ndarray]) -> None:
     """Against the multinomial formula, and its mean over draws of the odds."""
     points = np.array([[0.2, 0.5], [0.7, 0.9]])
@@ -170,34 +160,6 @@ def test_likelihood(surrogate: tuple[OddsSurrogate, np.ndarray]) -> None:
 START = Table("mine", 0.0, 0.0, 0.0, 0.0, 0.0, source="counts")
 
 MIDDLE = np.full((1, 5), 0.5)
-
-
-def values_of(points: np.ndarray) -> np.ndarray:
-    """Of simulated sets."""
-    least, most = np.array(list(SIMULATED.values())).T
-    hand = least[2:] * (most[2:] / least[2:]) ** points[..., 2:]
-    return np.concatenate([least[:2] + (most - least)[:2] * points[..., :2], hand], axis=-1)
-
-
-def test_the_prior_is_flat_in_logarithms_of_the_hand() -> None:
-    least, most = np.array(list(PARAMETERS.values())).T
-    assert shared_values(np.zeros((1, 5)))[0] == pytest.approx(least)
-    assert shared_values(np.ones((1, 5)))[0] == pytest.approx(most)
-    middle = [*(least + most)[:2] / 2.0, *np.sqrt(least * most)[2:]]
-    assert shared_values(MIDDLE)[0] == pytest.approx(middle)
-
-
-def test_a_session_of_a_die_of_known_size() -> None:
-    """Height in sizes, speed in roots of gravity times size, and spin in their inverse."""
-    offsets = np.array([[0.2, -0.1, 0.3, 0.9], [0.0, 0.0, 0.0, 0.1]])
-    shared = shared_values(MIDDLE)[0]
-    for size in (SIZE, 0.03):
-        found = values_of(session_points(MIDDLE, offsets, size))[0]
-        assert found[:, :2] == pytest.approx(np.array([shared[:2], shared[:2]]))
-        height, speed, spin = (found[:, 2:] / np.exp(offsets[:, :3])).T
-        assert height / SIZE == pytest.approx(np.full(2, shared[2] / size))
-        assert speed / SIZE**0.5 == pytest.approx(np.full(2, shared[3] / size**0.5))
-        assert spin * SIZE**0.5 == pytest.approx(np.full(2, shared[4] * size**0.5))
 
 
 @compiled_only

@@ -10,6 +10,8 @@ from common.finished_run import box_file, finished_run
 from common.paths import public_data
 
 from dicedesign.errors import InputError
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.throw_counts import read_throw_counts
 
 HEADER = "die,mesh,outcome,throws,geometric\n"
@@ -72,9 +74,6 @@ def test_a_mesh(box: Path, tmp_path: Path) -> None:
 def _odds(box: Path) -> np.ndarray:
     """Of a box's sides without momentum, from the solid angles of its spherical caps: here from
     `dicedesign rest`, which other tests prove."""
-    from dicedesign.geometry.meshes.reading import read_body
-    from dicedesign.rest.poses import rest_poses
-
     return rest_poses(read_body(box)).probabilities
 
 
@@ -95,25 +94,17 @@ def test_a_run(run: Path, tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("", "expected the columns die, mesh, outcome, throws, each once, got none"),
-        ("die,mesh,throws\n", "got die, mesh, throws; write them on the first line"),
         (HEADER, "expected a line for each outcome, got none"),
         (HEADER + "b,box.obj,1,2\n", "line 2: expected 5 entries, got 'b,box.obj,1,2'"),
         (HEADER + "b,box.obj,1,2.5,0.4\n", "line 2: expected a whole number from 0"),
-        (HEADER + "b,box.obj,1,-2,0.4\n", "line 2: expected a whole number from 0"),
         (HEADER + "b,box.obj,1,0,0.4\n", "expected throws of 'b', got none"),
         (HEADER + "b,box.obj,1,2,0.4\nb,box.obj,1,2,0.4\n", "line 3: expected each outcome of 'b'"),
-        (HEADER + "b,box.obj,1,2,0.4\nb,x.obj,2,2,0.4\n", "expected the mesh of the other lines"),
-        (HEADER + "b,none.obj,1,2,0.4\n", "none.obj: no such file"),
         (HEADER + "b,box.obj,1,2,often\n", "line 2: expected a finite number as geometric"),
         (HEADER + "b,box.obj,1,2,0.9\nb,box.obj,2,3,0.1\n", "expected rests with the geometric"),
         ("die,mesh,outcome,throws\nb,box.obj,1,2\n", "expected a column geometric"),
         ("die,mesh,outcome,throws\nb,run,q,2\n", r"expected a label of the die \(x, y, z, w\)"),
         ("die,mesh,outcome,throws\nb,run,x,2\n", "expected two outcomes or more of 'b', got x"),
         ("die,mesh,outcome,throws\nb,run,x,2\nb,run,w,1\n", "expected a stable facet with the"),
-        (
-            "die,mesh,outcome,throws\nb,.,x,2\n",
-            "result.json: expected the result of a finished run",
-        ),
     ],
 )
 def test_files_that_cannot_be_used(
@@ -127,11 +118,7 @@ def test_files_that_cannot_be_used(
     ("com", "size", "message"),
     [
         ("", "0", "line 2: expected a size_mm of 0.1 to 10000, got '0'; correct it"),
-        ("", "-16", "line 2: expected a size_mm of 0.1 to 10000, got '-16'"),
-        ("", "1e9", "line 2: expected a size_mm of 0.1 to 10000, got '1e9'"),
-        ("", "nan", "line 2: expected a finite number as size_mm, got 'nan'"),
         ("0 0", "", "line 2: expected three numbers x y z as com, got '0 0'; correct it"),
-        ("0 0 0 0", "", "line 2: expected three numbers x y z as com, got '0 0 0 0'"),
         ("0 inf 0", "", "line 2: expected a finite number as com, got 'inf'"),
         ("9 0 0", "", r"throws.csv, line 2: center of mass: expected a point strictly inside"),
     ],
@@ -142,11 +129,3 @@ def test_sizes_and_centers_that_cannot_be(
     rows = [f"b,{box.name},{i},2,{p},{com},{size}\n" for i, p in enumerate(_odds(box))]
     with pytest.raises(InputError, match=message):
         read_throw_counts(written(tmp_path, HEADER.strip() + ",com,size_mm\n" + "".join(rows)))
-
-
-def test_unknown_die_and_unreadable_file(box: Path, tmp_path: Path) -> None:
-    path = written(tmp_path, HEADER + "b,box.obj,1,2,0.4\n")
-    with pytest.raises(InputError, match="expected a die 'c', got b; take one of them"):
-        read_throw_counts(path, ["c"])
-    with pytest.raises(InputError, match=r"none\.csv: no such file"):
-        read_throw_counts(tmp_path / "none.csv")
