@@ -14,14 +14,14 @@ import numpy as np
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.fabricate.die import Design
 from dicedesign.optimize.coordinates.linked import SymmetricCoordinates, orbits_of_directions
-from dicedesign.optimize.energy.clusters import cluster
+from dicedesign.optimize.energy.energy import cluster
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.orbit_layouts import fitting_groups
+from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.start import Start
-from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.recipe.start import check_orbits
 from dicedesign.recipe.work import Work

@@ -18,11 +18,10 @@ from dicedesign.gradient.thrown_odds import TableSensitivity, ThrownOdds
 from dicedesign.optimize.coordinates.linked import orbits_of_directions
 from dicedesign.optimize.options import MOST_ROUNDS, RefineOptions
 from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.optimize.refinement.known_odds import shape_measures
-from dicedesign.optimize.refinement.rounds import Refinement, Round, Thrown
+from dicedesign.optimize.refinement.rounds import Refinement, Round, Thrown, shape_measures
 from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.start import Start
-from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.recipe.convex import (
     designed_die,
     exact_options,

@@ -18,16 +18,15 @@ from dicedesign.errors import InputError, RecipeError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.kernels import ops as kernels
-from dicedesign.optimize.energy.clusters import ClusteredRests, cluster
-from dicedesign.optimize.energy.energy import Energy
+from dicedesign.optimize.energy.energy import ClusteredRests, Energy, cluster
 from dicedesign.optimize.energy.term import TERMS, EnergyWeights
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import PREFERENCES, Preferences
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.optimize.starts.half_space_odds import repulsion
+from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.start import STARTS, Task
-from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.recipe.reading import read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import Status

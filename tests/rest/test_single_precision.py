@@ -16,7 +16,7 @@ from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.built_in import hendecahedron
-from dicedesign.optimize.starts.variations import shapes_like
+from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.rest.poses import RestPoses
 from tests.reference import solids

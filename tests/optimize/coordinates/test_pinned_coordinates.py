@@ -15,7 +15,7 @@ from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.half_space_odds import repulsion
-from dicedesign.optimize.starts.variations import shapes_like
+from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
 

@@ -13,14 +13,15 @@ from dicedesign import rest_poses
 from dicedesign.errors import InputError
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.kernels import ops as kernels
-from dicedesign.optimize.energy.clusters import (
+from dicedesign.optimize.energy.energy import (
     ClusteredRests,
     Clusters,
+    Energy,
     cluster,
+    energy_terms,
     outcome_facets,
     updated_directions,
 )
-from dicedesign.optimize.energy.energy import Energy, energy_terms
 from dicedesign.optimize.energy.term import TERMS, EnergyWeights, Term, TermOption
 from dicedesign.optimize.starts.half_space_odds import repulsion
 

@@ -23,9 +23,8 @@ from dicedesign.optimize.solvers.candidate import CandidateMaker, largest_jump
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.built_in import hendecahedron, prism
 from dicedesign.optimize.starts.half_space_odds import repulsion
-from dicedesign.optimize.starts.search import shapes_near
+from dicedesign.optimize.starts.search import shapes_like, shapes_near
 from dicedesign.optimize.starts.start import Start
-from dicedesign.optimize.starts.variations import shapes_like
 from dicedesign.optimize.targets import binomial, sum_of_dice
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
